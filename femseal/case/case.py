@@ -40,6 +40,18 @@ from .values import Accuracy, Duration, FileSize, Number, Table, key
 #: No case is larger [byte].
 _LARGEST_FILE = 1_000_000
 
+#: Tables in which what is left out is filled in.
+_FILLED = (
+    "surface",
+    "material",
+    "counter_material",
+    "fluid",
+    "seal",
+    "seat",
+    "stochastic",
+    "output",
+)
+
 Method = Literal["deterministic", "two-scale", "blocks", "stochastic"]
 
 
@@ -103,9 +115,11 @@ class Case(Table):
     @model_validator(mode="before")
     @classmethod
     def _filled(cls, data: dict[str, Any]) -> dict[str, Any]:
-        data = with_absolute_pressures(_with_what_is_open(data))
+        # what is no table has a fault of its own
+        odd = {name: data[name] for name in _FILLED if not isinstance(data.get(name, {}), dict)}
+        data = with_absolute_pressures(_with_what_is_open(data | {name: {} for name in odd}))
         faces = _with_list_of_faces(with_named_solids(with_named_fluids(with_inlet_pressure(data))))
-        return _with_detrending(faces)
+        return _with_detrending(faces) | odd
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -265,7 +279,7 @@ class Case(Table):
     @property
     def layout(self) -> Layout:
         """The shape of the seal."""
-        return self.seal.layout(self.folder)
+        return self.seal.make(self.folder)
 
     @property
     def methods(self) -> set[str]:
@@ -329,16 +343,14 @@ def _least_detrend(kind: object) -> int:
 
 def _with_detrending(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a case whose measured faces lose the form that its seat gives them, where it does not say what."""
-    seat, faces, surface = data.get("seat"), data.get("face"), data.get("surface", {})
+    faces = data.get("face")
     measured = isinstance(faces, list) and any(
         isinstance(face, dict) and face.get("kind") == "file" for face in faces
     )
-    if not (measured and isinstance(seat, dict) and isinstance(surface, dict)):
+    least = _least_detrend(data["seat"].get("kind")) if measured and "seat" in data else 0
+    if least <= SurfaceTable().detrend:
         return data
-    least = _least_detrend(seat.get("kind"))
-    return (
-        data | {"surface": {"detrend": least} | surface} if least > SurfaceTable().detrend else data
-    )
+    return data | {"surface": {"detrend": least} | data.get("surface", {})}
 
 
 def _with_what_is_open(data: dict[str, Any]) -> dict[str, Any]:
@@ -347,16 +359,13 @@ def _with_what_is_open(data: dict[str, Any]) -> dict[str, Any]:
     With `accuracy` and no method, the method is "stochastic" if seals are to be drawn: with a table for it, or a shape
     with a length of its own. Else it is "deterministic", which "auto" is too.
     """
-    wanted, seal, drawn = data.get("accuracy") is not None, data.get("seal"), data.get("stochastic")
-    shaped = isinstance(seal, dict) and seal.get("kind", "rectangular") != "rectangular"
-    method = data.get(
-        "method", "deterministic" if wanted and drawn is None and not shaped else "stochastic"
-    )
+    has_length = data.get("seal", {}).get("kind", "rectangular") != "rectangular"
+    is_face = data.get("accuracy") is not None and "stochastic" not in data and not has_length
+    method = data.get("method", "deterministic" if is_face else "stochastic")
     method = "deterministic" if method == "auto" else method
-    methods = [method, *(c if isinstance(c := data.get("compare"), list) else [])]
-    if drawn is None and "stochastic" in methods:
-        drawn = {}
-    return data | {"method": method} | ({} if drawn is None else {"stochastic": drawn})
+    compare = data.get("compare", ())
+    drawn = method == "stochastic" or (isinstance(compare, list) and "stochastic" in compare)
+    return ({"stochastic": {}} if drawn else {}) | data | {"method": method}
 
 
 def load_case(path: str | PathLike[str]) -> Case:

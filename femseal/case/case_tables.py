@@ -357,11 +357,11 @@ def with_named_solids(data: dict[str, Any]) -> dict[str, Any]:
     """
     odd: list[str] = []
     folder = Path(data.get("folder", "."))
-    places = [
-        place for place in ("material", "counter_material") if isinstance(data.get(place), dict)
-    ]
-    found = {place: _filled(data[place], place, folder, odd) for place in places}
-    return {**data, **found, "solid_warnings": tuple(odd)}
+    found = dict(data)
+    for place in ("material", "counter_material"):
+        if place in data:
+            found[place] = _filled(data[place], place, folder, odd)
+    return {**found, "solid_warnings": tuple(odd)}
 
 
 def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> dict[str, Any]:

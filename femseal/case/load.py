@@ -26,18 +26,17 @@ from ..seal.pressure_map import (
     AngleTable,
     AnyMap,
     MapsAtLoads,
-    PressureField,
-    PressureMap,
     Profile,
     Uniform,
 )
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
-from .faults import faults_of, refusal
+from .faults import refusal
 from .values import (
     Amount,
     Angle,
     Count,
+    MadeTable,
     Place,
     Quantity,
     Relaxation,
@@ -86,32 +85,28 @@ Load = Annotated[
 Fraction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class MapTable(Table):
+_MAPS: dict[str, Callable[..., Any]] = {
+    "uniform": Uniform,
+    "profile": Profile,
+    "angle": AngleTable,
+    "field": read_pressure_field,
+}
+
+
+class MapTable(MadeTable):
     """A map of the contact pressure over the seal, see `seal.pressure_map`."""
 
+    makers = _MAPS
+    apart = ("at",)
+    place = "load.map"
     kind: str
     at: Load | None = key("load at which one of several maps holds", None, example="200 MPa")
-
-    def make(self, folder: Path) -> PressureMap:
-        """The map."""
-        raise NotImplementedError
-
-    @model_validator(mode="after")
-    def _possible(self) -> MapTable:
-        if not isinstance(self, FieldMap):  # a file is read once the case is prepared
-            with faults_of("load.map"):
-                self.make(Path())
-        return self
 
 
 class UniformMap(MapTable):
     """The nominal pressure everywhere."""
 
     kind: Literal["uniform"]
-
-    def make(self, folder: Path) -> PressureMap:
-        """The map."""
-        return Uniform()
 
 
 #: In equal strips or at given places.
@@ -127,10 +122,6 @@ class ProfileMap(MapTable):
         "of the fractions across the seal, on a ring radii", (), example=["10 mm", "12 mm"]
     )
 
-    def make(self, folder: Path) -> PressureMap:
-        """The map."""
-        return Profile(self.fractions, self.positions)
-
 
 class AngleMap(MapTable):
     """Pressure around the seal, see `seal.pressure_map.AngleTable`."""
@@ -142,10 +133,6 @@ class AngleMap(MapTable):
     )
     repeat: Count = key("times that the fractions repeat", 1, instead="angles")
 
-    def make(self, folder: Path) -> PressureMap:
-        """The map."""
-        return AngleTable(self.fractions, self.angles, self.repeat)
-
 
 class FieldMap(MapTable):
     """Pressure from a file, see `seal.seal_files.read_pressure_field`."""
@@ -156,10 +143,9 @@ class FieldMap(MapTable):
     length_unit: str = key("of the coordinates", example="mm")
     pressure_unit: str = key("of the pressures", example="MPa")
 
-    def make(self, folder: Path) -> PressureField:
-        """The map."""
-        units = {"length_unit": self.length_unit, "pressure_unit": self.pressure_unit}
-        return read_pressure_field(folder / self.path, name=self.name, **units)
+    @model_validator(mode="after")
+    def _possible(self) -> FieldMap:
+        return self  # the file is read once the case is prepared
 
 
 AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(discriminator="kind")]

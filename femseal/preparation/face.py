@@ -135,7 +135,7 @@ def _repaired_faces(case: Case) -> tuple[Repaired, Repaired, Overlap | None, Ins
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     treatment = case.surface.model_dump(include={"max_undefined", "detrend"})
     faces: list[Repaired] = []
-    seen = []
+    longest = 0.0
     for place, table, seed in zip(_face_places(case), case.face, seeds, strict=True):
         rng = np.random.default_rng(seed)
         with with_keys(FACE_KEYS, place):
@@ -144,10 +144,9 @@ def _repaired_faces(case: Case) -> tuple[Repaired, Repaired, Overlap | None, Ins
         spikes = case.surface.spikes if isinstance(table, FileFace) else inf
         with with_keys(SURFACE_KEYS | {"heights": place}):
             faces.append([repair(face, spikes=spikes, **treatment) for face, _ in maps])
-        seen += [
-            own.shortest_wave(flat) for (flat, _), (_, own) in zip(faces[-1], maps, strict=True)
-        ]
-    instrument = Instrument(resolution=max(seen) or None)
+        every = zip(faces[-1], maps, strict=True)
+        longest = max(longest, *(own.shortest_wave(flat) for (flat, _), (_, own) in every))
+    instrument = Instrument(resolution=longest or None)
     if len(faces) == 1:
         return faces[0], faces[0], None, instrument
     # place n of one face lies on place n of the other; where there are fewer they come again
@@ -175,7 +174,9 @@ def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditi
 
 def _found(parts: Repaired, wavelength: float) -> dict[str, Any]:
     """What the report says of maps that were repaired by themselves."""
-    effects = [spike_effect(face, repair.removed, wavelength) for face, repair in parts]
+    effects: list[dict[str, Any]] = [
+        spike_effect(face, repair.removed, wavelength) for face, repair in parts
+    ]
     return {
         "undefined_fraction": sum(r.undefined_fraction for _, r in parts) / len(parts),
         "spike_points": sum(r.spike_points for _, r in parts),

@@ -82,7 +82,7 @@ def prepare(case: Case) -> Prepared:
 
 def _form_tolerance(case: Case, sampling: Sampling | None, broader: bool) -> FormTolerance | None:
     """Errors of the forms of seal and seat; None of flat ones."""
-    seat = None if case.seat.kind == "flat" else case.seat.seat(case.folder)
+    seat = None if case.seat.kind == "flat" else case.seat.make(case.folder)
     if sampling is not None and sampling.form:
         of_seat = () if seat is None else (case.seat.tolerance,)
         return FormTolerance(
@@ -137,7 +137,7 @@ def _with_seat(case: Case, surface: Topography, broader: bool) -> tuple[Topograp
 
     Raises InputError: a form that is too steep, or narrower than the face; a broader seat with a method of the face.
     """
-    seat = case.seat.seat(case.folder)
+    seat = case.seat.make(case.folder)
     if isinstance(seat, FlatSeat):
         return surface, ""
     if broader and case.methods != {"stochastic"}:
@@ -194,7 +194,7 @@ def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, 
         raise InputError(
             "load.loading", given, "pressures, forces per length, or a length in [stochastic]"
         )
-    area = seal[0] * seal[1] / case.seat.seat(case.folder).load_factor
+    area = seal[0] * seal[1] / case.seat.make(case.folder).load_factor
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))
     if highest >= case.law.capacity:
@@ -217,7 +217,7 @@ def _under_map(
     """The sampling with the map of the pressure or the form of the seal, the pieces, and what is not plausible."""
     forms = case.seal.forms(case.folder)
     if broader and case.seat.kind != "flat":
-        forms = (*forms, case.seat.seat(case.folder))
+        forms = (*forms, case.seat.make(case.folder))
     with with_tables(MAP_TABLES):
         if forms:
             sampling = replace(sampling, form=forms)
