@@ -18,6 +18,7 @@ from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, Perfec
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..flow.solution import SOLVERS
 from ..materials import HARDNESS_FACTOR, Solid, named_solid
+from ..seal.seal_files import columns_of, read_columns
 from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid, overriding
@@ -226,7 +227,7 @@ class OutputTable(Table):
 #: Units of the parameters of a solid that has a name.
 _UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
 #: A column of a file of hardness over depth.
-_COLUMN = re.compile(r"^\s*(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]\s*$")
+_COLUMN = re.compile(r"(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]$")
 _FILE_COLUMNS = (
     "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
 )
@@ -389,19 +390,15 @@ def read_hardness_table(path: Path, key: str) -> list[list[str]]:
     if not isfile(path):
         raise fault(key, name, "a file that exists, or rows such as ['0.1 um', '2 GPa']")
     try:
-        lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
-        heads, *rows = ([cell.strip() for cell in re.split("[,;\t]", line)] for line in lines)
-        units = {match[1]: match[2] for match in map(_COLUMN.match, heads) if match}
-        first = _COLUMN.match(heads[0])
-        order = 1 if first and first[1] == "depth" else -1
-        numbers = [[float(one), float(two)][::order] for one, two in rows]
-        _ = units["depth"], units["hardness"]
-    except (OSError, ValueError, KeyError):
+        heads = {match[1]: match for match in map(_COLUMN.match, columns_of(path)) if match}
+        columns = heads["depth"], heads["hardness"]
+        numbers = read_columns(path, tuple(column[0] for column in columns))
+    except (InputError, KeyError):
         raise fault(key, name, _FILE_COLUMNS) from None
-    if len(rows) < 2:
-        given = f"{name} with {counted(len(rows), 'row')} of numbers"
+    if len(numbers) < 2:
+        given = f"{name} with {counted(len(numbers), 'row')} of numbers"
         raise fault(key, given, f"{_FILE_COLUMNS}, and two rows or more")
     return [
-        [f"{depth!r} {units['depth']}", f"{hardness!r} {units['hardness']}"]
-        for depth, hardness in numbers
+        [f"{value!r} {column[2]}" for value, column in zip(row, columns, strict=True)]
+        for row in numbers.tolist()
     ]
