@@ -87,29 +87,22 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
         Raises InputError: an empty or falling list, negative or non-finite pressures, a peak with nothing below it.
         """
-        loading, unload_from, unloading = (
-            _pressures(name, values)
-            for name, values in (
-                ("loading", loading),
-                ("unload_from", unload_from),
-                ("unloading", unloading),
-            )
-        )
-        if len(loading) == 0:
+        loading = _pressures("loading", loading)
+        unload_from = _pressures("unload_from", unload_from)
+        unloading = _pressures("unloading", unloading)
+        if not loading:
             raise InputError("loading", "an empty list", "at least one pressure [Pa]")
         if any(b <= a for a, b in pairwise(loading)):
             raise InputError("loading", loading, "rising pressures")
-        if len(unloading) and not len(unload_from):
-            raise InputError(
-                "unload_from", "an empty list", "at least one pressure where `unloading` is given"
-            )
+        if unloading and not unload_from:
+            allowed = "at least one pressure where `unloading` is given"
+            raise InputError("unload_from", "an empty list", allowed)
         steps = [LoadStep(p) for p in sorted({*loading, *unload_from})]
         for peak in sorted(set(unload_from)):
             below = sorted({p for p in unloading if p < peak}, reverse=True)
             if not below:
-                raise InputError(
-                    "unloading", unloading, f"at least one pressure below the peak {peak:g} Pa"
-                )
+                allowed = f"at least one pressure below the peak, {peak:g}"
+                raise InputError("unloading", unloading, allowed)
             steps += [LoadStep(p, peak) for p in below]
         return cls(steps)
 

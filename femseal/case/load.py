@@ -20,8 +20,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ..base import InputError, to_si, to_text
-from ..loads import LOAD_UNITS, nominal_pressure, relaxed
+from ..base import InputError, to_si
+from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
 from ..seal.pressure_map import (
     AngleTable,
     AnyMap,
@@ -31,7 +31,7 @@ from ..seal.pressure_map import (
 )
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
-from .faults import refusal
+from .faults import fault, faults_of, refusal
 from .values import (
     Amount,
     Angle,
@@ -205,26 +205,13 @@ class LoadTable(Table):
     @model_validator(mode="after")
     def _programme(self) -> LoadTable:
         """Raise a fault if the loads are no programme: they rise, and are unloaded from peaks that they reach."""
-        if any(b <= a for a, b in pairwise(self.loading)):
-            raise PydanticCustomError("load", "rising pressures in `loading`")
-        if bool(self.unload_from) != bool(self.unloading) and (
-            self.unloading or not self.relaxation
-        ):
-            raise PydanticCustomError("load", "`unload_from` and `unloading` both, or neither")
         peaks = self.peaks
-        steps = len(self.loading) + len(peaks) * (
-            1 + len(self.unloading) + (len(peaks) if self.relaxation else 0)
-        )
+        stops = len(self.unloading) + (len(peaks) if self.relaxation else 0)
+        steps = len(self.loading) + len(peaks) * (1 + stops)
         if steps > _MOST_STEPS:
-            raise PydanticCustomError(
-                "load", "at most {most} steps, not {n}", {"most": _MOST_STEPS, "n": steps}
-            )
-        for peak in self.unload_from:
-            if not self.relaxation and not any(p < peak for p in self.unloading):
-                low = to_text(peak, self.unit)
-                raise PydanticCustomError(
-                    "load", "a pressure in `unloading` below the peak {low}", {"low": low}
-                )
+            raise fault("load", f"{steps} steps", f"at most {_MOST_STEPS} steps")
+        with faults_of("load"):
+            LoadProgramme.of(**self.pressures(1.0, 1.0))
         return self
 
     @property

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base import InputError, shortened
 from ..base.leak_rates import STANDARD_PRESSURE
-from ..seal.form import FORMS, SealForm
+from ..seal.form import FORMS
 from ..seal.lay import NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
 from ..topography.seat import SEATS
@@ -83,10 +83,6 @@ class SealTable(MadeTable):
         example="5 um",
         since="0.2",
     )
-
-    def forms(self, folder: Path) -> tuple[SealForm, ...]:
-        """The forms of the faces; paths are relative to a folder."""
-        return tuple(one.make(folder) for one in self.form or ())
 
     def make(self, folder: Path, **more: Any) -> Layout:
         """The shape; paths are relative to a folder."""
