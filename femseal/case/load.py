@@ -6,7 +6,6 @@ To add a kind of map, write a table with `make` and put it into `AnyMapTable`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -195,11 +194,10 @@ class LoadTable(Table):
             raise PydanticCustomError(
                 "load", "loads of one kind, not {units}", {"units": " and ".join(units)}
             )
-        if self.map is not None and len(self.map) != 1:
-            if not self.map or len(at) < len(self.map):
-                raise PydanticCustomError("map", "one table `map`, or several that all have `at`")
-            if any(b <= a for a, b in pairwise(at)):
-                raise PydanticCustomError("map", "several tables `map` whose `at` rise")
+        several = self.map is not None and len(self.map) != 1
+        if several and (not at or len(at) < len(self.map or ()) or at != sorted({*at})):
+            expected = "one table `map`, or several that all have `at`, and whose `at` rise"
+            raise PydanticCustomError("map", expected)  # type: ignore[arg-type]
         return self
 
     @model_validator(mode="after")

@@ -31,7 +31,7 @@ from ..base import (
     to_si,
 )
 from ..base.machine import within_free_memory
-from .instrument import UNKNOWN, Instrument
+from .texture import UNKNOWN, Instrument
 
 _HEADER = re.compile(r"^\W*(width|height|value units)\s*[:=]\s*(.+?)\s*$", re.IGNORECASE)
 #: Words of the same header in German, which are not read.

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..base import Flags, InputError, Pair, Periodic, Shape, as_text, to_si, to_text, validate
 from .formats import READERS, TEXT, Raw, Reading, bad_file, read_instrument, reading, unprinted
-from .instrument import Instrument
+from .texture import Instrument
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
