@@ -5,13 +5,13 @@ then finds its own band, and every row its pressure. The faces are half-spaces, 
 Source: Johnson, Contact Mechanics, 1985, ch. 4 (line contact); Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (rough).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base import Array, InputError, reals, to_si, to_text
+from ..base import Array, InputError, as_text, reals, to_si, to_text
 from ..base.validate import check_parameters, described, parameter
 from .topography import Topography
 
@@ -35,6 +35,12 @@ class Seat:
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+    def __str__(self) -> str:
+        parameters = [f for f in fields(self) if "unit" in f.metadata]  # type: ignore[arg-type]
+        values = [as_text(getattr(self, f.name), f.metadata["unit"]) for f in parameters]
+        names = [f.name.replace("_", " ") for f in parameters]
+        return ", ".join([self.kind, *map(" ".join, zip(names, values, strict=True))])
 
     def depth(self, x: Array, breadth: float) -> Array:
         """How deep the form lies at x1 from the middle of a breadth [m], up to a constant."""
@@ -90,9 +96,6 @@ class FlatSeat(Seat):
         """0."""
         return np.zeros_like(x)
 
-    def __str__(self) -> str:
-        return "flat"
-
 
 @dataclass(frozen=True)
 class CrownedSeat(Seat):
@@ -109,9 +112,6 @@ class CrownedSeat(Seat):
     def depth(self, x: Array, breadth: float) -> Array:
         """x²/2R."""
         return x**2 / (2 * self.radius)
-
-    def __str__(self) -> str:
-        return f"crowned with radius {to_text(self.radius, 'm')}"
 
 
 @dataclass(frozen=True)
@@ -152,9 +152,6 @@ class BallOnCone(Seat):
         with np.errstate(invalid="ignore"):
             return self.radius - np.sqrt(self.radius**2 - x**2)
 
-    def __str__(self) -> str:
-        return f"a ball of radius {to_text(self.radius, 'm')} on a cone of half angle {np.degrees(self.angle):.3g}°"
-
 
 @dataclass(frozen=True)
 class RoundedSeat(Seat):
@@ -174,9 +171,6 @@ class RoundedSeat(Seat):
     def depth(self, x: Array, breadth: float) -> Array:
         """(|x| − b/2)²/2r beyond the land, 0 on it."""
         return np.maximum(np.abs(x) - self.land / 2, 0.0) ** 2 / (2 * self.edge_radius)
-
-    def __str__(self) -> str:
-        return f"a land of {to_text(self.land, 'm')} with edges of radius {to_text(self.edge_radius, 'm')}"
 
 
 @dataclass(frozen=True)
@@ -200,9 +194,6 @@ class TiltedSeat(Seat):
     def depth(self, x: Array, breadth: float) -> Array:
         """x tan(tilt)."""
         return x * np.tan(self.tilt)
-
-    def __str__(self) -> str:
-        return f"tilted by {np.degrees(self.tilt):.3g}°"
 
 
 @dataclass(frozen=True)

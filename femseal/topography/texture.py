@@ -233,18 +233,14 @@ def _decay(topography: Topography) -> tuple[NDArray, NDArray]:
     """Distance (180,) [m] to the level 0.2 in each direction, inf where it is not reached, and the reach of the map."""
     correlation = autocorrelation(topography)
     middle, spacing = np.array([n // 2 for n in topography.shape]), np.array(topography.spacing)
+    direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T
+    reach = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
     step = spacing.min() / 2
-    distance, reach = np.empty(_ANGLES.size), np.empty(_ANGLES.size)
-    for k, angle in enumerate(_ANGLES):
-        direction = np.array([np.cos(angle), np.sin(angle)])
-        reach[k] = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min()
-        r = np.arange(0, reach[k] + step / 2, step)
-        places = middle[:, None] + np.outer(direction / spacing, r)
-        below = (
-            scipy.ndimage.map_coordinates(correlation, places, order=1, mode="nearest") < _DECAYED
-        )
-        distance[k] = r[np.argmax(below)] if below.any() else np.inf
-    return distance, reach
+    r = np.arange(0, reach.max() + step / 2, step)
+    places = middle + (direction / spacing)[:, None] * r[:, None]
+    found = scipy.ndimage.map_coordinates(correlation, places.T, order=1, mode="nearest").T
+    below = (found < _DECAYED) & (r < reach[:, None] + step / 2)
+    return np.where(below.any(axis=1), r[np.argmax(below, axis=1)], np.inf), reach
 
 
 def _lay(topography: Topography) -> float:

@@ -189,7 +189,7 @@ UNEVEN = {"map": {"kind": "profile", "fractions": [1, 2]}}
         (CASE, {"seat": crowned("-1 mm")}, "seat.radius: given '-1 mm'"),
         (CASE, {"seat": {"kind": "crowned"}}, "seat.radius"),
         (CASE, {"seat": {"kind": "round"}}, "seat.kind"),
-        (CASE, {"seat": crowned("0.1 mm")}, "seat: given crowned .* with slopes up to 0.63"),
+        (CASE, {"seat": crowned("0.1 mm")}, "seat: given crowned.* with slopes up to 0.63"),
         (CASE, {"seat": BALL}, "slopes up to vertical"),
         (CASE, {"seat": BALL | {"angle": "120 deg"}}, "seat.angle: given"),
         (CASE, {"seat": {"kind": "tilted", "tilt": "40 deg"}}, "slopes up to 0.84"),
