@@ -35,7 +35,7 @@ from .faults import INTERNAL, fault, faults_of
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, AnySeat, with_inlet_pressure
-from .values import Accuracy, Duration, FileSize, Number, Table, key
+from .values import Accuracy, Duration, FileSize, Number, Table, key, listed
 
 #: No case is larger [byte].
 _LARGEST_FILE = 1_000_000
@@ -118,8 +118,10 @@ class Case(Table):
         # what is no table has a fault of its own
         odd = {name: data[name] for name in _FILLED if not isinstance(data.get(name, {}), dict)}
         data = with_absolute_pressures(_with_what_is_open(data | {name: {} for name in odd}))
-        faces = _with_list_of_faces(with_named_solids(with_named_fluids(with_inlet_pressure(data))))
-        return _with_detrending(faces) | odd
+        data = with_named_solids(with_named_fluids(with_inlet_pressure(data)))
+        if "face" in data:
+            data["face"] = listed(data["face"])
+        return _with_detrending(data) | odd
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -321,19 +323,6 @@ class Case(Table):
     def echo(self) -> dict[str, Any]:
         """The case in SI, as plain data."""
         return self.model_dump(mode="json", exclude_none=True)
-
-
-def _with_list_of_faces(data: dict[str, Any]) -> dict[str, Any]:
-    """The data of a case with a list of faces, each of the kind "file" where it has a path or places and no other."""
-    if "face" not in data:
-        return data
-    faces = [data["face"]] if isinstance(data["face"], dict) else data["face"]
-    if isinstance(faces, list):
-        faces = [
-            {"kind": "file", **f} if isinstance(f, dict) and {"path", "places"} & {*f} else f
-            for f in faces
-        ]
-    return {**data, "face": faces}
 
 
 def _least_detrend(kind: object) -> int:

@@ -28,6 +28,7 @@ from .values import (
     Shift,
     Usual,
     key,
+    listed,
     quantity_schema,
     table_of_any,
     value_of,
@@ -43,17 +44,6 @@ class FormTable(MadeTable):
     tolerance: float = key(
         "relative error of the height, for the budget", 0.0, example=0.2, since="0.2", ge=0, lt=1
     )
-
-
-def _forms(value: Any) -> Any:
-    """A list of forms from one or several, each of the kind "file" where it has a path and no kind."""
-    forms = [value] if isinstance(value, dict) else value
-    if not isinstance(forms, list | tuple):
-        return value
-    return [
-        {"kind": "file", **form} if isinstance(form, dict) and "path" in form else form
-        for form in forms
-    ]
 
 
 _UNITS_OF_FORMS: dict[str, Any] = {"unit": LengthUnit | None, "length_unit": LengthUnit}
@@ -72,7 +62,7 @@ class SealTable(MadeTable):
     makers = LAYOUTS
     apart = ("form", "flatness")
     place = "seal"
-    form: Annotated[tuple[AnyForm, ...], BeforeValidator(_forms), Field(max_length=4)] | None = key(
+    form: Annotated[tuple[AnyForm, ...], BeforeValidator(listed), Field(max_length=4)] | None = key(
         "form of the whole seal; several add up",
         None,
         since="0.2",

@@ -186,6 +186,19 @@ class Both:
             ) from None
 
 
+def listed(value: Any) -> Any:
+    """A list of tables from one or several, each of the kind "file" where it has a path or places and no kind."""
+    tables = [value] if isinstance(value, dict) else value
+    if not isinstance(tables, (list, tuple)):
+        return value
+    return [
+        {"kind": "file", **table}
+        if isinstance(table, dict) and {"path", "places"} & {*table}
+        else table
+        for table in tables
+    ]
+
+
 def quantity_schema(described: str) -> dict[str, Any]:
     """JSON schema of a number with a unit, as text."""
     pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"

@@ -34,10 +34,12 @@ from ..topography import (
     Representative,
     Topography,
     check_wave,
+    combine,
     continuation_of,
     default_wave,
     of_all_places,
     repair,
+    representative,
     resolved_wave,
     resolving_shape,
     shortest_place,
@@ -45,8 +47,6 @@ from ..topography import (
     spectrum,
     spike_effect,
 )
-from ..topography.combined import combine
-from ..topography.long_waves import representative
 from .prepared import check_memory_of_points
 
 #: Fraction of the measured rms slope that the pixels of a measured face must keep to be fine enough.

@@ -30,10 +30,10 @@ from ..topography import (
     describe_surface,
     read_for_a_look,
     repair,
+    representative,
     smooth,
 )
 from ..topography.formats import TEXT
-from ..topography.long_waves import representative
 from .face import default_grid
 
 #: Arguments of `topography` by their option.
