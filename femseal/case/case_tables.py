@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
-from pydantic_core import PydanticCustomError
 
 from ..base import InputError, counted, shortened
 from ..base.leak_rates import BUBBLE, DROP, KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
@@ -85,7 +84,7 @@ class CellsTable(Table):
     @model_validator(mode="after")
     def _one_of(self) -> CellsTable:
         if self.count is not None and self.size is not None:
-            raise PydanticCustomError("cells", "one of `count` and `size`")
+            raise refusal("one of `count` and `size`")
         return self
 
 
@@ -106,7 +105,7 @@ class StochasticTable(Table):
     @model_validator(mode="after")
     def _ordered(self) -> StochasticTable:
         if not self.quantiles[0] < self.quantiles[1]:
-            raise PydanticCustomError("quantiles", "two rising `quantiles`")
+            raise refusal("two rising `quantiles`")
         return self
 
 
@@ -302,29 +301,25 @@ class SolidTable(Table):
     @model_validator(mode="after")
     def _one_law(self) -> SolidTable:
         """Raise a fault if several keys give the strength, or a curve has none."""
-        given = [
-            k
-            for k in ("yield_stress", "hardness", "hardness_table")
-            if getattr(self, k) is not None
-        ]
-        curves = [k for k in ("hardening", "nix_gao_depth") if getattr(self, k) is not None]
-        if len(given) > 1:
-            raise PydanticCustomError("strength", "{keys}, not both", {"keys": " or ".join(given)})
-        if len(curves) > 1:
-            raise PydanticCustomError("strength", "hardening or nix_gao_depth, not both")
-        if curves and given not in (["yield_stress"], ["hardness"]):
-            raise PydanticCustomError(
-                "strength", "{key} with a yield_stress or a hardness", {"key": curves[0]}
+        given, curves = (
+            [key for key in keys if getattr(self, key) is not None]
+            for keys in (
+                ("yield_stress", "hardness", "hardness_table"),
+                ("hardening", "nix_gao_depth"),
             )
+        )
+        for keys in (given, curves):
+            if len(keys) > 1:
+                raise refusal(f"{' or '.join(keys)}, not both")
+        if curves and given not in (["yield_stress"], ["hardness"]):
+            raise refusal(f"{curves[0]} with a yield_stress or a hardness")
         if self.smallest_depth is not None and self.nix_gao_depth is None:
-            raise PydanticCustomError("strength", "smallest_depth with a nix_gao_depth")
+            raise refusal("smallest_depth with a nix_gao_depth")
         try:
             _ = self.law
         except InputError as error:
             key = "hardness_table" if self.hardness_table is not None else error.what
-            raise PydanticCustomError(
-                "strength", "{key}: {text}", {"key": key, "text": error.expected}
-            ) from None
+            raise refusal(f"{key}: {error.expected}") from None
         return self
 
     @property

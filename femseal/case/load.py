@@ -191,13 +191,11 @@ class LoadTable(Table):
         at = [one.at for one in self.map or () if one.at is not None]
         units = dict.fromkeys(getattr(load, "unit", "Pa") for load in [*loads, *at])
         if len(units) > 1:
-            raise PydanticCustomError(
-                "load", "loads of one kind, not {units}", {"units": " and ".join(units)}
-            )
+            raise refusal(f"loads of one kind, not {' and '.join(units)}")
         several = self.map is not None and len(self.map) != 1
         if several and (not at or len(at) < len(self.map or ()) or at != sorted({*at})):
             expected = "one table `map`, or several that all have `at`, and whose `at` rise"
-            raise PydanticCustomError("map", expected)  # type: ignore[arg-type]
+            raise refusal(expected)
         return self
 
     @model_validator(mode="after")
