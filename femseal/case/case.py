@@ -393,25 +393,22 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
         with path.open("rb") as file:
             content = file.read(_LARGEST_FILE + 1)
         if len(content) > _LARGEST_FILE:
-            raise InputError(
-                "case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case"
-            )
-        data = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
+            given = f"'{path}' of more than {_LARGEST_FILE:.0e} bytes"
+            raise InputError("case", given, "a TOML file of a case")
+        return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n")), path.parent
+    except InputError:
+        raise
     except OSError as error:
+        kind = ""
         expected = f"a file that can be read ({error.strerror}: {shortened(abspath(path))})"
-        raise InputError("case", f"'{path}'", expected) from None
     except UnicodeDecodeError:
-        raise InputError("case", f"'{path}', which is not text", "a TOML file in UTF-8") from None
+        kind, expected = ", which is not text", "a TOML file in UTF-8"
     except RecursionError:
-        raise InputError(
-            "case", f"'{path}' with lists or tables too deep in each other", "a TOML file"
-        ) from None
+        kind, expected = " with lists or tables too deep in each other", "a TOML file"
     except ValueError as error:  # of TOML, or of a number with thousands of digits
-        if isinstance(error, InputError):
-            raise
-        expected = f"a TOML file ({shortened(error, 120)}){meant_in(content.decode('utf-8-sig'), str(error))}"
-        raise InputError("case", f"'{path}', which is not TOML", expected) from None
-    return data, path.parent
+        meant = meant_in(content.decode("utf-8-sig"), str(error))
+        kind, expected = ", which is not TOML", f"a TOML file ({shortened(error, 120)}){meant}"
+    raise InputError("case", f"'{path}'{kind}", expected)
 
 
 def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:

@@ -350,19 +350,18 @@ class MadeTable(Table):
 def unusual(table: Table, place: str = "") -> Iterator[str]:
     """A sentence for each key of a table, and of those in it, with a value out of its `Usual` range; 0 is in any."""
     for name, info in type(table).model_fields.items():
-        kind, value, key = info.annotation, getattr(table, name), f"{place}.{name}".lstrip(".")
-        if isinstance(value, Table):
-            yield from unusual(value, key)
-        elif isinstance(value, tuple) and any(isinstance(one, Table) for one in value):
-            for n, one in enumerate(value):
-                yield from unusual(one, f"{key}.{n}" if len(value) > 1 else key)
-        else:
-            odd = tuple(
-                _out_of_range(Annotated[(kind, *info.metadata)] if info.metadata else kind, value)
-            )
-            more = f" (and {len(odd) - 1} more)" if len(odd) > 1 else ""
-            for one, ends in odd[:1]:
-                yield f"{key} {one}{more} is not in the usual range, {ends}: is its unit meant?"
+        value, key = getattr(table, name), f"{place}.{name}".lstrip(".")
+        tables = [
+            one
+            for one in (value if isinstance(value, tuple) else (value,))
+            if isinstance(one, Table)
+        ]
+        for n, one in enumerate(tables):
+            yield from unusual(one, f"{key}.{n}" if len(tables) > 1 else key)
+        odd = list(_out_of_range(Annotated[(info.annotation, *info.metadata, "")], value))
+        more = f" (and {len(odd) - 1} more)" if len(odd) > 1 else ""
+        for number, ends in odd[:1]:
+            yield f"{key} {number}{more} is not in the usual range, {ends}: is its unit meant?"
 
 
 def _out_of_range(kind: Any, value: Any) -> Iterator[tuple[str, str]]:

@@ -147,10 +147,8 @@ def _with_seat(case: Case, seat: Seat | None, surface: Topography, broader: bool
         )
         allowed = "the method stochastic alone, or a seal as broad as the face"
         raise InputError("seat.kind", given, allowed)
-    try:
+    with with_tables({"path": "seat"}):
         return surface if broader else seat.on(surface)
-    except InputError as error:
-        raise (error if error.what == "seat" else error.inside("seat")) from None
 
 
 def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, float]) -> Scene:
