@@ -161,11 +161,6 @@ def stripes_across(permeabilities: ArrayLike) -> float:
     return float(1 / np.mean(1 / k)) if np.all(k > 0) else 0.0
 
 
-def stripes_along(permeabilities: ArrayLike) -> float:
-    """Arithmetic mean of stripes of equal width in parallel."""
-    return float(np.mean(_reals(permeabilities)))
-
-
 def checkerboard(k1: float, k2: float) -> float:
     """√(k₁k₂), exact for a checkerboard of any contrast. Dykhne, Sov. Phys. JETP 32, 1971, 63."""
     return sqrt(k1 * k2)
@@ -190,46 +185,6 @@ def annulus_rate(
 ) -> float:
     """Radial flow Q = 2πkΔp/(η ln(r_o/r_i)) [m³/s] through a ring of uniform k."""
     return 2 * pi * permeability * pressure_drop / (viscosity * log(outer_radius / inner_radius))
-
-
-def eccentric_annulus_rate(
-    permeability: float,
-    pressure_drop: float,
-    viscosity: float,
-    inner_radius: float,
-    outer_radius: float,
-    eccentricity: float,
-) -> float:
-    """Flow Q = 2πkΔp/(η arcosh((r_i² + r_o² − e²)/2r_i r_o)) [m³/s] between circles whose centres are e apart.
-
-    Bipolar coordinates map it onto a ring. Source: Carslaw & Jaeger, Conduction of Heat in Solids, 1959, ch. 16.
-
-    >>> Q = eccentric_annulus_rate(1.0, 1.0, 1.0, 1.0, 1.5, 0.0)
-    >>> abs(Q / annulus_rate(1.0, 1.0, 1.0, 1.0, 1.5) - 1) < 1e-12
-    True
-    """
-    between = (inner_radius**2 + outer_radius**2 - eccentricity**2) / (
-        2 * inner_radius * outer_radius
-    )
-    return 2 * pi * permeability * pressure_drop / (viscosity * float(np.arccosh(between)))
-
-
-def spiral_annulus_rate(
-    along: float,
-    across: float,
-    angle: float,
-    pressure_drop: float,
-    viscosity: float,
-    inner_radius: float,
-    outer_radius: float,
-) -> float:
-    """Flow [m³/s] through a ring whose lay makes the same angle with the radius everywhere, a spiral.
-
-    The pressure depends on the radius alone, so that only k_rr = k∥ cos²β + k⊥ sin²β matters:
-    Q = 2πk_rrΔp/(η ln(r_o/r_i)), beside a flow round the ring. β = 0 is a radial lay, π/2 a circumferential one.
-    """
-    radial = along * np.cos(angle) ** 2 + across * np.sin(angle) ** 2
-    return annulus_rate(float(radial), pressure_drop, viscosity, inner_radius, outer_radius)
 
 
 def turned_annulus_rate(
@@ -258,16 +213,6 @@ def turned_annulus_rate(
         tail = log((across * outer**2 + along * c2) / (across * inner**2 + along * c2))
         integral = log(outer / inner) / along + (1 - across / along) / (2 * across) * tail
     return 2 * pi * pressure_drop / (viscosity * integral)
-
-
-def elliptic_annulus_rate(
-    k1: float, k2: float, pressure_drop: float, viscosity: float, inner: float, outer: float
-) -> float:
-    """Flow [m³/s] between two similar ellipses with the half axes r√(k1/k), r√(k2/k), k = √(k1 k2), r inner and outer.
-
-    x/√(k1/k), y/√(k2/k) map the anisotropic ring, k1 along x and k2 along y, onto an isotropic circular one of k.
-    """
-    return annulus_rate(sqrt(k1 * k2), pressure_drop, viscosity, inner, outer)
 
 
 # --- contact and flow of rough faces, by the theory of Persson ---

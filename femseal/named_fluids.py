@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from .base import InputError, Pair, shown, to_text
+from .base import InputError, Pair, shown
 
 #: Temperature of the table, and of named fluids unless given [K].
 TABLE_TEMPERATURE = 293.15
@@ -21,44 +21,39 @@ TABLE_PRESSURE = 101_325.0
 class NamedFluid:
     """Properties of a fluid in a state, in the keys of a kind of `femseal.fluids`.
 
-    kind : "liquid" or "ideal-gas". parameters : of that kind, in SI. source : where they come from.
+    kind : "liquid" or "ideal-gas". parameters : of that kind, in SI.
     """
 
     kind: str
     parameters: dict[str, float]
-    source: str
 
 
-def _gas(
-    viscosity: float, molar_mass: float, source: str, temperature: float = TABLE_TEMPERATURE
-) -> NamedFluid:
+def _gas(viscosity: float, molar_mass: float, temperature: float = TABLE_TEMPERATURE) -> NamedFluid:
     found = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
-    return NamedFluid("ideal-gas", found, source)
+    return NamedFluid("ideal-gas", found)
 
 
-def _liquid(viscosity: float, density: float, source: str) -> NamedFluid:
-    return NamedFluid("liquid", {"viscosity": viscosity, "density": density}, source)
+def _liquid(viscosity: float, density: float) -> NamedFluid:
+    return NamedFluid("liquid", {"viscosity": viscosity, "density": density})
 
 
-_OIL = "ISO 3448; at 20 °C by ASTM D341 with a viscosity index of about 100, and a density usual for mineral oils"
 #: Fluids at 20 °C and 101 325 Pa, by their name. Values of gases and water equal those of CoolProp 8 to the last digit.
+#: Sources: water by the IAPWS formulations of 1995 (density) and 2008 (viscosity); oils by ISO 3448, at 20 °C by ASTM
+#: D341 with a viscosity index of about 100, and a density usual for mineral oils; air, nitrogen, oxygen and argon by
+#: Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21; helium by Arp, McCarty & Friend, NIST Technical Note 1334, 1998;
+#: hydrogen by Muzny, Huber & Kazakov, J. Chem. Eng. Data 58, 2013, 969; methane by Quiñones-Cisneros & Deiters, J.
+#: Phys. Chem. B 110, 2006, 12820.
 TABLE: dict[str, NamedFluid] = {
-    "water": _liquid(
-        1.0016e-3, 998.21, "IAPWS formulations of 1995 (density) and 2008 (viscosity)"
-    ),
-    "mineral oil ISO VG 32": _liquid(0.0747, 866.0, _OIL),
-    "mineral oil ISO VG 46": _liquid(0.1164, 870.0, _OIL),
-    "air": _gas(18.21e-6, 28.965e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
-    "nitrogen": _gas(17.57e-6, 28.013e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
-    "oxygen": _gas(20.27e-6, 31.999e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
-    "argon": _gas(22.31e-6, 39.948e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
-    "helium": _gas(19.62e-6, 4.0026e-3, "Arp, McCarty & Friend, NIST Technical Note 1334, 1998"),
-    "hydrogen": _gas(
-        8.80e-6, 2.0159e-3, "Muzny, Huber & Kazakov, J. Chem. Eng. Data 58, 2013, 969"
-    ),
-    "methane": _gas(
-        11.04e-6, 16.043e-3, "Quiñones-Cisneros & Deiters, J. Phys. Chem. B 110, 2006, 12820"
-    ),
+    "water": _liquid(1.0016e-3, 998.21),
+    "mineral oil ISO VG 32": _liquid(0.0747, 866.0),
+    "mineral oil ISO VG 46": _liquid(0.1164, 870.0),
+    "air": _gas(18.21e-6, 28.965e-3),
+    "nitrogen": _gas(17.57e-6, 28.013e-3),
+    "oxygen": _gas(20.27e-6, 31.999e-3),
+    "argon": _gas(22.31e-6, 39.948e-3),
+    "helium": _gas(19.62e-6, 4.0026e-3),
+    "hydrogen": _gas(8.80e-6, 2.0159e-3),
+    "methane": _gas(11.04e-6, 16.043e-3),
 }
 
 _BY_NAME = {name.casefold(): fluid for name, fluid in TABLE.items()}
@@ -102,10 +97,9 @@ def named_fluid(
     is_gas = {"gas" in phase or phase == "supercritical" for phase in phases}
     if len(is_gas) > 1 or "twophase" in phases:
         refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
-    source = f"CoolProp at {to_text(temperature, 'K')} and {to_text(state[3], 'Pa')}"
     if is_gas == {True}:
-        return _gas(viscosity, molar_mass, source, temperature)
-    return _liquid(viscosity, density, source)
+        return _gas(viscosity, molar_mass, temperature)
+    return _liquid(viscosity, density)
 
 
 def known_to_coolprop(name: Any, temperature: float, without: str = "") -> Any:

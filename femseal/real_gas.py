@@ -68,6 +68,8 @@ class Gas:
 
     #: Outlet pressure of a case that gives none [Pa], absolute.
     outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
+    #: Pressure at which volumes are stated [Pa], absolute; their temperature is the gas's own.
+    reference_pressure: ClassVar[float] = STANDARD_PRESSURE
 
     def __post_init__(self: Any) -> None:
         check_parameters(self)
@@ -83,11 +85,6 @@ class Gas:
     def reference_density(self: Any) -> float:
         """Density of the ideal gas at 101 325 Pa [kg/m³]."""
         return STANDARD_PRESSURE * float(self.molar_mass) / (GAS_CONSTANT * float(self.temperature))
-
-    @property
-    def reference_pressure(self) -> float:
-        """Pressure at which volumes are stated [Pa], absolute; their temperature is the gas's own."""
-        return STANDARD_PRESSURE
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,10 @@
 import pickle
 
 import numpy as np
-import pytest
-from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from femseal.base import InputError
 from femseal.loads import LoadProgramme, LoadStep
 
 PROGRAMME = LoadProgramme.of((1e8, 2e8, 4e8), (2e8, 4e8), (3e8, 1e8))
@@ -67,20 +64,6 @@ def test_a_programme_is_a_tuple_and_pickles():
     assert type(again) is LoadProgramme
     assert again == PROGRAMME == tuple(PROGRAMME)
     assert PROGRAMME.index(LoadStep(1e8, 2e8)) == 3
-
-
-@each(
-    "steps",
-    [
-        (LoadStep(2e8), LoadStep(1e8)),
-        (LoadStep(1e8), LoadStep(1e8)),
-        (LoadStep(2e8), LoadStep(1e8, 2e8), LoadStep(3e8)),
-        (LoadStep(2e8), LoadStep(1e8, 3e8)),
-    ],
-)
-def test_steps_in_another_order_are_refused(steps):
-    with pytest.raises(InputError, match="load programme"):
-        LoadProgramme(steps)
 
 
 def test_no_step_leaves_empty_masks():

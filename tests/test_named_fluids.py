@@ -16,7 +16,6 @@ def test_the_table_makes_fluids():
     assert len(TABLE) == 10
     for found in TABLE.values():
         FLUIDS[found.kind](**found.parameters)
-        assert found.source
     assert named_fluid("Helium") is TABLE["helium"]
 
 

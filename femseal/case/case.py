@@ -35,10 +35,22 @@ from .faults import INTERNAL, fault, faults_of
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, AnySeat, with_inlet_pressure
-from .values import Accuracy, Duration, FileSize, Number, Table, key
+from .values import Accuracy, Duration, FileSize, Number, Table, key, listed
 
 #: No case is larger [byte].
 _LARGEST_FILE = 1_000_000
+
+#: Tables in which what is left out is filled in.
+_FILLED = (
+    "surface",
+    "material",
+    "counter_material",
+    "fluid",
+    "seal",
+    "seat",
+    "stochastic",
+    "output",
+)
 
 Method = Literal["deterministic", "two-scale", "blocks", "stochastic"]
 
@@ -103,9 +115,13 @@ class Case(Table):
     @model_validator(mode="before")
     @classmethod
     def _filled(cls, data: dict[str, Any]) -> dict[str, Any]:
-        data = with_absolute_pressures(_with_what_is_open(data))
-        faces = _with_list_of_faces(with_named_solids(with_named_fluids(with_inlet_pressure(data))))
-        return _with_detrending(faces)
+        # what is no table has a fault of its own
+        odd = {name: data[name] for name in _FILLED if not isinstance(data.get(name, {}), dict)}
+        data = with_absolute_pressures(_with_what_is_open(data | {name: {} for name in odd}))
+        data = with_named_solids(with_named_fluids(with_inlet_pressure(data)))
+        if "face" in data:
+            data["face"] = listed(data["face"])
+        return _with_detrending(data) | odd
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -265,7 +281,7 @@ class Case(Table):
     @property
     def layout(self) -> Layout:
         """The shape of the seal."""
-        return self.seal.layout(self.folder)
+        return self.seal.make(self.folder)
 
     @property
     def methods(self) -> set[str]:
@@ -309,19 +325,6 @@ class Case(Table):
         return self.model_dump(mode="json", exclude_none=True)
 
 
-def _with_list_of_faces(data: dict[str, Any]) -> dict[str, Any]:
-    """The data of a case with a list of faces, each of the kind "file" where it has a path or places and no other."""
-    if "face" not in data:
-        return data
-    faces = [data["face"]] if isinstance(data["face"], dict) else data["face"]
-    if isinstance(faces, list):
-        faces = [
-            {"kind": "file", **f} if isinstance(f, dict) and {"path", "places"} & {*f} else f
-            for f in faces
-        ]
-    return {**data, "face": faces}
-
-
 def _least_detrend(kind: object) -> int:
     """Least order of the form that is taken off a measured face on a seat of a kind, that it does not count twice."""
     return {"flat": 0, "tilted": 1}.get(str(kind), 2)
@@ -329,16 +332,14 @@ def _least_detrend(kind: object) -> int:
 
 def _with_detrending(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a case whose measured faces lose the form that its seat gives them, where it does not say what."""
-    seat, faces, surface = data.get("seat"), data.get("face"), data.get("surface", {})
+    faces = data.get("face")
     measured = isinstance(faces, list) and any(
         isinstance(face, dict) and face.get("kind") == "file" for face in faces
     )
-    if not (measured and isinstance(seat, dict) and isinstance(surface, dict)):
+    least = _least_detrend(data["seat"].get("kind")) if measured and "seat" in data else 0
+    if least <= SurfaceTable().detrend:
         return data
-    least = _least_detrend(seat.get("kind"))
-    return (
-        data | {"surface": {"detrend": least} | surface} if least > SurfaceTable().detrend else data
-    )
+    return data | {"surface": {"detrend": least} | data.get("surface", {})}
 
 
 def _with_what_is_open(data: dict[str, Any]) -> dict[str, Any]:
@@ -347,16 +348,13 @@ def _with_what_is_open(data: dict[str, Any]) -> dict[str, Any]:
     With `accuracy` and no method, the method is "stochastic" if seals are to be drawn: with a table for it, or a shape
     with a length of its own. Else it is "deterministic", which "auto" is too.
     """
-    wanted, seal, drawn = data.get("accuracy") is not None, data.get("seal"), data.get("stochastic")
-    shaped = isinstance(seal, dict) and seal.get("kind", "rectangular") != "rectangular"
-    method = data.get(
-        "method", "deterministic" if wanted and drawn is None and not shaped else "stochastic"
-    )
+    has_length = data.get("seal", {}).get("kind", "rectangular") != "rectangular"
+    is_face = data.get("accuracy") is not None and "stochastic" not in data and not has_length
+    method = data.get("method", "deterministic" if is_face else "stochastic")
     method = "deterministic" if method == "auto" else method
-    methods = [method, *(c if isinstance(c := data.get("compare"), list) else [])]
-    if drawn is None and "stochastic" in methods:
-        drawn = {}
-    return data | {"method": method} | ({} if drawn is None else {"stochastic": drawn})
+    compare = data.get("compare", ())
+    drawn = method == "stochastic" or (isinstance(compare, list) and "stochastic" in compare)
+    return ({"stochastic": {}} if drawn else {}) | data | {"method": method}
 
 
 def load_case(path: str | PathLike[str]) -> Case:
@@ -395,25 +393,22 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
         with path.open("rb") as file:
             content = file.read(_LARGEST_FILE + 1)
         if len(content) > _LARGEST_FILE:
-            raise InputError(
-                "case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case"
-            )
-        data = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
+            given = f"'{path}' of more than {_LARGEST_FILE:.0e} bytes"
+            raise InputError("case", given, "a TOML file of a case")
+        return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n")), path.parent
+    except InputError:
+        raise
     except OSError as error:
+        kind = ""
         expected = f"a file that can be read ({error.strerror}: {shortened(abspath(path))})"
-        raise InputError("case", f"'{path}'", expected) from None
     except UnicodeDecodeError:
-        raise InputError("case", f"'{path}', which is not text", "a TOML file in UTF-8") from None
+        kind, expected = ", which is not text", "a TOML file in UTF-8"
     except RecursionError:
-        raise InputError(
-            "case", f"'{path}' with lists or tables too deep in each other", "a TOML file"
-        ) from None
+        kind, expected = " with lists or tables too deep in each other", "a TOML file"
     except ValueError as error:  # of TOML, or of a number with thousands of digits
-        if isinstance(error, InputError):
-            raise
-        expected = f"a TOML file ({shortened(error, 120)}){meant_in(content.decode('utf-8-sig'), str(error))}"
-        raise InputError("case", f"'{path}', which is not TOML", expected) from None
-    return data, path.parent
+        meant = meant_in(content.decode("utf-8-sig"), str(error))
+        kind, expected = ", which is not TOML", f"a TOML file ({shortened(error, 120)}){meant}"
+    raise InputError("case", f"'{path}'{kind}", expected)
 
 
 def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:

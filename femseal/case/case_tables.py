@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
-from pydantic_core import PydanticCustomError
 
 from ..base import InputError, counted, shortened
 from ..base.leak_rates import BUBBLE, DROP, KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
@@ -18,6 +17,7 @@ from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, Perfec
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..flow.solution import SOLVERS
 from ..materials import HARDNESS_FACTOR, Solid, named_solid
+from ..seal.seal_files import columns_of, read_columns
 from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid, overriding
@@ -84,7 +84,7 @@ class CellsTable(Table):
     @model_validator(mode="after")
     def _one_of(self) -> CellsTable:
         if self.count is not None and self.size is not None:
-            raise PydanticCustomError("cells", "one of `count` and `size`")
+            raise refusal("one of `count` and `size`")
         return self
 
 
@@ -105,7 +105,7 @@ class StochasticTable(Table):
     @model_validator(mode="after")
     def _ordered(self) -> StochasticTable:
         if not self.quantiles[0] < self.quantiles[1]:
-            raise PydanticCustomError("quantiles", "two rising `quantiles`")
+            raise refusal("two rising `quantiles`")
         return self
 
 
@@ -226,7 +226,7 @@ class OutputTable(Table):
 #: Units of the parameters of a solid that has a name.
 _UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
 #: A column of a file of hardness over depth.
-_COLUMN = re.compile(r"^\s*(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]\s*$")
+_COLUMN = re.compile(r"(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]$")
 _FILE_COLUMNS = (
     "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
 )
@@ -301,29 +301,25 @@ class SolidTable(Table):
     @model_validator(mode="after")
     def _one_law(self) -> SolidTable:
         """Raise a fault if several keys give the strength, or a curve has none."""
-        given = [
-            k
-            for k in ("yield_stress", "hardness", "hardness_table")
-            if getattr(self, k) is not None
-        ]
-        curves = [k for k in ("hardening", "nix_gao_depth") if getattr(self, k) is not None]
-        if len(given) > 1:
-            raise PydanticCustomError("strength", "{keys}, not both", {"keys": " or ".join(given)})
-        if len(curves) > 1:
-            raise PydanticCustomError("strength", "hardening or nix_gao_depth, not both")
-        if curves and given not in (["yield_stress"], ["hardness"]):
-            raise PydanticCustomError(
-                "strength", "{key} with a yield_stress or a hardness", {"key": curves[0]}
+        given, curves = (
+            [key for key in keys if getattr(self, key) is not None]
+            for keys in (
+                ("yield_stress", "hardness", "hardness_table"),
+                ("hardening", "nix_gao_depth"),
             )
+        )
+        for keys in (given, curves):
+            if len(keys) > 1:
+                raise refusal(f"{' or '.join(keys)}, not both")
+        if curves and given not in (["yield_stress"], ["hardness"]):
+            raise refusal(f"{curves[0]} with a yield_stress or a hardness")
         if self.smallest_depth is not None and self.nix_gao_depth is None:
-            raise PydanticCustomError("strength", "smallest_depth with a nix_gao_depth")
+            raise refusal("smallest_depth with a nix_gao_depth")
         try:
             _ = self.law
         except InputError as error:
             key = "hardness_table" if self.hardness_table is not None else error.what
-            raise PydanticCustomError(
-                "strength", "{key}: {text}", {"key": key, "text": error.expected}
-            ) from None
+            raise refusal(f"{key}: {error.expected}") from None
         return self
 
     @property
@@ -357,11 +353,11 @@ def with_named_solids(data: dict[str, Any]) -> dict[str, Any]:
     """
     odd: list[str] = []
     folder = Path(data.get("folder", "."))
-    places = [
-        place for place in ("material", "counter_material") if isinstance(data.get(place), dict)
-    ]
-    found = {place: _filled(data[place], place, folder, odd) for place in places}
-    return {**data, **found, "solid_warnings": tuple(odd)}
+    found = dict(data)
+    for place in ("material", "counter_material"):
+        if place in data:
+            found[place] = _filled(data[place], place, folder, odd)
+    return {**found, "solid_warnings": tuple(odd)}
 
 
 def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> dict[str, Any]:
@@ -389,19 +385,15 @@ def read_hardness_table(path: Path, key: str) -> list[list[str]]:
     if not isfile(path):
         raise fault(key, name, "a file that exists, or rows such as ['0.1 um', '2 GPa']")
     try:
-        lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
-        heads, *rows = ([cell.strip() for cell in re.split("[,;\t]", line)] for line in lines)
-        units = {match[1]: match[2] for match in map(_COLUMN.match, heads) if match}
-        first = _COLUMN.match(heads[0])
-        order = 1 if first and first[1] == "depth" else -1
-        numbers = [[float(one), float(two)][::order] for one, two in rows]
-        _ = units["depth"], units["hardness"]
-    except (OSError, ValueError, KeyError):
+        heads = {match[1]: match for match in map(_COLUMN.match, columns_of(path)) if match}
+        columns = heads["depth"], heads["hardness"]
+        numbers = read_columns(path, tuple(column[0] for column in columns))
+    except (InputError, KeyError):
         raise fault(key, name, _FILE_COLUMNS) from None
-    if len(rows) < 2:
-        given = f"{name} with {counted(len(rows), 'row')} of numbers"
+    if len(numbers) < 2:
+        given = f"{name} with {counted(len(numbers), 'row')} of numbers"
         raise fault(key, given, f"{_FILE_COLUMNS}, and two rows or more")
     return [
-        [f"{depth!r} {units['depth']}", f"{hardness!r} {units['hardness']}"]
-        for depth, hardness in numbers
+        [f"{value!r} {column[2]}" for value, column in zip(row, columns, strict=True)]
+        for row in numbers.tolist()
     ]

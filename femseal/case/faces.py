@@ -223,11 +223,8 @@ class FileFace(MapFile):
         for place in self.places:
             if place.path is None:
                 raise fault("face.places", "a place without path", "a path in every place")
-            name, own = (
-                str(place.path),
-                {key: getattr(place, key) for key in place.model_fields_set},
-            )
-            paths = [place.path]
+            own = {key: getattr(place, key) for key in place.model_fields_set}
+            name, paths = str(place.path), [place.path]
             if glob.has_magic(name) and "\0" not in name:
                 paths = [Path(path) for path in sorted(glob.glob(name, root_dir=folder))]
             found += [
@@ -237,8 +234,6 @@ class FileFace(MapFile):
             names = ", ".join(str(place.path) for place in self.places)
             given = f"'{shortened(names)}', which is {'one file' if found else 'no file'}"
             raise fault("face.places", given, "at least two; path for a single one")
-        if (twice := [table for n, table in enumerate(found) if table in found[:n]]) != []:
-            raise fault("face.places", f"'{shortened(twice[0].path)}' twice", "each place once")
         return found
 
     def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:

@@ -8,8 +8,8 @@ from pydantic_core import PydanticCustomError
 
 from ..base import InputError, shortened
 
-#: Longest fault in characters; of a longer one the end is left out.
-_LONGEST = 400
+#: Longest text of what is expected, in characters; a longer one loses its middle.
+_LONGEST = 300
 #: Fields of a case that are no keys of its file.
 INTERNAL = ("folder", "fluid_warnings", "solid_warnings")
 #: Arguments of `topography` by their key in a case.
@@ -53,9 +53,11 @@ MAP_TABLES = {"map": "load"} | dict.fromkeys(
 
 def fault(what: str, given: object, expected: str) -> PydanticCustomError:
     """Fault of a case that involves several keys, for validators to raise."""
-    context = {"what": what, "given": shortened(given)}
-    room = _LONGEST - len("".join(context.values()))
-    context["expected"] = expected if len(expected) <= room else f"{expected[: room - 1]}…"
+    context = {
+        "what": what,
+        "given": shortened(given),
+        "expected": shortened(expected, _LONGEST),
+    }
     return PydanticCustomError("input", "{what}: given {given}, expected {expected}", context)
 
 

@@ -13,21 +13,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from ..base import InputError, shown, to_text
+from ..base import shown, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas
 from .faults import fault, faults_of
-from .values import Amount, Pressure, Table, Usual, in_si, key, table_of_any
+from .values import Amount, Pressure, Table, Usual, key, table_of_any, value_of
 
 if TYPE_CHECKING:
     from ..studies.scene import FluidState
 
 #: Ratio of a given property to that of the named fluid from which on a warning says so.
 _ODD_RATIO = 2.0
-_LEAVE_OUT = "leave out the key, or the name"
 
 
 class FluidTable(Table):
@@ -95,40 +94,27 @@ def with_absolute_pressures(data: dict[str, Any]) -> dict[str, Any]:
     They are above `ambient_pressure` of [fluid], of a test fluid above its own if it has one. Beside them, or with an
     ambient pressure, an outlet without a pressure is at the ambient one.
     """
-    found, (fluid, seal, output) = (
-        dict(data),
-        (data.get(key) for key in ("fluid", "seal", "output")),
-    )
-    ambient = _ambient(fluid, None)
+    found = dict(data)
+    fluid, seal, output = (data.get(key, {}) for key in ("fluid", "seal", "output"))
+    ambient = value_of(fluid, "ambient_pressure", "Pa")
     gauge = ambient is not None
-    if isinstance(seal, dict) and isinstance(inlets := seal.get("inlet"), dict):
+    if isinstance(inlets := seal.get("inlet"), dict):
         own = {name: _absolute(p, ambient, f"seal.inlet.{name}") for name, p in inlets.items()}
         found["seal"], gauge = {**seal, "inlet": own}, gauge or own != inlets
-    if isinstance(fluid, dict):
+    if "fluid" in data:
         found["fluid"] = _with_absolute_ends(fluid, "fluid", ambient, gauge)
-    if isinstance(output, dict) and isinstance(test := output.get("test_fluid"), dict):
-        around = _ambient(test, ambient)
+    if isinstance(test := output.get("test_fluid"), dict):
+        around = value_of(test, "ambient_pressure", "Pa", ambient)
         test = _with_absolute_ends(test, "output.test_fluid", around, around is not None)
         found["output"] = {**output, "test_fluid": test}
     return found
 
 
-def _ambient(table: Any, default: float | None) -> float | None:
-    """Ambient pressure of the table of a fluid [Pa]; the default if it has none."""
-    try:
-        return in_si(table["ambient_pressure"], "Pa")
-    except (KeyError, TypeError):
-        return default
-    except InputError:
-        return default  # that fault is reported with its key
-
-
 def _absolute(value: Any, ambient: float | None, place: str) -> Any:
     """A pressure as it is given, in Pa where it says that it is gauge or absolute."""
+    around = STANDARD_PRESSURE if ambient is None else ambient
     with faults_of():
-        pressure = absolute_pressure(
-            value, STANDARD_PRESSURE if ambient is None else ambient, place
-        )
+        pressure = absolute_pressure(value, around, place)
     return value if pressure is None else Amount(pressure, "Pa")
 
 
@@ -148,30 +134,20 @@ def _with_dynamic_viscosity(
     table: dict[str, Any], place: str, density: float | None = None
 ) -> dict[str, Any]:
     """The table of a fluid, whose viscosity is dynamic where it was kinematic; `density` : unless the table has one."""
-    try:
-        kinematic = in_si(table["viscosity"], "m^2/s")
-    except (InputError, KeyError):
+    kinematic = value_of(table, "viscosity", "m^2/s")
+    if kinematic is None:
         return table
-    if table.get("kind", "liquid") in (
-        gas.kind for gas in FLUIDS.values() if hasattr(gas, "reference_pressure")
-    ):
-        raise fault(
-            f"{place}.viscosity",
-            shown(table["viscosity"]),
-            "a dynamic viscosity of a gas, such as '18 uPa*s'",
-        )
-    try:
-        density = in_si(table["density"], "kg/m^3") if "density" in table else density
-    except InputError:
-        density = 1.0  # that fault is reported with its key
-    if density is None:
+    kind, expected = FLUIDS.get(table.get("kind", "liquid")), ""
+    if "density" in table:
+        density = value_of(table, "density", "kg/m^3", 1.0)
+    if hasattr(kind, "reference_pressure"):
+        expected = "a dynamic viscosity of a gas, such as '18 uPa*s'"
+    elif density is None:
         expected = "a density beside a kinematic viscosity, such as '870 kg/m^3'; or a dynamic one, such as '1 mPa*s'"
+    if expected:
         raise fault(f"{place}.viscosity", shown(table["viscosity"]), expected)
-    return (
-        {**table, "viscosity": Amount(kinematic * density, "Pa*s")}
-        if kinematic * density > 0
-        else table
-    )
+    dynamic = kinematic * (density or 0.0)
+    return {**table, "viscosity": Amount(dynamic, "Pa*s")} if dynamic > 0 else table
 
 
 def with_named_fluids(data: dict[str, Any]) -> dict[str, Any]:
@@ -180,35 +156,22 @@ def with_named_fluids(data: dict[str, Any]) -> dict[str, Any]:
     `fluid_warnings` says which given keys differ much from what the name stands for.
     """
     odd: list[str] = []
-    found: dict[str, Any] = (
-        {"fluid": _filled(data.get("fluid"), "fluid", odd)} if "fluid" in data else {}
-    )
-    if isinstance(output := data.get("output"), dict) and "test_fluid" in output:
-        found["output"] = {
-            **output,
-            "test_fluid": _filled(output["test_fluid"], "output.test_fluid", odd),
-        }
-    return {**data, **found, "fluid_warnings": tuple(odd)}
+    found = dict(data)
+    if "fluid" in data:
+        found["fluid"] = _filled(data["fluid"], "fluid", odd)
+    output = data.get("output", {})
+    if isinstance(test := output.get("test_fluid"), dict):
+        found["output"] = {**output, "test_fluid": _filled(test, "output.test_fluid", odd)}
+    return {**found, "fluid_warnings": tuple(odd)}
 
 
-def _filled(table: Any, place: str, odd: list[str]) -> Any:
+def _filled(table: dict[str, Any], place: str, odd: list[str]) -> dict[str, Any]:
     """The table of a fluid; `place` is its key in the case; what is odd in it is added to `odd`."""
-    if not isinstance(table, dict):
-        return table
     if "name" not in table:
         return _with_dynamic_viscosity(table, place)
-    try:
-        temperature = (
-            in_si(table["temperature"], "K") if "temperature" in table else TABLE_TEMPERATURE
-        )
-        inlet = in_si(table.get("inlet_pressure"), "Pa")
-        outlet = in_si(table.get("outlet_pressure", "1 atm"), "Pa")
-    except InputError:
-        temperature, inlet, outlet = (
-            TABLE_TEMPERATURE,
-            101_325.0,
-            101_325.0,
-        )  # that fault is reported with its key
+    temperature = value_of(table, "temperature", "K", TABLE_TEMPERATURE)
+    outlet = value_of(table, "outlet_pressure", "Pa", STANDARD_PRESSURE)
+    inlet = value_of(table, "inlet_pressure", "Pa", outlet)
     with faults_of(place):
         if table.get("kind") == RealGas.kind:
             RealGas(table["name"], temperature if temperature > 0 else TABLE_TEMPERATURE)
@@ -235,20 +198,14 @@ def overriding(
     given: dict[str, Any], known: dict[str, float], units: dict[str, str], place: str
 ) -> Iterator[str]:
     """A sentence for each key that stands in place of a much larger or smaller value of the named fluid."""
-    for name in (name for name in known if name in given and name in units):
-        try:
-            value = in_si(given[name], units[name])
-        except InputError:  # that fault has its own line
-            continue
+    for name in (name for name in known if name in units):
+        value = value_of(given, name, units[name], 0.0)
         if value > 0 and not 1 / _ODD_RATIO <= (ratio := value / known[name]) <= _ODD_RATIO:
             unit = units[name].replace("*", "·")
             times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
             # machining hardens a soft metal
-            advice = (
-                "right if it was measured, else leave out the key"
-                if name == "hardness"
-                else _LEAVE_OUT
-            )
+            measured = "right if it was measured, else leave out the key"
+            advice = measured if name == "hardness" else "leave out the key, or the name"
             yield (
                 f"{place}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
                 f"{to_text(known[name], unit)}: {advice}"

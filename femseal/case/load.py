@@ -6,7 +6,6 @@ To add a kind of map, write a table with `make` and put it into `AnyMapTable`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,24 +19,23 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ..base import InputError, to_si, to_text
-from ..loads import LOAD_UNITS, nominal_pressure, relaxed
+from ..base import InputError, to_si
+from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
 from ..seal.pressure_map import (
     AngleTable,
     AnyMap,
     MapsAtLoads,
-    PressureField,
-    PressureMap,
     Profile,
     Uniform,
 )
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
-from .faults import faults_of, refusal
+from .faults import fault, faults_of, refusal
 from .values import (
     Amount,
     Angle,
     Count,
+    MadeTable,
     Place,
     Quantity,
     Relaxation,
@@ -86,32 +84,28 @@ Load = Annotated[
 Fraction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class MapTable(Table):
+_MAPS: dict[str, Callable[..., Any]] = {
+    "uniform": Uniform,
+    "profile": Profile,
+    "angle": AngleTable,
+    "field": read_pressure_field,
+}
+
+
+class MapTable(MadeTable):
     """A map of the contact pressure over the seal, see `seal.pressure_map`."""
 
+    makers = _MAPS
+    apart = ("at",)
+    place = "load.map"
     kind: str
     at: Load | None = key("load at which one of several maps holds", None, example="200 MPa")
-
-    def make(self, folder: Path) -> PressureMap:
-        """The map."""
-        raise NotImplementedError
-
-    @model_validator(mode="after")
-    def _possible(self) -> MapTable:
-        if not isinstance(self, FieldMap):  # a file is read once the case is prepared
-            with faults_of("load.map"):
-                self.make(Path())
-        return self
 
 
 class UniformMap(MapTable):
     """The nominal pressure everywhere."""
 
     kind: Literal["uniform"]
-
-    def make(self, folder: Path) -> PressureMap:
-        """The map."""
-        return Uniform()
 
 
 #: In equal strips or at given places.
@@ -127,10 +121,6 @@ class ProfileMap(MapTable):
         "of the fractions across the seal, on a ring radii", (), example=["10 mm", "12 mm"]
     )
 
-    def make(self, folder: Path) -> PressureMap:
-        """The map."""
-        return Profile(self.fractions, self.positions)
-
 
 class AngleMap(MapTable):
     """Pressure around the seal, see `seal.pressure_map.AngleTable`."""
@@ -142,10 +132,6 @@ class AngleMap(MapTable):
     )
     repeat: Count = key("times that the fractions repeat", 1, instead="angles")
 
-    def make(self, folder: Path) -> PressureMap:
-        """The map."""
-        return AngleTable(self.fractions, self.angles, self.repeat)
-
 
 class FieldMap(MapTable):
     """Pressure from a file, see `seal.seal_files.read_pressure_field`."""
@@ -156,10 +142,9 @@ class FieldMap(MapTable):
     length_unit: str = key("of the coordinates", example="mm")
     pressure_unit: str = key("of the pressures", example="MPa")
 
-    def make(self, folder: Path) -> PressureField:
-        """The map."""
-        units = {"length_unit": self.length_unit, "pressure_unit": self.pressure_unit}
-        return read_pressure_field(folder / self.path, name=self.name, **units)
+    @model_validator(mode="after")
+    def _possible(self) -> FieldMap:
+        return self  # the file is read once the case is prepared
 
 
 AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(discriminator="kind")]
@@ -206,39 +191,23 @@ class LoadTable(Table):
         at = [one.at for one in self.map or () if one.at is not None]
         units = dict.fromkeys(getattr(load, "unit", "Pa") for load in [*loads, *at])
         if len(units) > 1:
-            raise PydanticCustomError(
-                "load", "loads of one kind, not {units}", {"units": " and ".join(units)}
-            )
-        if self.map is not None and len(self.map) != 1:
-            if not self.map or len(at) < len(self.map):
-                raise PydanticCustomError("map", "one table `map`, or several that all have `at`")
-            if any(b <= a for a, b in pairwise(at)):
-                raise PydanticCustomError("map", "several tables `map` whose `at` rise")
+            raise refusal(f"loads of one kind, not {' and '.join(units)}")
+        several = self.map is not None and len(self.map) != 1
+        if several and (not at or len(at) < len(self.map or ()) or at != sorted({*at})):
+            expected = "one table `map`, or several that all have `at`, and whose `at` rise"
+            raise refusal(expected)
         return self
 
     @model_validator(mode="after")
     def _programme(self) -> LoadTable:
         """Raise a fault if the loads are no programme: they rise, and are unloaded from peaks that they reach."""
-        if any(b <= a for a, b in pairwise(self.loading)):
-            raise PydanticCustomError("load", "rising pressures in `loading`")
-        if bool(self.unload_from) != bool(self.unloading) and (
-            self.unloading or not self.relaxation
-        ):
-            raise PydanticCustomError("load", "`unload_from` and `unloading` both, or neither")
         peaks = self.peaks
-        steps = len(self.loading) + len(peaks) * (
-            1 + len(self.unloading) + (len(peaks) if self.relaxation else 0)
-        )
+        stops = len(self.unloading) + (len(peaks) if self.relaxation else 0)
+        steps = len(self.loading) + len(peaks) * (1 + stops)
         if steps > _MOST_STEPS:
-            raise PydanticCustomError(
-                "load", "at most {most} steps, not {n}", {"most": _MOST_STEPS, "n": steps}
-            )
-        for peak in self.unload_from:
-            if not self.relaxation and not any(p < peak for p in self.unloading):
-                low = to_text(peak, self.unit)
-                raise PydanticCustomError(
-                    "load", "a pressure in `unloading` below the peak {low}", {"low": low}
-                )
+            raise fault("load", f"{steps} steps", f"at most {_MOST_STEPS} steps")
+        with faults_of("load"):
+            LoadProgramme.of(**self.pressures(1.0, 1.0))
         return self
 
     @property

@@ -4,15 +4,14 @@ from typing import Any
 
 from .case import Case
 from .faults import INTERNAL
-from .values import Table
 
 
-def case_schema(case: type[Table] = Case) -> dict[str, Any]:
+def case_schema() -> dict[str, Any]:
     """Schema (draft 7, which editors know) of a case file: its tables, keys and kinds of values.
 
     Rules between keys and ranges of quantities are not in the schema; `load_case` checks them.
     """
-    schema = case.model_json_schema(ref_template="#/definitions/{model}")
+    schema = Case.model_json_schema(ref_template="#/definitions/{model}")
     schema["definitions"] = schema.pop("$defs")
     for name in INTERNAL:
         del schema["properties"][name]

@@ -6,72 +6,44 @@ table, with a key for each parameter.
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base import InputError, shortened
 from ..base.leak_rates import STANDARD_PRESSURE
-from ..seal.form import FORMS, SealForm
+from ..seal.form import FORMS
 from ..seal.lay import NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
-from ..topography.seat import SEATS, Seat
-from .faults import fault, faults_of, refusal
+from ..topography.seat import SEATS
+from .faults import fault, refusal
 from .values import (
     Amount,
     Length,
     LengthUnit,
+    MadeTable,
     Pressure,
     Quantity,
     Shift,
-    Table,
     Usual,
-    in_si,
     key,
+    listed,
     quantity_schema,
     table_of_any,
+    value_of,
 )
 
 
-class FormTable(Table):
+class FormTable(MadeTable):
     """A form of the whole seal, with a key for each of its parameters."""
 
-    if TYPE_CHECKING:
-        kind: str
+    makers = FORMS
+    apart = ("tolerance",)
+    place = "seal.form"
     tolerance: float = key(
         "relative error of the height, for the budget", 0.0, example=0.2, since="0.2", ge=0, lt=1
     )
-
-    def form(self, folder: Path) -> SealForm:
-        """The form; paths are relative to a folder."""
-        return FORMS[self.kind](**_parameters(self, folder, "kind", "tolerance"))
-
-    @model_validator(mode="after")
-    def _possible(self) -> FormTable:
-        with faults_of("seal.form"):
-            self.form(Path())
-        return self
-
-
-def _parameters(table: Table, folder: Path, *but: str) -> dict[str, Any]:
-    """Values of the keys of a table but for some, with paths relative to a folder."""
-    given = {name: getattr(table, name) for name in type(table).model_fields if name not in but}
-    return {
-        name: folder / value if isinstance(value, Path) else value for name, value in given.items()
-    }
-
-
-def _forms(value: Any) -> Any:
-    """A list of forms from one or several, each of the kind "file" where it has a path and no kind."""
-    forms = [value] if isinstance(value, dict) else value
-    if not isinstance(forms, list | tuple):
-        return value
-    return [
-        {"kind": "file", **form} if isinstance(form, dict) and "path" in form else form
-        for form in forms
-    ]
 
 
 _UNITS_OF_FORMS: dict[str, Any] = {"unit": LengthUnit | None, "length_unit": LengthUnit}
@@ -79,19 +51,18 @@ _UNITS_OF_FORMS: dict[str, Any] = {"unit": LengthUnit | None, "length_unit": Len
 if TYPE_CHECKING:
     AnyForm = FormTable
 else:
-    AnyForm = table_of_any(
-        FORMS,
-        FormTable,
-        lambda form: _UNITS_OF_FORMS if "path" in {f.name for f in fields(form)} else {},
-    )
+    AnyForm = table_of_any(FORMS, FormTable, lambda form: _UNITS_OF_FORMS)
 
 
-class SealTable(Table):
+class SealTable(MadeTable):
     """The shape of the seal, with a key for each of its parameters, and the form of its faces."""
 
     if TYPE_CHECKING:
-        kind: str
-    form: Annotated[tuple[AnyForm, ...], BeforeValidator(_forms), Field(max_length=4)] | None = key(
+        lay: Any
+    makers = LAYOUTS
+    apart = ("form", "flatness")
+    place = "seal"
+    form: Annotated[tuple[AnyForm, ...], BeforeValidator(listed), Field(max_length=4)] | None = key(
         "form of the whole seal; several add up",
         None,
         since="0.2",
@@ -103,15 +74,9 @@ class SealTable(Table):
         since="0.2",
     )
 
-    def forms(self, folder: Path) -> tuple[SealForm, ...]:
-        """The forms of the faces; paths are relative to a folder."""
-        return tuple(one.form(folder) for one in self.form or ())
-
-    def layout(self, folder: Path) -> Layout:
+    def make(self, folder: Path, **more: Any) -> Layout:
         """The shape; paths are relative to a folder."""
-        given = _parameters(self, folder, "kind", "form", "flatness")
-        lay = {"lay": Lay.of(given["lay"], folder)} if "lay" in given else {}
-        return LAYOUTS[self.kind](**given | lay)
+        return super().make(folder, lay=Lay.of(self.lay, folder), **more)
 
     def files(self) -> list[tuple[str, Path]]:
         """Key and path of every file that shapes the seal."""
@@ -121,14 +86,8 @@ class SealTable(Table):
             if isinstance(value := getattr(self, name), Path)
         ]
         found += [("form.path", one.path) for one in self.form or () if hasattr(one, "path")]
-        lay = Lay.of(getattr(self, "lay", "x2"))
+        lay = Lay.of(self.lay)
         return found + ([("lay", lay.file)] if lay.file is not None else [])
-
-    @model_validator(mode="after")
-    def _possible(self) -> SealTable:
-        with faults_of("seal"):
-            self.layout(Path())
-        return self
 
 
 def _lay(value: Any) -> Any:
@@ -163,20 +122,16 @@ def _inlets(value: Any) -> Any:
 
 def with_inlet_pressure(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a case, in which inlets with pressures of their own give the highest one to the fluid."""
-    seal, fluid = data.get("seal"), data.get("fluid")
-    if not isinstance(seal, dict) or not isinstance(fluid, dict):
-        return data
+    seal, fluid = data.get("seal", {}), data.get("fluid")
     inlets = seal.get("inlet")
-    if seal.get("kind") != MeshLayout.kind or not isinstance(inlets, dict):
+    if fluid is None or seal.get("kind") != MeshLayout.kind or not isinstance(inlets, dict):
         return data
     if "inlet_pressure" in fluid:
         given = f"{shortened(repr(fluid['inlet_pressure']), 60)} beside the pressures of the inlets in seal.inlet"
         raise fault("fluid.inlet_pressure", given, "none there")
-    try:
-        highest = max(in_si(p, "Pa") for p in inlets.values())
-    except (InputError, ValueError):
-        highest = STANDARD_PRESSURE  # that fault is reported with its key
-    return {**data, "fluid": {**fluid, "inlet_pressure": Amount(highest, "Pa")}}
+    known = [value_of(inlets, name, "Pa", STANDARD_PRESSURE) for name in inlets]
+    highest = Amount(max(known, default=STANDARD_PRESSURE), "Pa")
+    return {**data, "fluid": {**fluid, "inlet_pressure": highest}}
 
 
 _LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}]}
@@ -202,11 +157,6 @@ _KEYS: dict[str, Any] = {
 _KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
 
 
-def _keys(layout: Any) -> dict[str, Any]:
-    known = _KEYS | (_KEYS_OF_MESHES if layout is MeshLayout else {})
-    return {f.name: known[f.name] for f in fields(layout) if f.name in known}
-
-
 def _strip_by_default(value: Any) -> Any:
     return {"kind": RectangularLayout.kind, **value} if isinstance(value, dict) else value
 
@@ -214,14 +164,20 @@ def _strip_by_default(value: Any) -> Any:
 if TYPE_CHECKING:
     AnySeal = SealTable
 else:
-    AnySeal = Annotated[table_of_any(LAYOUTS, SealTable, _keys), BeforeValidator(_strip_by_default)]
+    AnySeal = Annotated[
+        table_of_any(
+            LAYOUTS, SealTable, lambda one: _KEYS | (_KEYS_OF_MESHES if one is MeshLayout else {})
+        ),
+        BeforeValidator(_strip_by_default),
+    ]
 
 
-class SeatTable(Table):
+class SeatTable(MadeTable):
     """The form of the seat, with a key for each of its parameters."""
 
-    if TYPE_CHECKING:
-        kind: str
+    makers = SEATS
+    apart = ("tolerance",)
+    place = "seat"
     tolerance: float = key(
         "relative error of the depth of the form, for the budget",
         0.0,
@@ -229,22 +185,8 @@ class SeatTable(Table):
         lt=1,
     )
 
-    def seat(self, folder: Path) -> Seat:
-        """The form; paths are relative to a folder."""
-        return SEATS[self.kind](**_parameters(self, folder, "kind", "tolerance"))
-
-    @model_validator(mode="after")
-    def _possible(self) -> SeatTable:
-        with faults_of("seat"):
-            self.seat(Path())
-        return self
-
 
 if TYPE_CHECKING:
     AnySeat = SeatTable
 else:
-    AnySeat = table_of_any(
-        SEATS,
-        SeatTable,
-        lambda seat: {"unit": LengthUnit} if "unit" in {f.name for f in fields(seat)} else {},
-    )
+    AnySeat = table_of_any(SEATS, SeatTable, lambda seat: {"unit": LengthUnit})

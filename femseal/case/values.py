@@ -5,12 +5,23 @@ Registered classes, such as fluids, get their tables automatically.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import reduce
 from operator import or_
+from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from pydantic import (
     BaseModel,
@@ -22,13 +33,14 @@ from pydantic import (
     ValidationError,
     WithJsonSchema,
     create_model,
+    model_validator,
 )
 from pydantic_core import core_schema
 
 from ..base import InputError, to_si
 from ..base.quantities import with_its_unit
 from ..materials import YOUNG_LIMITS
-from .faults import refusal
+from .faults import faults_of, refusal
 
 #: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.
 _LARGEST = 1e30
@@ -62,6 +74,14 @@ def in_si(value: Any, unit: str, like: str = "") -> float:
     if isinstance(value, Amount) and value.unit == unit:
         return float(value)
     return to_si(value, unit, like=like)
+
+
+def value_of(table: dict[str, Any], name: str, unit: str, default: Any = None) -> Any:
+    """The value in SI of a key of a raw table; the default where it has none, or one whose fault is told elsewhere."""
+    try:
+        return in_si(table[name], unit)
+    except (InputError, KeyError):
+        return default
 
 
 def key(
@@ -108,7 +128,7 @@ class Quantity:
         try:
             number = in_si(value, self.unit, self.example)
         except InputError as error:
-            raise refusal(error.expected) from None
+            raise refusal(error.expected if self.unit else self.expected) from None
         if not self.test(number):
             raise refusal(self.expected)
         if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
@@ -166,6 +186,19 @@ class Both:
             ) from None
 
 
+def listed(value: Any) -> Any:
+    """A list of tables from one or several, each of the kind "file" where it has a path or places and no kind."""
+    tables = [value] if isinstance(value, dict) else value
+    if not isinstance(tables, (list, tuple)):
+        return value
+    return [
+        {"kind": "file", **table}
+        if isinstance(table, dict) and {"path", "places"} & {*table}
+        else table
+        for table in tables
+    ]
+
+
 def quantity_schema(described: str) -> dict[str, Any]:
     """JSON schema of a number with a unit, as text."""
     pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"
@@ -184,19 +217,6 @@ def _channel(value: Any) -> int | str:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MOST:
         raise refusal("the number of a channel, from 0, or its name")
     return value
-
-
-_ACCURACY_EXPECTED = "a fraction above 0 and below 1, such as '10 %'"
-
-
-def _accuracy(value: Any) -> float:
-    try:
-        fraction = to_si(value, "", "value")
-    except InputError:
-        fraction = -1.0
-    if isinstance(value, bool) or not 0 < fraction < 1:
-        raise refusal(_ACCURACY_EXPECTED)
-    return fraction
 
 
 def _length_unit(value: Any) -> str:
@@ -270,9 +290,7 @@ Duration = Annotated[
     float, Quantity("s", _positive, "a time > 0, such as '30 min'"), Usual(1.0, 3e7, "s")
 ]
 Accuracy = Annotated[
-    float,
-    BeforeValidator(_accuracy),
-    WithJsonSchema({"type": ["number", "string"], "expected": _ACCURACY_EXPECTED}),
+    float, Quantity("", lambda x: 0 < x < 1, "a fraction above 0 and below 1, such as '10 %'")
 ]
 Shift = Annotated[
     float, Quantity("m", lambda x: True, "a length, such as '-20 um'"), Usual(-10.0, 10.0, "m")
@@ -301,22 +319,49 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class MadeTable(Table):
+    """A table of the parameters of something that is made, by its kind.
+
+    makers : what makes it of them, by its kind. apart : keys that are no parameters of it. place : of the table.
+    """
+
+    if TYPE_CHECKING:
+        kind: str
+    makers: ClassVar[Mapping[str, Callable[..., Any]]]
+    apart: ClassVar[tuple[str, ...]]
+    place: ClassVar[str]
+
+    def make(self, folder: Path, **more: Any) -> Any:
+        """What the table describes; paths are relative to a folder."""
+        parameters = {
+            name: folder / value if isinstance(value, Path) else value
+            for name, value in self
+            if name not in ("kind", *self.apart)
+        }
+        return self.makers[self.kind](**parameters | more)
+
+    @model_validator(mode="after")
+    def _possible(self) -> MadeTable:
+        with faults_of(self.place):
+            self.make(Path())
+        return self
+
+
 def unusual(table: Table, place: str = "") -> Iterator[str]:
     """A sentence for each key of a table, and of those in it, with a value out of its `Usual` range; 0 is in any."""
     for name, info in type(table).model_fields.items():
-        kind, value, key = info.annotation, getattr(table, name), f"{place}.{name}".lstrip(".")
-        if isinstance(value, Table):
-            yield from unusual(value, key)
-        elif isinstance(value, tuple) and any(isinstance(one, Table) for one in value):
-            for n, one in enumerate(value):
-                yield from unusual(one, f"{key}.{n}" if len(value) > 1 else key)
-        else:
-            odd = tuple(
-                _out_of_range(Annotated[(kind, *info.metadata)] if info.metadata else kind, value)
-            )
-            more = f" (and {len(odd) - 1} more)" if len(odd) > 1 else ""
-            for one, ends in odd[:1]:
-                yield f"{key} {one}{more} is not in the usual range, {ends}: is its unit meant?"
+        value, key = getattr(table, name), f"{place}.{name}".lstrip(".")
+        tables = [
+            one
+            for one in (value if isinstance(value, tuple) else (value,))
+            if isinstance(one, Table)
+        ]
+        for n, one in enumerate(tables):
+            yield from unusual(one, f"{key}.{n}" if len(tables) > 1 else key)
+        odd = list(_out_of_range(Annotated[(info.annotation, *info.metadata, "")], value))
+        more = f" (and {len(odd) - 1} more)" if len(odd) > 1 else ""
+        for number, ends in odd[:1]:
+            yield f"{key} {number}{more} is not in the usual range, {ends}: is its unit meant?"
 
 
 def _out_of_range(kind: Any, value: Any) -> Iterator[tuple[str, str]]:
@@ -351,7 +396,8 @@ def table_of_any(
 
     registered : frozen dataclasses by their kind, whose quantities are declared by `base.validate.parameter`.
     base : base class of their tables.
-    more : annotations in place of those of its fields, and further keys, as pydantic's `create_model` takes them.
+    more : by a class, annotations in place of those of fields that it has, and further keys, as pydantic's
+        `create_model` takes them.
     """
     tables = [_table(kind, made, base, more(made)) for kind, made in registered.items()]
     if len(tables) == 1:  # a single class needs no discriminator
@@ -370,7 +416,7 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
         if "allowed" in f.metadata:
             value = Annotated[value, *_quantity(f.metadata)]
         keys[f.name] = value, key(default=... if f.default is MISSING else f.default, **told)
-    keys |= {name: value for name, value in more.items() if name not in keys}
+    keys |= {name: value for name, value in more.items() if isinstance(value, tuple)}
     name, summary = f"{made.__name__}Table", (made.__doc__ or "").split("\n\n")[0]
     table = create_model(name, __base__=base, __doc__=summary, **keys)
     globals().setdefault(name, table)  # where pickle looks for it: processes get cases

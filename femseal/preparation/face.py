@@ -3,7 +3,7 @@
 Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import InputError, NotConverged, to_text
+from ..base import InputError, NotConverged, Shape, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
 from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
@@ -34,10 +34,12 @@ from ..topography import (
     Representative,
     Topography,
     check_wave,
+    combine,
     continuation_of,
     default_wave,
     of_all_places,
     repair,
+    representative,
     resolved_wave,
     resolving_shape,
     shortest_place,
@@ -45,9 +47,7 @@ from ..topography import (
     spectrum,
     spike_effect,
 )
-from ..topography.combined import combine
-from ..topography.long_waves import representative
-from .prepared import Pair, check_memory_of_points
+from .prepared import check_memory_of_points
 
 #: Fraction of the measured rms slope that the pixels of a measured face must keep to be fine enough.
 KEPT_SLOPE = 0.99
@@ -63,7 +63,7 @@ class ConditionedFace:
     surface: Topography
     conditioning: Conditioning
     overlap: Overlap | None
-    cells: Pair | None
+    cells: Shape | None
     continuation: Continuation | None
 
 
@@ -72,115 +72,91 @@ def conditioned_face(case: Case) -> ConditionedFace:
 
     Raises InputError: a face that cannot be read or used, or pieces that do not suit it.
     """
-    for place, table in zip(face_places(case), case.face, strict=True):
+    for place, table in zip(_face_places(case), case.face, strict=True):
         if not isinstance(table, FileFace):
             check_memory_of_points(f"{place}.points", table.points)
-    raws, separately, overlap, spikes = _combined_faces(case)
-    every = []
-    for raw, _ in raws:
-        with with_keys(SURFACE_KEYS | {"heights": "face"}):
-            every.append(repair(raw, spikes=spikes, **_treatment(case)))
-    flat, repaired = every[0]
-    instrument = _worst([(face, own) for (face, _), (_, own) in zip(every, raws, strict=True)])
-    if len(every) > 1:
-        # what was repaired is said of each, as of two faces
-        separately, repaired = separately or every, replace(repaired, removed=np.zeros(1))
+    flat_places, parts, overlap, instrument = _repaired_faces(case)
+    # what was repaired is said of each part
+    flat, repaired = flat_places[0]
+    repaired = replace(repaired, removed=np.zeros(1))
+    if len(flat_places) > 1:
         with with_keys({"places": "face.places"}):
-            flat = Places([face for face, _ in every])
-    cut_off, asked = case.surface.continue_spectrum, case.surface.shortest_wave
-    longest = asked or instrument.resolution
-    with with_keys(SURFACE_KEYS):
-        continued = (
-            None
-            if cut_off is None
-            else continuation_of(flat, cut_off, longest=longest, rng=case.seed)
-        )
+            flat = Places([face for face, _ in flat_places])
+    one, cut_off, asked = (
+        shortest_place(flat),
+        case.surface.continue_spectrum,
+        case.surface.shortest_wave,
+    )
+    continued = None
+    if cut_off is not None:
+        longest = asked or instrument.resolution
+        with with_keys(SURFACE_KEYS):
+            continued = continuation_of(flat, cut_off, longest=longest, rng=case.seed)
     shape = _grid(case, flat, instrument)
     wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
     check_memory_of_points("surface.points", shape, len(flat.each))
-    of_one = _asked_pieces(case, shortest_place(flat).size)
-    if of_one is None and case.methods & {"two-scale", "blocks"}:
-        of_one = _usual_pieces(case, shortest_place(flat), shape, wave)
-    cells = None if of_one is None else of_all_places(flat, of_one)
+    pieces = _pieces(case, one, shape, wave)
     with with_keys(SURFACE_KEYS):
-        one = shortest_place(flat)
         check_wave(wave, one.size, (shape[0], round(shape[1] * one.shape[1] / flat.shape[1])))
         surface, report = smooth(
             flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument
         )
-    if of_one is not None:
-        Cut.of(shortest_place(surface), of_one)  # refuses pieces of too few points
-    report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
+    if pieces is not None:
+        Cut.of(shortest_place(surface), pieces)  # refuses pieces of too few points
+        pieces = of_all_places(flat, pieces)
+    report = _of_generated(case, flat, replace(report, **_found(parts, wave)))
     if continued is not None:
         surface = continued.added_to(surface)
-        slope, height = surface.rms_slope, surface.rms_height
         report = replace(
             report,
             shortest_wave=continued.cut_off,
-            rms_slope=slope,
-            rms_height=height,
+            rms_slope=surface.rms_slope,
+            rms_height=surface.rms_height,
             unseen_slope=0.0,
         )
-    return ConditionedFace(surface, report, overlap, cells, continued)
+    return ConditionedFace(surface, report, overlap, pieces, continued)
 
 
-def face_places(case: Case) -> list[str]:
+def _face_places(case: Case) -> list[str]:
     """Where the faces are in the file: one table has no number there."""
     return ["face"] if len(case.face) == 1 else [f"face.{n}" for n in range(len(case.face))]
 
 
-#: A map with the instrument that measured it.
-Measured = tuple[Topography, Instrument]
+#: Flat maps, with what was repaired in them.
+Repaired = list[tuple[Topography, Repair]]
 
 
-def _worst(faces: Sequence[Measured]) -> Instrument:
-    """An instrument that sees what those of all flat maps see."""
-    return Instrument(
-        resolution=max(instrument.shortest_wave(flat) for flat, instrument in faces) or None
-    )
+def _repaired_faces(case: Case) -> tuple[Repaired, Repaired, Overlap | None, Instrument]:
+    """Every place of one face, or of the sum of two: repaired, and the maps that were measured or made for it.
 
-
-def _combined_faces(
-    case: Case,
-) -> tuple[list[Measured], list[tuple[Topography, Repair]], Overlap | None, float]:
-    """Every place of one face as it is, or of the sum of two repaired ones, with their instruments.
-
-    Also returned: the repairs of the two, their overlap, and the threshold of the spikes that the sum still has.
+    Also returned: the overlap of two faces, and an instrument that sees what all of them see.
     """
     # every face has its own random stream, independent of later draws of the method
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
-    faces: list[list[Measured]] = []
-    for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
+    treatment = case.surface.model_dump(include={"max_undefined", "detrend"})
+    faces: list[Repaired] = []
+    longest = 0.0
+    for place, table, seed in zip(_face_places(case), case.face, seeds, strict=True):
         rng = np.random.default_rng(seed)
         with with_keys(FACE_KEYS, place):
             tables = table.each(case.folder) if isinstance(table, FileFace) else [table]
-            faces.append([one.make(case.folder, rng) for one in tables])
-    thresholds = [
-        case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face
-    ]
-    if len(faces) == 1:
-        return faces[0], [], None, thresholds[0]
-    repaired: list[list[tuple[Topography, Repair]]] = []
-    for place, maps, most in zip(face_places(case), faces, thresholds, strict=True):
+            maps = [one.make(case.folder, rng) for one in tables]
+        spikes = case.surface.spikes if isinstance(table, FileFace) else inf
         with with_keys(SURFACE_KEYS | {"heights": place}):
-            repaired.append([repair(face, spikes=most, **_treatment(case)) for face, _ in maps])
+            faces.append([repair(face, spikes=spikes, **treatment) for face, _ in maps])
+        every = zip(faces[-1], maps, strict=True)
+        longest = max(longest, *(own.shortest_wave(flat) for (flat, _), (_, own) in every))
+    instrument = Instrument(resolution=longest or None)
+    if len(faces) == 1:
+        return faces[0], faces[0], None, instrument
+    # place n of one face lies on place n of the other; where there are fewer they come again
+    pairs = [[face[n % len(face)] for face in faces] for n in range(max(map(len, faces)))]
     table = case.face[1]
     placement = table.placement if isinstance(table, FileFace) else {}
-    first, second = repaired
-    # place n of one face lies on place n of the other; where there are fewer they come again
-    pairs = [
-        (first[n % len(first)], second[n % len(second)])
-        for n in range(max(len(first), len(second)))
-    ]
-    both = [combine(a, b, **placement) for (a, _), (b, _) in pairs]
-    every = zip(chain(*repaired), chain(*faces), strict=True)
-    worst = _worst([(flat, instrument) for (flat, _), (_, instrument) in every])
-    return (
-        [(surface, worst) for surface, _ in both],
-        [found for pair in pairs for found in pair],
-        both[0][1],
-        inf,
-    )
+    sums, overlaps = zip(*(combine(a, b, **placement) for (a, _), (b, _) in pairs), strict=True)
+    with with_keys(SURFACE_KEYS | {"heights": "face"}):
+        flat = [repair(face, spikes=inf, **treatment) for face in sums]
+    return flat, [*chain(*pairs)], overlaps[0], instrument
 
 
 def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
@@ -196,16 +172,14 @@ def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditi
     return replace(report, shortest_measured=min(made), rms_slope_measured=slope)
 
 
-def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict[str, Any]:
-    """What the report says of two faces that were repaired before they were summed; nothing of a single one."""
-    if not repaired:
-        return {}
+def _found(parts: Repaired, wavelength: float) -> dict[str, Any]:
+    """What the report says of maps that were repaired by themselves."""
     effects: list[dict[str, Any]] = [
-        spike_effect(face, repair.removed, wavelength) for face, repair in repaired
+        spike_effect(face, repair.removed, wavelength) for face, repair in parts
     ]
     return {
-        "undefined_fraction": sum(r.undefined_fraction for _, r in repaired) / len(repaired),
-        "spike_points": sum(r.spike_points for _, r in repaired),
+        "undefined_fraction": sum(r.undefined_fraction for _, r in parts) / len(parts),
+        "spike_points": sum(r.spike_points for _, r in parts),
         **{
             name: max((e[name] for e in effects if e[name] is not None), default=None)
             for name in effects[0]
@@ -213,25 +187,18 @@ def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict
     }
 
 
-def _grid(case: Case, flat: Topography, instrument: Instrument) -> tuple[int, int]:
+def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
     """Points of the grid: those of the case, or of a generated face, or what the shortest measured wave takes.
 
     Those of the case are of one place, the others of all that were measured, side by side. A measured face keeps its
     own pixels where waves of 8 of them have nearly all of its slope.
     """
-    cut_off, points, size = (
-        case.surface.continue_spectrum,
-        case.surface.points,
-        shortest_place(flat).size,
-    )
-    if (
-        cut_off is not None
-        and points is not None
-        and cut_off < resolved_wave(size, points) * (1 - 1e-9)
-    ):
-        expected = f"8 pixels to continue_spectrum, {list(resolving_shape(size, cut_off))}"
-        raise InputError("surface.points", list(points), expected)
+    cut_off, points = case.surface.continue_spectrum, case.surface.points
     if points is not None:
+        size = shortest_place(flat).size
+        if cut_off is not None and cut_off < resolved_wave(size, points) * (1 - 1e-9):
+            expected = f"8 pixels to continue_spectrum, {list(resolving_shape(size, cut_off))}"
+            raise InputError("surface.points", list(points), expected)
         return of_all_places(flat, points)
     if cut_off is not None:
         return resolving_shape(flat.size, cut_off)
@@ -240,9 +207,7 @@ def _grid(case: Case, flat: Topography, instrument: Instrument) -> tuple[int, in
     return default_grid(flat, case.surface.shortest_wave, instrument)
 
 
-def default_grid(
-    flat: Topography, shortest_wave: float | None, instrument: Instrument
-) -> tuple[int, int]:
+def default_grid(flat: Topography, shortest_wave: float | None, instrument: Instrument) -> Shape:
     """Points on which a measured face is solved unless the case says otherwise, see `topography.resolving_shape`.
 
     flat : without undefined points.
@@ -264,34 +229,31 @@ def default_grid(
     return resolving_shape(flat.size, shortest_wave) if wide else shape
 
 
-def _treatment(case: Case) -> dict[str, Any]:
-    return {"max_undefined": case.surface.max_undefined, "detrend": case.surface.detrend}
+def _pieces(case: Case, place: Topography, shape: Shape, wave: float) -> Shape | None:
+    """Pieces along both axes of a place, None where the methods need none.
 
-
-def _asked_pieces(case: Case, face: tuple[float, float]) -> Pair | None:
-    """Number of pieces along both axes of a place of such sides [m] that the case asks for; None where it does not."""
+    Unless the case says how many: of blocks, of drawn seals, or of eight shortest waves or more a side.
+    """
+    asked, drawn = case.cells, case.stochastic
     if case.methods == {"deterministic"}:
         return None
-    if case.cells is None or case.cells.size is None:
-        return None if case.cells is None else case.cells.count
-    size, shorter = case.cells.size, min(face)
-    if size > shorter * (1 + 1e-9):
-        expected = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
-        raise InputError("cells.size", to_text(size, "m"), expected)
-    m1, m2 = (max(1, round(length / size)) for length in face)
-    return m1, m2
-
-
-def _usual_pieces(case: Case, place: Topography, shape: Pair, wave: float) -> Pair:
-    """Pieces of blocks; of two scales those of drawn seals too, else of eight shortest waves or more a side."""
+    if asked is not None and asked.size is not None:
+        if asked.size > (shorter := min(place.size)) * (1 + 1e-9):
+            expected = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
+            raise InputError("cells.size", to_text(asked.size, "m"), expected)
+        m1, m2 = (max(1, round(length / asked.size)) for length in place.size)
+        return m1, m2
+    if asked is not None and asked.count is not None:
+        return asked.count
     if "blocks" in case.methods:
         blocks = usual_blocks(shape)
         return PIECES * blocks[0], PIECES * blocks[1]
-    if (drawn := case.stochastic) is not None and "stochastic" in case.methods:
+    if "two-scale" not in case.methods:
+        return None
+    if drawn is not None and "stochastic" in case.methods:
         return usual_pieces(place, in_place=case.layout.has_length and drawn.breadth is None)
-    return max(1, int(place.size[0] / (8 * wave) + 1e-9)), max(
-        1, int(place.size[1] / (8 * wave) + 1e-9)
-    )
+    m1, m2 = (max(1, int(length / (8 * wave) + 1e-9)) for length in place.size)
+    return m1, m2
 
 
 #: Fractions of the variance of the heights that means along x2 keep where grooves run along x2, and of the power of
@@ -310,10 +272,8 @@ def measured_patch(
     """
     if not surface.rms_slope or not any(isinstance(table, FileFace) for table in case.face):
         return None, None
-    holds, loads = (
-        representative(surface),
-        [pressure for pressure in scene.steps.loading if pressure > 0],
-    )
+    holds = representative(surface)
+    loads = [pressure for pressure in scene.steps.loading if pressure > 0]
     said = "detrend" in case.surface.model_fields_set or case.seat.kind != "flat" or case.seal.form
     if said or not loads:
         return holds, None

@@ -1,13 +1,16 @@
 """From a case to the input of the studies: its face, the pieces of it, the seals that are drawn, the scene."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from math import prod
+from typing import Any
 
 from ..base import InputError, to_text
 from ..budget import FormTolerance
 from ..case.case import Case
 from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..case.values import unusual
+from ..seal.form import SealForm
 from ..seal.layouts import Layout
 from ..studies import Sampling, Scene, cut_and_tiles, laid_out
 from ..studies.blocks import blocks_of, check_blocks
@@ -21,7 +24,7 @@ from ..topography import (
     resolving_shape,
     shortest_place,
 )
-from ..topography.seat import LEAST_DEPTH, FlatSeat
+from ..topography.seat import Seat
 from .face import conditioned_face, groove_question, measured_patch, wound_layout
 from .prepared import Pair, Prepared, check_memory, check_memory_of_tiles, refused_if_too_large
 
@@ -43,18 +46,19 @@ def prepare(case: Case) -> Prepared:
         surface, conditioning, layout = face.surface, face.conditioning, wound_layout(case)
         _check_pieces(surface, conditioning, cells := face.cells)
         sampling, size, broader = _seals(case, surface, layout, cells)
-        formed, seat = _with_seat(case, surface, broader)
-        scene = _scene(case, formed, layout, size)
+        seat = None if case.seat.kind == "flat" else case.seat.make(case.folder)
+        scene = _scene(case, _with_seat(case, seat, surface, broader), layout, size)
         doubts: tuple[str, ...] = ()
         if sampling is not None:
-            sampling, cells, doubts = _under_map(case, scene, sampling, cells, size, broader)
+            forms = tuple(one.make(case.folder) for one in case.seal.form or ())
+            forms += (seat,) if broader and seat is not None else ()
+            sampling, cells, doubts = _under_map(case, scene, sampling, cells, size, forms)
         methods = frozenset(case.methods)
         with with_tables(SEAL_TABLES):
             if methods & {"deterministic", "two-scale"}:
                 scene.check_spiral()
             if "blocks" in methods:
                 check_blocks(scene, blocks_of(cells))
-        form = _form_tolerance(case, sampling, broader)
         holds, effect = measured_patch(case, surface, scene)
         return Prepared(
             scene=scene,
@@ -64,8 +68,8 @@ def prepare(case: Case) -> Prepared:
             overlap=face.overlap,
             continuation=face.continuation,
             methods=methods,
-            seat=seat,
-            form=form,
+            seat="" if seat is None else str(seat),
+            form=_form_tolerance(case, sampling, seat),
             holds=holds,
             form_effect=effect,
             flatness=case.seal.flatness,
@@ -80,14 +84,13 @@ def prepare(case: Case) -> Prepared:
         )
 
 
-def _form_tolerance(case: Case, sampling: Sampling | None, broader: bool) -> FormTolerance | None:
+def _form_tolerance(
+    case: Case, sampling: Sampling | None, seat: Seat | None
+) -> FormTolerance | None:
     """Errors of the forms of seal and seat; None of flat ones."""
-    seat = None if case.seat.kind == "flat" else case.seat.seat(case.folder)
     if sampling is not None and sampling.form:
-        of_seat = () if seat is None else (case.seat.tolerance,)
-        return FormTolerance(
-            sampling.form, (*(form.tolerance for form in case.seal.form or ()), *of_seat)
-        )
+        tables: list[Any] = [*(case.seal.form or ()), *([] if seat is None else [case.seat])]
+        return FormTolerance(sampling.form, tuple(table.tolerance for table in tables))
     return None if seat is None else FormTolerance(seat=seat, tolerance=case.seat.tolerance)
 
 
@@ -97,9 +100,8 @@ def _check_pieces(surface: Topography, conditioning: Conditioning, cells: Pair |
     sides = [side / m for side, m in zip(surface.size, cells or (1, 1), strict=True)]
     if cells is not None and min(sides) < least * (1 - 1e-9):
         given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
-        raise InputError(
-            "cells", given, f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}"
-        )
+        allowed = f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}"
+        raise InputError("cells", given, allowed)
 
 
 def _seals(
@@ -130,35 +132,23 @@ def _seals(
     return sampling, (table.breadth or surface.size[0], length), broader
 
 
-def _with_seat(case: Case, surface: Topography, broader: bool) -> tuple[Topography, str]:
-    """The face with the form of its seat, and what that is as a text, "" where it is flat.
+def _with_seat(case: Case, seat: Seat | None, surface: Topography, broader: bool) -> Topography:
+    """The face with the form of its seat.
 
     broader : the seat has the form beside the face, whose heights stay as they are.
 
     Raises InputError: a form that is too steep, or narrower than the face; a broader seat with a method of the face.
     """
-    seat = case.seat.seat(case.folder)
-    if isinstance(seat, FlatSeat):
-        return surface, ""
+    if seat is None:
+        return surface
     if broader and case.methods != {"stochastic"}:
         given = (
             f"a seal that takes pieces anywhere of the face, with {', '.join(sorted(case.methods))}"
         )
-        raise InputError(
-            "seat.kind", given, "the method stochastic alone, or a seal as broad as the face"
-        )
-    if broader:
-        return surface, str(seat)
-    try:
-        formed = seat.on(surface)
-    except InputError as error:
-        raise (error if error.what == "seat" else error.inside("seat")) from None
-    if not seat.matters(surface):
-        return (
-            surface,
-            f"{seat}: its depth is below {LEAST_DEPTH:.1%} of the rms height, and is left out",
-        )
-    return formed, str(seat)
+        allowed = "the method stochastic alone, or a seal as broad as the face"
+        raise InputError("seat.kind", given, allowed)
+    with with_tables({"path": "seat"}):
+        return surface if broader else seat.on(surface)
 
 
 def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, float]) -> Scene:
@@ -194,7 +184,7 @@ def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, 
         raise InputError(
             "load.loading", given, "pressures, forces per length, or a length in [stochastic]"
         )
-    area = seal[0] * seal[1] / case.seat.seat(case.folder).load_factor
+    area = seal[0] * seal[1] / case.seat.make(case.folder).load_factor
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))
     if highest >= case.law.capacity:
@@ -212,39 +202,28 @@ def _under_map(
     sampling: Sampling,
     cells: Pair | None,
     seal: tuple[float, float],
-    broader: bool,
+    forms: tuple[SealForm, ...],
 ) -> tuple[Sampling, Pair, tuple[str, ...]]:
     """The sampling with the map of the pressure or the form of the seal, the pieces, and what is not plausible."""
-    forms = case.seal.forms(case.folder)
-    if broader and case.seat.kind != "flat":
-        forms = (*forms, case.seat.seat(case.folder))
     with with_tables(MAP_TABLES):
         if forms:
             sampling = replace(sampling, form=forms)
         else:
-            sampling = replace(
-                sampling,
-                pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]),
-            )
+            pressure_map = case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1])
+            sampling = replace(sampling, pressure_map=pressure_map)
         cut, tiles = cut_and_tiles(scene, cells, sampling)
-        if forms:
-            form_on_grid(
-                scene, tiles, forms
-            )  # refuses a form that is too steep, or does not cover the seal
-        return (
-            sampling,
-            cut.shape,
-            (*tiles.warnings, *check_map(scene, tiles, sampling.pressure_map)),
-        )
+        if forms:  # refuses a form that is too steep, or does not cover the seal
+            form_on_grid(scene, tiles, forms)
+        doubts = *tiles.warnings, *check_map(scene, tiles, sampling.pressure_map)
+        return sampling, cut.shape, doubts
 
 
 def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
     """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
-    tested: tuple[str, ...] = ()
+    tested: Iterable[str] = ()
     if (test := case.output.test_fluid) is not None:
-        tested = tuple(
-            gas_warnings("output.test_fluid", test.fluid, test.inlet_pressure, test.outlet_pressure)
-        )
+        ends = test.inlet_pressure, test.outlet_pressure
+        tested = gas_warnings("output.test_fluid", test.fluid, *ends)
     return (
         *unusual(case),
         *case.fluid_warnings,
@@ -262,20 +241,16 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
     measured, kept = (
         to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wave)
     )
-    asked = case.surface.shortest_wave is not None or case.surface.points is not None
-    place, places = shortest_place(scene.surface), len(scene.surface.each)
+    asked = [name for name in ("shortest_wave", "points") if getattr(case.surface, name)]
+    place = shortest_place(scene.surface)
     points = resolving_shape(place.size, surface.shortest_measured)
-    limited = (
-        not asked
-        and surface.shape != surface.shape_before
-        and places * points[0] * points[1] > MOST_POINTS
-    )
+    wanted = len(scene.surface.each) * prod(points)
+    limited = not asked and surface.shape != surface.shape_before and wanted > MOST_POINTS
     unseen = surface.shortest_wave == surface.shortest_seen  # as `femseal check` says
     if not unseen and surface.lost_slope > (_LOST_TO_COST if limited else _LOST_SLOPE):
         remedy = f"set surface.points = {list(points)}"
-        if case.surface.shortest_wave is not None:
-            given = [f"surface.{name}" for name in ("shortest_wave", "points")]
-            remedy = f"leave out {' and '.join(given[: 1 + (case.surface.points is not None)])}"
+        if "shortest_wave" in asked:
+            remedy = f"leave out {' and '.join(f'surface.{name}' for name in asked)}"
         elif limited:
             remedy += f" (unasked no more than {place.shape[0]} × {place.shape[1]} are taken)"
         yield (

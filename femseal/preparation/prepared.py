@@ -23,8 +23,14 @@ from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.doubts import FirstAnswer, of_scene
 from ..studies.longer_waves import longer_waves
 from ..studies.study_registry import Effort, usual_efforts
-from ..topography import Conditioning, Continuation, Overlap, Representative, Topography
-from ..topography.long_waves import representative
+from ..topography import (
+    Conditioning,
+    Continuation,
+    Overlap,
+    Representative,
+    Topography,
+    representative,
+)
 
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9

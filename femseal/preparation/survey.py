@@ -3,18 +3,18 @@
 No face is refused: one that a run refuses is described with the reason, as far as it can be.
 """
 
-import json
 import os
 from dataclasses import dataclass, replace
 from math import degrees, isnan, pi
 from pathlib import Path
+from textwrap import indent
 from typing import Any
 
-from ..base import InputError, to_si, to_text, validate, writing
+from ..base import InputError, as_text, to_si, to_text, validate, writing
 from ..case.case import Case
 from ..case.faces import SurfaceTable
 from ..case.faults import with_keys
-from ..case.template import table_to_paste
+from ..case.template import as_toml, table_to_paste
 from ..contact.law import PerfectlyPlastic
 from ..face.patch_form import FormEffect, form_effect
 from ..plots import survey_figure
@@ -30,10 +30,10 @@ from ..topography import (
     describe_surface,
     read_for_a_look,
     repair,
+    representative,
     smooth,
 )
 from ..topography.formats import TEXT
-from ..topography.long_waves import representative
 from .face import default_grid
 
 #: Arguments of `topography` by their option.
@@ -53,6 +53,8 @@ SURFACE_OPTIONS = {
 #: How a text lies, which differs from an array of NumPy.
 _ORIENTATION = "a line of the text runs along x1, the leakage; transpose makes it run along x2, as rows of NumPy do"
 _PICTURES = (".png", ".pdf", ".svg")
+#: Options that are lengths, or several of them.
+_LENGTHS = {"size", "spacing", "crop", "tip_radius", "resolution", "shortest_wave"}
 #: What no file of heights says, by the table that says it.
 _OPEN = {
     "material": "how strong is the softer face as it was machined? The other one: [counter_material], rigid without",
@@ -81,21 +83,16 @@ def survey(
     path: Path,
     picture: Path | None,
     *,
-    size: tuple[str, str] | None,
-    spacing: tuple[str, str] | None,
     spikes: float,
     detrend: int,
     shortest_wave: str | None,
     max_undefined: float,
-    crop: tuple[str, str, str, str] | None = None,
-    tip_radius: str | None = None,
-    resolution: str | None = None,
     channel: str = "0",
     **reading: Any,
 ) -> list[str]:
     """Lines on the face in a file; `picture` also writes its picture.
 
-    path, size, spacing, crop, channel, reading : as `read_topography` takes them, lengths as text with their unit.
+    path, channel, reading : as `read_topography` takes them, lengths as text with their unit.
     picture : file to write, .png, .pdf or .svg.
     spikes, detrend, shortest_wave, max_undefined : keys of the table [surface] of a case.
 
@@ -104,40 +101,31 @@ def survey(
     if picture is not None and (
         picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()
     ):
-        raise InputError(
-            "output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists"
-        )
-    lengths = _lengths(size=size, spacing=spacing, crop=crop)
-    wave = None if shortest_wave is None else to_si(shortest_wave, "m", "--shortest-wave")
-    for name, length in (("tip_radius", tip_radius), ("resolution", resolution)):
-        if length is not None:
-            reading[name] = to_si(length, "m", f"--{name.replace('_', '-')}")
-    treatment: dict[str, Any] = {
-        "detrend": detrend,
-        "spikes": spikes,
-        "max_undefined": max_undefined,
-    }
+        allowed = f"a file {', '.join(_PICTURES)} in a folder that exists"
+        raise InputError("output", f"'{picture}'", allowed)
+    reading = _in_metres(**reading)
+    wave = _in_metres(shortest_wave=shortest_wave)["shortest_wave"]
+    treatment = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
     with with_keys(SURFACE_OPTIONS):
         validate.number("max_undefined", max_undefined, inclusive=True)
         number = int(channel) if channel.isdecimal() else channel
-        seen = read_for_a_look(path, channel=number, **lengths, **reading)
+        seen = read_for_a_look(path, channel=number, **reading)
         face = seen.topography
         found = look(face, wave, treatment, seen.instrument)
     reasons = [*map(str, seen.doubts), *found.reasons]
-    lines = [str(path), *_description(face, found)]
-    lines += [f"note: a run refuses this face: {reason}" for reason in reasons]
+    texts = [f"a run refuses this face: {reason}" for reason in reasons]
     if seen.masked_fraction:
-        fraction = f"{100 * seen.masked_fraction:.3g} %"
-        lines.append(
-            f"note: {fraction} of the points in the file are masked in it: --no-file-mask takes their heights"
+        masked = as_text(seen.masked_fraction, percent=True)
+        texts.append(
+            f"{masked} of the points in the file are masked in it: --no-file-mask takes their heights"
         )
     if path.suffix.lower() in TEXT:
-        lines.append(f"note: {_ORIENTATION}")
+        texts.append(_ORIENTATION)
     if found.report is not None and found.conditioning is not None:
-        texts = notes(found.report, found.conditioning)
+        texts += notes(found.report, found.conditioning)
         texts += [text for one in found.patch for text in one.doubts or [str(one)]]
         texts += [found.first] if found.first else []
-        lines += [f"note: {text}" for text in texts]
+    lines = [str(path), *_description(face, found), *(f"note: {text}" for text in texts)]
     if picture is not None:
         figure = survey_figure(
             face, found.report, found.conditioning, detrend=detrend, spikes=spikes
@@ -149,13 +137,16 @@ def survey(
     return lines
 
 
-def _lengths(**said: tuple[str, ...] | None) -> dict[str, Any]:
-    """Lengths [m] of the options that are given, by their name."""
-    return {
-        name: tuple(to_si(length, "m", f"--{name}") for length in lengths)
-        for name, lengths in said.items()
-        if lengths is not None
-    }
+def _in_metres(**said: Any) -> dict[str, Any]:
+    """What is said of a face, with its lengths in m where they are text, one or several."""
+    found = dict(said)
+    for name in _LENGTHS & said.keys():
+        given, option = said[name], f"--{name.replace('_', '-')}"
+        if isinstance(given, str):
+            found[name] = to_si(given, "m", option)
+        elif given is not None:
+            found[name] = tuple(to_si(one, "m", option) for one in given)
+    return found
 
 
 def look(
@@ -178,11 +169,10 @@ def look(
                 flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument
             )
     except InputError as error:
-        if wave is not None and not isinstance(
-            error.__cause__, TooManyUndefined
-        ):  # the caller's wave, not the face
+        # the caller's wave, not the face
+        if wave is not None and not isinstance(error.__cause__, TooManyUndefined):
             raise
-        return _Look(report, reasons=(*reasons, *([] if reasons else [str(error)])))
+        return _Look(report, reasons=(*(reasons or [str(error)]),))
     found = _Look(report, conditioning, reasons=tuple(reasons))
     if not kept.rms_slope:
         return found
@@ -198,23 +188,19 @@ def look(
 
 def _description(face: Topography, look: _Look) -> list[str]:
     """Numbers of the face and of what a run does to it, as far as they are known."""
-    lines = []
     if look.report is None:
-        sides, pixel = (
-            " × ".join(to_text(x, "m") for x in pair) for pair in (face.size, face.spacing)
-        )
-        facts = {"points": f"{face.shape[0]} × {face.shape[1]}", "size": sides, "pixel": pixel}
-        facts["undefined points"] = f"{100 * face.undefined_fraction:.3g} %"
-        lines += [f"  {name:16}  {text}" for name, text in facts.items()]
-    if look.report is not None:
-        lines += _indented(look.report)
+        facts = {
+            "points": as_text(face.shape),
+            "size": as_text(face.size, "m"),
+            "pixel": as_text(face.spacing, "m"),
+            "undefined points": as_text(face.undefined_fraction, percent=True),
+        }
+        return [f"  {name:16}  {text}" for name, text in facts.items()]
+    lines = indent(str(look.report), "  ").splitlines()
     if look.conditioning is not None:
-        lines += ["what a run does to it", *_indented(look.conditioning)]
+        done = indent(str(look.conditioning), "  ").splitlines()
+        lines += ["what a run does to it", *done]
     return lines
-
-
-def _indented(report: SurfaceReport | Conditioning) -> list[str]:
-    return [f"  {line}" for line in str(report).splitlines()]
 
 
 def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
@@ -248,37 +234,30 @@ def case_of_face(
 
     Raises InputError: no face can be read from the file; neither it nor the caller says its pixel or its unit.
     """
-    seen = read_for_a_look(path, height_unit=height_unit, **_lengths(spacing=spacing))
+    seen = read_for_a_look(path, height_unit=height_unit, **_in_metres(spacing=spacing))
     _ask_for_scale(path, seen)
     given = SurfaceTable().model_dump(include={"detrend", "spikes", "max_undefined"})
     face, found = seen.topography, look(seen.topography, None, given, seen.instrument)
     sides = [to_text(side, "m", 6) for side in face.size]
     name = os.path.relpath(path, folder).replace(os.sep, "/")
+    known = {"path": name, "spacing": spacing, "height_unit": height_unit}
     lines = [
         f"# A case of {path.name}. x1 is the direction of the leakage, x2 runs along the seal.",
         "# A question mark asks for what the file does not say; `femseal check` says what a run computes.",
         "",
-        f"title = {json.dumps(path.stem, ensure_ascii=False)}",
+        f"title = {as_toml(path.stem)}",
         "",
         "[face]",
-        f"path = {json.dumps(name, ensure_ascii=False)}",
-        *([] if spacing is None else [f"spacing = {json.dumps(spacing, ensure_ascii=False)}"]),
-        *(
-            []
-            if height_unit is None
-            else [f"height_unit = {json.dumps(height_unit, ensure_ascii=False)}"]
-        ),
+        *(f"{key} = {as_toml(value)}" for key, value in known.items() if value is not None),
         *([f"# {_ORIENTATION}"] if path.suffix.lower() in TEXT else []),
-        f"# size = {json.dumps(sides, ensure_ascii=False)}  # as the file says: ? is that the field of the instrument",
+        f"# size = {as_toml(sides)}  # as the file says: ? is that the field of the instrument",
     ]
     questions, surface = [*map(str, seen.doubts), *found.reasons], []
-    if found.report is not None:
-        lines += [
-            f"#   {line}" for line in str(found.report).splitlines() if line.startswith(_SHOWN)
-        ]
+    described = "" if found.report is None else str(found.report)
+    lines += [f"#   {line}" for line in described.splitlines() if line.startswith(_SHOWN)]
     if found.report is not None and found.conditioning is not None:
-        found_notes = notes(found.report, found.conditioning)
-        questions += [note for note in found_notes if "shortest_wave" not in note]
+        texts = notes(found.report, found.conditioning)
+        questions += [text for text in texts if "shortest_wave" not in text]
         questions += [text for one in found.patch for text in one.doubts]
         measured, kept = found.report.shortest_wave, found.conditioning.shortest_wave
         text, why = to_text(max(measured, kept), "m", 3), "the shortest one above noise"
@@ -298,8 +277,5 @@ def _ask_for_scale(path: Path, seen: Look) -> None:
     if not has_unit and path.suffix.lower() not in (".npy", ".npz"):
         missing["unit of heights"] = "--height-unit um"
     if missing:
-        raise InputError(
-            str(path),
-            f"no {' and no '.join(missing)}",
-            f"{' and '.join(missing.values())}, as measured",
-        )
+        asked = f"{' and '.join(missing.values())}, as measured"
+        raise InputError(str(path), f"no {' and no '.join(missing)}", asked)

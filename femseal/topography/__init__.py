@@ -23,16 +23,20 @@ if TYPE_CHECKING:
         smooth,
         spike_effect,
     )
-    from .continuation import Continuation, continuation_of, continue_spectrum
     from .defects import SPIKES, TooManyUndefined
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
-    from .instrument import Instrument
-    from .long_waves import Representative, representative
     from .places import Places, of_all_places, shortest_place
     from .read import Look, read_for_a_look, read_measured, read_topography
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
-    from .texture import spectrum
+    from .texture import Instrument, spectrum
     from .topography import Topography
+    from .unmeasured import (
+        Continuation,
+        Representative,
+        continuation_of,
+        continue_spectrum,
+        representative,
+    )
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -31,9 +31,8 @@ from ..base import (
 )
 from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
-from .instrument import UNKNOWN, UNSEEN, Instrument
 from .spectral import SLACK
-from .texture import spectrum, texture
+from .texture import UNKNOWN, UNSEEN, Instrument, spectrum, texture
 from .topography import Topography
 
 #: Spikes are neighbours up to this distance [pixels].
@@ -76,19 +75,17 @@ def repair(
     Raises InputError: more points to fill, or none that is defined; threshold not > 0; another order.
     """
     marked = topography.without_spikes(spikes)
-    count = round(
-        (marked.undefined_fraction - topography.undefined_fraction) * topography.heights.size
-    )
     form = fit_form(marked.heights, marked.size, detrend)
     flat = Topography(marked.heights - form.heights, marked.spacing, marked.periodic)
+    spiked = np.isnan(marked.heights) & ~np.isnan(topography.heights)
+    count = int(np.count_nonzero(spiked))
     try:
         flat = flat.fill_undefined(max_undefined)
     except TooManyUndefined as error:
-        if topography.undefined_fraction > max_undefined:
+        if not count:
             raise
         expected = f"{error.expected}; {count} of them are spikes, which spikes=inf leaves alone"
         raise TooManyUndefined(error.what, error.given, expected) from None
-    spiked = np.isnan(marked.heights) & ~np.isnan(topography.heights)
     removed = np.where(spiked, topography.heights - form.heights - flat.heights, 0.0)
     return flat, Repair(topography.undefined_fraction, count, form, removed)
 

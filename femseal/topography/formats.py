@@ -8,7 +8,7 @@ import os
 import re
 import sys
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from itertools import chain
@@ -31,7 +31,7 @@ from ..base import (
     to_si,
 )
 from ..base.machine import within_free_memory
-from .instrument import UNKNOWN, Instrument
+from .texture import UNKNOWN, Instrument
 
 _HEADER = re.compile(r"^\W*(width|height|value units)\s*[:=]\s*(.+?)\s*$", re.IGNORECASE)
 #: Words of the same header in German, which are not read.
@@ -43,6 +43,8 @@ TEXT = (".csv", ".asc", ".txt")
 _MEMORY_FACTOR = 3
 #: Channels that a message lists.
 _MOST_LISTED = 12
+#: Kinds of arrays of numbers.
+_NUMBERS = "bfiu"
 #: Words that instruments write for an undefined point, beside nan.
 _UNDEFINED = {"", "bad", "-", "--", "***"}
 
@@ -87,7 +89,7 @@ def bad_file(path: Path, given: object, allowed: str) -> InputError:
 
 @contextmanager
 def reading(path: Path, smaller: str) -> Iterator[None]:
-    """Context in which a file is read: whatever a library makes of its bytes, they are refused by an InputError.
+    """Context in which a file is read: whatever is found in its bytes, an InputError about it names the file.
 
     One that cannot be read in the free memory is refused, by its size, or by what it unpacks to if it is a zip. Of
     others that unpack to more than the free memory a `smaller` one is asked for.
@@ -102,8 +104,8 @@ def reading(path: Path, smaller: str) -> Iterator[None]:
     try:
         with within_free_memory():
             yield
-    except InputError:
-        raise
+    except InputError as error:
+        raise bad_file(path, error.given, error.expected) from error
     except OSError as error:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None
     except MemoryError:
@@ -115,7 +117,7 @@ def reading(path: Path, smaller: str) -> Iterator[None]:
 
 def read_npy(path: Path, said: Reading) -> Raw:
     """A .npy array of heights."""
-    return Raw(_numbers(path, np.load(path, allow_pickle=False)))
+    return Raw(_numbers(np.load(path, allow_pickle=False)))
 
 
 def read_npz(path: Path, said: Reading) -> Raw:
@@ -124,24 +126,24 @@ def read_npz(path: Path, said: Reading) -> Raw:
     Points where `mask` is not 0 are masked.
     """
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        stored = {name: archive[name] for name in archive.files}
+        stored = dict(archive)
     spacing = stored.pop("spacing", None)
     mask = stored.pop("mask", None) if said.array != "mask" else None
     every = ", ".join(sorted(stored)) or "none"
     names = [name for name, found in stored.items() if found.ndim == 2 or len(stored) == 1]
-    if said.array is not None:
-        names = [said.array]
-    if len(names) != 1:
-        raise bad_file(path, f"the arrays {every}", "one array, or array= the name of one of them")
-    if names[0] not in stored:
-        raise bad_file(path, f"array={names[0]!r}", f"one of its arrays: {every}")
-    heights = _numbers(path, stored[names[0]])
-    if mask is not None and (mask.shape != heights.shape or mask.dtype.kind not in "bfiu"):
-        given = f"an array mask of {mask.dtype} of shape {mask.shape}"
-        raise bad_file(path, given, f"numbers of the shape of the heights, {heights.shape}")
+    if said.array is None and len(names) != 1:
+        allowed = "one array, or array= the name of one of them"
+        raise InputError("file", f"the arrays {every}", allowed)
+    name = said.array or names[0]
+    if name not in stored:
+        raise InputError("file", f"array={name!r}", f"one of its arrays: {every}")
+    heights = _numbers(stored[name])
+    if mask is not None and (mask.shape != heights.shape or mask.dtype.kind not in _NUMBERS):
+        allowed = f"numbers of the shape of the heights, {heights.shape}"
+        raise InputError("file", f"an array mask of {mask.dtype} of shape {mask.shape}", allowed)
     if spacing is not None:
-        if spacing.shape != (2,) or spacing.dtype.kind not in "fiu":
-            raise bad_file(path, f"a spacing of shape {spacing.shape}", "two numbers > 0 [m]")
+        if spacing.shape != (2,) or spacing.dtype.kind not in _NUMBERS:
+            raise InputError("file", f"a spacing of shape {spacing.shape}", "two numbers > 0 [m]")
         spacing = float(spacing[0]), float(spacing[1])
     return Raw(heights, spacing=spacing, mask=None if mask is None else mask != 0)
 
@@ -155,44 +157,42 @@ def read_text(path: Path, said: Reading) -> Raw:
     header: dict[str, str] = {}
     try:
         with path.open(encoding="utf-8-sig") as file:
-            z = _matrix(path, _rows(path, file, header), said.delimiter)
+            z = _matrix(_rows(file, header), said.delimiter)
     except UnicodeDecodeError:
-        raise bad_file(
-            path, "bytes that are not UTF-8 text", "a matrix of numbers as text"
-        ) from None
+        allowed = "a matrix of numbers as text"
+        raise InputError("file", "bytes that are not UTF-8 text", allowed) from None
     try:
-        unit = (
-            to_si(f"1 {header['value units']}", "m", "value units")
-            if "value units" in header
-            else None
-        )
-        sides = [to_si(header[side], "m", side) for side in ("width", "height") if side in header]
+        known = {name: to_si(text, "m", name) for name, text in header.items()}
     except InputError as error:
-        raise bad_file(path, f"a header with {error}", "lengths such as '# Width: 1 mm'") from None
-    if len(sides) < 2 and (grid := _triplets(path, z)):
+        allowed = "lengths such as '# Width: 1 mm'"
+        raise InputError("file", f"a header with {error}", allowed) from None
+    unit, width, height = map(known.get, ("value units", "width", "height"))
+    if width and height:
+        return Raw(z.T, unit, (width / z.shape[1], height / z.shape[0]))
+    if grid := _triplets(z):
         return Raw(grid[0], unit, grid[1])
-    spacing = (sides[0] / z.shape[1], sides[1] / z.shape[0]) if len(sides) == 2 else None
-    return Raw(z.T, unit, spacing)
+    return Raw(z.T, unit)
 
 
-def _rows(path: Path, file: TextIO, header: dict[str, str]) -> Iterator[tuple[int, str]]:
-    """Lines with numbers, with their number in the file; lines of a header go into it."""
+def _rows(file: TextIO, header: dict[str, str]) -> Iterator[tuple[int, str]]:
+    """Lines with numbers, with their number in the file; lengths of a header go into it."""
     for at, line in enumerate(file, start=1):
         text = line.strip(" \r\n")
         if not text.lstrip().startswith("#"):
             if text.strip():
                 yield at, text
         elif match := _HEADER.match(text):
+            name = match[1].lower()
             # the library of units takes a decimal comma for nothing
-            header[match[1].lower()] = match[2].replace(",", ".")
+            header[name] = ("1 " if name == "value units" else "") + match[2].replace(",", ".")
         elif _GERMAN.match(text):
-            expected = (
+            allowed = (
                 "the header in English, '# Width: 1 mm', '# Height: 2 mm', '# Value units: nm'"
             )
-            raise bad_file(path, f"{text!r} in line {at}", expected)
+            raise InputError("file", f"{text!r} in line {at}", allowed)
 
 
-def _triplets(path: Path, z: NDArray) -> tuple[NDArray, Pair] | None:
+def _triplets(z: NDArray) -> tuple[NDArray, Pair] | None:
     """Heights and pixel of lines x, y, z that name every point of a regular grid once; None for another matrix."""
     if z.shape[1] != 3 or len(z) < 9 or np.isnan(z[:, :2]).any():
         return None
@@ -207,11 +207,11 @@ def _triplets(path: Path, z: NDArray) -> tuple[NDArray, Pair] | None:
     return heights, (float(steps[0].mean()), float(steps[1].mean()))
 
 
-def _matrix(path: Path, lines: Iterator[tuple[int, str]], delimiter: str | None) -> NDArray:
+def _matrix(lines: Iterator[tuple[int, str]], delimiter: str | None) -> NDArray:
     """Heights of a text in lines of numbers, with a decimal comma where its delimiter allows one."""
     begin, first = next(lines, (0, ""))
     if not first:
-        raise bad_file(path, "no line with numbers", "a matrix of heights, one line per row")
+        raise InputError("file", "no line with numbers", "a matrix of heights, one line per row")
     mark = _delimiter(first) if delimiter is None else delimiter
     has_comma = mark != "," and "." not in first
     ends = mark is not None
@@ -222,11 +222,11 @@ def _matrix(path: Path, lines: Iterator[tuple[int, str]], delimiter: str | None)
         try:
             row = [float(field) for field in fields]
         except ValueError:
-            row = [_value(path, at, *both) for both in zip(fields, text.split(mark), strict=True)]
+            row = [_value(at, *both) for both in zip(fields, text.split(mark), strict=True)]
         width = width or len(row)
         if len(row) != width:
             given = f"{counted(len(row), 'number')} in line {at} after {width} in line {begin}"
-            raise bad_file(path, given, "lines of equal length: check the delimiter")
+            raise InputError("file", given, "lines of equal length: check the delimiter")
         numbers.extend(row)
     z = np.frombuffer(numbers).reshape(-1, width)
     # a delimiter behind the last number of every line ends the line; it does not begin an undefined point
@@ -242,7 +242,7 @@ def _delimiter(line: str) -> str | None:
     return found
 
 
-def _value(path: Path, line: int, text: str, shown: str) -> float:
+def _value(line: int, text: str, shown: str) -> float:
     """The number of a text; InputError that shows it as it is in the file."""
     try:
         return float(text)
@@ -253,7 +253,7 @@ def _value(path: Path, line: int, text: str, shown: str) -> float:
             "numbers with a decimal point, nan or nothing where undefined; put # before the lines of a header, and "
             "what it says into spacing= or size= and height_unit= (--spacing, --size, --height-unit)"
         )
-        raise bad_file(path, f"{shown.strip()[:30]!r} in line {line}", allowed) from None
+        raise InputError("file", f"{shown.strip()[:30]!r} in line {line}", allowed) from None
 
 
 def read_x3p(path: Path, said: Reading) -> Raw:
@@ -262,10 +262,9 @@ def read_x3p(path: Path, said: Reading) -> Raw:
 
     file = x3pio.read(path)
     if not (isinstance(file, x3pio.Surface) and file.is_regular_grid):
-        raise bad_file(
-            path, f"a {type(file).__name__} on no regular grid", "a surface on a regular grid"
-        )
-    layer = _pick(path, list(file.layers), said.channel, "layers")
+        given = f"a {type(file).__name__} on no regular grid"
+        raise InputError("file", given, "a surface on a regular grid")
+    layer = _pick(list(file.layers), said.channel, "layers")
     return Raw(layer.z.T, 1.0, (file.header.x.increment, file.header.y.increment))
 
 
@@ -273,60 +272,54 @@ def read_sdf(path: Path, said: Reading) -> Raw:
     """A surface of ISO 25178-71; the format knows metres only."""
     import sdfio
 
-    _pick(path, [path], said.channel, "layers")
+    _pick([path], said.channel, "layers")
     file = sdfio.read(path)
     return Raw(file.data.T, 1.0, (file.header.x_scale, file.header.y_scale))
 
 
 def read_instrument(path: Path, said: Reading) -> Raw:
     """Any other format, through SurfaceTopography (an extra, slow to import)."""
+    suffix = path.suffix.lower()
     try:
         from SurfaceTopography import open_topography
         from SurfaceTopography.IO import readers
     except ImportError:
         allowed = f"{' '.join(sorted(READERS))}, or many formats of instruments after: pip install 'femseal[surface]'"
-        raise bad_file(path, f"a file of kind {path.suffix or 'unknown'!r}", allowed) from None
+        raise InputError("file", f"a file of kind {suffix or 'unknown'!r}", allowed) from None
     # Dozens of readers behind one call raise whatever their formats lead them to: all of it means a bad file.
     try:
         with unprinted():
             channels = list(open_topography(str(path)).channels)
     except Exception as error:
-        known = sorted(
-            {*READERS, *(f".{end}" for reader in readers for end in reader.file_extensions())}
-        )
-        which = f"not a damaged {path.suffix}" if path.suffix.lower() in known else " ".join(known)
+        ends = {f".{end}" for reader in readers for end in reader.file_extensions()}
+        known = sorted({*READERS, *ends})
+        which = f"not a damaged {suffix}" if suffix in known else " ".join(known)
         allowed = (
             f"a file of one of the formats known to SurfaceTopography, {which}; "
             "programs of instruments export .x3p too"
         )
-        raise bad_file(
-            path, f"a file without a known format ({type(error).__name__})", allowed
-        ) from error
+        given = f"a file without a known format ({type(error).__name__})"
+        raise InputError("file", given, allowed) from error
     names = [c.name or "" for c in channels]
-    channel = _pick(path, channels, said.channel, "channels", names)
+    channel = _pick(channels, said.channel, "channels", names)
     if channel.dim != 2 or not channel.is_height_channel:
         usable = [i for i, c in enumerate(channels) if c.dim == 2 and c.is_height_channel]
-        allowed = (
-            f"a map of heights: {_listed(usable, names)}"
-            if usable
-            else "a file with a map of heights"
-        )
-        raise bad_file(
-            path, f"channel={said.channel} ({channel.name}), which is no map of heights", allowed
-        )
+        maps = _listed(usable, names) or "none in this file"
+        given = f"channel={said.channel} ({channel.name}), which is no map of heights"
+        raise InputError("file", given, f"a map of heights: {maps}")
     # SurfaceTopography wants what the file lacks; placeholders keep the numbers as they are.
     missing: dict[str, Any] = {}
     if channel.physical_sizes is None:
         missing["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
     with unprinted():
         topography = channel.topography(**missing)
-        heights, mask = (
-            _under_mask(topography)
-            if path.suffix.lower() == ".gwy"
-            else (topography.heights(), None)
-        )
+        heights, mask = topography.heights(), None
+        if suffix == ".gwy" and np.ma.is_masked(heights):
+            # the library scales the points that are not masked, and keeps the numbers of the file for the others
+            stored = np.ma.getdata(topography.parent_topography.heights())
+            heights, mask = stored * topography.height_scale_factor, np.ma.getmaskarray(heights)
     heights = np.ma.filled(np.ma.masked_invalid(heights).astype(float), np.nan)
-    unit = None if topography.unit is None else to_si(f"1 {topography.unit}", "m", f"{path}: unit")
+    unit = None if topography.unit is None else to_si(f"1 {topography.unit}", "m", "unit")
     instrument = _instrument(topography.info.get("instrument", {}).get("parameters", {}))
     if unit is None or missing:
         return Raw(heights, unit, mask=mask, instrument=instrument)
@@ -361,30 +354,18 @@ def unprinted() -> Iterator[None]:
         yield
 
 
-def _under_mask(topography: Any) -> tuple[NDArray, Flags | None]:
-    """Heights of all points, those under the mask of a user too, and this mask, if there is one."""
-    heights = topography.heights()
-    if not np.ma.is_masked(heights):
-        return heights, None
-    # the library scales the points that are not masked, and keeps the numbers of the file for the others
-    stored = np.ma.getdata(topography.parent_topography.heights())
-    return stored * topography.height_scale_factor, np.ma.getmaskarray(heights)
-
-
-def _pick(
-    path: Path, choices: list[Any], channel: int | str, kind: str, names: list[str] | None = None
-) -> Any:
+def _pick(choices: list[Any], channel: int | str, kind: str, names: Sequence[str] = ()) -> Any:
     """The channel of a number, or of a name that only one of them has."""
-    if isinstance(channel, str) and names is not None and names.count(channel) == 1:
+    if isinstance(channel, str) and names.count(channel) == 1:
         return choices[names.index(channel)]
     if channel not in range(len(choices)):
-        listed = f": {_listed(list(range(len(names))), names)}" if names and any(names) else ""
+        listed = f": {_listed(range(len(names)), names)}" if any(names) else ""
         allowed = f"0 to {len(choices) - 1}, it has {len(choices)} {kind}{listed}"
-        raise bad_file(path, f"channel={channel!r}", allowed)
+        raise InputError("file", f"channel={channel!r}", allowed)
     return choices[int(channel)]
 
 
-def _listed(numbers: list[int], names: list[str]) -> str:
+def _listed(numbers: Sequence[int], names: Sequence[str]) -> str:
     """Numbers of channels with their names, not more than a line of them."""
     shown = [
         f"{n} ({shortened(names[n], 40)})" if names[n] else str(n) for n in numbers[:_MOST_LISTED]
@@ -392,10 +373,10 @@ def _listed(numbers: list[int], names: list[str]) -> str:
     return ", ".join(shown + ["…"] * (len(numbers) > len(shown)))
 
 
-def _numbers(path: Path, found: NDArray) -> NDArray:
-    if found.dtype.kind not in "bfiu" or found.ndim != 2 or not found.size:
+def _numbers(found: NDArray) -> NDArray:
+    if found.dtype.kind not in _NUMBERS or found.ndim != 2 or not found.size:
         given = f"an array of {found.dtype} of shape {found.shape}"
-        raise bad_file(path, given, "a non-empty array of real numbers of shape (n1, n2)")
+        raise InputError("file", given, "a non-empty array of real numbers of shape (n1, n2)")
     with np.errstate(invalid="ignore"):  # bytes of numbers that are none, in single precision
         return found.astype(np.float64, copy=False)
 

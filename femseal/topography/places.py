@@ -195,6 +195,4 @@ def _alike(places: Sequence[Topography]) -> list[Topography]:
 
 def _middle(place: Topography, shape: Shape) -> Topography:
     """The middle part of a map."""
-    if place.shape == shape:
-        return place
     return place.crop(shape, ((place.shape[0] - shape[0]) // 2, (place.shape[1] - shape[1]) // 2))

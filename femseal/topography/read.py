@@ -6,16 +6,16 @@ NumPy are taken as they are.
 """
 
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..base import Flags, InputError, Pair, Periodic, Shape, as_text, to_si, to_text, validate
-from .formats import READERS, TEXT, Reading, bad_file, read_instrument, reading, unprinted
-from .instrument import Instrument
+from .formats import READERS, TEXT, Raw, Reading, bad_file, read_instrument, reading, unprinted
+from .texture import Instrument
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
@@ -26,7 +26,7 @@ _SLOPE_LIMIT = 10.0
 #: Rows of a map, or a few more, that are looked at.
 _ROWS = 256
 #: Pixel [m] of a map that is only looked at where nothing says its pixel.
-_ANY_PIXEL = 1e-6
+_ANY_PIXEL = (1e-6, 1e-6)
 #: Files that may hold a mask drawn by a user, besides points that were not measured.
 _MASKED = (".gwy", ".npz")
 
@@ -109,80 +109,58 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
         raw = READERS.get(path.suffix.lower(), read_instrument)(path, given)
     heights, file_mask = raw.heights, raw.mask if given.file_mask else None
     pixel = raw.spacing[::-1] if raw.spacing and given.transpose else raw.spacing
-    unit = (
-        raw.height_unit
-        if given.height_unit is None
-        else to_si(f"1 {given.height_unit}", "m", "height_unit")
-    )
-    instrument = _given_instrument(given, raw.instrument)
+    unit = raw.height_unit
+    if given.height_unit is not None:
+        unit = to_si(f"1 {given.height_unit}", "m", "height_unit")
+    instrument = {name: getattr(given, name) for name in ("tip_radius", "resolution")}
+    known = {n: validate.number(n, x, unit="m") for n, x in instrument.items() if x is not None}
+    instrument_of_map = replace(raw.instrument, **known)
     del raw  # no more than two maps at once
     if file_mask is not None:
         heights = np.where(file_mask, np.nan, heights)
     if given.mask is not None:
-        heights = np.where(
-            read_mask(given.mask, (heights.shape[0], heights.shape[1])), np.nan, heights
-        )
+        mask = read_mask(given.mask, (heights.shape[0], heights.shape[1]))
+        heights = np.where(mask, np.nan, heights)
     heights = heights.T if given.transpose else heights
-    pixel = _given_pixel(given, heights.shape) or pixel
+    if given.spacing is not None:
+        pixel = validate.lengths("spacing", given.spacing)
+    elif given.size is not None:
+        first, second = validate.lengths("size", given.size)
+        pixel = first / heights.shape[0], second / heights.shape[1]
     doubts = _pixel_doubts(path, pixel, heights.shape)
-    known = pixel if pixel and not doubts else (_ANY_PIXEL, _ANY_PIXEL)
     if unit is None and path.suffix.lower() not in READERS:
-        doubts.append(
-            bad_file(
-                path, "no unit of height in the file", "height_unit= such as 'um' (--height-unit)"
-            )
-        )
+        allowed = "height_unit= such as 'um' (--height-unit)"
+        doubts.append(bad_file(path, "no unit of height in the file", allowed))
     heights = heights if unit is None else heights * unit
     try:
-        whole = Topography(heights, known, given.periodic)
+        usable = pixel if pixel and min(pixel) > 0 and max(pixel) < inf else _ANY_PIXEL
+        whole = Topography(heights, usable, given.periodic)  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
-    doubts = doubts or list(_implausible(path, whole, given))
+    doubts = doubts or _implausible(path, whole, given)
     kept = whole if given.crop is None else whole.crop_to(given.crop)
     masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
-    return Look(
-        kept, tuple(doubts), masked_fraction, (pixel is not None, unit is not None), instrument
-    )
+    is_said = pixel is not None, unit is not None
+    return Look(kept, tuple(doubts), masked_fraction, is_said, instrument_of_map)
 
 
 def _check_options(path: Path, given: Reading) -> None:
     """Raise InputError if there is no such file, or if it is of a kind that an option is not for."""
     if not path.is_file():
-        raise InputError(
-            str(path), "a folder" if path.is_dir() else "no such file", "a file with heights"
-        )
-    suffix = path.suffix.lower()
-    for name, kinds in {"array": (".npz",), "delimiter": TEXT, "file_mask": _MASKED}.items():
+        found = "a folder" if path.is_dir() else "no such file"
+        raise InputError(str(path), found, "a file with heights")
+    suffix, plain = path.suffix.lower(), (".npy", ".npz", *TEXT)
+    for name, kinds, fits in (
+        ("array", ".npz files", suffix == ".npz"),
+        ("delimiter", f"{', '.join(TEXT)} files", suffix in TEXT),
+        ("file_mask", f"{', '.join(_MASKED)} files", suffix in _MASKED),
+        ("channel", "files of instruments", suffix not in plain),
+    ):
         value = getattr(given, name)
-        if value != getattr(Reading, name) and suffix not in kinds:
-            raise InputError(
-                name, repr(value), f"for {', '.join(kinds)} files only, not {path.name}"
-            )
-    if given.channel != 0 and suffix in (".npy", ".npz", *TEXT):
-        raise InputError(
-            "channel", given.channel, f"for files of instruments only, not {path.name}"
-        )
+        if value != getattr(Reading, name) and not fits:
+            raise InputError(name, repr(value), f"for {kinds} only, not {path.name}")
     if given.size is not None and given.spacing is not None:
         raise InputError("size, spacing", "both", "one of the two")
-
-
-def _given_pixel(given: Reading, shape: tuple[int, ...]) -> Pair | None:
-    """Pixel [m] that the caller says; None where he says none."""
-    if given.spacing is not None:
-        return validate.lengths("spacing", given.spacing)
-    if given.size is None:
-        return None
-    first, second = validate.lengths("size", given.size)
-    return first / shape[0], second / shape[1]
-
-
-def _given_instrument(given: Reading, found: Instrument) -> Instrument:
-    """The instrument by what the caller says, else the file."""
-    said = {name: getattr(given, name) for name in ("tip_radius", "resolution")}
-    return replace(
-        found,
-        **{name: validate.number(name, x, unit="m") for name, x in said.items() if x is not None},
-    )
 
 
 def _pixel_doubts(path: Path, pixel: Pair | None, shape: tuple[int, ...]) -> list[InputError]:
@@ -191,55 +169,42 @@ def _pixel_doubts(path: Path, pixel: Pair | None, shape: tuple[int, ...]) -> lis
         found = f"no pixel size in the file ({as_text(shape)} points)"
         allowed = "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)"
         return [bad_file(path, found, allowed)]
-    if all(np.isfinite(d) and d > 0 for d in pixel):
+    if all(0 < d < inf for d in pixel):
         return []
     found = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
-    return [
-        bad_file(
-            path,
-            found,
-            "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)",
-        )
-    ]
+    allowed = "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)"
+    return [bad_file(path, found, allowed)]
 
 
-def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator[InputError]:
+def _implausible(path: Path, topography: Topography, given: Reading) -> list[InputError]:
     """Values that only a wrong unit explains, unless the caller has given them."""
-    check_size, check_heights = (
-        given.size is None and given.spacing is None,
-        given.height_unit is None,
-    )
-    correct = "if it is right, or to correct it, pass"
-    (shortest, longest), is_usual = _SIZE_LIMITS, True
+    check_size = given.size is None and given.spacing is None
+    check_heights = given.height_unit is None
+    correct, (shortest, longest) = "if it is right, or to correct it, pass", _SIZE_LIMITS
+    doubts = []
     if check_size and not all(shortest <= side <= longest for side in topography.size):
-        is_usual, sides = False, as_text(topography.size, "m")
-        yield bad_file(path, f"a size of {sides}", f"1 nm to 1 m; {correct} size= (--size)")
+        allowed = f"1 nm to 1 m; {correct} size= (--size)"
+        doubts.append(bad_file(path, f"a size of {as_text(topography.size, 'm')}", allowed))
     z = topography.heights[:: max(1, topography.shape[0] // _ROWS)]
     defined = z[~np.isnan(z)]
     with np.errstate(over="ignore"):
         deviation = float(defined.std()) if defined.size else 0.0
     if check_heights and deviation > _RMS_HEIGHT_LIMIT:
-        is_usual, allowed = (
-            False,
-            f"at most 10 mm; {correct} height_unit= such as 'um' (--height-unit)",
-        )
-        yield bad_file(path, f"Sq = {to_text(deviation, 'm')}", allowed)
-    if (
-        is_usual
-        and (check_size or check_heights)
-        and (slope := _median_slope(topography)) > _SLOPE_LIMIT
-    ):
+        allowed = f"at most 10 mm; {correct} height_unit= such as 'um' (--height-unit)"
+        doubts.append(bad_file(path, f"Sq = {to_text(deviation, 'm')}", allowed))
+    if doubts or not (check_size or check_heights):
+        return doubts
+    if (slope := _median_slope(topography)) > _SLOPE_LIMIT:
         allowed = f"at most 10; {correct} size= and height_unit= (--size, --height-unit)"
-        yield bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed)
+        doubts.append(bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed))
+    return doubts
 
 
 def _median_slope(topography: Topography) -> float:
     """Median of the slope between neighbouring points along the steeper axis; spikes and holes do not count."""
     found = [0.0]
-    for z, spacing in (
-        (topography.heights.T, topography.spacing[0]),
-        (topography.heights, topography.spacing[1]),
-    ):
+    maps = topography.heights.T, topography.heights
+    for z, spacing in zip(maps, topography.spacing, strict=True):
         slopes = np.abs(np.diff(z[:: max(1, len(z) // _ROWS)], axis=1)) / spacing
         defined = slopes[~np.isnan(slopes)]
         if defined.size:
@@ -267,28 +232,19 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
     if suffix not in (*_IMAGES, *_ARRAYS):
         raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
     with reading(path, "a mask of the map's size"):
-        found = (
-            _read_image(path)
-            if suffix in _IMAGES
-            else READERS[suffix](path, Reading()).heights != 0
-        )
+        found = (_read_image if suffix in _IMAGES else READERS[suffix])(path, Reading()).heights
     if found.shape != shape:
         turned = "; turned by its diagonal it would fit" if found.shape == shape[::-1] else ""
-        given = f"{as_text(found.shape)} points in '{path.name}'"
-        raise InputError(
-            "mask",
-            given,
-            f"{as_text(shape)}, as in the file of the heights, x first{turned}",
-        )
-    return found
+        allowed = f"{as_text(shape)}, as in the file of the heights, x first{turned}"
+        raise InputError("mask", f"{as_text(found.shape)} points in '{path.name}'", allowed)
+    return found != 0
 
 
-def _read_image(path: Path) -> Flags:
+def _read_image(path: Path, said: Reading) -> Raw:
+    """The brightest colour of each point."""
     from PIL import Image
 
     with unprinted(), Image.open(path) as image:
-        pixels = np.asarray(
-            image.convert("RGB") if image.mode in ("P", "PA", "LA", "RGBA", "CMYK") else image
-        )
-    marked = pixels != 0
-    return (marked.any(axis=2) if marked.ndim == 3 else marked).T
+        has_colours = image.mode in ("P", "PA", "LA", "RGBA", "CMYK")
+        pixels = np.asarray(image.convert("RGB") if has_colours else image)
+    return Raw((pixels.max(axis=2) if pixels.ndim == 3 else pixels).T)

@@ -5,21 +5,18 @@ then finds its own band, and every row its pressure. The faces are half-spaces, 
 Source: Johnson, Contact Mechanics, 1985, ch. 4 (line contact); Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (rough).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base import Array, InputError, reals, to_si, to_text
+from ..base import Array, InputError, as_text, reals, to_si, to_text
 from ..base.validate import check_parameters, described, parameter
 from .topography import Topography
 
 #: Largest slope of a form: a half-space is for slopes well below 1.
 MOST_SLOPE = 0.3
-#: Depth of a form in rms heights of the roughness below which it changes leakage by less than 0.5 % and is left out.
-#: Measured on two turned and two self-affine faces from .02 to .2 H: a depth of .005 changes it by .03 to .7 %.
-LEAST_DEPTH = 0.003
 
 
 def _radius(meaning: str, example: str) -> Any:
@@ -38,6 +35,12 @@ class Seat:
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+    def __str__(self) -> str:
+        parameters = [f for f in fields(self) if "unit" in f.metadata]  # type: ignore[arg-type]
+        values = [as_text(getattr(self, f.name), f.metadata["unit"]) for f in parameters]
+        names = [f.name.replace("_", " ") for f in parameters]
+        return ", ".join([self.kind, *map(" ".join, zip(names, values, strict=True))])
 
     def depth(self, x: Array, breadth: float) -> Array:
         """How deep the form lies at x1 from the middle of a breadth [m], up to a constant."""
@@ -64,8 +67,7 @@ class Seat:
 
         Raises InputError: a form that is steeper than an elastic half-space allows.
         """
-        below = self.rows_below(face.shape[0], face.spacing[0])
-        return face.with_form(-below)
+        return face.with_form(-self.rows_below(face.shape[0], face.spacing[0]))
 
     def rows_below(self, rows: int, spacing: float) -> Array:
         """How deep rows across the seat (rows,), a spacing apart, lie below the highest one [m].
@@ -73,7 +75,7 @@ class Seat:
         Raises InputError: a form that is steeper than an elastic half-space allows.
         """
         breadth = rows * spacing
-        depth = self.depth(_rows(rows, spacing), breadth)
+        depth = self.depth(reals(np.arange(rows) + 0.5 - rows / 2) * spacing, breadth)
         slope = float(np.abs(np.diff(depth) / spacing).max(initial=0.0))
         if not slope <= MOST_SLOPE:  # NaN where x1 is beyond the form
             found = f"{slope:.2g}" if np.isfinite(slope) else "vertical"
@@ -82,11 +84,6 @@ class Seat:
                 "seat", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces"
             )
         return depth - depth.min()
-
-    def matters(self, face: Topography) -> bool:
-        """Whether the form is deep enough beside the roughness of a face to change its leakage."""
-        depth = self.depth(_rows(face.shape[0], face.spacing[0]), face.size[0])
-        return bool(not np.ptp(depth) < LEAST_DEPTH * face.rms_height)
 
 
 @dataclass(frozen=True)
@@ -98,9 +95,6 @@ class FlatSeat(Seat):
     def depth(self, x: Array, breadth: float) -> Array:
         """0."""
         return np.zeros_like(x)
-
-    def __str__(self) -> str:
-        return "flat"
 
 
 @dataclass(frozen=True)
@@ -118,9 +112,6 @@ class CrownedSeat(Seat):
     def depth(self, x: Array, breadth: float) -> Array:
         """x²/2R."""
         return x**2 / (2 * self.radius)
-
-    def __str__(self) -> str:
-        return f"crowned with radius {to_text(self.radius, 'm')}"
 
 
 @dataclass(frozen=True)
@@ -161,9 +152,6 @@ class BallOnCone(Seat):
         with np.errstate(invalid="ignore"):
             return self.radius - np.sqrt(self.radius**2 - x**2)
 
-    def __str__(self) -> str:
-        return f"a ball of radius {to_text(self.radius, 'm')} on a cone of half angle {np.degrees(self.angle):.3g}°"
-
 
 @dataclass(frozen=True)
 class RoundedSeat(Seat):
@@ -183,9 +171,6 @@ class RoundedSeat(Seat):
     def depth(self, x: Array, breadth: float) -> Array:
         """(|x| − b/2)²/2r beyond the land, 0 on it."""
         return np.maximum(np.abs(x) - self.land / 2, 0.0) ** 2 / (2 * self.edge_radius)
-
-    def __str__(self) -> str:
-        return f"a land of {to_text(self.land, 'm')} with edges of radius {to_text(self.edge_radius, 'm')}"
 
 
 @dataclass(frozen=True)
@@ -209,9 +194,6 @@ class TiltedSeat(Seat):
     def depth(self, x: Array, breadth: float) -> Array:
         """x tan(tilt)."""
         return x * np.tan(self.tilt)
-
-    def __str__(self) -> str:
-        return f"tilted by {np.degrees(self.tilt):.3g}°"
 
 
 @dataclass(frozen=True)
@@ -238,11 +220,6 @@ class ProfileSeat(Seat):
 
     def __str__(self) -> str:
         return f"the profile {self.path.name}"
-
-
-def _rows(n1: int, spacing: float) -> Array:
-    """x1 of rows from their middle (n1,) [m]."""
-    return reals((np.arange(n1) + 0.5 - n1 / 2) * spacing)
 
 
 def _profile(path: Path, unit: str) -> Array:

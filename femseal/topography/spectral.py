@@ -74,16 +74,6 @@ def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
     return scipy.fft.irfft(kept, n, axis=axis)
 
 
-def one_sided(powers: NDArray, periodic: bool) -> NDArray:
-    """Fractions (n,) of signed waves folded on k >= 0: (n//2 + 1,); unchanged on a mirror axis."""
-    if not periodic:
-        return powers
-    n = powers.size
-    folded = powers[: n // 2 + 1].copy()
-    folded[1 : (n + 1) // 2] += powers[: n // 2 : -1]
-    return folded
-
-
 def _axes(periodic: Periodic) -> tuple[list[int], list[int]]:
     """Mirror axes and periodic ones."""
     return [k for k in (0, 1) if not periodic[k]], [k for k in (0, 1) if periodic[k]]

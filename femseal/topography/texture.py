@@ -1,9 +1,15 @@
 """Spectrum and texture of a map: shortest wave, range of a power law, autocorrelation length, direction of the lay.
 
+The shortest wave that an instrument sees, from the radius of its tip or from its lateral resolution: a round tip of
+radius R follows a wave of amplitude a and wavelength λ where it is blunter than the tip, a(2π/λ)² <= 1/R, that is
+λ >= 2π√(aR). Of many waves the curvature of profiles counts, √2 times its rms in place of a(2π/λ)².
+
 Symbols: q angular wavenumber [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). The radial
 average of a face of parallel grooves falls with the same exponent as that of an isotropic one of equal H. Sal and Str
 are lengths in which the autocorrelation decays to 0.2, Std the direction of the lay, counted from x1 towards x2.
-Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std).
+Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std); Church and
+Takacs, Proc. SPIE 1332 (1991) 504 (tip); ISO 25178-600 (lateral period limit: the wavelength at which the instrument
+shows half of the height).
 """
 
 from dataclasses import dataclass
@@ -13,8 +19,6 @@ from typing import Any
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy import fft
-from scipy.special import exprel
 
 from ..base import Array
 from .spectral import SLACK
@@ -62,7 +66,13 @@ class PowerLaw:
     def slope_power(self, longest: float, shortest: float) -> float:
         """Mean square slope of the waves between two wavelengths [m], (1/2π)∫q³C dq, by the law."""
         q, folds = 2 * pi / longest, np.log(longest / shortest)
-        return float(q**4 * self.at(q) / (2 * pi) * folds * exprel((2 - 2 * self.hurst) * folds))
+        return float(
+            q**4
+            * self.at(q)
+            / (2 * pi)
+            * folds
+            * scipy.special.exprel((2 - 2 * self.hurst) * folds)
+        )
 
 
 #: In place of a law where there is none.
@@ -211,8 +221,8 @@ def autocorrelation(topography: Topography) -> Array:
     """
     z = topography.heights - topography.heights.mean()
     (n1, n2), (m1, m2) = topography.shape, (n // 2 for n in topography.shape)
-    padded = [fft.next_fast_len(2 * n, real=True) for n in (n1, n2)]
-    sums = fft.irfft2(np.abs(fft.rfft2(z, padded)) ** 2, padded)
+    padded = [scipy.fft.next_fast_len(2 * n, real=True) for n in (n1, n2)]
+    sums = scipy.fft.irfft2(np.abs(scipy.fft.rfft2(z, padded)) ** 2, padded)
     i, j = np.arange(-m1, m1 + 1), np.arange(-m2, m2 + 1)
     pairs = np.outer(n1 - np.abs(i), n2 - np.abs(j))
     lagged = sums[np.ix_(i, j)] / pairs
@@ -223,26 +233,22 @@ def _decay(topography: Topography) -> tuple[NDArray, NDArray]:
     """Distance (180,) [m] to the level 0.2 in each direction, inf where it is not reached, and the reach of the map."""
     correlation = autocorrelation(topography)
     middle, spacing = np.array([n // 2 for n in topography.shape]), np.array(topography.spacing)
+    direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T
+    reach = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
     step = spacing.min() / 2
-    distance, reach = np.empty(_ANGLES.size), np.empty(_ANGLES.size)
-    for k, angle in enumerate(_ANGLES):
-        direction = np.array([np.cos(angle), np.sin(angle)])
-        reach[k] = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min()
-        r = np.arange(0, reach[k] + step / 2, step)
-        places = middle[:, None] + np.outer(direction / spacing, r)
-        below = (
-            scipy.ndimage.map_coordinates(correlation, places, order=1, mode="nearest") < _DECAYED
-        )
-        distance[k] = r[np.argmax(below)] if below.any() else np.inf
-    return distance, reach
+    r = np.arange(0, reach.max() + step / 2, step)
+    places = middle + (direction / spacing)[:, None] * r[:, None]
+    found = scipy.ndimage.map_coordinates(correlation, places.T, order=1, mode="nearest").T
+    below = (found < _DECAYED) & (r < reach[:, None] + step / 2)
+    return np.where(below.any(axis=1), r[np.argmax(below, axis=1)], np.inf), reach
 
 
 def _lay(topography: Topography) -> float:
     """Direction [rad] from x2 in (−π/2, π/2] of the lines along which heights stay the same."""
     n1, n2 = topography.shape
     window = np.outer(np.hanning(n1 + 2)[1:-1], np.hanning(n2 + 2)[1:-1])
-    power = np.abs(fft.fft2((topography.heights - topography.heights.mean()) * window)) ** 2
-    k1, k2 = n1 * fft.fftfreq(n1)[:, None], n2 * fft.fftfreq(n2)[None, :]
+    power = np.abs(scipy.fft.fft2((topography.heights - topography.heights.mean()) * window)) ** 2
+    k1, k2 = n1 * scipy.fft.fftfreq(n1)[:, None], n2 * scipy.fft.fftfreq(n2)[None, :]
     power[np.hypot(k1, k2) < _LEAST_WAVES] = 0
     angle = np.arctan2(k2 / topography.size[1], k1 / topography.size[0]) % pi
     sector = np.rint(np.rad2deg(angle)).astype(int) % 180
@@ -255,3 +261,36 @@ def _lay(topography: Topography) -> float:
         if power[near].any():
             direction += np.average(beside[near], weights=power[near])
     return float(pi / 2 - (pi / 2 - direction) % pi)
+
+
+#: The longest wave that was not seen over the shortest one that counts as removed.
+UNSEEN = 10.0
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """Radius of the tip and lateral period limit [m] of an instrument; None where they are not known."""
+
+    tip_radius: float | None = None
+    resolution: float | None = None
+
+    def shortest_wave(self, flat: Topography) -> float:
+        """Shortest wave [m] of a flat map that it sees; 0 where nothing is known of it, or nothing limits it."""
+        found = [self.resolution or 0.0]
+        if self.tip_radius is not None:
+            found += [
+                _followed(place, axis, self.tip_radius) for place in flat.each for axis in (0, 1)
+            ]
+        return max(found)
+
+
+#: Nothing is known of it.
+UNKNOWN = Instrument()
+
+
+def _followed(flat: Topography, axis: int, radius: float) -> float:
+    """Shortest wave [m] of the profiles along an axis that a tip follows; 0 where it follows all of them."""
+    q, density = flat.psd(axis)
+    square = np.cumsum(q**4 * density) * np.diff(q, prepend=0.0) / pi
+    lost = np.flatnonzero(2 * square > radius**-2)
+    return float(2 * pi / q[max(lost[0] - 1, 1)]) if lost.size else 0.0

@@ -255,7 +255,11 @@ class Topography(Plotted):
         axis = validate.axis_number(axis)
         powers = self._centred_power("psd").sum(axis=1 - axis)
         step = float(self._wave_steps[axis])
-        density = spectral.one_sided(powers, self.periodic[axis]) * (np.pi / step)
+        if self.periodic[axis]:  # waves of both signs together
+            n = powers.size
+            powers[1 : (n + 1) // 2] += powers[: n // 2 : -1]
+            powers = powers[: n // 2 + 1]
+        density = powers * (np.pi / step)
         density[0] *= 2
         return step * np.arange(density.size, dtype=np.float64), density
 

@@ -81,7 +81,10 @@ def test_a_key_of_one_of_two_faces(case):
         (["seed=1,2", "seed=3"], "sweep: given the key seed twice"),
         (["seed=1,1"], "expected values that differ"),
         (["seed.x=1"], "sweep: given 'seed.x', expected a dotted key of the case"),
-        (['load.loading=["2MPa","1MPa"]'], "load: expected rising pressures"),
+        (
+            ['load.loading=["2MPa","1MPa"]'],
+            "load.loading: given [2000000.0, 1000000.0], expected rising pressures",
+        ),
         (["cells.count=[2,4],[32,64]"], r"with count = [32, 64]"),
         (
             [

@@ -264,7 +264,7 @@ def test_bad_places_of_a_case_are_refused(tmp_path, files):
         ({"places": ["place0.npz"]}, r"face\.places: given 'place0.npz', which is one file"),
         ({"places": "none*.npz"}, r"face\.places: given .*, which is no file"),
         ({"places": ["place0.npz", "none.npz"]}, r"face\.places: given 'none.npz'"),
-        ({"places": ["place0.npz", "place0.npz"]}, "twice"),
+        ({"places": ["place0.npz", "place0.npz"]}, "the same map as number 1 and 2"),
         ({"places": ["place0.npz", "place1.npz", "copy.npz"]}, "same map as number 2 and 3"),
         ({"places": ["place0.npz", {"crop": ["0 um", "9 um", "0 um", "9 um"]}]}, "without path"),
         ({"places": ["place0.npz", "place1.npz"], "path": "place2.npz"}, "besides places"),
