@@ -383,10 +383,14 @@ def _named(name: str) -> list[LeakClass]:
     raise InputError("classes", shown(name), KNOWN)
 
 
+#: What people write in names of classes, and what it stands for.
+_SAME_NAMES = dict.fromkeys(("rate", "class", "2021", "2015"), "")
+_SAME_NAMES |= {"1591-1": "13555", "en 12266-1": "iso 5208"}
+
+
 def _class_key(name: str) -> str:
     """A name without case, spaces, hyphens and additions that people write."""
-    for part in ("rate", "class", "2021", "2015", "1591-1", "en 12266-1"):
-        name = name.lower().replace(
-            part, {"1591-1": "13555", "en 12266-1": "iso 5208"}.get(part, "")
-        )
+    name = name.lower()
+    for written, meant in _SAME_NAMES.items():
+        name = name.replace(written, meant)
     return name.replace(",", ".").translate(str.maketrans("", "", " -_:")).removesuffix(".0")

@@ -15,6 +15,7 @@ import numpy as np
 
 from .arrays import Array, Pair, Periodic, Shape
 from .errors import InputError, counted
+from .quantities import unit_text
 
 
 def number(
@@ -191,6 +192,6 @@ def check_parameters(model: Any) -> None:
         if "allowed" in f.metadata:
             if getattr(model, f.name) is None and f.default is None:
                 continue
-            unit = f.metadata["unit"].replace("*", " ").replace("^3", "³")
+            unit = unit_text(f.metadata["unit"])
             above, inclusive = f.metadata["above"], f.metadata["inclusive"]
             number(f.name, getattr(model, f.name), unit=unit, above=above, inclusive=inclusive)

@@ -220,16 +220,15 @@ def seal_leakage(
     '1e-07 m³/s, 1e-06 m²/s'
     """
     if (boundaries := getattr(seal, "boundaries", None)) is not None:
-        refused = {
-            "inlet_pressure": inlet_pressure is not None,
-            "bounds": bounds,
-            "permeability": isinstance(permeability, PermeabilityTable),
-        }
-        for name, given in refused.items():
-            if given:
-                raise InputError(
-                    name, _REFUSED[name], "none on a seal whose inlets have pressures of their own"
-                )
+        is_table = isinstance(permeability, PermeabilityTable)
+        for name, is_given, given in (
+            ("inlet_pressure", inlet_pressure is not None, "a pressure"),
+            ("bounds", bounds, "true"),
+            ("permeability", is_table, "a table over pressures, as of slip"),
+        ):
+            if is_given:
+                expected = "none on a seal whose inlets have pressures of their own"
+                raise InputError(name, given, expected)
         return _between_boundaries(seal, boundaries, permeability, fluid, outlet_pressure, solver)
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
@@ -274,14 +273,6 @@ def _leakage(
         solver=flow.solver,
         **known,
     )
-
-
-#: What is not possible with pressures of inlets.
-_REFUSED = {
-    "inlet_pressure": "a pressure",
-    "bounds": "true",
-    "permeability": "a table over pressures, as of slip",
-}
 
 
 def _between_boundaries(
