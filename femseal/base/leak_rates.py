@@ -49,29 +49,39 @@ class LeakUnit:
     per_length: bool
 
 
-_MINUTE, _HOUR, _DAY, _YEAR = 60.0, 3600.0, 86_400.0, 365.25 * 86_400.0
-_TABLE: tuple[tuple[Kind, bool, dict[str, float]], ...] = (
-    ("volume", True, {"m²/s": 1.0, "L/(m·s)": 1e-3, "mL/(m·s)": 1e-6, "µL/(m·s)": 1e-9, "nL/(m·s)": 1e-12,
-                      "pL/(m·s)": 1e-15, "mL/(m·min)": 1e-6 / _MINUTE, "mL/(m·h)": 1e-6 / _HOUR}),
-    ("volume", False, {"m³/s": 1.0, "L/s": 1e-3, "L/min": 1e-3 / _MINUTE, "L/h": 1e-3 / _HOUR, "mL/s": 1e-6,
-                       "mL/min": 1e-6 / _MINUTE, "mL/h": 1e-6 / _HOUR, "mL/day": 1e-6 / _DAY, "µL/s": 1e-9,
-                       "µL/min": 1e-9 / _MINUTE, "mm³/s": 1e-9, "nL/s": 1e-12, "pL/s": 1e-15}),
-    ("mass", True, {"kg/(m·s)": 1.0, "g/(m·s)": 1e-3, "mg/(m·s)": 1e-6, "µg/(m·s)": 1e-9, "g/(m·h)": 1e-3 / _HOUR}),
-    ("mass", False, {"kg/s": 1.0, "g/s": 1e-3, "mg/s": 1e-6, "µg/s": 1e-9, "kg/h": 1 / _HOUR, "g/h": 1e-3 / _HOUR,
-                     "mg/h": 1e-6 / _HOUR, "kg/year": 1 / _YEAR, "g/year": 1e-3 / _YEAR}),
-    ("throughput", True, {"Pa·m³/(m·s)": 1.0, "mbar·L/(m·s)": 0.1}),
-    ("throughput", False, {"Pa·m³/s": 1.0, "mbar·L/s": 0.1}),
-    ("standard", True, {"std cm³/(m·s)": 1e-6}),
-    ("standard", False, {"std cm³/s": 1e-6, "std cm³/min": 1e-6 / _MINUTE, "std L/min": 1e-3 / _MINUTE}),
-    ("drops", False, {"drops/s": 1.0, "drops/min": 1 / _MINUTE, "drops/h": 1 / _HOUR}),
-    ("bubbles", False, {"bubbles/s": 1.0, "bubbles/min": 1 / _MINUTE}),
-)  # fmt: skip
-#: All units, by their name.
-LEAK_UNITS: dict[str, LeakUnit] = {
-    name: LeakUnit(name, kind, si, per_length)
-    for kind, per_length, values in _TABLE
-    for name, si in values.items()
+#: Amounts by their kind, in SI, and times in seconds, of which units are made.
+_AMOUNTS: dict[Kind, dict[str, float]] = {
+    "volume": {"m³": 1.0, "L": 1e-3, "mL": 1e-6, "µL": 1e-9, "mm³": 1e-9, "nL": 1e-12, "pL": 1e-15},
+    "mass": {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "µg": 1e-9},
+    "throughput": {"Pa·m³": 1.0, "mbar·L": 0.1},
+    "standard": {"std cm³": 1e-6, "std L": 1e-3},
+    "drops": {"drops": 1.0},
+    "bubbles": {"bubbles": 1.0},
 }
+_TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 86_400.0, "year": 365.25 * 86_400.0}
+#: Units by kind; of each, those per length of seal first.
+_NAMES = (
+    "m²/s, L/(m·s), mL/(m·s), µL/(m·s), nL/(m·s), pL/(m·s), mL/(m·min), mL/(m·h), "
+    "m³/s, L/s, L/min, L/h, mL/s, mL/min, mL/h, mL/day, µL/s, µL/min, mm³/s, nL/s, pL/s, "
+    "kg/(m·s), g/(m·s), mg/(m·s), µg/(m·s), g/(m·h), "
+    "kg/s, g/s, mg/s, µg/s, kg/h, g/h, mg/h, kg/year, g/year, "
+    "Pa·m³/(m·s), mbar·L/(m·s), Pa·m³/s, mbar·L/s, "
+    "std cm³/(m·s), std cm³/s, std cm³/min, std L/min, drops/s, drops/min, drops/h, bubbles/s, bubbles/min"
+)
+
+
+def _made_unit(name: str) -> LeakUnit:
+    """The unit of a name of an amount per time, or per length of seal and time."""
+    if name == "m²/s":
+        return LeakUnit(name, "volume", 1.0, per_length=True)
+    amount, _, time = name.partition("/")
+    kind = next(kind for kind, amounts in _AMOUNTS.items() if amount in amounts)
+    si = _AMOUNTS[kind][amount] / _TIMES[time.removeprefix("(m·").removesuffix(")")]
+    return LeakUnit(name, kind, si, per_length=time.startswith("(m·"))
+
+
+#: All units, by their name.
+LEAK_UNITS: dict[str, LeakUnit] = {name: _made_unit(name) for name in _NAMES.split(", ")}
 #: Units in which every leakage is given; those of gases are left out for liquids.
 USUAL_UNITS = ("m²/s", "mL/(m·min)", "mg/(m·s)", "m³/s", "mL/min", "drops/min", "kg/s", "g/year", "Pa·m³/s", "mbar·L/s",
         "std cm³/s")  # fmt: skip
