@@ -6,7 +6,7 @@ A form is a frozen dataclass with `heights`; forms of both faces add up.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import inf, pi
 from os import PathLike
 from pathlib import Path
@@ -247,9 +247,9 @@ class FileForm:
     def __str__(self) -> str:
         return f"the heights in {self.path.name}"
 
-    @property
+    @cached_property
     def measured(self) -> MeasuredForm:
-        """The heights of the file."""
+        """The heights of the file, which is read once."""
         return read_form(self.path, unit=self.unit, length_unit=self.length_unit)
 
     @property
@@ -283,17 +283,10 @@ def read_form(
     ------
     InputError : no such file, not readable, columns without a unit of their heights.
     """
-    file = Path(path)
-    stamp = file.stat().st_mtime_ns if file.is_file() else None
-    return _read_form(file, unit, length_unit, stamp)
-
-
-@lru_cache(maxsize=4)
-def _read_form(file: Path, unit: str | None, length_unit: str, stamp: int | None) -> MeasuredForm:
-    """Read once while the time of the file (`stamp`) stays."""
     from ..topography import read_topography
 
-    if stamp is None:
+    file = Path(path)
+    if not file.is_file():
         raise InputError("path", f"'{file}'", "an existing file with heights of the seal")
     names = columns_of(file) if file.suffix.lower() in TEXTS else []
     wanted = next((names_ for names_ in (_PLANE, _POLAR) if {*names_} <= {*names}), None)

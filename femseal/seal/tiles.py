@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import pi
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from skfem import Mesh, MeshQuad
@@ -272,38 +270,26 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
 def laid_on_mesh(
     pieces: PieceSize,
     lay: Lay,
-    file: tuple[Path, Any, Any, str],
+    whole: MeshSeal,
     length: float | None,
     centre: Pair,
 ) -> SealTiles:
     """On a mesh: each element is a tile, or shares that of its neighbours where elements are smaller than pieces.
 
-    file : path, inlet (a tuple of names and pressures where it has these), outlet and unit, see `MeshSeal`. length :
-        of the seal [m], that of the outlet unless given. centre : of the lay [m].
+    length : of the seal [m], that of the outlet unless given. centre : of the lay [m].
     """
-    path, *_, unit = file
-    stat = path.stat() if path.is_file() else None
-    stamp = None if stat is None else (stat.st_mtime_ns, stat.st_size)
-    whole = _mesh_seal(*file, stamp)
-    check_size("path", float(np.ptp(whole.points, axis=0).max()), unit)
+    check_size("path", float(np.ptp(whole.points, axis=0).max()), whole.unit)
     mesh, ends = whole.mesh, whole.ends
     along = length or whole.length
     outlines = mesh.p.T[mesh.t.T]
     centres = outlines.mean(axis=1)
-    direction = lay.directions(centres, centre, to_si(f"1 {unit}", "m", "unit"))
+    direction = lay.directions(centres, centre, to_si(f"1 {whole.unit}", "m", "unit"))
     size = whole.area / along, along
     seal = ElementSeal(mesh, *ends, size, outlines, _axes(direction), whole.boundaries)
     side = (pieces.size[0] * pieces.size[1]) ** 0.5
     _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
     odd = (*parts_without_flow(mesh, *ends), *boundaries_without_name(mesh))
     return SealTiles(seal, direction, tile.ravel(), warnings=odd)
-
-
-@lru_cache(maxsize=2)
-def _mesh_seal(path: Path, inlet: Any, outlet: Any, unit: str, stamp: Any) -> MeshSeal:
-    """The seal of a mesh file, read once while its time and size (`stamp`) stay; a run lays it out several times."""
-    of_pressures = isinstance(inlet, tuple) and isinstance(inlet[0], tuple)
-    return MeshSeal(path, dict(inlet) if of_pressures else inlet, outlet, unit)
 
 
 def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
