@@ -86,10 +86,9 @@ class Lay:
                 )
             radial = away / distance[:, None]
             around = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
-            if self.name == "spiral":  # tan α = lead/2πr
-                tangent = (self.lead / (2 * np.pi * distance))[:, None]
-                return (around + tangent * radial) / np.sqrt(1 + tangent**2)
-            return radial if self.name == "radial" else around
+            tangent = (self.lead / (2 * np.pi * distance))[:, None]  # tan α of a spiral, else 0
+            wound = (around + tangent * radial) / np.sqrt(1 + tangent**2)
+            return radial if self.name == "radial" else wound
         angle = {"x1": 0.0, "x2": np.pi / 2}.get(self.name, self.angle or 0.0)
         return np.tile([np.cos(angle), np.sin(angle)], (len(places), 1))
 

@@ -23,7 +23,7 @@ from ..flow.mesh import MeshFlow, MeshOperators
 from ..flow.mesh_input import is_connected, permeability_tensors
 from ..flow.solution import LINEAR
 from .seal_files import read_mesh
-from .triangulation import polygon_areas
+from .triangulation import cross, polygon_areas
 
 #: Depth in fractions of the shorter edge, and of an element, to which parts that touch may lie on each other:
 #: coordinates are rounded, and edges are chords of arcs.
@@ -73,7 +73,7 @@ def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
             (start[a], along_a, length_a, (start[b], end[b])),
             (start[b], along_b, length_b, (start[a], end[a])),
         ):
-            one, other = (_cross(along, place - origin) / length for place in ends)
+            one, other = (cross(along, place - origin) / length for place in ends)
             found &= (one * other < 0) & (np.minimum(np.abs(one), np.abs(other)) > depth)
         if found.any():
             at = int(np.argmax(found))
@@ -84,7 +84,7 @@ def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
 def _rounds(start: Array, end: Array, place: Array) -> int:
     """How often the outlines run round a place, by the edges that a ray to the right of it meets."""
     before, behind = start[:, 1] > place[1], end[:, 1] > place[1]
-    right = (_cross(end - start, place - start) > 0) == behind
+    right = (cross(end - start, place - start) > 0) == behind
     return int(np.sum(behind[right].astype(int) - before[right]))
 
 
@@ -103,10 +103,6 @@ def _pairs(last: Indices) -> Iterator[tuple[Indices, Indices]]:
         )
         yield n, first[n] + offset
         begin = stop
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 #: Names of inlets, one or several at one pressure, or pressures [Pa] of inlets by their names.

@@ -21,6 +21,7 @@ from ..flow.spiral import Spiral
 from .element_seal import ElementSeal
 from .lay import Lay, check_size
 from .mesh_seal import MeshSeal, boundaries_without_name, parts_without_flow
+from .triangulation import polygon_areas
 
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
 logging.getLogger("skfem.mesh.mesh").addFilter(
@@ -161,11 +162,9 @@ class SealTiles:
         ends, starts = ([1, 2], [0, 0]) if corners.shape[1] == 3 else ([2, 3], [0, 1])
         ways, drops = corners[:, ends] - corners[:, starts], at[:, ends] - at[:, starts]
         gradient = np.linalg.solve(ways, drops[..., None])[..., 0]
-        axes = np.stack([np.stack([self.lay[:, 1], -self.lay[:, 0]], axis=1), self.lay], axis=1)
+        axes = _axes(self.lay)
         flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
-        first, second = ways[:, 0], ways[:, 1]
-        area = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-        power = -float(area @ (flux * gradient).sum(axis=1))
+        power = -float(np.abs(polygon_areas(corners)) @ (flux * gradient).sum(axis=1))
         drop = float(np.ptp(potential[np.isfinite(potential)]))
         return flux * (abs(rate) * drop / power if power > 0 else 0.0)
 

@@ -75,7 +75,7 @@ class Triangulation:
         triangle = np.atleast_1d(surface.find_closest_cell(in_space(places)))
         corner = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
         a, b, d = corner[1] - corner[0], corner[2] - corner[0], places - corner[0]
-        second, third = _cross(d, b) / _cross(a, b), _cross(a, d) / _cross(a, b)
+        second, third = cross(d, b) / cross(a, b), cross(a, d) / cross(a, b)
         return triangle, np.stack([1 - second - third, second, third], axis=1)
 
 
@@ -84,7 +84,8 @@ def in_space(points: Array) -> Array:
     return np.pad(points, ((0, 0), (0, 1)))
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
+    """The products a × b (n,) of vectors (n, 2)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
