@@ -173,14 +173,8 @@ def parameter(
     usual : range out of which a case is asked whether the unit is meant.
     meaning, more : as `described` takes them; the default may be None.
     """
-    limits: dict[str, Any] = {
-        "unit": unit,
-        "allowed": allowed,
-        "usual": usual,
-        "above": above,
-        "inclusive": inclusive,
-    }
-    return described(meaning, **limits, **more)
+    limits: dict[str, Any] = {"usual": usual, "above": above, "inclusive": inclusive}
+    return described(meaning, unit=unit, allowed=allowed, **limits, **more)
 
 
 def check_parameters(model: Any) -> None:

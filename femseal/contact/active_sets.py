@@ -10,8 +10,6 @@ semismooth Newton method. There is no proof of convergence: after 60 iterations 
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
-from __future__ import annotations
-
 from math import inf, sqrt
 
 from ..base import Array

@@ -1,7 +1,5 @@
 """The elastic half-space: its boundary kinds, its symbol, and the displacement under a pressure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ Sources: Johnson, Contact Mechanics, 1985, ch. 3 and 13; Love, Phil. Trans. R. S
 constant pressure); Liu, Wang, Liu, Wear 243, 2000, 101 (DC-FFT).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 from scipy.special import polygamma

@@ -13,8 +13,6 @@ v : (n1, >= n2), whose rows begin with those of the grid; so does Kd, before it 
 `loaded` : whether the load is given; otherwise the approach is.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ How a list falls into parts depends on its length only, and sums are taken part 
 same bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import accumulate
 from typing import Any

@@ -5,8 +5,6 @@ systems without locks, among them some of networks, have a file in its place tha
 own items of every stage, and reads those of the others.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import logging

@@ -1,7 +1,5 @@
 """Progress of a command: bars on a terminal, log lines elsewhere and in a file."""
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

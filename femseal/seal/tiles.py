@@ -5,8 +5,6 @@ a ring is the same in (ln r, θ), in which the form is that of a strip; any othe
 smaller than a piece share its tile.
 """
 
-from __future__ import annotations
-
 import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property
