@@ -20,6 +20,7 @@ from ..base.validate import check_parameters, described, parameter
 from ..topography import Topography
 from .pressure_map import Frame
 from .seal_files import TEXTS, columns_of, read_columns
+from .triangulation import middles
 
 #: How far from measured points their heights hold: in their usual distance, and in the larger side of the seal.
 _BEYOND, _REACH = 3.0, 0.2
@@ -155,10 +156,7 @@ class MeasuredForm:
     @classmethod
     def of_map(cls, surface: Topography) -> MeasuredForm:
         """A map of heights (n1, n2), such as that of a coarser instrument, without its undefined points."""
-        x1, x2 = (
-            (np.arange(n) + 0.5) * d for n, d in zip(surface.shape, surface.spacing, strict=True)
-        )
-        points = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1).reshape(-1, 2)
+        points = middles(surface.size, surface.shape)
         known = np.isfinite(surface.heights).ravel()
         found = cls.of(points[known], surface.heights.ravel()[known])
         return replace(found, middle=(surface.size[0] / 2, surface.size[1] / 2))

@@ -19,7 +19,7 @@ from ..flow.spiral import Spiral
 from .element_seal import ElementSeal
 from .lay import Lay, check_size
 from .mesh_seal import MeshSeal, boundaries_without_name, parts_without_flow
-from .triangulation import polygon_areas
+from .triangulation import middles, polygon_areas
 
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
 logging.getLogger("skfem.mesh.mesh").addFilter(
@@ -194,7 +194,7 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
     cells = rows, pieces.columns(rows, whole)
     size = breadth, cells[1] * d2
     wound = lay.name == "spiral"
-    laid = _strip(size, cells, (Lay(name="x2") if wound else lay).directions(_middles(size, cells)))
+    laid = _strip(size, cells, (Lay(name="x2") if wound else lay).directions(middles(size, cells)))
     if wound:
         lay.check_lead(size[0])
         slope = Spiral(lay.lead, lay.circumference).tangent(whole * d2)
@@ -301,12 +301,6 @@ def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
     tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, times)).ravel()
     seal = ElementSeal(ring, *ends, whole, plain.p.T[plain.t.T], _axes(lay[tile]))
     return SealTiles(seal, lay[tile], tile, cells)
-
-
-def _middles(size: Pair, cells: Shape) -> Array:
-    """Middles (n, 2) of equal cells of a rectangle, row by row."""
-    first, second = ((np.arange(n) + 0.5) * (side / n) for side, n in zip(size, cells, strict=True))
-    return np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _periodic_quads(
