@@ -161,12 +161,9 @@ def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
 
     points, values = read_field(file, array)
     points = points * unit
-    size = (
-        np.linalg.norm(values[:, :2], axis=1)
-        if values.ndim == 2 and values.shape[1] in (2, 3)
-        else np.zeros(1)
-    )
-    if values.ndim != 2 or not np.isfinite(values).all() or not size.min() > 0:
+    of_vectors = values.ndim == 2 and values.shape[1] in (2, 3)
+    size = np.linalg.norm(values[:, :2], axis=1) if of_vectors else np.zeros(1)
+    if not (np.isfinite(values).all() and size.min() > 0):
         raise InputError(
             "lay.field", f"'{array}' of '{file}'", "vectors along the lay, finite and not 0"
         )

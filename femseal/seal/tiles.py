@@ -140,13 +140,8 @@ class SealTiles:
 
     def shown(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
         """Permeability [m³], √ of the product of its principal values, and fluid pressure [Pa] of elements (n,)."""
-        return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), self.of_elements(
-            fluid_pressure
-        )
-
-    def of_elements(self, values: Array) -> Array:
-        """Means (n,) over the vertices of every element of values at the vertices."""
-        return values[self.seal.mesh.t].mean(axis=0)
+        at_vertices = fluid_pressure[self.seal.mesh.t]
+        return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), at_vertices.mean(axis=0)
 
     def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
         """Volume rate per width (n, 2) [m²/s] in the middle of every element, in the plane of the seal.
