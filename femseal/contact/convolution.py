@@ -2,16 +2,16 @@
 
 A product has three stages: rows are transformed, behind their points being laid out for it on mirror and free axes; for
 a block of columns at a time, while it is in cache, columns are transformed, waves are multiplied with the symbol, and
-columns are transformed back; rows are transformed back. Waves take the memory of the displacement, in rows that are
-longer than those of its points.
+columns are transformed back; rows are transformed back.
 
 A mirror axis needs no more than the transform of its N points taken in the order 0, 2, 4 … 5, 3, 1: cosine coefficients
 k and N − k are sums of the waves k and N − k, so that K mixes these two. Source: Makhoul, IEEE Trans. Acoust. Speech
 Signal Process. 28, 1980, 27. A free axis is padded with zeros; rows of zeros are not transformed.
 
-On large grids, which no cache holds, a first axis that is free is never padded as a whole: with m points, half of the
-padded length, its even waves are the transform of the points, and its odd ones that of the points times exp(−iπk/m).
-Columns of large grids, and of a mirror axis, are copied to a block; others go there from strided memory.
+On large grids, which no cache holds, waves take the memory of the displacement, in rows that are longer than those of
+its points, and a first axis that is free is never padded as a whole: with m points, half of the padded length, its even
+waves are the transform of the points, and its odd ones that of the points times exp(−iπk/m). Columns of large grids
+are copied to a block; others go there from strided memory.
 
 FFTW plans with FFTW_ESTIMATE and without wisdom. It then chooses by a rule and not by timing, so that every process
 gets the same plans and the same bits. Measured against plans that FFTW timed, whole solutions of 256² to 1024² points
@@ -104,27 +104,33 @@ class Convolution:
         size = rows * length * kind.itemsize
         self._memory: Any = fftw().empty_aligned(size, np.uint8) if over is None else over._memory
         every_wave = self._memory[:size].view(kind).reshape(rows, length)
-        waves, self.rows = every_wave[:, :m2], every_wave[:n1].view(real)
+        waves = every_wave[:, :m2]
+        # a large displacement takes the memory of its waves; transforms to another one are a sixth faster
+        self.rows = every_wave[:n1].view(real) if large else fftw().empty_aligned((n1, l2), real)
         self.pressure: Any = fftw().zeros_aligned(shape, dtype=real)
-        self.displacement, padded = self.rows[:, :n2], self.rows[:, :l2]
+        self.displacement, laid = self.rows[:, :n2], self.rows[:, :l2]
+        # columns of large grids are put in order as they are copied, and rows in their own memory
+        order, unordered = (np.arange(n1), mirrors[1]) if large else (order1, any(mirrors))
+        if unordered and not large:
+            laid = fftw().empty_aligned((n1, l2), real)
         points, lay_out, take_out = self.pressure, None, None
-        if mirrors[1] or l2 > n2:
-            points, lay_out = padded, partial(lay, self.pressure, padded, order2)
-        if mirrors[1]:
-            take_out = partial(take, self.displacement, order2)
+        if unordered or l2 > n2:
+            points, lay_out = laid, partial(lay, self.pressure, laid, order, order2)
+        if unordered:
+            take_out = partial(take, laid, self.displacement, order, order2)
         # of each stage the parts that threads share, and of each part the calls
         first: list[list[Call]] = []
         last: list[list[Call]] = []
         with planner() as planned:
             for i, end in parts(n1, max(ROW_POINTS / l2, n1 / ROW_PARTS)):
-                there, back = planned(points[i:end], waves[i:end], padded[i:end], axis=1)
+                there, back = planned(points[i:end], waves[i:end], laid[i:end], axis=1)
                 first.append([partial(lay_out, i, end), there] if lay_out else [there])
                 last.append([back, partial(take_out, i, end)] if take_out else [back])
             if rows > n1:
                 first.append([partial(waves[n1:].fill, 0)])
             twist = np.exp(-1j * np.pi * np.arange(n1 if l1 > m1 else 0) / m1).astype(kind)
             turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, l2)]
-            copied = (twist, order1) if large or mirrors[0] else None
+            copied = (twist, order1) if large else None
             columns = self._column_calls(planned, waves, m1, l1 // m1, turns, copied)
         self._stages = [first, columns, last]
         if threads == 1:  # on small grids passing from call to call is what takes time
@@ -151,8 +157,8 @@ class Convolution:
         shape = transforms * width, row_length(m1, kind.itemsize) if copied else m1
         stage = []
         for starts in np.array_split(range(0, m2, width), self._threads):
-            block, copy = (fftw().zeros_aligned(shape, kind)[:, :m1] for _ in range(2))
-            there, back = planned(copy, block, copy, axis=1)
+            block, copy = (fftw().zeros_aligned(shape, kind) for _ in range(2))
+            there, back = planned(copy[:, :m1], block[:, :m1], copy[:, :m1], axis=1)
             calls: list[Call] = []
             for j in starts:
                 some = waves[:, j : j + width]
@@ -163,7 +169,7 @@ class Convolution:
                     calls += partial(_gather, some, copy, *copied), there, work, back
                     calls += [partial(_scatter, some, copy, *copied)]
                 else:
-                    there, back = planned(some, block[:count].T, some, axis=0)
+                    there, back = planned(some, block[:count, :m1].T, some, axis=0)
                     calls += there, work, back
             stage.append(calls)
         return stage
@@ -285,9 +291,10 @@ def respond(block, n, first, count, weights, twisted, turn1, turn2):
                 other[i] = row[n - odd - i]
             for i in range(half):
                 a, b = row[i], other[i]
+                c, d = own[i] * a, own[i] * b
                 f, g = turn1[i] * b, turn1[i] * a.conjugate()
-                c = own[i] * a + w1[i] * f + turn * (w2[i] * b.conjugate() + w12[i] * g)
-                d = own[i] * b + w1[i] * g.conjugate()
+                c += w1[i] * f + turn * (w2[i] * b.conjugate() + w12[i] * g)
+                d += w1[i] * g.conjugate()
                 d += turn * (w2[i] * a.conjugate() + w12[i] * f.conjugate())
                 row[i], other[i] = c, d
             for i in range(lone, half):
@@ -301,22 +308,25 @@ def order_of(n: int, mirror: bool) -> Indices:
 
 
 @contracted
-def lay(points, staged, order, first, end):
-    """Write the points of some rows in the order of the transform, and zeros behind them."""
+def lay(points, staged, order1, order2, first, end):
+    """Write the points of some rows of the transform in its order, and zeros behind them."""
+    n2 = order2.size
     for i in range(first, end):
-        for j in range(order.size):
-            staged[i, j] = points[i, order[j]]
-        staged[i, order.size :] = 0
+        row = points[order1[i]]
+        for j in range(n2):
+            staged[i, j] = row[order2[j]]
+        staged[i, n2:] = 0
 
 
 @contracted
-def take(points, order, first, end):
-    """Write the points of some rows back in their own order: the inverse of `lay`."""
-    staged = np.empty(order.size, points.dtype)
+def take(staged, points, order1, order2, first, end):
+    """Write the points back in their own order, also within one memory: the inverse of `lay`."""
+    former = np.empty(order2.size, staged.dtype)
     for i in range(first, end):
-        staged[:] = points[i]
-        for j in range(order.size):
-            points[i, order[j]] = staged[j]
+        former[:] = staged[i, : order2.size]
+        row = points[order1[i]]
+        for j in range(order2.size):
+            row[order2[j]] = former[j]
 
 
 @contracted
