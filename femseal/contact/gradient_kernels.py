@@ -203,14 +203,22 @@ def apply_stencil(listed, dense, out, stencil):
     weights, rows, columns = stencil
     r1 = weights.shape[0] // 2
     r2 = weights.shape[1] // 2
+    n1 = rows.size - 2 * r1
     n2 = columns.size - 2 * r2
+    nine = (r1 == 1) & (r2 == 1)
     for k in range(listed.size):
-        i, j = divmod(listed[k], n2)
+        f = listed[k]
+        i = f // n2
+        j = f - i * n2
         s = 0.0
-        for a in range(2 * r1 + 1):
-            row = rows[i + a]
-            for b in range(2 * r2 + 1):
-                column = columns[j + b]
-                if row >= 0 and column >= 0:
-                    s += weights[a, b] * dense[row * n2 + column]
+        if nine and 1 <= i < n1 - 1 and 1 <= j < n2 - 1:
+            for a in range(3):
+                for b in range(3):
+                    s += weights[a, b] * dense[f + (a - 1) * n2 + b - 1]
+        else:
+            for a in range(2 * r1 + 1):
+                for b in range(2 * r2 + 1):
+                    row, column = rows[i + a], columns[j + b]
+                    if row >= 0 and column >= 0:
+                        s += weights[a, b] * dense[row * n2 + column]
         out[k] = s
