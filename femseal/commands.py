@@ -9,10 +9,10 @@ import typer
 
 from .base import FemsealError
 from .execution.parts import parsed_part
+from .execution.run import Progress
 from .execution.terminal import (
     CasePath,
     PartOption,
-    ProgressBars,
     Quiet,
     Scheduler,
     Workers,
@@ -24,7 +24,7 @@ from .execution.terminal import (
 
 
 @contextmanager
-def all_progress(quiet: bool, again: str) -> Iterator[ProgressBars]:
+def all_progress(quiet: bool, again: str) -> Iterator[Progress]:
     """Progress of a command whose runs are not all of its work, with that of compiling beside them.
 
     again : what goes on where it is stopped.

@@ -56,7 +56,7 @@ def test_reference_densities():
 
 @each("bad", [0.0, -1.0, np.nan, np.inf])
 def test_properties_must_be_finite_and_positive(bad):
-    with pytest.raises(InputError, match=r"^viscosity: given .*> 0 \[Pa s\]"):
+    with pytest.raises(InputError, match=r"^viscosity: given .*> 0 \[Pa·s\]"):
         Liquid(bad)
     with pytest.raises(InputError, match=r"^density: given .*> 0 \[kg/m³\]"):
         Liquid(1e-3, bad)

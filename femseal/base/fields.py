@@ -129,10 +129,7 @@ def declared(
 
 def fields_of(result: Any) -> Iterator[tuple[Field, Any]]:
     """Declared fields of a result with their values, without those that are None; computed ones come last."""
-    pairs = [(f.metadata["field"], f.name) for f in fields(result) if "field" in f.metadata]
-    for made, attribute in [
-        *pairs,
-        *((f, name) for name, f in getattr(result, "computed_fields", {}).items()),
-    ]:
+    stored = {f.name: f.metadata["field"] for f in fields(result) if "field" in f.metadata}
+    for attribute, made in (stored | getattr(result, "computed_fields", {})).items():
         if (values := getattr(result, attribute)) is not None:
             yield made, values

@@ -17,13 +17,8 @@ def made_folder(folder: str | os.PathLike[str]) -> Path:
     Raises InputError: the path is a file, or the folder cannot be made.
     """
     path = Path(folder)
-    try:
+    with writing("output folder", path, "a folder"):
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise InputError(
-            "output folder", f"{path} ({reason})", "a folder that can be written"
-        ) from None
     return path
 
 

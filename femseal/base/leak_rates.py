@@ -5,7 +5,7 @@ the fluid's density and, for a gas, its reference state turn it into any unit of
 is proportional to its temperature, so it is stated at one; standard volumes are those at 0 °C and 101 325 Pa. To add
 a unit or a class, add it to its table.
 
-Limits, with the edition they are of, stand in `_CLASSES`. Those of ISO 5208, which EN 12266-1 shares, are of closed
+Limits, with the edition they are of, stand in `_TABLE`. Those of ISO 5208, which EN 12266-1 shares, are of closed
 valves, times the nominal diameter in mm; A is no visible leakage while the test lasts, here none at all. Those of
 API 598 and FCI 70-2 are of the seat of a valve, those of ISO 15848-1 of its stem:
 the nominal diameter is that of either.
@@ -49,29 +49,39 @@ class LeakUnit:
     per_length: bool
 
 
-_MINUTE, _HOUR, _DAY, _YEAR = 60.0, 3600.0, 86_400.0, 365.25 * 86_400.0
-_TABLE: tuple[tuple[Kind, bool, dict[str, float]], ...] = (
-    ("volume", True, {"m²/s": 1.0, "L/(m·s)": 1e-3, "mL/(m·s)": 1e-6, "µL/(m·s)": 1e-9, "nL/(m·s)": 1e-12,
-                      "pL/(m·s)": 1e-15, "mL/(m·min)": 1e-6 / _MINUTE, "mL/(m·h)": 1e-6 / _HOUR}),
-    ("volume", False, {"m³/s": 1.0, "L/s": 1e-3, "L/min": 1e-3 / _MINUTE, "L/h": 1e-3 / _HOUR, "mL/s": 1e-6,
-                       "mL/min": 1e-6 / _MINUTE, "mL/h": 1e-6 / _HOUR, "mL/day": 1e-6 / _DAY, "µL/s": 1e-9,
-                       "µL/min": 1e-9 / _MINUTE, "mm³/s": 1e-9, "nL/s": 1e-12, "pL/s": 1e-15}),
-    ("mass", True, {"kg/(m·s)": 1.0, "g/(m·s)": 1e-3, "mg/(m·s)": 1e-6, "µg/(m·s)": 1e-9, "g/(m·h)": 1e-3 / _HOUR}),
-    ("mass", False, {"kg/s": 1.0, "g/s": 1e-3, "mg/s": 1e-6, "µg/s": 1e-9, "kg/h": 1 / _HOUR, "g/h": 1e-3 / _HOUR,
-                     "mg/h": 1e-6 / _HOUR, "kg/year": 1 / _YEAR, "g/year": 1e-3 / _YEAR}),
-    ("throughput", True, {"Pa·m³/(m·s)": 1.0, "mbar·L/(m·s)": 0.1}),
-    ("throughput", False, {"Pa·m³/s": 1.0, "mbar·L/s": 0.1}),
-    ("standard", True, {"std cm³/(m·s)": 1e-6}),
-    ("standard", False, {"std cm³/s": 1e-6, "std cm³/min": 1e-6 / _MINUTE, "std L/min": 1e-3 / _MINUTE}),
-    ("drops", False, {"drops/s": 1.0, "drops/min": 1 / _MINUTE, "drops/h": 1 / _HOUR}),
-    ("bubbles", False, {"bubbles/s": 1.0, "bubbles/min": 1 / _MINUTE}),
-)  # fmt: skip
-#: All units, by their name.
-LEAK_UNITS: dict[str, LeakUnit] = {
-    name: LeakUnit(name, kind, si, per_length)
-    for kind, per_length, values in _TABLE
-    for name, si in values.items()
+#: Amounts by their kind, in SI, and times in seconds, of which units are made.
+_AMOUNTS: dict[Kind, dict[str, float]] = {
+    "volume": {"m³": 1.0, "L": 1e-3, "mL": 1e-6, "µL": 1e-9, "mm³": 1e-9, "nL": 1e-12, "pL": 1e-15},
+    "mass": {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "µg": 1e-9},
+    "throughput": {"Pa·m³": 1.0, "mbar·L": 0.1},
+    "standard": {"std cm³": 1e-6, "std L": 1e-3},
+    "drops": {"drops": 1.0},
+    "bubbles": {"bubbles": 1.0},
 }
+_TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 86_400.0, "year": 365.25 * 86_400.0}
+#: Units by kind; of each, those per length of seal first.
+_NAMES = (
+    "m²/s, L/(m·s), mL/(m·s), µL/(m·s), nL/(m·s), pL/(m·s), mL/(m·min), mL/(m·h), "
+    "m³/s, L/s, L/min, L/h, mL/s, mL/min, mL/h, mL/day, µL/s, µL/min, mm³/s, nL/s, pL/s, "
+    "kg/(m·s), g/(m·s), mg/(m·s), µg/(m·s), g/(m·h), "
+    "kg/s, g/s, mg/s, µg/s, kg/h, g/h, mg/h, kg/year, g/year, "
+    "Pa·m³/(m·s), mbar·L/(m·s), Pa·m³/s, mbar·L/s, "
+    "std cm³/(m·s), std cm³/s, std cm³/min, std L/min, drops/s, drops/min, drops/h, bubbles/s, bubbles/min"
+)
+
+
+def _made_unit(name: str) -> LeakUnit:
+    """The unit of a name of an amount per time, or per length of seal and time."""
+    if name == "m²/s":
+        return LeakUnit(name, "volume", 1.0, per_length=True)
+    amount, _, time = name.partition("/")
+    kind = next(kind for kind, amounts in _AMOUNTS.items() if amount in amounts)
+    si = _AMOUNTS[kind][amount] / _TIMES[time.removeprefix("(m·").removesuffix(")")]
+    return LeakUnit(name, kind, si, per_length=time.startswith("(m·"))
+
+
+#: All units, by their name.
+LEAK_UNITS: dict[str, LeakUnit] = {name: _made_unit(name) for name in _NAMES.split(", ")}
 #: Units in which every leakage is given; those of gases are left out for liquids.
 USUAL_UNITS = ("m²/s", "mL/(m·min)", "mg/(m·s)", "m³/s", "mL/min", "drops/min", "kg/s", "g/year", "Pa·m³/s", "mbar·L/s",
         "std cm³/s")  # fmt: skip
@@ -258,7 +268,7 @@ class LeakClass:
     unit: str
     gas_amount: float | None = None
     per: tuple[str, ...] = ()
-    tested: Literal["", "helium", "gas", "liquid"] = ""
+    tested: str = ""
     edition: str = ""
     second_hand: bool = False
 
@@ -310,30 +320,57 @@ def within(leakage: ArrayLike, limit: float) -> Flags:
     return np.abs(reals(leakage)) <= limit * (1 + _ROUNDING)
 
 
-#: Rates of ISO 5208: mm³/s per mm of nominal diameter, of liquids and of gases.
-_ISO_5208 = {"A": (0.0, 0.0), "AA": (0.006, 0.18), "B": (0.01, 0.3), "C": (0.03, 3.0), "CC": (0.08, 22.3),
-             "D": (0.1, 30.0), "E": (0.3, 300.0), "EE": (0.39, 470.0), "F": (1.0, 3000.0),
-             "G": (2.0, 6000.0)}  # fmt: skip
-#: Tightness of stems by ISO 15848-1 with helium, mbar·L/s per mm of diameter: π times 1e-5, 1e-4 and 1e-2 mg/(m·s) at
-#: 0 °C.
-_ISO_15848 = {"AH": 1.78e-7, "BH": 1.78e-6, "CH": 1.78e-4}
-_CLASSES = (
-    *(LeakClass(f"L{amount:g}", "EN 13555", amount, "mg/(m·s)", edition="2014") for amount in (0.01, 0.1, 1.0)),
-    LeakClass("TA Luft", "TA Luft", 0.01, "mg/(m·s)", tested="helium", edition="2021"),
-    LeakClass("VDI 2290", "VDI 2290", 0.01, "mg/(m·s)", edition="2012", second_hand=True),
-    LeakClass("VDI 2440", "VDI 2440", 1e-4, "mbar·L/(m·s)", tested="helium", edition="2000"),
-    *(LeakClass(f"ISO 5208 {rate}", "ISO 5208", *amounts[:1], "mm³/s", amounts[1], ("mm",), edition="2015, table 4")
-      for rate, amounts in _ISO_5208.items()),
-    # 16 drops or 100 bubbles are 1 mL there
-    LeakClass("API 598", "API 598", 2 / 16, "mL/min", 4 / 100, ("NPS",), "", "2016", second_hand=True),
-    LeakClass("FCI 70-2 VI", "FCI 70-2", 1.0, "mL/min", None, ("class VI",), "gas", "2006", second_hand=True),
-    LeakClass("FCI 70-2 V", "FCI 70-2", 5e-4, "mL/min", None, ("inch", "psi"), "liquid", "2006", second_hand=True),
-    LeakClass("FCI 70-2 IV", "FCI 70-2", 1e-4, "m³/s", None, ("capacity",), "", "2006", second_hand=True),
-    *(LeakClass(f"ISO 15848-1 {name}", "ISO 15848-1", amount, "mbar·L/s", None, ("mm",), "helium", "2015",
-                second_hand=True) for name, amount in _ISO_15848.items()),
-)  # fmt: skip
+#: Limits: name, standard, limit of liquids and, where it differs, of gases, unit, by what it is multiplied (`_PER`),
+#: the only fluid tested, edition, and whether it is from tables of others. Those of ISO 15848-1 are π times 1e-5, 1e-4
+#: and 1e-2 mg/(m·s) of helium at 0 °C; 16 drops or 100 bubbles are 1 mL in API 598.
+_TABLE = """
+L0.01          | EN 13555    | 0.01          | mg/(m·s)     |          |        | 2014          |
+L0.1           | EN 13555    | 0.1           | mg/(m·s)     |          |        | 2014          |
+L1             | EN 13555    | 1             | mg/(m·s)     |          |        | 2014          |
+TA Luft        | TA Luft     | 0.01          | mg/(m·s)     |          | helium | 2021          |
+VDI 2290       | VDI 2290    | 0.01          | mg/(m·s)     |          |        | 2012          | second hand
+VDI 2440       | VDI 2440    | 1e-4          | mbar·L/(m·s) |          | helium | 2000          |
+ISO 5208 A     | ISO 5208    | 0 0           | mm³/s        | mm       |        | 2015, table 4 |
+ISO 5208 AA    | ISO 5208    | 0.006 0.18    | mm³/s        | mm       |        | 2015, table 4 |
+ISO 5208 B     | ISO 5208    | 0.01 0.3      | mm³/s        | mm       |        | 2015, table 4 |
+ISO 5208 C     | ISO 5208    | 0.03 3        | mm³/s        | mm       |        | 2015, table 4 |
+ISO 5208 CC    | ISO 5208    | 0.08 22.3     | mm³/s        | mm       |        | 2015, table 4 |
+ISO 5208 D     | ISO 5208    | 0.1 30        | mm³/s        | mm       |        | 2015, table 4 |
+ISO 5208 E     | ISO 5208    | 0.3 300       | mm³/s        | mm       |        | 2015, table 4 |
+ISO 5208 EE    | ISO 5208    | 0.39 470      | mm³/s        | mm       |        | 2015, table 4 |
+ISO 5208 F     | ISO 5208    | 1 3000        | mm³/s        | mm       |        | 2015, table 4 |
+ISO 5208 G     | ISO 5208    | 2 6000        | mm³/s        | mm       |        | 2015, table 4 |
+API 598        | API 598     | 0.125 0.04    | mL/min       | NPS      |        | 2016          | second hand
+FCI 70-2 VI    | FCI 70-2    | 1             | mL/min       | class VI | gas    | 2006          | second hand
+FCI 70-2 V     | FCI 70-2    | 5e-4          | mL/min       | inch psi | liquid | 2006          | second hand
+FCI 70-2 IV    | FCI 70-2    | 1e-4          | m³/s         | capacity |        | 2006          | second hand
+ISO 15848-1 AH | ISO 15848-1 | 1.78e-7       | mbar·L/s     | mm       | helium | 2015          | second hand
+ISO 15848-1 BH | ISO 15848-1 | 1.78e-6       | mbar·L/s     | mm       | helium | 2015          | second hand
+ISO 15848-1 CH | ISO 15848-1 | 1.78e-4       | mbar·L/s     | mm       | helium | 2015          | second hand
+"""
+
+
+def _made_class(line: str) -> LeakClass:
+    """The class in a line of the table."""
+    name, family, limits, unit, per, tested, edition, hand = (p.strip() for p in line.split("|"))
+    amount, *gas = map(float, limits.split())
+    return LeakClass(
+        name,
+        family,
+        amount,
+        unit,
+        gas_amount=gas[0] if gas else None,
+        per=tuple(key for key in _PER if key in per),
+        tested=tested,
+        edition=edition,
+        second_hand=bool(hand),
+    )
+
+
 #: All classes by name, in each family from the tightest.
-LEAK_CLASSES: dict[str, LeakClass] = {found.name: found for found in _CLASSES}
+LEAK_CLASSES: dict[str, LeakClass] = {
+    found.name: found for found in map(_made_class, _TABLE.strip().splitlines())
+}
 #: Classes taken where none are asked for.
 USUAL = ("L0.01", "L0.1", "L1")
 _LIMIT = re.compile(r"^\s*(\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+(?:[eE][-+]?\d+)?)\s*(\D.*)$")
@@ -371,7 +408,9 @@ def _named(name: str) -> list[LeakClass]:
     if isinstance(name, str):
         key = _class_key(name)
         for kind in ("name", "family"):
-            if chosen := [one for one in _CLASSES if _class_key(getattr(one, kind)) == key]:
+            if chosen := [
+                one for one in LEAK_CLASSES.values() if _class_key(getattr(one, kind)) == key
+            ]:
                 return chosen
         if match := _LIMIT.match(name):
             try:
@@ -383,10 +422,14 @@ def _named(name: str) -> list[LeakClass]:
     raise InputError("classes", shown(name), KNOWN)
 
 
+#: What people write in names of classes, and what it stands for.
+_SAME_NAMES = dict.fromkeys(("rate", "class", "2021", "2015"), "")
+_SAME_NAMES |= {"1591-1": "13555", "en 12266-1": "iso 5208"}
+
+
 def _class_key(name: str) -> str:
     """A name without case, spaces, hyphens and additions that people write."""
-    for part in ("rate", "class", "2021", "2015", "1591-1", "en 12266-1"):
-        name = name.lower().replace(
-            part, {"1591-1": "13555", "en 12266-1": "iso 5208"}.get(part, "")
-        )
+    name = name.lower()
+    for written, meant in _SAME_NAMES.items():
+        name = name.replace(written, meant)
     return name.replace(",", ".").translate(str.maketrans("", "", " -_:")).removesuffix(".0")

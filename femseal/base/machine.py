@@ -22,16 +22,11 @@ def machine() -> dict[str, str | int]:
     found: dict[str, str | int] = {
         "processor": _processor(),
         "system": f"{platform.system()} {platform.release()}",
-        "memory_bytes": total_memory(),
+        "memory_bytes": psutil.virtual_memory().total,
     }
     if cores := psutil.cpu_count():
         found["cores"] = cores
     return found
-
-
-def total_memory() -> int:
-    """Memory of this machine [byte]."""
-    return int(psutil.virtual_memory().total)
 
 
 def peak_memory() -> int:

@@ -44,6 +44,8 @@ _PREFIXES = [
     (1e-9, "n"),
     (1e-12, "p"),
 ]
+#: Signs of units for people.
+_SIGNS = str.maketrans("*23", "·²³", "^")
 #: Values by their unit, for messages.
 _EXAMPLES = {
     "Pa": "10 MPa",
@@ -213,12 +215,21 @@ def to_text(value: float, unit: str, digits: int = 4) -> str:
     return f"{value / factor:.{digits}g} {prefix}{unit}"
 
 
+def unit_text(unit: str) -> str:
+    """A unit as people write it; nothing for a plain number, "1" in declarations of fields.
+
+    >>> unit_text("Pa*s"), unit_text("kg/m^3"), unit_text("1")
+    ('Pa·s', 'kg/m³', '')
+    """
+    return "" if unit == "1" else unit.translate(_SIGNS)
+
+
 def with_its_unit(value: float, unit: str) -> str:
     """A value in SI as text, with a prefix where its unit takes one.
 
     >>> with_its_unit(1e-3, "Pa*s"), with_its_unit(1000.0, "kg/m^3"), with_its_unit(0.2, "")
-    ('1 mPa·s', '1000 kg/m^3', '0.2')
+    ('1 mPa·s', '1000 kg/m³', '0.2')
     """
-    if unit and unit[0] in "PmNs":
-        return to_text(value, unit.replace("*", "·"))
-    return f"{value:.4g} {unit}".rstrip()
+    if unit.startswith(("P", "m", "N", "s")) and "^" not in unit:
+        return to_text(value, unit_text(unit))
+    return f"{value:.4g} {unit_text(unit)}".rstrip()

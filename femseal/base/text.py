@@ -17,7 +17,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .errors import counted
 from .lazy_package import displays
-from .quantities import to_text
+from .quantities import to_text, with_its_unit
 
 #: Width of the column under the names of groups in the terminal.
 _GROUP = 13
@@ -114,7 +114,6 @@ def _cells(texts: Iterable[str], tag: str) -> str:
     return "".join(f"<{tag}>{escape(text)}</{tag}>" for text in texts)
 
 
-_POWERS = str.maketrans("23", "²³")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Powers of ten that are written as numbers.
 _PLAIN = range(-4, 6)
@@ -262,7 +261,7 @@ def value_text(value: Any, unit: str = "1") -> str:
     if isinstance(value, (bool, np.bool_, str, int, np.integer)):
         return str(value)
     if isinstance(value, (float, np.floating)):
-        return _number_text(float(value), unit)
+        return with_its_unit(float(value), unit)
     if isinstance(value, dict):
         return ", ".join(f"{name} {value_text(each, unit)}" for name, each in value.items())
     if isinstance(value, tuple) and value and all(hasattr(v, "pressure") for v in value):
@@ -278,16 +277,8 @@ def _range_text(values: np.ndarray, unit: str) -> str:
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return "undefined"
-    low, high = (_number_text(float(v), unit) for v in (finite.min(), finite.max()))
+    low, high = (with_its_unit(float(v), unit) for v in (finite.min(), finite.max()))
     return low if low == high else f"{low} … {high}"
-
-
-def _number_text(value: float, unit: str) -> str:
-    if unit in ("Pa", "m"):
-        return to_text(value, unit)
-    return (
-        f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit.replace('^', '').translate(_POWERS)}"
-    )
 
 
 def labelled(label: str, unit: str = "", **options: Any) -> Any:

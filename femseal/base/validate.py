@@ -15,6 +15,7 @@ import numpy as np
 
 from .arrays import Array, Pair, Periodic, Shape
 from .errors import InputError, counted
+from .quantities import unit_text
 
 
 def number(
@@ -172,14 +173,8 @@ def parameter(
     usual : range out of which a case is asked whether the unit is meant.
     meaning, more : as `described` takes them; the default may be None.
     """
-    limits: dict[str, Any] = {
-        "unit": unit,
-        "allowed": allowed,
-        "usual": usual,
-        "above": above,
-        "inclusive": inclusive,
-    }
-    return described(meaning, **limits, **more)
+    limits: dict[str, Any] = {"usual": usual, "above": above, "inclusive": inclusive}
+    return described(meaning, unit=unit, allowed=allowed, **limits, **more)
 
 
 def check_parameters(model: Any) -> None:
@@ -191,6 +186,6 @@ def check_parameters(model: Any) -> None:
         if "allowed" in f.metadata:
             if getattr(model, f.name) is None and f.default is None:
                 continue
-            unit = f.metadata["unit"].replace("*", " ").replace("^3", "³")
+            unit = unit_text(f.metadata["unit"])
             above, inclusive = f.metadata["above"], f.metadata["inclusive"]
             number(f.name, getattr(model, f.name), unit=unit, above=above, inclusive=inclusive)

@@ -10,12 +10,10 @@ semismooth Newton method. There is no proof of convergence: after 60 iterations 
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
-from __future__ import annotations
-
 from math import inf, sqrt
 
 from ..base import Array
-from . import large_convolution
+from . import convolution
 from .descent import Descent
 from .law import YieldLine
 from .workspace import Workspace
@@ -68,7 +66,7 @@ class ActiveSets:
         self._load = 0.0 if load is None else load * gap0.size
         self.delta = 0.0 if approach is None else approach - offset
         self.residual, self.iterations, self.pairs = inf, 0, 0
-        self._steps = _LARGE_STEPS if gap0.size >= large_convolution.LARGE else _STEPS
+        self._steps = _LARGE_STEPS if gap0.size >= convolution.LARGE else _STEPS
         self._c = self._c0 = grid.stiffness
         self._least_c = grid.stiffness / (4 * max(grid.half_space.shape))
         self._damping, self._energy = 1.0, inf

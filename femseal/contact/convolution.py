@@ -1,14 +1,22 @@
 """Products u = K p on a grid by fast Fourier transforms, for every kind of boundary.
 
-A product has five stages: points are laid out for the transform (mirror and free axes only), rows are transformed, and
-then for a block of columns at a time, while it is in cache: columns are transformed, waves are multiplied with the
-symbol, columns are transformed back; rows are transformed back; points are taken out again.
+A product has three stages: rows are transformed, behind their points being laid out for it on mirror and free axes; for
+a block of columns at a time, while it is in cache, columns are transformed, waves are multiplied with the symbol, and
+columns are transformed back; rows are transformed back.
+
+A mirror axis needs no more than the transform of its N points taken in the order 0, 2, 4 … 5, 3, 1: cosine coefficients
+k and N − k are sums of the waves k and N − k, so that K mixes these two. Source: Makhoul, IEEE Trans. Acoust. Speech
+Signal Process. 28, 1980, 27. A free axis is padded with zeros; rows of zeros are not transformed.
+
+On large grids, which no cache holds, waves take the memory of the displacement, in rows that are longer than those of
+its points, and a first axis that is free is never padded as a whole: with m points, half of the padded length, its even
+waves are the transform of the points, and its odd ones that of the points times exp(−iπk/m). Columns of large grids
+are copied to a block; others go there from strided memory.
 
 FFTW plans with FFTW_ESTIMATE and without wisdom. It then chooses by a rule and not by timing, so that every process
-gets the same plans and the same bits. Columns go from strided memory to contiguous blocks, where FFTW's rule chooses
-well. Measured against plans that FFTW timed, whole solutions of 256² to 1024² points take 0.9 to 1.03 times as long on
-periodic and 0.8 to 0.95 times on mirror axes. Smaller periodic grids are slower: by 2 % at 48², 8 % at 64², 12 % at 96²
-and 24 % at 128².
+gets the same plans and the same bits. Measured against plans that FFTW timed, whole solutions of 256² to 1024² points
+take 0.9 to 1.03 times as long on periodic and 0.8 to 0.95 times on mirror axes. Smaller periodic grids are slower: by
+2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128².
 """
 
 from __future__ import annotations
@@ -31,6 +39,8 @@ from .influence import Boundary, padded_length
 #: A call of a stage, and what plans the two of a transform there and back.
 Call = Callable[..., Any]
 Planned = Callable[..., tuple[Call, Call]]
+#: Number of points from which a grid is large.
+LARGE = 2**20
 #: Bytes of a block of columns, which should fit in a level-2 cache together with the symbol.
 BLOCK_BYTES = 2**18
 #: Least number of points of the rows that are transformed together, and most parts of all rows.
@@ -42,7 +52,7 @@ LINE, _LINES, _MORE_LINES = 64, 8, 3
 _PLANNING = threading.RLock()
 
 
-class Product:
+class Convolution:
     """displacement = K pressure between two arrays of its own, in stages of which threads share the parts.
 
     Parameters
@@ -62,9 +72,6 @@ class Product:
     displacement : (n1, n2) [m], a view of it.
     """
 
-    rows: Any
-    displacement: Any
-
     def __init__(
         self,
         shape: Shape,
@@ -73,118 +80,104 @@ class Product:
         *,
         dtype: Any = np.float64,
         threads: int = 1,
-        over: Any = None,
+        over: Convolution | None = None,
     ) -> None:
-        self._threads, self._real = threads, np.dtype(dtype)
-        self._kind = np.result_type(self._real, np.complex64)
-        self._lengths = l1, l2 = [
+        self._threads, real = threads, np.dtype(dtype)
+        kind = np.result_type(real, np.complex64)
+        (n1, n2), large = shape, math.prod(shape) >= LARGE
+        l1, l2 = (
             padded_length(n) if end == "free" else n for n, end in zip(shape, boundary, strict=True)
-        ]
-        self._mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
-        self._orders = [order_of(n, m) for n, m in zip(shape, self._mirrors, strict=True)]
-        self.pressure: Any = fftw().zeros_aligned(shape, dtype=self._real)
-        # of each stage the parts that threads share, and of each part the calls
-        self._stages: list[list[list[Call]]] = [[], [], []]
-        self._weights: Array
+        )
+        mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
+        order1, order2 = (order_of(n, m) for n, m in zip(shape, mirrors, strict=True))
+        # those of even and of odd waves along a first axis that is not padded as a whole
+        transforms = 2 if large and l1 > n1 else 1
+        m1, m2 = l1 // transforms, l2 // 2 + 1
         if over is None:
             assert symbol is not None
-            self._weights = weights_of(symbol, *self._mirrors, self._transforms)
+            self._weights = weights_of(symbol, *mirrors, transforms)
             self._weights /= l1 * l2  # which transforms there and back multiply with
         else:
             self._weights = over._weights
+        length = row_length(m2, kind.itemsize)
+        rows = n1 if transforms == 2 else l1
+        size = rows * length * kind.itemsize
+        self._memory: Any = fftw().empty_aligned(size, np.uint8) if over is None else over._memory
+        every_wave = self._memory[:size].view(kind).reshape(rows, length)
+        waves = every_wave[:, :m2]
+        # a large displacement takes the memory of its waves; transforms to another one are a sixth faster
+        self.rows = every_wave[:n1].view(real) if large else fftw().empty_aligned((n1, l2), real)
+        self.pressure: Any = fftw().zeros_aligned(shape, dtype=real)
+        self.displacement, laid = self.rows[:, :n2], self.rows[:, :l2]
+        # columns of large grids are put in order as they are copied, and rows in their own memory
+        order, unordered = (np.arange(n1), mirrors[1]) if large else (order1, any(mirrors))
+        if unordered and not large:
+            laid = fftw().empty_aligned((n1, l2), real)
+        points, lay_out, take_out = self.pressure, None, None
+        if unordered or l2 > n2:
+            points, lay_out = laid, partial(lay, self.pressure, laid, order, order2)
+        if unordered:
+            take_out = partial(take, laid, self.displacement, order, order2)
+        # of each stage the parts that threads share, and of each part the calls
+        first: list[list[Call]] = []
+        last: list[list[Call]] = []
         with planner() as planned:
-            self._plan(planned, over)
+            for i, end in parts(n1, max(ROW_POINTS / l2, n1 / ROW_PARTS)):
+                there, back = planned(points[i:end], waves[i:end], laid[i:end], axis=1)
+                first.append([partial(lay_out, i, end), there] if lay_out else [there])
+                last.append([back, partial(take_out, i, end)] if take_out else [back])
+            if rows > n1:
+                first.append([partial(waves[n1:].fill, 0)])
+            twist = np.exp(-1j * np.pi * np.arange(n1 if l1 > m1 else 0) / m1).astype(kind)
+            turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, l2)]
+            copied = (twist, order1) if large else None
+            columns = self._column_calls(planned, waves, m1, l1 // m1, turns, copied)
+        self._stages = [first, columns, last]
         if threads == 1:  # on small grids passing from call to call is what takes time
             self._stages = [[[call for stage in self._stages for part in stage for call in part]]]
 
-    @property
-    def _transforms(self) -> int:
-        """Number of transforms along the first axis."""
-        return 1
-
-    def _plan(self, planned: Planned, over: Any) -> None:
-        """Make the arrays, and fill the stages."""
-        raise NotImplementedError
-
-    def _plan_rows(
+    def _column_calls(
         self,
         planned: Planned,
-        points: Any,
         waves: Any,
-        target: Any,
-        lay_out: Call | None,
-        take_out: Call | None,
-    ) -> None:
-        """Transforms of rows there and back; what lays out their points before, and takes them out behind."""
-        n1 = len(self.pressure)
-        for i, end in parts(n1, max(ROW_POINTS / self._lengths[1], n1 / ROW_PARTS)):
-            there, back = planned(points[i:end], waves[i:end], target[i:end], axis=1)
-            before = [partial(lay_out, i, end)] if lay_out else []
-            behind = [partial(take_out, i, end)] if take_out else []
-            self._stages[0].append([*before, there])
-            self._stages[2].append([back, *behind])
+        m1: int,
+        transforms: int,
+        turns: list[Array],
+        copied: tuple[Any, Indices] | None,
+    ) -> list[list[Call]]:
+        """For each thread, the calls that turn columns of waves of pressure into those of displacement.
 
-    def _turns(self, m1: int) -> list[Any]:
-        """exp(iπk/N) of both axes, m1 points in a transform along the first."""
-        return [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, self._lengths[1])]
+        m1 : waves of a column of a transform. turns : see `respond`. copied : twist and order with which columns are
+        copied to a block; None where they go there from strided memory.
+        """
+        m2, kind = waves.shape[1], waves.dtype
+        # a block and its copy fit in the cache; of fewer columns, or of 16 long ones, copies take thrice the time
+        width = BLOCK_BYTES // (transforms * m1 * kind.itemsize * (2 if copied else 1))
+        width = m2 if width >= m2 else max(_ALIGNED, width - width % _ALIGNED)
+        shape = transforms * width, row_length(m1, kind.itemsize) if copied else m1
+        stage = []
+        for starts in np.array_split(range(0, m2, width), self._threads):
+            block, copy = (fftw().zeros_aligned(shape, kind) for _ in range(2))
+            there, back = planned(copy[:, :m1], block[:, :m1], copy[:, :m1], axis=1)
+            calls: list[Call] = []
+            for j in starts:
+                some = waves[:, j : j + width]
+                count = some.shape[1]
+                twisted = transforms > 1
+                work = partial(respond, block, m1, j, count, self._weights, twisted, *turns)
+                if copied:
+                    calls += partial(_gather, some, copy, *copied), there, work, back
+                    calls += [partial(_scatter, some, copy, *copied)]
+                else:
+                    there, back = planned(some, block[:count, :m1].T, some, axis=0)
+                    calls += there, work, back
+            stage.append(calls)
+        return stage
 
     def apply(self) -> None:
         """Fill `displacement` from `pressure`."""
         for parts_of_stage in self._stages:
             on_threads(self._threads, _in_turn, parts_of_stage)
-
-
-class Convolution(Product):
-    """A product on a grid that a cache holds.
-
-    A mirror axis needs no more than the transform of its N points taken in the order 0, 2, 4 … 5, 3, 1: cosine
-    coefficients k and N − k are sums of the waves k and N − k, so that K mixes these two. Source: Makhoul, IEEE Trans.
-    Acoust. Speech Signal Process. 28, 1980, 27. A free axis is padded with zeros; rows of zeros are not transformed.
-    """
-
-    def _plan(self, planned: Planned, over: Convolution | None) -> None:
-        """Columns are transformed from strided memory to blocks."""
-        (n1, n2), (l1, l2), kind = self.pressure.shape, self._lengths, self._kind
-        m2 = l2 // 2 + 1
-        if over is None and not any(self._mirrors):
-            # as many weights as waves, of which k and N − k have the same: they are read in order
-            half = self._weights
-            self._weights = np.concatenate((half, half[..., l1 - half.shape[2] : 0 : -1]), axis=2)
-        self._memory: list[Any] = []
-        self._lent = iter(() if over is None else over._memory)
-        self.displacement = self.rows = self._array((n1, n2), self._real)
-        spectrum = self._array((l1, row_length(m2, kind.itemsize)), kind)[:, :m2]
-        if any(self._mirrors) or l2 > n2:
-            laid = self._array((n1, l2), self._real)
-            lay_out = partial(lay, self.pressure, laid, *self._orders)
-            take_out = partial(take, laid, self.displacement, *self._orders)
-            self._plan_rows(planned, laid, spectrum, laid, lay_out, take_out)
-        else:
-            self._plan_rows(planned, self.pressure, spectrum, self.displacement, None, None)
-        self._stages[0].append([partial(spectrum[n1:].fill, 0)])
-        width = BLOCK_BYTES // (l1 * kind.itemsize)
-        width = m2 if width >= m2 else max(_ALIGNED, width - width % _ALIGNED)
-        turns = self._turns(l1)
-        for part in np.array_split(range(0, m2, width), self._threads):
-            block = fftw().zeros_aligned((width, l1), dtype=kind)
-            calls: list[Call] = []
-            for j in part:
-                columns = slice(j, min(j + width, m2))
-                here = block[: columns.stop - j]
-                plans = planned(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
-                work: Any = partial(multiply, here, self._weights[0, columns])
-                if any(self._mirrors):
-                    work = partial(respond, here, l1, j, len(here), self._weights, False, *turns)
-                calls += plans[0], work, plans[1]
-            self._stages[1].append(calls)
-
-    def _array(self, shape: Shape, dtype: np.dtype[Any]) -> Any:
-        """An array, in the memory of `over` as far as it suffices."""
-        memory = next(self._lent, None)
-        if memory is None:
-            memory = fftw().empty_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
-        self._memory.append(memory)
-        return memory[: math.prod(shape) * dtype.itemsize].view(dtype).reshape(shape)
 
 
 def row_length(waves: int, itemsize: int) -> int:
@@ -266,14 +259,6 @@ def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> 
 contracted = compiled(fastmath={"contract"})
 
 
-@contracted
-def multiply(block, weights):
-    """Multiply waves in a block with their weights."""
-    for j in range(block.shape[0]):
-        for i in range(block.shape[1]):
-            block[j, i] *= weights[j, i]
-
-
 @compiled(fastmath={"contract", "nnan", "nsz"})
 def respond(block, n, first, count, weights, twisted, turn1, turn2):
     """Turn waves of pressure into waves of displacement in the first n places of a block whose first column is `first`.
@@ -292,8 +277,14 @@ def respond(block, n, first, count, weights, twisted, turn1, turn2):
         for j in range(count):
             row = block[odd * (block.shape[0] // 2) + j]
             k = first + j
-            own, w1 = weights[0, k, places], weights[1 % kinds, k, places]
-            w2, w12 = weights[2 % kinds, k, places], weights[3 % kinds, k, places]
+            own = weights[0, k, places]
+            if kinds == 1:
+                for i in range(half):
+                    row[i] *= own[i]
+                for i in range(half, n):
+                    row[i] *= own[n - odd - i]
+                continue
+            w1, w2, w12 = weights[1, k, places], weights[2, k, places], weights[3, k, places]
             turn = turn2[k]
             other[0] = row[0]
             for i in range(lone, half):
@@ -301,11 +292,10 @@ def respond(block, n, first, count, weights, twisted, turn1, turn2):
             for i in range(half):
                 a, b = row[i], other[i]
                 c, d = own[i] * a, own[i] * b
-                if kinds > 1:
-                    f, g = turn1[i] * b, turn1[i] * a.conjugate()
-                    c += w1[i] * f + turn * (w2[i] * b.conjugate() + w12[i] * g)
-                    d += w1[i] * g.conjugate()
-                    d += turn * (w2[i] * a.conjugate() + w12[i] * f.conjugate())
+                f, g = turn1[i] * b, turn1[i] * a.conjugate()
+                c += w1[i] * f + turn * (w2[i] * b.conjugate() + w12[i] * g)
+                d += w1[i] * g.conjugate()
+                d += turn * (w2[i] * a.conjugate() + w12[i] * f.conjugate())
                 row[i], other[i] = c, d
             for i in range(lone, half):
                 row[n - odd - i] = other[i]
@@ -330,8 +320,43 @@ def lay(points, staged, order1, order2, first, end):
 
 @contracted
 def take(staged, points, order1, order2, first, end):
-    """Write the points back in their own order: the inverse of `lay`."""
+    """Write the points back in their own order, also within one memory: the inverse of `lay`."""
+    former = np.empty(order2.size, staged.dtype)
     for i in range(first, end):
+        former[:] = staged[i, : order2.size]
         row = points[order1[i]]
         for j in range(order2.size):
-            row[order2[j]] = staged[i, j]
+            row[order2[j]] = former[j]
+
+
+@contracted
+def _gather(columns, block, twist, order):
+    """Copy columns to rows of a block, and behind these the same columns with a twist; zeros follow."""
+    n1, count = columns.shape
+    width = block.shape[0] // 2
+    for i in range(n1):
+        row = columns[order[i]]
+        for j in range(count):
+            block[j, i] = row[j]
+        if twist.size:
+            for j in range(count):
+                block[width + j, i] = row[j] * twist[i]
+    if twist.size:
+        for j in range(count):
+            block[j, n1:] = 0
+            block[width + j, n1:] = 0
+
+
+@contracted
+def _scatter(columns, block, twist, order):
+    """Copy rows of a block to columns, where there is a twist their sums without it."""
+    n1, count = columns.shape
+    width = block.shape[0] // 2
+    for i in range(n1):
+        row = columns[order[i]]
+        if twist.size:
+            for j in range(count):
+                row[j] = block[j, i] + block[width + j, i] * np.conj(twist[i])
+        else:
+            for j in range(count):
+                row[j] = block[j, i]

@@ -7,8 +7,6 @@ step and the load is kept.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

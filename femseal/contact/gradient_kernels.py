@@ -4,8 +4,6 @@ The arrays are those of `kernels`. `restart`, `turn` and `step` are made of loop
 `first` to `end`, which `long_lists` runs on several threads.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..base.threads import ZERO

@@ -1,7 +1,5 @@
 """The elastic half-space: its boundary kinds, its symbol, and the displacement under a pressure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, Pair, Shape, validate
 from . import influence
+from .convolution import Convolution
 from .influence import Boundary
-from .large_convolution import convolution
 
 BOUNDARIES = ("periodic", "mirror", "free")
 
@@ -83,7 +81,7 @@ class HalfSpace:
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""
         p = validate.field("pressure", pressure, unit="Pa", shape=self.shape)
-        product = convolution(self.shape, self.boundary, self.symbol())
+        product = Convolution(self.shape, self.boundary, self.symbol())
         product.pressure[:] = p
         product.apply()
         return np.ascontiguousarray(product.displacement)

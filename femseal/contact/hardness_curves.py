@@ -1,7 +1,5 @@
 """Contact laws whose hardness is a curve of the depth: of a table, by Nix and Gao, or of the softer of two faces."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

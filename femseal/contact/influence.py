@@ -6,8 +6,6 @@ Sources: Johnson, Contact Mechanics, 1985, ch. 3 and 13; Love, Phil. Trans. R. S
 constant pressure); Liu, Wang, Liu, Wear 243, 2000, 101 (DC-FFT).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 from scipy.special import polygamma
@@ -36,13 +34,6 @@ def wave_numbers(n: int, spacing: float, kind: str) -> Array:
     return 2 * np.pi / (n * spacing) * np.arange(n // 2 + 1, dtype=float)
 
 
-def spectral_symbol(q1: Array, q2: Array, modulus: float) -> Array:
-    """Symbol 2/(E*|q|) [m/Pa] on the outer grid of two axes; 0 for q = 0 (mean displacement free)."""
-    q = np.hypot(q1[:, None], q2[None, :])
-    q *= modulus
-    return np.divide(2.0, q, out=q, where=q > 0)
-
-
 def symbol(
     shape: Shape,
     spacing: Pair,
@@ -62,7 +53,9 @@ def symbol(
         return strip_symbol(n1, d1, q2, d2, modulus)
     if b2 == "free":
         return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, modulus).T)
-    return spectral_symbol(q1, q2, modulus)
+    stiffness = modulus * np.hypot(q1[:, None], q2)
+    # the mean displacement is free, 0 for q = 0
+    return np.divide(2.0, stiffness, out=stiffness, where=stiffness > 0)
 
 
 def _love(x: Array, y: Array) -> Array:

@@ -13,8 +13,6 @@ v : (n1, >= n2), whose rows begin with those of the grid; so does Kd, before it 
 `loaded` : whether the load is given; otherwise the approach is.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -67,16 +65,6 @@ exact = compiled(forceinline=True)
 fast = compiled(forceinline=True, fastmath={"reassoc", "nsz", "arcp", "contract", "nnan"})
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
-
-
-class Root(NamedTuple):
-    """A bracket of δ: whether it is found, whether the points can carry the load, and δ between its bounds."""
-
-    found: bool
-    carried: bool
-    delta: float
-    low: float
-    top: float
 
 
 @exact
@@ -202,13 +190,15 @@ def root(x, n, line, kept, listed, c, load, start):
     y is the projection on the law with t = h/(h + kept). The sum is monotone and piecewise linear in δ: Newton's method
     within a bracket.
     """
-    found = bracket(*capacity(ZERO, n, x, line, kept, listed, load), c, load, start)
+    delta, low, top, carried = bracket(
+        *capacity(ZERO, n, x, line, kept, listed, load), c, load, start
+    )
     for _ in range(ROOT_STEPS):
-        if found.found:
+        if low == top:
             break
-        total, slopes = carry(ZERO, n, x, c * found.delta, line, kept, listed)
-        found = refine(found, total, slopes, c, load)
-    return found.delta, found.carried
+        sums = carry(ZERO, n, x, c * delta, line, kept, listed)
+        delta, low, top = refine(delta, low, top, *sums, c, load)
+    return delta, carried
 
 
 @exact
@@ -230,32 +220,33 @@ def capacity(first, end, x, line, kept, listed, load):
 
 @exact
 def bracket(highest, full, capacity, rise, c, load, start):
-    """The first `Root`, from what `capacity` found."""
+    """δ to begin with, bounds of δ, which are the same where it is found, and whether the points can carry the load."""
     if capacity <= load:
         if rise == 0.0:
-            return Root(True, capacity >= load, full / c, 0.0, 0.0)
+            return full / c, full / c, full / c, capacity >= load
         full += (load - capacity) / rise
     low = -highest / c
     top = full / c
     top += 1e-12 * abs(top)
-    return Root(False, True, min(max(start, low), top), low, top)
+    return min(max(start, low), top), low, top, True
 
 
 @exact
-def refine(root, total, slopes, c, load):
-    """The next `Root`, from the sums of `carry`."""
-    d, low, top = root.delta, root.low, root.top
+def refine(delta, low, top, total, slopes, c, load):
+    """The next δ and its bounds, from the sums of `carry`."""
     excess = total - load
-    if excess > 0.0:
-        top = min(top, d)
-    else:
-        low = max(low, d)
     if abs(excess) <= 1e-14 * load:
-        return Root(True, root.carried, d, low, top)
-    new = d - excess / (c * slopes) if slopes > 0.0 else low
+        return delta, delta, delta
+    if excess > 0.0:
+        top = min(top, delta)
+    else:
+        low = max(low, delta)
+    new = delta - excess / (c * slopes) if slopes > 0.0 else low
     if new <= low or new >= top:
         new = 0.5 * (low + top)
-    return Root(new == d, root.carried, new, low, top)
+    if new == delta:
+        return delta, delta, delta
+    return new, low, top
 
 
 @fast

@@ -11,7 +11,7 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335 (perfectly plastic).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
 from typing import Any
@@ -165,51 +165,6 @@ class ContactLaw:
 
 
 @dataclass(frozen=True, eq=False)
-class PerfectlyPlastic(ContactLaw):
-    """A point carries its hardness H at most: H(u) = H.
-
-    Parameters
-    ----------
-    hardness : H [Pa] > 0, a number or one for each point (n1, n2); inf is elastic.
-
-    Raises
-    ------
-    InputError : values that are not > 0.
-
-    Examples
-    --------
-    >>> PerfectlyPlastic(4e9).yield_pressure(1e-6)
-    4000000000.0
-    """
-
-    hardness: float | Array = inf
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "hardness", _numbers("hardness", self.hardness, "Pa"))
-
-    @property
-    def linear(self) -> bool:
-        """True."""
-        return True
-
-    def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """H, whatever the deformation."""
-        return self.hardness
-
-    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """0: it does not harden."""
-        return 0.0
-
-    def __str__(self) -> str:
-        elastic = self.is_elastic
-        return (
-            "elastic"
-            if elastic
-            else f"elastic-perfectly plastic with hardness {to_text(self.mean_hardness, 'Pa')}"
-        )
-
-
-@dataclass(frozen=True, eq=False)
 class LinearHardening(ContactLaw):
     """A point hardens evenly as it yields: H(u) = H + h u.
 
@@ -257,6 +212,33 @@ class LinearHardening(ContactLaw):
     def __str__(self) -> str:
         hardening = f"{float(np.mean(self.slope)) / 1e15:.4g} GPa/µm"
         return f"elastic-plastic with hardness {to_text(self.mean_hardness, 'Pa')} and hardening {hardening}"
+
+
+@dataclass(frozen=True, eq=False)
+class PerfectlyPlastic(LinearHardening):
+    """A point carries its hardness H at most: H(u) = H.
+
+    Parameters
+    ----------
+    hardness : H [Pa] > 0, a number or one for each point (n1, n2); inf is elastic.
+
+    Raises
+    ------
+    InputError : values that are not > 0.
+
+    Examples
+    --------
+    >>> float(PerfectlyPlastic(4e9).yield_pressure(1e-6))
+    4000000000.0
+    """
+
+    hardness: float | Array = inf
+    slope: float | Array = field(default=0.0, init=False, repr=False)
+
+    def __str__(self) -> str:
+        if self.is_elastic:
+            return "elastic"
+        return f"elastic-perfectly plastic with hardness {to_text(self.mean_hardness, 'Pa')}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,9 @@ How a list falls into parts depends on its length only, and sums are taken part 
 same bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import accumulate
+from types import SimpleNamespace
 from typing import Any
 
 from ..base import Shape
@@ -19,13 +18,15 @@ from .kernels import FREE, KD, NEAR, PLACE, Line, Points, Stencil, W, X
 POINTS, LISTED = 2**19, 2**16
 
 
-class ShortLists:
-    """The kernels as they are, for a grid whose lists are short."""
-
-    add_gap, look, project = map(staticmethod, (kernels.add_gap, kernels.look, kernels.project))
-    restart, turn, step = map(
-        staticmethod, (gradient_kernels.restart, gradient_kernels.turn, gradient_kernels.step)
-    )
+#: The kernels as they are, for a grid whose lists are short.
+SHORT_LISTS = SimpleNamespace(
+    add_gap=kernels.add_gap,
+    look=kernels.look,
+    project=kernels.project,
+    restart=gradient_kernels.restart,
+    turn=gradient_kernels.turn,
+    step=gradient_kernels.step,
+)
 
 
 class LongLists:
@@ -83,13 +84,14 @@ class LongLists:
         highest, full, capacity, rise = zip(
             *self._each(n, kernels.capacity, x, *of, load), strict=True
         )
-        found = kernels.bracket(max(highest), max(full), sum(capacity), sum(rise), c, load, start)
+        sums = max(highest), max(full), sum(capacity), sum(rise)
+        delta, low, top, carried = kernels.bracket(*sums, c, load, start)
         for _ in range(kernels.ROOT_STEPS):
-            if found.found:
+            if low == top:
                 break
-            sums = _sums(self._each(n, kernels.carry, x, c * found.delta, *of))
-            found = kernels.refine(found, *sums, c, load)
-        return found.delta, found.carried
+            carry = _sums(self._each(n, kernels.carry, x, c * delta, *of))
+            delta, low, top = kernels.refine(delta, low, top, *carry, c, load)
+        return delta, carried
 
     def project(
         self, n: int, free: int, c: float, delta: float, load: float, loaded: bool, keep: bool,
@@ -156,9 +158,9 @@ class LongLists:
         return on_threads(self._threads, lambda part: kernel(*part, *arguments), parts(n, LISTED))
 
 
-def lists_of(points: int, threads: int) -> ShortLists | LongLists:
+def lists_of(points: int, threads: int) -> Any:
     """The kernels for a grid of so many points."""
-    return LongLists(threads) if points > POINTS else ShortLists()
+    return LongLists(threads) if points > POINTS else SHORT_LISTS
 
 
 def rows_in_parts(v: Any, points: int) -> list[Shape]:

@@ -318,9 +318,8 @@ class _Problem:
             return self._uniform(threads, offset, self.line.hardness, None)
         sets = self._nested(threads, offset)
         self._check(sets)
-        return self._result(
-            sets.grid, offset, sets.delta, sets.residual, sets.iterations, sets.pairs
-        )
+        counted = {"iterations": sets.iterations, "fft_pairs": sets.pairs}
+        return self._result(sets.grid, offset, sets.delta, residual=sets.residual, **counted)
 
     def _nested(self, threads: int, offset: float) -> ActiveSets:
         """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
@@ -381,7 +380,7 @@ class _Problem:
         v = grid.respond.displacement
         v += self.gap0 - offset
         delta = float(v.max()) if approach is None else approach - offset
-        return self._result(grid, offset, delta, residual=0.0, iterations=0, pairs=1)
+        return self._result(grid, offset, delta, residual=0.0, iterations=0, fft_pairs=1)
 
     def _check(self, sets: ActiveSets) -> None:
         """Raise NotConverged if the load or the residual is not what was asked for."""
@@ -398,15 +397,7 @@ class _Problem:
                 sets.residual,
             )
 
-    def _result(
-        self,
-        grid: Workspace,
-        offset: float,
-        delta: float,
-        residual: float,
-        iterations: int,
-        pairs: int,
-    ) -> Contact:
+    def _result(self, grid: Workspace, offset: float, delta: float, **counted: Any) -> Contact:
         """The solution in the fields of a `Contact`."""
         grid.end()
         p = grid.pressure.copy() if grid.kept else grid.pressure
@@ -433,9 +424,7 @@ class _Problem:
             gap=gap,
             plastic_deformation=deformation,
             approach=delta + offset,
-            residual=residual,
-            iterations=iterations,
-            fft_pairs=pairs,
             plastic=plastic,
             half_space=self.half_space,
+            **counted,
         )

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, Indices
+from .convolution import Convolution
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
 from .kernels import Points, Stencil
-from .large_convolution import convolution
 from .long_lists import lists_of
 
 #: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
@@ -54,9 +54,9 @@ class Workspace:
         threads = threads if n >= _THREADED else 1
         self.half_space, self.threads, self.kept = half_space, threads, kept
         body = half_space.shape, half_space.boundary
-        self.respond = convolution(*body, half_space.symbol(), threads=threads)
+        self.respond = Convolution(*body, half_space.symbol(), threads=threads)
         # the next product with the pressure corrects the errors of products in single precision
-        self.search = convolution(*body, None, dtype=np.float32, threads=threads, over=self.respond)
+        self.search = Convolution(*body, None, dtype=np.float32, threads=threads, over=self.respond)
         self.pressure = self.respond.pressure
         self.p, self.v = self.respond.pressure.ravel(), self.respond.rows
         self.kd = self.search.rows

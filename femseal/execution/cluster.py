@@ -1,7 +1,5 @@
 """The mapper over the workers of a Dask cluster."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import sys

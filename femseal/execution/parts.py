@@ -4,8 +4,6 @@ Part 3 of 16 computes the third sixteenth of the items of every stage, consecuti
 fewer items than parts leaves some without work.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 

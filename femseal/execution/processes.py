@@ -1,7 +1,5 @@
 """The mapper over processes of this machine, by joblib."""
 
-from __future__ import annotations
-
 import atexit
 import logging
 import os

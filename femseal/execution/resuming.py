@@ -5,8 +5,6 @@ systems without locks, among them some of networks, have a file in its place tha
 own items of every stage, and reads those of the others.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import logging
@@ -171,21 +169,17 @@ def writing_in(
 def over_store(
     mapper: Mapper, store: Store, folder: Path, part: Part | None, progress: Progress
 ) -> Mapper:
-    """A mapper that reads results of a store and keeps others there; of a part, see `over_part`."""
-    if part is None:
-        return store.over(mapper)
-    return over_part(mapper, store, folder, part, progress)
+    """A mapper that reads results of a store and keeps others there; of a part, it awaits those of other parts.
 
-
-def over_part(mapper: Mapper, store: Store, folder: Path, part: Part, progress: Progress) -> Mapper:
-    """A mapper that computes and keeps the part's own items, then awaits those of the others.
-
-    folder : where the parts hold their locks. progress : called as progress(stage, done, total) for the own items.
+    A part computes its own items before. folder : where the parts hold their locks. progress : called as
+    progress(stage, done, total) for the own items.
 
     Raises PartsMissing: from the mapper; the own items are kept, and others are not there, of parts that are not
     under way.
     """
     kept = store.over(mapper)
+    if part is None:
+        return kept
 
     def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
         try:

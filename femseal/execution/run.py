@@ -5,8 +5,6 @@ process (FFT and compiled loops have one anyway), so that workers do not compete
 where they were computed.
 """
 
-from __future__ import annotations
-
 import logging
 import sys
 import time

@@ -1,19 +1,17 @@
 """Progress of a command: bars on a terminal, log lines elsewhere and in a file."""
 
-from __future__ import annotations
-
 import logging
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from ..base.errors import InputError
-from .run import LogFile
+from .run import LogFile, Progress, no_progress
 
 
 def flag(name: str, help: str) -> Any:
@@ -53,16 +51,14 @@ def print_table(table: Any) -> None:
 
 
 @contextmanager
-def show_progress(quiet: bool, log_file: Path | None = None) -> Iterator[ProgressBars]:
+def show_progress(quiet: bool, log_file: Path | None = None) -> Iterator[Progress]:
     """Bars on a terminal, log lines elsewhere; nothing if quiet.
 
     log_file : to whose end log lines go too.
     """
     terminal = sys.stderr.isatty()
-    with (
-        log_lines(log_file, quiet, terminal),
-        ProgressBars(show=not quiet and terminal) as progress,
-    ):
+    bars = _bars() if terminal and not quiet else nullcontext(no_progress)
+    with log_lines(log_file, quiet, terminal), bars as progress:
         yield progress
 
 
@@ -108,54 +104,33 @@ class _Echo(logging.Handler):
         typer.echo(self.format(record), err=True)
 
 
-class ProgressBars:
-    """A bar for each stage on a terminal, with items done, their rate and the time left; nothing elsewhere."""
+@contextmanager
+def _bars() -> Iterator[Progress]:
+    """A bar for each stage on a terminal, with items done, their rate and the time left."""
+    from rich import progress
+    from rich.console import Console
+    from rich.text import Text
 
-    def __init__(self, show: bool) -> None:
-        self._bars: Any = None
-        self._tasks: dict[str, Any] = {}
-        if show:
-            from rich.console import Console
-            from rich.progress import (
-                BarColumn,
-                MofNCompleteColumn,
-                Progress,
-                ProgressColumn,
-                Task,
-                TextColumn,
-            )
-            from rich.progress import TimeRemainingColumn as TimeLeft
-            from rich.text import Text
+    class Rate(progress.ProgressColumn):
+        """Items per second."""
 
-            class Rate(ProgressColumn):
-                """Items per second."""
+        def render(self, task: progress.Task) -> Text:
+            rate = task.finished_speed or task.speed
+            return Text("" if rate is None else f"{rate:.3g}/s")
 
-                def render(self, task: Task) -> Text:
-                    rate = task.finished_speed or task.speed
-                    return Text("" if rate is None else f"{rate:.3g}/s")
+    tasks: dict[str, Any] = {}
+    with progress.Progress(
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(),
+        progress.MofNCompleteColumn(),
+        Rate(),
+        progress.TimeRemainingColumn(),
+        console=Console(stderr=True),
+    ) as bars:
 
-            self._bars = Progress(
-                TextColumn("{task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                Rate(),
-                TimeLeft(),
-                console=Console(stderr=True),
-            )
+        def show(stage: str, done: int, total: int | None) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(stage, total=total)
+            bars.update(tasks[stage], completed=done, total=total)
 
-    def __enter__(self) -> ProgressBars:
-        if self._bars is not None:
-            self._bars.start()
-        return self
-
-    def __exit__(self, *details: object) -> None:
-        if self._bars is not None:
-            self._bars.stop()
-
-    def __call__(self, stage: str, done: int, total: int | None) -> None:
-        """Show that `done` items of a stage are computed, of `total` if known."""
-        if self._bars is None:
-            return
-        if stage not in self._tasks:
-            self._tasks[stage] = self._bars.add_task(stage, total=total)
-        self._bars.update(self._tasks[stage], completed=done, total=total)
+        yield show

@@ -78,8 +78,7 @@ def fluid_text(fluid: Fluid) -> str:
         elif isinstance(value, str):
             found.append(value)
         elif value:
-            text = with_its_unit(value, one.metadata["unit"])
-            found.append(f"{name} {text.replace('^3', '³')}")
+            found.append(f"{name} {with_its_unit(value, one.metadata['unit'])}")
     return ", ".join(found)
 
 

@@ -1,7 +1,5 @@
 """A seal of finite elements, each with two permeabilities of its own: its flow between two bounds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -6,7 +6,7 @@ A form is a frozen dataclass with `heights`; forms of both faces add up.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import inf, pi
 from os import PathLike
 from pathlib import Path
@@ -20,6 +20,7 @@ from ..base.validate import check_parameters, described, parameter
 from ..topography import Topography
 from .pressure_map import Frame
 from .seal_files import TEXTS, columns_of, read_columns
+from .triangulation import middles
 
 #: How far from measured points their heights hold: in their usual distance, and in the larger side of the seal.
 _BEYOND, _REACH = 3.0, 0.2
@@ -155,10 +156,7 @@ class MeasuredForm:
     @classmethod
     def of_map(cls, surface: Topography) -> MeasuredForm:
         """A map of heights (n1, n2), such as that of a coarser instrument, without its undefined points."""
-        x1, x2 = (
-            (np.arange(n) + 0.5) * d for n, d in zip(surface.shape, surface.spacing, strict=True)
-        )
-        points = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1).reshape(-1, 2)
+        points = middles(surface.size, surface.shape)
         known = np.isfinite(surface.heights).ravel()
         found = cls.of(points[known], surface.heights.ravel()[known])
         return replace(found, middle=(surface.size[0] / 2, surface.size[1] / 2))
@@ -247,9 +245,9 @@ class FileForm:
     def __str__(self) -> str:
         return f"the heights in {self.path.name}"
 
-    @property
+    @cached_property
     def measured(self) -> MeasuredForm:
-        """The heights of the file."""
+        """The heights of the file, which is read once."""
         return read_form(self.path, unit=self.unit, length_unit=self.length_unit)
 
     @property
@@ -283,17 +281,10 @@ def read_form(
     ------
     InputError : no such file, not readable, columns without a unit of their heights.
     """
-    file = Path(path)
-    stamp = file.stat().st_mtime_ns if file.is_file() else None
-    return _read_form(file, unit, length_unit, stamp)
-
-
-@lru_cache(maxsize=4)
-def _read_form(file: Path, unit: str | None, length_unit: str, stamp: int | None) -> MeasuredForm:
-    """Read once while the time of the file (`stamp`) stays."""
     from ..topography import read_topography
 
-    if stamp is None:
+    file = Path(path)
+    if not file.is_file():
         raise InputError("path", f"'{file}'", "an existing file with heights of the seal")
     names = columns_of(file) if file.suffix.lower() in TEXTS else []
     wanted = next((names_ for names_ in (_PLANE, _POLAR) if {*names_} <= {*names}), None)

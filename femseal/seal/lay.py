@@ -86,10 +86,9 @@ class Lay:
                 )
             radial = away / distance[:, None]
             around = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
-            if self.name == "spiral":  # tan α = lead/2πr
-                tangent = (self.lead / (2 * np.pi * distance))[:, None]
-                return (around + tangent * radial) / np.sqrt(1 + tangent**2)
-            return radial if self.name == "radial" else around
+            tangent = (self.lead / (2 * np.pi * distance))[:, None]  # tan α of a spiral, else 0
+            wound = (around + tangent * radial) / np.sqrt(1 + tangent**2)
+            return radial if self.name == "radial" else wound
         angle = {"x1": 0.0, "x2": np.pi / 2}.get(self.name, self.angle or 0.0)
         return np.tile([np.cos(angle), np.sin(angle)], (len(places), 1))
 
@@ -162,12 +161,9 @@ def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
 
     points, values = read_field(file, array)
     points = points * unit
-    size = (
-        np.linalg.norm(values[:, :2], axis=1)
-        if values.ndim == 2 and values.shape[1] in (2, 3)
-        else np.zeros(1)
-    )
-    if values.ndim != 2 or not np.isfinite(values).all() or not size.min() > 0:
+    of_vectors = values.ndim == 2 and values.shape[1] in (2, 3)
+    size = np.linalg.norm(values[:, :2], axis=1) if of_vectors else np.zeros(1)
+    if not (np.isfinite(values).all() and size.min() > 0):
         raise InputError(
             "lay.field", f"'{array}' of '{file}'", "vectors along the lay, finite and not 0"
         )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
@@ -19,6 +20,7 @@ from .pressure_map import Frame
 
 if TYPE_CHECKING:
     from ..flow.spiral import Spiral
+    from .mesh_seal import MeshSeal
     from .tiles import PieceSize, SealTiles
 
 
@@ -220,14 +222,14 @@ class MeshLayout:
         _refuse_sizes(self.kind, pieces)
         from .tiles import laid_on_mesh
 
-        inlet = tuple(self.inlet.items()) if isinstance(self.inlet, Mapping) else self.inlet
-        return laid_on_mesh(
-            pieces,
-            self.lay,
-            (Path(self.path), inlet, self.outlet, self.unit),
-            self.length,
-            self.centre,
-        )
+        return laid_on_mesh(pieces, self.lay, self._seal, self.length, self.centre)
+
+    @cached_property
+    def _seal(self) -> MeshSeal:
+        """The seal, which is read once; a run lays it out several times."""
+        from .mesh_seal import MeshSeal
+
+        return MeshSeal(self.path, self.inlet, self.outlet, self.unit)
 
     def frame(self, size: Pair) -> Frame:
         """Radius and angle around `centre`."""

@@ -96,25 +96,20 @@ def pressure_dependent_flow(
 
 def _on_parts(seal: Any, values: Any, pressures: int) -> tuple[Array, ...]:
     """Values of a table, a number or two at each pressure taken for that of all parts; InputError of other shapes."""
-    if not isinstance(seal, StructuredSeal):
-        n = seal.mesh.nelements
-        k = np.repeat(values[:, None], n, axis=1) if np.ndim(values) == 1 else values
-        if isinstance(k, tuple) or k.shape[1:] not in ((n,), (n, 2)):
-            given = "two arrays" if isinstance(k, tuple) else f"shape {k.shape}"
-            raise InputError("permeability", given, f"{pressures} values for each of {n} elements")
-        return (k,)
-    n1, n2 = seal.cells
-    pair = values if isinstance(values, tuple) else (values, values)
-    shapes = (pressures, n1, n2), (pressures, n1 - 1, n2)
-    for k, shape in zip(pair, shapes, strict=True):
-        if k.shape not in ((pressures,), shape):
-            raise InputError(
-                "permeability", f"shape {k.shape}", f"{pressures} values, or shape {shape}"
-            )
-    return tuple(
-        np.broadcast_to(k[:, None, None] if k.ndim == 1 else k, shape)
-        for k, shape in zip(pair, shapes, strict=True)
-    )
+    n1, n2 = seal.cells if isinstance(seal, StructuredSeal) else (0, seal.mesh.nelements)
+    shapes: list[tuple[int, ...]] = [(n1, n2), (n1 - 1, n2)] if n1 else [(n2,)]
+    arrays = values if isinstance(values, tuple) else (values,) * len(shapes)
+    if len(arrays) != len(shapes):
+        raise InputError("permeability", "two arrays", f"{pressures} values of each part")
+    found = []
+    for k, shape in zip(arrays, shapes, strict=True):
+        allowed = (shape,) if n1 else (shape, (*shape, 2))
+        if k.shape != (pressures,) and k.shape[1:] not in allowed:
+            expected = f"{pressures} values, or as many for each part {shape}"
+            raise InputError("permeability", f"shape {k.shape}", expected)
+        each = k.reshape(-1, *(1 for _ in shape)) if k.ndim == 1 else k
+        found.append(np.broadcast_to(each, (pressures, *shape)) if k.ndim == 1 else k)
+    return tuple(found)
 
 
 def _beside(values: Array, shape: tuple[int, ...]) -> Array:
@@ -220,16 +215,15 @@ def seal_leakage(
     '1e-07 m³/s, 1e-06 m²/s'
     """
     if (boundaries := getattr(seal, "boundaries", None)) is not None:
-        refused = {
-            "inlet_pressure": inlet_pressure is not None,
-            "bounds": bounds,
-            "permeability": isinstance(permeability, PermeabilityTable),
-        }
-        for name, given in refused.items():
-            if given:
-                raise InputError(
-                    name, _REFUSED[name], "none on a seal whose inlets have pressures of their own"
-                )
+        is_table = isinstance(permeability, PermeabilityTable)
+        for name, is_given, given in (
+            ("inlet_pressure", inlet_pressure is not None, "a pressure"),
+            ("bounds", bounds, "true"),
+            ("permeability", is_table, "a table over pressures, as of slip"),
+        ):
+            if is_given:
+                expected = "none on a seal whose inlets have pressures of their own"
+                raise InputError(name, given, expected)
         return _between_boundaries(seal, boundaries, permeability, fluid, outlet_pressure, solver)
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
@@ -274,14 +268,6 @@ def _leakage(
         solver=flow.solver,
         **known,
     )
-
-
-#: What is not possible with pressures of inlets.
-_REFUSED = {
-    "inlet_pressure": "a pressure",
-    "bounds": "true",
-    "permeability": "a table over pressures, as of slip",
-}
 
 
 def _between_boundaries(

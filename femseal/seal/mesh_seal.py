@@ -23,7 +23,7 @@ from ..flow.mesh import MeshFlow, MeshOperators
 from ..flow.mesh_input import is_connected, permeability_tensors
 from ..flow.solution import LINEAR
 from .seal_files import read_mesh
-from .triangulation import polygon_areas
+from .triangulation import cross, polygon_areas
 
 #: Depth in fractions of the shorter edge, and of an element, to which parts that touch may lie on each other:
 #: coordinates are rounded, and edges are chords of arcs.
@@ -37,27 +37,23 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
 
     mesh : triangles or quadrilaterals, none of which is tangled or lies on its neighbour.
     """
-    start, end, inside, element = _outlines(mesh)
-    crossing = _crossing(start, end)
-    if crossing is not None:
-        return int(element[crossing[0]]), int(element[crossing[1]])
-    twice = np.flatnonzero(_rounds(start, end, inside) > 1)
-    return (int(element[twice[0]]),) if twice.size else ()
-
-
-def _outlines(mesh: Mesh) -> tuple[Array, Array, Array, Indices]:
-    """Start and end of the edges of outlines, places beside them in their elements (m, 2), and these elements (m,)."""
     # along an outline of the usual kind, the edges follow each other in both coordinates when it is turned
     c, s = np.cos(1.0), np.sin(1.0)
     points = (np.array([[c, -s], [s, c]]) @ mesh.p).T
     corners = mesh.t.T
     element, side = np.nonzero(np.bincount(mesh.t2f.ravel())[mesh.t2f.T] == 1)
-    start = points[corners[element, side]]
-    end = points[np.roll(corners, -1, axis=1)[element, side]]
-    clockwise = polygon_areas(points[corners[element]])[:, None] < 0
-    start, end = np.where(clockwise, end, start), np.where(clockwise, start, end)
-    middle, centre = (start + end) / 2, points[corners[element]].mean(axis=1)
-    return start, end, middle + _ELEMENT_FRACTION * (centre - middle), element
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)])[:, element, side]
+    clockwise = polygon_areas(points[corners[element]]) < 0
+    start, end = points[np.where(clockwise, ends[::-1], ends)]
+    crossing = _crossing(start, end)
+    if crossing is not None:
+        return int(element[crossing[0]]), int(element[crossing[1]])
+    # outlines that do not cross have as many elements on them all along: one place beside each is enough
+    for edge in np.unique(_joined(mesh, ends)[ends[0]], return_index=True)[1]:
+        middle, centre = (start[edge] + end[edge]) / 2, points[corners[element[edge]]].mean(axis=0)
+        if _rounds(start, end, middle + _ELEMENT_FRACTION * (centre - middle)) > 1:
+            return (int(element[edge]),)
+    return ()
 
 
 def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
@@ -65,7 +61,7 @@ def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
     low, high = np.minimum(start, end), np.maximum(start, end)
     order = np.argsort(low[:, 1], kind="stable")
     last = np.searchsorted(low[order, 1], high[order, 1])
-    for i, j in _pairs(np.arange(len(order)) + 1, last):
+    for i, j in _pairs(last):
         a, b = order[i], order[j]
         near = (low[a, 0] <= high[b, 0]) & (low[b, 0] <= high[a, 0])
         a, b = a[near], b[near]
@@ -77,7 +73,7 @@ def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
             (start[a], along_a, length_a, (start[b], end[b])),
             (start[b], along_b, length_b, (start[a], end[a])),
         ):
-            one, other = (_cross(along, place - origin) / length for place in ends)
+            one, other = (cross(along, place - origin) / length for place in ends)
             found &= (one * other < 0) & (np.minimum(np.abs(one), np.abs(other)) > depth)
         if found.any():
             at = int(np.argmax(found))
@@ -85,22 +81,16 @@ def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
     return None
 
 
-def _rounds(start: Array, end: Array, places: Array) -> Indices:
-    """How often the outlines run round each place, by the edges that a ray to the right of it meets."""
-    order = np.argsort(places[:, 1], kind="stable")
-    height = places[order, 1]
-    upwards = end[:, 1] > start[:, 1]
-    low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
-    rounds = np.zeros(len(places), np.int64)
-    for edge, at in _pairs(np.searchsorted(height, low), np.searchsorted(height, high)):
-        place = order[at]
-        left = (_cross(end[edge] - start[edge], places[place] - start[edge]) > 0) == upwards[edge]
-        np.add.at(rounds, place[left], np.where(upwards[edge[left]], 1, -1))
-    return rounds
+def _rounds(start: Array, end: Array, place: Array) -> int:
+    """How often the outlines run round a place, by the edges that a ray to the right of it meets."""
+    before, behind = start[:, 1] > place[1], end[:, 1] > place[1]
+    right = (cross(end - start, place - start) > 0) == behind
+    return int(np.sum(behind[right].astype(int) - before[right]))
 
 
-def _pairs(first: Indices, last: Indices) -> Iterator[tuple[Indices, Indices]]:
-    """Pairs of n and every number from first[n] to last[n], without it; not too many at a time."""
+def _pairs(last: Indices) -> Iterator[tuple[Indices, Indices]]:
+    """Pairs of n and every number from n + 1 to last[n], without it; not too many at a time."""
+    first = np.arange(len(last)) + 1
     count = np.maximum(last - first, 0)
     total = np.cumsum(count)
     begin = 0
@@ -113,10 +103,6 @@ def _pairs(first: Indices, last: Indices) -> Iterator[tuple[Indices, Indices]]:
         )
         yield n, first[n] + offset
         begin = stop
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 #: Names of inlets, one or several at one pressure, or pressures [Pa] of inlets by their names.

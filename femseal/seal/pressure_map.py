@@ -264,10 +264,9 @@ class PressedSeal:
         InputError : the map does not cover the seal, or is 0 all over it.
         """
         loads = np.atleast_1d(np.asarray(nominal, float))
-        if not isinstance(pressure_map, MapsAtLoads):
-            return np.broadcast_to(self._mean_one(pressure_map, points), (loads.size, len(points)))
-        known = np.array([self._mean_one(one, points) for one in pressure_map.maps])
-        if len(known) == 1:
+        maps = pressure_map.maps if isinstance(pressure_map, MapsAtLoads) else (pressure_map,)
+        known = np.array([self._mean_one(one, points) for one in maps])
+        if not isinstance(pressure_map, MapsAtLoads) or len(known) == 1:
             return np.broadcast_to(known[0], (loads.size, len(points)))
         knots = np.array(pressure_map.pressures)
         upper = np.clip(np.searchsorted(knots, loads), 1, knots.size - 1)
@@ -287,11 +286,16 @@ class PressedSeal:
         return values / np.average(over_area, weights=self.areas)
 
 
-def _fractions(values: Any) -> tuple[float, ...]:
+def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[float, ...]:
+    """Numbers of a list; InputError where it is none."""
     try:
-        fractions = tuple(validate.number("fractions", v, inclusive=True) for v in values)
+        return tuple(validate.number(name, v, **limits) for v in values)
     except TypeError:
-        raise InputError("fractions", repr(values), "a list of numbers >= 0") from None
+        raise InputError(name, repr(values), expected) from None
+
+
+def _fractions(values: Any) -> tuple[float, ...]:
+    fractions = _numbers("fractions", values, "a list of numbers >= 0", inclusive=True)
     if not fractions or not max(fractions) > 0:
         raise InputError("fractions", values, "a list of numbers >= 0, not all of them 0")
     return fractions
@@ -301,10 +305,7 @@ def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
     """Rising numbers, as many as `count`, or none; InputError of anything else."""
     if isinstance(values, tuple) and not values:
         return ()
-    try:
-        numbers = tuple(validate.number(name, v, above=-np.inf) for v in values)
-    except TypeError:
-        raise InputError(name, repr(values), f"a list of numbers {unit}") from None
+    numbers = _numbers(name, values, f"a list of numbers {unit}", above=-np.inf)
     if len(numbers) != count:
         raise InputError(name, counted(len(numbers), "number"), f"{count}, one for each value")
     if any(b <= a for a, b in pairwise(numbers)):
@@ -319,14 +320,8 @@ def _pressures(values: ArrayLike, count: int) -> Array:
         raise InputError(
             "pressure", f"shape {pressure.shape}", f"shape {(count,)}, one for each point [Pa]"
         )
-    if bad := np.count_nonzero(~np.isfinite(pressure)):
-        raise InputError(
-            "pressure", f"{bad} of {count} values not finite", "finite numbers >= 0 [Pa]"
-        )
-    if pressure.min() < 0:
-        bad = np.count_nonzero(pressure < 0)
-        given = (
-            f"{bad} of {count} values negative, the least {to_text(float(pressure.min()), 'Pa')}"
-        )
-        raise InputError("pressure", given, "contact pressures >= 0 [Pa]")
+    if bad := np.count_nonzero(~np.isfinite(pressure) | (pressure < 0)):
+        least = to_text(float(pressure.min()), "Pa")
+        given = f"{bad} of {count} values not finite or negative, the least {least}"
+        raise InputError("pressure", given, "finite contact pressures >= 0 [Pa]")
     return pressure

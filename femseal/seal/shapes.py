@@ -11,7 +11,6 @@ Source of the bounds: Dirichlet's and Thomson's principles for networks (Doyle &
 Networks, 1984).
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
@@ -31,15 +30,14 @@ from .lay import check_ring
 _RTOL = 1e-8
 
 
-class StructuredSeal(ABC):
-    """A seal whose nodes lie on a structured grid: a shape has `cells`, `size` and `grid`."""
+class StructuredSeal:
+    """A seal whose nodes lie on a structured grid: a shape has `cells`, `size` and `grid`.
+
+    The grid is in coordinates in which the form is that of a plane strip.
+    """
 
     cells: Shape
-
-    @property
-    @abstractmethod
-    def grid(self) -> Grid:
-        """Grid of the nodes, in coordinates in which the form is that of a plane strip."""
+    grid: Any
 
     def stencil(self, permeability: Any) -> Stencil:
         """Operator of the flow [m³], whose conductances are those of the links; permeability as in `flow`."""

@@ -5,14 +5,10 @@ a ring is the same in (ln r, θ), in which the form is that of a strip; any othe
 smaller than a piece share its tile.
 """
 
-from __future__ import annotations
-
 import logging
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import pi
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from skfem import Mesh, MeshQuad
@@ -23,6 +19,7 @@ from ..flow.spiral import Spiral
 from .element_seal import ElementSeal
 from .lay import Lay, check_size
 from .mesh_seal import MeshSeal, boundaries_without_name, parts_without_flow
+from .triangulation import middles, polygon_areas
 
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
 logging.getLogger("skfem.mesh.mesh").addFilter(
@@ -143,13 +140,8 @@ class SealTiles:
 
     def shown(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
         """Permeability [m³], √ of the product of its principal values, and fluid pressure [Pa] of elements (n,)."""
-        return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), self.of_elements(
-            fluid_pressure
-        )
-
-    def of_elements(self, values: Array) -> Array:
-        """Means (n,) over the vertices of every element of values at the vertices."""
-        return values[self.seal.mesh.t].mean(axis=0)
+        at_vertices = fluid_pressure[self.seal.mesh.t]
+        return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), at_vertices.mean(axis=0)
 
     def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
         """Volume rate per width (n, 2) [m²/s] in the middle of every element, in the plane of the seal.
@@ -163,11 +155,9 @@ class SealTiles:
         ends, starts = ([1, 2], [0, 0]) if corners.shape[1] == 3 else ([2, 3], [0, 1])
         ways, drops = corners[:, ends] - corners[:, starts], at[:, ends] - at[:, starts]
         gradient = np.linalg.solve(ways, drops[..., None])[..., 0]
-        axes = np.stack([np.stack([self.lay[:, 1], -self.lay[:, 0]], axis=1), self.lay], axis=1)
+        axes = _axes(self.lay)
         flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
-        first, second = ways[:, 0], ways[:, 1]
-        area = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-        power = -float(area @ (flux * gradient).sum(axis=1))
+        power = -float(np.abs(polygon_areas(corners)) @ (flux * gradient).sum(axis=1))
         drop = float(np.ptp(potential[np.isfinite(potential)]))
         return flux * (abs(rate) * drop / power if power > 0 else 0.0)
 
@@ -199,7 +189,7 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
     cells = rows, pieces.columns(rows, whole)
     size = breadth, cells[1] * d2
     wound = lay.name == "spiral"
-    laid = _strip(size, cells, (Lay(name="x2") if wound else lay).directions(_middles(size, cells)))
+    laid = _strip(size, cells, (Lay(name="x2") if wound else lay).directions(middles(size, cells)))
     if wound:
         lay.check_lead(size[0])
         slope = Spiral(lay.lead, lay.circumference).tangent(whole * d2)
@@ -272,38 +262,26 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
 def laid_on_mesh(
     pieces: PieceSize,
     lay: Lay,
-    file: tuple[Path, Any, Any, str],
+    whole: MeshSeal,
     length: float | None,
     centre: Pair,
 ) -> SealTiles:
     """On a mesh: each element is a tile, or shares that of its neighbours where elements are smaller than pieces.
 
-    file : path, inlet (a tuple of names and pressures where it has these), outlet and unit, see `MeshSeal`. length :
-        of the seal [m], that of the outlet unless given. centre : of the lay [m].
+    length : of the seal [m], that of the outlet unless given. centre : of the lay [m].
     """
-    path, *_, unit = file
-    stat = path.stat() if path.is_file() else None
-    stamp = None if stat is None else (stat.st_mtime_ns, stat.st_size)
-    whole = _mesh_seal(*file, stamp)
-    check_size("path", float(np.ptp(whole.points, axis=0).max()), unit)
+    check_size("path", float(np.ptp(whole.points, axis=0).max()), whole.unit)
     mesh, ends = whole.mesh, whole.ends
     along = length or whole.length
     outlines = mesh.p.T[mesh.t.T]
     centres = outlines.mean(axis=1)
-    direction = lay.directions(centres, centre, to_si(f"1 {unit}", "m", "unit"))
+    direction = lay.directions(centres, centre, to_si(f"1 {whole.unit}", "m", "unit"))
     size = whole.area / along, along
     seal = ElementSeal(mesh, *ends, size, outlines, _axes(direction), whole.boundaries)
     side = (pieces.size[0] * pieces.size[1]) ** 0.5
     _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
     odd = (*parts_without_flow(mesh, *ends), *boundaries_without_name(mesh))
     return SealTiles(seal, direction, tile.ravel(), warnings=odd)
-
-
-@lru_cache(maxsize=2)
-def _mesh_seal(path: Path, inlet: Any, outlet: Any, unit: str, stamp: Any) -> MeshSeal:
-    """The seal of a mesh file, read once while its time and size (`stamp`) stay; a run lays it out several times."""
-    of_pressures = isinstance(inlet, tuple) and isinstance(inlet[0], tuple)
-    return MeshSeal(path, dict(inlet) if of_pressures else inlet, outlet, unit)
 
 
 def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
@@ -318,12 +296,6 @@ def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
     tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, times)).ravel()
     seal = ElementSeal(ring, *ends, whole, plain.p.T[plain.t.T], _axes(lay[tile]))
     return SealTiles(seal, lay[tile], tile, cells)
-
-
-def _middles(size: Pair, cells: Shape) -> Array:
-    """Middles (n, 2) of equal cells of a rectangle, row by row."""
-    first, second = ((np.arange(n) + 0.5) * (side / n) for side, n in zip(size, cells, strict=True))
-    return np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _periodic_quads(

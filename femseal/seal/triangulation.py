@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, Indices, InputError, counted
+from ..base import Array, Indices, InputError, Pair, Shape, counted
 
 #: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
 #: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
@@ -75,8 +75,14 @@ class Triangulation:
         triangle = np.atleast_1d(surface.find_closest_cell(in_space(places)))
         corner = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
         a, b, d = corner[1] - corner[0], corner[2] - corner[0], places - corner[0]
-        second, third = _cross(d, b) / _cross(a, b), _cross(a, d) / _cross(a, b)
+        second, third = cross(d, b) / cross(a, b), cross(a, d) / cross(a, b)
         return triangle, np.stack([1 - second - third, second, third], axis=1)
+
+
+def middles(size: Pair, cells: Shape) -> Array:
+    """Middles (n, 2) of equal cells of a rectangle, row by row."""
+    first, second = ((np.arange(n) + 0.5) * (side / n) for side, n in zip(size, cells, strict=True))
+    return np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def in_space(points: Array) -> Array:
@@ -84,7 +90,8 @@ def in_space(points: Array) -> Array:
     return np.pad(points, ((0, 0), (0, 1)))
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
+    """The products a × b (n,) of vectors (n, 2)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 

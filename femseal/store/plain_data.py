@@ -5,8 +5,6 @@ None, a number, a text, bytes, an array of numbers, or a tuple, list, dictionary
 values.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys

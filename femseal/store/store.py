@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, fields, is_dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import tee
 from operator import itemgetter
 from pathlib import Path
@@ -99,7 +99,8 @@ class Store:
         self._found: dict[bytes, _Record] = {}
         self._ends: dict[Path, int] = {}
         self._files = ExitStack()
-        self._open: dict[Path, BinaryIO] = {}
+        self._opened = cache(lambda path: self._files.enter_context(opened_plain(path)))
+        self._path = folder / f"{uuid4().hex}{SUFFIX}"
         self._own: BinaryIO | None = None
         self._full = False
         self.look()
@@ -131,9 +132,7 @@ class Store:
 
         Raises Unnamed: the stage has none.
         """
-        return partial(
-            _key, digest((numerical_versions(), stage.function if stage.key is None else stage.key))
-        )
+        return partial(_key, digest((numerical_versions(), stage.key or stage.function)))
 
     def over(self, mapper: Mapper) -> Mapper:
         """The same mapper, but results in the folder are read, and others are computed once and kept."""
@@ -201,9 +200,7 @@ class Store:
         return result
 
     def _data(self, key: bytes, record: _Record) -> Any:
-        if record.path not in self._open:
-            self._open[record.path] = self._files.enter_context(opened_plain(record.path))
-        file = self._open[record.path]
+        file = self._opened(record.path)
         file.seek(record.start)
         found = memoryview(file.read(record.size))
         data = found[_HEAD.size :]
@@ -234,8 +231,7 @@ class Store:
         """Append a record to the file of this process, whole or not at all."""
         if self._own is None:
             self.folder.mkdir(parents=True, exist_ok=True)
-            path = self.folder / f"{uuid4().hex}{SUFFIX}"
-            self._own = self._files.enter_context(path.open("xb", buffering=0))
+            self._own = self._files.enter_context(self._path.open("xb", buffering=0))
         start = self._own.tell()
         try:
             for part in parts:
@@ -245,9 +241,8 @@ class Store:
         except OSError:
             self._own.truncate(start)
             raise
-        path = Path(str(self._own.name))
-        self._ends[path] = self._own.tell()
-        return _Record(path, start, self._own.tell() - start)
+        end = self._ends[self._path] = self._own.tell()
+        return _Record(self._path, start, end - start)
 
     def _failure(self, error: OSError) -> NotKept:
         """What to say of a store that cannot be written: what is kept, and what to do."""

@@ -1,7 +1,5 @@
 """A run that was ended: its store in the output folder, and what its results depend on, so that it can be resumed."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -44,11 +42,8 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
             f"{shortened(key)}: was {shortened(old.get(key, 'not given'))}, is {shortened(new.get(key, 'not given'))}"
             for key in changed[:_MOST_CHANGES]
         ]
-        lines += (
-            [counted(len(changed) - _MOST_CHANGES, "more key")]
-            if len(changed) > _MOST_CHANGES
-            else []
-        )
+        if more := changed[_MOST_CHANGES:]:
+            lines.append(counted(len(more), "more key"))
         expected = (
             f"that of the same case, files and versions; remove '{path.parent}' to start anew"
         )

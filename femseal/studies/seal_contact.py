@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 
 from ..base import Array, InputError, Mapper, NotConverged, Pair, Shape, to_text
 from ..contact import HalfSpace, LoadState
-from ..contact.large_convolution import convolution
+from ..contact.convolution import Convolution
 from ..face.pieces import Cut
 from ..flow.law import cubic_law
 from ..loads import LoadProgramme, LoadStep
@@ -288,7 +288,7 @@ class Cells:
 
     def __init__(self, body: HalfSpace, inside: Array, depth: Array, most: float) -> None:
         self.depth, self._inside, self._most = depth, inside, most
-        self._product = convolution(body.shape, body.boundary, body.symbol())
+        self._product = Convolution(body.shape, body.boundary, body.symbol())
         single = np.zeros(body.shape)
         middle = body.shape[0] // 2, body.shape[1] // 2
         single[middle] = 1.0

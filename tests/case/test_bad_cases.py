@@ -354,7 +354,7 @@ FROM_1_MPA = {"inlet_pressure": "1 MPa", "outlet_pressure": "0 bar"}
         ("material", {"young": "210 MPa"}, "material.young 210 MPa .*5 GPa to 1200 GPa.*unit"),
         ("counter_material", {"young": "210 TPa"}, r"counter_material.young 2.1e\+05 GPa .*usual"),
         ("fluid", {"viscosity": "1 MPa*s"}, "fluid.viscosity 1 MPa·s .*1 µPa·s to 1 kPa·s"),
-        ("fluid", {"density": "1 g/m^3"}, r"fluid.density 0.001 kg/m\^3 .*50 kg/m\^3 to 2.5e\+04"),
+        ("fluid", {"density": "1 g/m^3"}, r"fluid.density 0.001 kg/m³ .*50 kg/m³ to 2.5e\+04"),
         ("fluid", {"inlet_pressure": "400 MPa"}, "25 MPa.* 14 more steps.*carries all.*200 MPa"),
         ("fluid", AIR | FROM_1_MPA, "fluid.outlet_pressure 0 Pa .*(absolute|vacuum)"),
         ("load", {"loading": ["1 Pa", "2 Pa"]}, r"load.loading 1 Pa \(and 1 more\)"),

@@ -13,14 +13,14 @@ from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base import InputError
-from femseal.contact import HalfSpace
+from femseal.contact import HalfSpace, convolution
 from femseal.contact.convolution import Convolution
-from femseal.contact.large_convolution import LargeConvolution
 
 E = 115e9
 KINDS = ("periodic", "mirror", "free")
 PAIRS = list(itertools.product(KINDS, KINDS))
-WAYS = [Convolution, LargeConvolution]
+#: Numbers of points from which a grid is large: all of them, and none.
+WAYS = [1, convolution.LARGE]
 SIZES = [(6, 9), (7, 5), (1, 8), (8, 1), (2, 2), (1, 1), (3, 16)]
 
 
@@ -94,13 +94,14 @@ def test_single_waves_respond_with_two_over_modulus_times_wave_number(kind):
 
 @each("boundary", PAIRS)
 @each("shape", [*SIZES, (36, 50), (125, 40)])
-def test_large_grids_have_the_products_of_small_ones(shape, boundary):
+def test_large_grids_have_the_products_of_small_ones(shape, boundary, monkeypatch):
     """Threads share rows and columns, and change no bits."""
     body = HalfSpace(shape, (1e-6, 2e-6), E, boundary)
     p = np.random.default_rng(5).random(shape)
     u, symbol = body.displacement(p), body.symbol()
-    for kind in WAYS:
-        found = [product(kind(shape, boundary, symbol, threads=n), p) for n in (1, 2, 3)]
+    for large in WAYS:
+        monkeypatch.setattr(convolution, "LARGE", large)
+        found = [product(Convolution(shape, boundary, symbol, threads=n), p) for n in (1, 2, 3)]
         assert len({f.tobytes() for f in found}) == 1
         assert_allclose(found[0], u, rtol=0, atol=1e-14 * np.abs(u).max())
 
@@ -113,12 +114,13 @@ def product(way, pressure):
 
 @each("boundary", PAIRS)
 @each(("dtype", "error"), [(np.float64, 1e-14), (np.float32, 1e-5)])
-@each("kind", WAYS)
-def test_two_workspaces_in_the_same_memory(kind, boundary, dtype, error):
+@each("large", WAYS)
+def test_two_workspaces_in_the_same_memory(large, boundary, dtype, error, monkeypatch):
+    monkeypatch.setattr(convolution, "LARGE", large)
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
     given = half_space.shape, half_space.boundary, half_space.symbol()
-    first = kind(*given)
-    second = kind(*given, dtype=dtype, over=first)
+    first = Convolution(*given)
+    second = Convolution(*given, dtype=dtype, over=first)
     p, q = np.random.default_rng(7).random((2, 10, 7))
     for _ in range(2):
         for workspace, pressure, rtol in ((first, p, 1e-14), (second, q, error)):

@@ -13,7 +13,7 @@ from femseal.base import InputError
 from femseal.contact import (
     HalfSpace,
     LinearHardening,
-    large_convolution,
+    convolution,
     long_lists,
     solve_contact,
     workspace,
@@ -316,7 +316,7 @@ def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary
     h, body = rough((96, 96)), HalfSpace((96, 96), (D, D), E, boundary)
     whole = solve_contact(h, body, **given)
     with monkeypatch.context() as patch:
-        patch.setattr(large_convolution, "LARGE", 48**2)
+        patch.setattr(convolution, "LARGE", 48**2)
         patch.setattr(workspace, "KEPT_POINTS", 0)
         patch.setattr(workspace, "_THREADED", 0)
         patch.setattr(long_lists, "POINTS", 1000)

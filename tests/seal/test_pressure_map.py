@@ -225,7 +225,7 @@ TRIANGLE = [("triangle", [[0, 1, 2]])]
         ("x;y;pressure\n0;0;1,5\n", {}, "with the line '0;0;1,5', expected numbers with decimal"),
         ("x,y,pressure\n0,0\n", {}, "with the line '0,0'"),
         ("x,y,pressure\n0,0,nan\n1,0,1\n0,1,1\n", {}, "1 of 3 values not finite"),
-        ("x,y,pressure\n0,0,1\n1,0,1\n0,1,-1\n", {}, "1 of 3 values negative"),
+        ("x,y,pressure\n0,0,1\n1,0,1\n0,1,-1\n", {}, "1 of 3 values not finite or negative"),
         ("x,y,pressure\n0,0,1\n", {}, "at least three points"),
         ("x,y,pressure\n0,0,1\n", {"length_unit": "MPa"}, "length_unit"),
         (None, {}, "an existing file"),
