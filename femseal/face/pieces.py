@@ -172,6 +172,7 @@ class PieceState:
     pressure [Pa], mean_gap [m], contact_fraction, plastic_fraction : means of the pieces (m1, m2). drop_fraction : the
     dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean pressure of the rows of points
     (n1,) [Pa]. counts : flows through pieces, solved or known without solving. failures : reasons of NaN.
+    face, places : permeability of the whole face, and by its places [m³]. failed : why the flow through it is unknown.
     """
 
     k: Array
@@ -183,6 +184,9 @@ class PieceState:
     rows: Array
     counts: SolveCounts
     failures: tuple[str, ...] = ()
+    face: float = np.nan
+    places: Array | None = None
+    failed: str = ""
 
     @classmethod
     def of(

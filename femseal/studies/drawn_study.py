@@ -354,7 +354,7 @@ def _places(supply: _Supply, leakage: Array) -> PlaceLeakage | None:
     pieces = supply.pieces
     if pieces.places is None:
         return None
-    face, *places = map(supply.at_nominal, (pieces.face, *pieces.places))
+    face, *places = map(supply.at_nominal, (pieces.face, *pieces.places.kept))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(face > 0, _medians(leakage) / face, 1.0)
-    return PlaceLeakage.of(scale * np.array(places))
+    return PlaceLeakage(scale * np.array(places))

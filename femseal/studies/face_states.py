@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Mapper, Pair, Shown, Stage
-from ..base.fields import PLACE, STEP, Field, declared
+from ..base.fields import PLACE, STEP, Field
 from ..contact import LoadState
 from ..face.piece_flow import Failed, FlowSettings, SolverCounts, attempt
 from ..seal import RectangularSeal
@@ -101,39 +101,43 @@ def band_breadth(row_pressure: Array, spacing: float) -> Array:
 
 @dataclass(frozen=True, repr=False)
 class PlaceLeakage(Shown):
-    """Leakage by places (places, steps), NaN where the flow failed.
+    """Leakage by places, NaN where the flow failed.
 
-    alone : of each by itself, continued periodically. without : of all places but one, side by side; None of two.
+    kept : of each place by itself, continued periodically, and from three on of all but each, side by side
+        (2 places, steps) [m²/s].
     """
 
-    alone: Array = declared(
-        "leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE
-    )
-    without: Array | None = declared(
-        "leakage_without_place",
-        "m^2/s",
-        "leakage per unit seal length, of all places but one",
-        PLACE,
-        default=None,
-    )
-
-    @classmethod
-    def of(cls, leakage: Array) -> PlaceLeakage:
-        """From the leakage of each place, and from three on of all but each (2 places, steps)."""
-        places = len(leakage) // 2
-        if places < FEWEST:
-            return cls(leakage)
-        return cls(leakage[:places], leakage[places:])
+    kept: Array = field(metadata={"unit": "m^2/s"})
 
     computed_fields: ClassVar[dict[str, Field]] = {
+        "alone": Field(
+            "leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE
+        ),
+        "without": Field(
+            "leakage_without_place",
+            "m^2/s",
+            "leakage per unit seal length, of all places but one",
+            PLACE,
+        ),
         "scatter": Field(
             "place_scatter",
             "1",
             "standard deviation of the leakage of single places over its mean",
             STEP,
             "places ± [%]",
-        )
+        ),
     }
+
+    @property
+    def alone(self) -> Array:
+        """Leakage of each place by itself (places, steps)."""
+        return self.kept if self.without is None else self.kept[: len(self.without)]
+
+    @property
+    def without(self) -> Array | None:
+        """Leakage of all places but each (places, steps); None of two."""
+        places = len(self.kept) // 2
+        return self.kept[places:] if places >= FEWEST else None
 
     @property
     def relative(self) -> Array:
@@ -178,7 +182,7 @@ def place_leakage(
     found = mapper(Stage("flow of places", solve), gap)
     # leakage per length of a unit permeability
     unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
-    return PlaceLeakage.of(unit * np.array(list(found)).T)
+    return PlaceLeakage(unit * np.array(list(found)).T)
 
 
 def permeabilities_of_places(

@@ -22,7 +22,7 @@ from ..seal import RectangularSeal
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
 from .face_flow import drop_fractions, resolved_flow
-from .face_states import FaceState, permeabilities_of_places
+from .face_states import FaceState, PlaceLeakage, permeabilities_of_places
 from .scene import Scene
 
 #: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
@@ -47,7 +47,7 @@ class FacePieces:
     drop_fraction : the dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean contact
     pressure of the rows of points (steps, n1) [Pa].
     face : leakage of the face at full resolution (steps,) [m²/s]. own : that of the pieces in their own order.
-    places : leakage of each measured place, and from three on of all but each (2 places, steps) [m²/s]; None of one.
+    places : leakage by measured places; None of one.
     counts : flows through pieces. failures : one line each. unsolved : steps without leakage by number, and why.
     """
 
@@ -55,7 +55,7 @@ class FacePieces:
     cut: Cut
     k: Array
     rows: Array
-    places: Array | None
+    places: PlaceLeakage | None
     counts: SolveCounts
     pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
     mean_gap: Array = declared("piece_mean_gap", "m", "mean gap of pieces", PIECE)
@@ -111,36 +111,23 @@ class FacePieces:
         return factors(self.face, self.own, self.steps)
 
 
-@dataclass(frozen=True, eq=False)
-class _Taken:
-    """What is kept of a state: its pieces, permeabilities of the face, and of its places [m³]."""
-
-    pieces: PieceState
-    face: float
-    reason: str
-    places: Array | None
-
-
 def pieces_of_states(
     scene: Scene,
     cut: Cut,
     states: Sequence[FaceState],
     leakage: Array,
-    places: Array | None,
+    places: PlaceLeakage | None,
     mapper: Mapper,
 ) -> FacePieces:
     """The pieces of a face in its states at the loads of the scene.
 
-    leakage, places : of the face, and by measured places, see `FacePieces` [m²/s].
+    leakage, places : of the face [m²/s], and by measured places.
     """
     solve = partial(_of_fields, cut=cut, flow=scene.flow)
     names = "gap", "pressure", "plastic", "potential"
     fields = ([getattr(state, name) for state in states] for name in names)
     found = mapper(Stage("pieces of the face", solve), *fields)
-    taken = [
-        _Taken(pieces, np.nan, state.failed, None)
-        for pieces, state in zip(found, states, strict=True)
-    ]
+    taken = [replace(own, failed=state.failed) for own, state in zip(found, states, strict=True)]
     return replace(_joined(scene, cut, scene.steps, taken), face=leakage, places=places)
 
 
@@ -163,15 +150,17 @@ def pieces_on_ladder(
     return _joined(scene, cut, steps, list(dry.contact_states(take, steps=steps, mapper=mapper)))
 
 
-def _of_state(state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[int, ...]) -> _Taken:
+def _of_state(
+    state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[int, ...]
+) -> PieceState:
     """Cut the contact of a state into pieces, and solve the flow through the face and its places."""
     gap = state.contact.gap
     pieces = PieceState.of(gap, state.contact.pressure, cut, flow)
     of_places = permeabilities_of_places(gap, widths, cut.spacing, flow) if widths else None
     through = attempt(resolved_flow, gap, cut.spacing, flow)
     if isinstance(through, Failed):
-        return _Taken(pieces, np.nan, through.reason, of_places)
-    return _Taken(pieces, through.permeability, "", of_places)
+        return replace(pieces, failed=through.reason, places=of_places)
+    return replace(pieces, face=through.permeability, places=of_places)
 
 
 def _of_fields(
@@ -192,14 +181,16 @@ def _of_fields(
     return PieceState.of(double, pressure, cut, replace(flow, spiral=None), at_hardness, fractions)
 
 
-def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken]) -> FacePieces:
+def _joined(
+    scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[PieceState]
+) -> FacePieces:
     """Join the states, and solve the flow over the pieces in their own order."""
     pressures = tuple(scene.flow.drop.pressures)
-    k = np.stack([state.pieces.k for state in taken], axis=2)
+    k = np.stack([state.k for state in taken], axis=2)
     tiles = face_tiles(scene.surface.size, cut.shape)
     own, failures = np.full(len(steps), np.nan), []
     for s, (step, state) in enumerate(zip(steps, taken, strict=True)):
-        failures += [f"{step.name}, {text}" for text in state.pieces.failures]
+        failures += [f"{step.name}, {text}" for text in state.failures]
         if not np.isfinite(k[:, :, s]).all():
             continue
         through = flow_in_order(scene, tiles, k[:, :, s], pressures)
@@ -208,7 +199,7 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
     unit = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
     places = None
     if taken[0].places is not None:
-        places = unit * np.array([state.places for state in taken]).T
+        places = PlaceLeakage(unit * np.array([state.places for state in taken]).T)
     means = (
         "pressure",
         "mean_gap",
@@ -221,13 +212,13 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
         steps,
         cut,
         k,
-        **{name: np.array([getattr(state.pieces, name) for state in taken]) for name in means},
+        **{name: np.array([getattr(state, name) for state in taken]) for name in means},
         face=unit * np.array([state.face for state in taken]),
         own=own,
         places=places,
-        counts=SolveCounts.total(state.pieces.counts for state in taken),
+        counts=SolveCounts.total(state.counts for state in taken),
         failures=tuple(failures),
-        unsolved=tuple((s, state.reason) for s, state in enumerate(taken) if state.reason),
+        unsolved=tuple((s, state.failed) for s, state in enumerate(taken) if state.failed),
     )
 
 
