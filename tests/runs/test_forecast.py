@@ -162,7 +162,7 @@ def test_large_states_take_disk_and_no_memory(data):
         case, prepared = of(data | {"memory": memory})
         efforts = usual_efforts(len(prepared.scene.steps))
         ends.append((forecast(case, prepared, efforts).memory, disk(case, prepared).checkpoint))
-    states = (4 + 4 + 4 + 0.125) * 64 * 96 * len(prepared.scene.steps)
+    states = (4 + 4 + 4 + 4 + 0.125) * 64 * 96 * len(prepared.scene.steps)
     assert_allclose(np.subtract(*ends), [states, -states])
 
 
