@@ -152,6 +152,13 @@ class LoadProgramme(tuple[LoadStep, ...]):
         ]
         return np.array(found, dtype=np.int64)
 
+    @property
+    def branches(self) -> list[Indices]:
+        """Indices of the loading steps, then of those on the way down from each peak."""
+        peaks = self.peak_indices
+        down = [np.flatnonzero((peaks == n) & ~self.on_loading) for n in np.unique(peaks)]
+        return [np.flatnonzero(self.on_loading), *(own for own in down if own.size)]
+
 
 def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> float:
     """Nominal pressure [Pa] of a load in one of `LOAD_UNITS` on a seal of an area [m²] and a length [m].

@@ -192,14 +192,14 @@ def _from_others(
     low, high, pressure = lower.copy(), upper.copy(), steps.pressures
     high[rising] = np.fmin.accumulate(high[rising])
     low[rising] = np.fmax.accumulate(low[rising][::-1])[::-1]
-    for peak in steps.unload_from:
+    for falling in steps.branches[1:]:
         # from the lowest load to the highest
-        branch = np.flatnonzero([step.unloaded_from == peak for step in steps])[::-1]
+        branch = falling[::-1]
         below = np.searchsorted(pressure[rising], pressure[branch], side="right") - 1
         before = np.where(below >= 0, high[rising[below]], np.inf)
         high[branch] = np.fmin.accumulate(np.fmin(high[branch], before))
-        falling = np.append(steps.peak_indices[branch[0]], branch[::-1])
-        low[falling[1:]] = np.fmax.accumulate(low[falling])[1:]
+        way = np.append(steps.peak_indices[falling[0]], falling)
+        low[falling] = np.fmax.accumulate(low[way])[1:]
     return high, low
 
 

@@ -137,46 +137,38 @@ def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, kept: flo
     Loads of unloading are taken on their own branch, and leak more by as much as their peak does, but no more than on
     loading.
     """
-    shift, p = LOAD_POWER * np.log(kept), steps.pressures
-    found = np.array(q, float)
-    loading = [n for n, step in enumerate(steps) if step.unloaded_from is None]
-    if shift == 0:
+    found, p = np.array(q, float), steps.pressures
+    if kept == 1:
         return found
-    first = _Branch(p[loading], q[loading], kept)
-    found[loading] = [first.at(n, shift) for n in p[loading]]
-    for peak in steps.unload_from:
-        branch = [n for n, step in enumerate(steps) if step.unloaded_from == peak]
-        top = int(steps.peak_indices[branch[0]])
-        own = _Branch(p[[*branch, top]], q[[*branch, top]], kept)
-        rise = found[top] / q[top] if q[top] > 0 else 1.0
-        for n in branch:
-            lower = 0.0 if q[top] > 0 else found[top]
-            found[n] = min(max(own.at(p[n], shift) * rise, lower), first.at(p[n], shift))
+    rising, *ways = steps.branches
+    found[rising] = _on_branch(p[rising], q[rising], kept, p[rising])
+    for down in ways:
+        top = int(steps.peak_indices[down[0]])
+        way = np.append(down, top)
+        rise, lower = (found[top] / q[top], 0.0) if q[top] > 0 else (1.0, found[top])
+        own = np.maximum(rise * _on_branch(p[way], q[way], kept, p[down]), lower)
+        found[down] = np.minimum(own, _on_branch(p[rising], q[rising], kept, p[down]))
     found[(q == 0) & sealed_for_certain(in_contact, kept)] = 0.0
     return np.where(np.isnan(q), np.nan, np.maximum(found, q))
 
 
-class _Branch:
-    """Leakage over the load on a branch, straight in logarithms and carried on below the lowest load."""
+def _on_branch(pressure: Array, q: Array, kept: float, at: Array) -> Array:
+    """Leakage under kept**LOAD_POWER times the loads `at`, from that of a branch; inf where nothing gives it.
 
-    def __init__(self, pressure: Array, q: Array, kept: float) -> None:
-        order = np.argsort(pressure)
-        pressure, q, self.kept = pressure[order], q[order], kept
-        opened = (q > 0) & (pressure > 0)
-        self.x, self.y = np.log(pressure[opened]), np.log(q[opened])
-        self.closed = np.log(pressure[(q == 0) & (pressure > 0)].min(initial=np.inf))
-
-    def at(self, pressure: float, shift: float) -> float:
-        """Leakage at a pressure times exp(shift); inf where nothing gives it."""
-        x, y = self.x, self.y
-        place = float(np.log(pressure)) + shift if pressure > 0 else float("inf")
-        if place >= self.closed or pressure <= 0:
-            return 0.0
-        if x.size == 0:
-            return float("inf")
-        if place >= x[0]:
-            return float(np.exp(np.interp(place, x, y)))
+    It is straight in logarithms, and carried on below the lowest load.
+    """
+    opened = (q > 0) & (pressure > 0)
+    order = np.argsort(pressure[opened])
+    x, y = np.log(pressure[opened])[order], np.log(q[opened])[order]
+    closed = np.log(pressure[(q == 0) & (pressure > 0)].min(initial=np.inf))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        load = np.log(at)
+        place = load + LOAD_POWER * np.log(kept)
+        found = np.full(at.shape, np.inf)
         if x.size == 1:  # of a load that is solved itself what the other solutions tell stays
-            own = self.kept >= _LEAST_KEPT and np.isclose(place - shift, x[0])
-            return float(np.exp(y[0])) if own else float("inf")
-        return float(np.exp(y[0] + (y[1] - y[0]) / (x[1] - x[0]) * (place - x[0])))
+            own = np.isclose(load, x[0]) & (kept >= _LEAST_KEPT)
+            found[(place >= x[0]) | own] = np.exp(y[0])
+        elif x.size:
+            below = y[0] + (y[1] - y[0]) / (x[1] - x[0]) * (place - x[0])
+            found = np.exp(np.where(place < x[0], below, np.interp(place, x, y)))
+    return np.where((place >= closed) | (at <= 0), 0.0, found)

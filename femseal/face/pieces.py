@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Flags, Indices, InputError, Pair, Shape, validate
+from ..base import Array, Flags, InputError, Pair, Shape, validate
 from ..loads import LoadProgramme
 from ..topography import Topography
 from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
@@ -240,18 +240,10 @@ def factors(face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FA
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(face / own)
     found = np.zeros(len(steps))
-    for branch in branches(steps):
+    for branch in steps.branches:
         known = np.flatnonzero(np.isfinite(logs[branch]))
         if known.size:
             at = np.arange(len(branch))
             nearest = known[np.abs(at[:, None] - known).argmin(axis=1)]
             found[branch] = logs[branch[nearest]]
     return np.exp(np.clip(found, -np.log(most), np.log(most)))
-
-
-def branches(steps: LoadProgramme) -> list[Indices]:
-    """Numbers of the steps on loading, then of those on the way down from each peak."""
-    found = [np.flatnonzero(steps.on_loading)]
-    for peak in steps.unload_from:
-        found.append(np.array([s for s, step in enumerate(steps) if step.unloaded_from == peak]))
-    return found
