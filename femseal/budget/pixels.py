@@ -76,7 +76,7 @@ def pixels_part(
         np.hypot(scale_of_changes(steps, change, slope, at), least * slope)
         for change, at in zip(scaled, known, strict=True)
     ]
-    order, falling = _order(changes, sizes, slope)
+    falling, order = _order(changes, sizes, slope)
     loads = sum(
         1 for s in known[0] if np.isfinite(changes[0][s]) and steps[s].unloaded_from is None
     )
@@ -84,7 +84,9 @@ def pixels_part(
     distance = factor * np.sqrt(np.mean(np.square(scales), axis=0))
     may_close = (q < least_counted(q)) & (distance > _MAY_CLOSE)
     below = np.where(may_close | np.isneginf(changes[0]), np.inf, distance)
-    note = _note(coarse, order, changes)
+    grids = " and ".join(" × ".join(map(str, c.points)) for c in coarse)
+    beside = f"{counted(len(coarse[0].steps), 'step')} and their neighbours"
+    note = f"changes of ln(leakage) to {grids} points at {beside}; {order}"
     return part_of_changes(
         "pixels", steps, leakage, below, distance, note, change=changes[0], coarse=coarse[0]
     )
@@ -101,16 +103,16 @@ def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
     return [ErrorPart("pixels", q, np.where(may_open, np.inf, q), note)] if may_open.any() else []
 
 
-def _order(changes: list[Array], sizes: list[float], slope: Array) -> tuple[float, bool]:
-    """Observed order of the typical change over the cycle, NaN with two grids; and whether changes fall."""
-    if len(changes) < 2:
-        return float("nan"), True
-    known = np.isfinite(changes[0]) & np.isfinite(changes[1])
-    if not known.any():
-        return float("nan"), True
+def _order(changes: list[Array], sizes: list[float], slope: Array) -> tuple[bool, str]:
+    """Whether the typical change over the cycle falls from grid to grid, and its order as a text."""
+    known = np.isfinite(changes).all(axis=0)
+    if len(changes) < 2 or not known.any():
+        return True, f"two grids, order {ORDER:g} expected"
     first, second = (float(np.median(np.abs(change[known] / slope[known]))) for change in changes)
     order = observed_order(first, second, sizes[1] / sizes[0], sizes[2] / sizes[1])
-    return order, order >= LEAST_ORDER
+    observed = "the changes do not fall" if np.isnan(order) else f"observed order {order:.2g}"
+    oscillating = float(np.mean(changes[0][known] * changes[1][known] < 0))
+    return order >= LEAST_ORDER, f"{observed}, oscillating at {oscillating:.0%} of the steps"
 
 
 def observed_order(first: float, second: float, ratio: float, before: float) -> float:
@@ -129,14 +131,3 @@ def observed_order(first: float, second: float, ratio: float, before: float) -> 
     if first == 0 or excess(high) <= 0:
         return high
     return low if excess(low) >= 0 else float(scipy.optimize.brentq(excess, low, high))
-
-
-def _note(coarse: Sequence[CoarserSolution], order: float, changes: list[Array]) -> str:
-    points = " and ".join(" × ".join(map(str, c.points)) for c in coarse)
-    text = f"changes of ln(leakage) to {points} points at {counted(len(coarse[0].steps), 'step')} and their neighbours"
-    if len(changes) < 2:
-        return f"{text}; two grids, order {ORDER:g} expected"
-    known = np.isfinite(changes[0]) & np.isfinite(changes[1])
-    oscillating = float(np.mean(changes[0][known] * changes[1][known] < 0)) if known.any() else 0.0
-    observed = "the changes do not fall" if np.isnan(order) else f"observed order {order:.2g}"
-    return f"{text}; {observed}, oscillating at {oscillating:.0%} of the steps"

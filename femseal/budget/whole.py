@@ -66,22 +66,14 @@ def error_budget(
     if filtered is not None and octaves > 0:
         parts.append(filter_part(scene, leakage, filtered, octaves))
     elif kept_slope < 1:
-        nothing = np.zeros(len(scene.steps))
         parts.append(
-            ErrorPart.of(
-                "filter", leakage, nothing, nothing, "no solution without the shortest waves"
-            )
+            ErrorPart("filter", leakage, leakage, "no solution without the shortest waves")
         )
     q = np.abs(leakage)
     steeper = np.where(q < least_counted(q), _NEAR_CLOSING, 1.0)
     parts = [part.widened(leakage, steeper) for part in parts]
     if kept_slope < 1:
-        parts = [
-            raised_by_slope(part, scene.steps, leakage, in_contact, kept_slope)
-            if part.name == "filter"
-            else part
-            for part in parts
-        ]
+        parts[-1] = raised_by_slope(parts[-1], scene.steps, leakage, in_contact, kept_slope)
     if isinstance(study, StochasticResult):
         parts.append(realisations_part(study))
         # the scatter of places shows what one patch cannot
