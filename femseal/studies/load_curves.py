@@ -1,9 +1,14 @@
 """Leakage over the load: its slope, and what counts of it."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from ..base import Array
 from ..loads import LoadProgramme
+
+#: Loads at which the reference leaks less than this fraction of its first leakage are not compared.
+FLOOR = 1e-3
 
 
 def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
@@ -11,26 +16,16 @@ def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
     q, p = np.abs(np.asarray(leakage, float)), steps.pressures
     found = np.zeros(len(steps))
     for s, other in neighbouring_steps(steps):
-        if q[s] > 0 and q[other] > 0 and p[s] > 0 and p[other] > 0:
+        if all(value > 0 for value in (q[s], q[other], p[s], p[other])):
             slope = abs(np.log(q[s] / q[other]) / np.log(p[s] / p[other]))
-            found[s], found[other] = max(found[s], slope), max(found[other], slope)
+            found[[s, other]] = np.maximum(found[[s, other]], slope)
     return found
 
 
 def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
     """Every step with the one before it on its branch, that of an unloading being its peak."""
-    pairs = []
-    for s, step in enumerate(steps):
-        before = s - 1
-        if step.unloaded_from is not None and steps[before].unloaded_from != step.unloaded_from:
-            before = int(steps.peak_indices[s])
-        if before >= 0:
-            pairs.append((s, before))
-    return pairs
-
-
-#: Loads at which the reference leaks less than this fraction of its first leakage are not compared.
-FLOOR = 1e-3
+    ways = [np.union1d(own, steps.peak_indices[own]).tolist() for own in steps.branches]
+    return [(s, before) for way in ways for before, s in pairwise(way)]
 
 
 def first_known(leakage: Array) -> int:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import ceil
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base import Array, Shown, counted
+from ..base import Array, Shown
 from ..base.fields import (
     CORNER,
     PART,
@@ -192,19 +191,10 @@ class StochasticResult(Shown):
         """Standard deviation of ln(leakage) between realisations, at every step; NaN where fewer than 2 leak."""
         return self._at_every_step(_log_deviation)
 
-    def too_few(self, *quantiles: float) -> str:
-        """A warning with the number of realisations that the quantiles need, if there are fewer; otherwise ""."""
+    def too_few(self, *quantiles: float) -> bool:
+        """Whether there are fewer realisations than the quantiles need: one in each tail."""
         tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
-        needed = ceil(max((1 / tail for tail in tails), default=1) - 1e-9)
-        if len(self.leakage) >= needed:
-            return ""
-        named = " and ".join(f"{q:g}" for q in quantiles)
-        return f"quantile {named} of {counted(len(self.leakage), 'realisation')}: at least {needed} needed"
-
-    def unsupported(self, q: float) -> tuple[str, ...]:
-        """Reasons not to trust a quantile: too few realisations."""
-        text = self.too_few(q)
-        return (text,) if text else ()
+        return len(self.leakage) < max((1 / tail for tail in tails), default=1) - 1e-9
 
     def _at_every_step(self, statistic: Callable[[Array], Any]) -> Array:
         finite = [column[np.isfinite(column)] for column in self.leakage.T]
