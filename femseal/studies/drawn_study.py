@@ -99,7 +99,7 @@ def stochastic(
         (median,) = mapper(Stage("median seal", fields), [chosen])
         if formed is not None:
             median = _with_form(median, tiles, formed)
-    rows, row_breadth = pieces.rows if supply.in_place else None, scene.surface.spacing[0]
+    rows, row_breadth = pieces.rows if supply.tiles.in_place else None, scene.surface.spacing[0]
     if formed is not None and formed.grid.has_rows:
         rows, row_breadth = formed.rows, formed.grid.spacing[0]
     unsolved = [f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved]
@@ -142,23 +142,21 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
 class _Supply:
     """Permeabilities of pieces from which the tiles of a seal draw.
 
-    k : (pressures, 2, steps, paths, pieces) [m³], at each of the fluid pressures. pressures : of the fluid [Pa].
-    piecewise : see `flow.PermeabilityTable`. path : number of the path of the pressure of every tile (tiles,).
+    k : (pressures, 2, steps, paths, pieces) [m³], at each of the pressures of the fluid.
+    path : number of the path of the pressure of every tile (tiles,).
     paths : nominal pressure along each path (steps, paths) [Pa]. unsolved : steps without a gap by number, and why.
-    in_place : pieces stay in the rows of the face. opened : permeability of the gap that the form of the seal opens
-    beyond that at which faces just touch (steps, tiles) [m³].
+    opened : permeability of the gap that the form of the seal opens beyond that at which faces just touch
+    (steps, tiles) [m³].
     """
 
     scene: Scene
     tiles: SealTiles
     pieces: FacePieces
     k: Array
-    pressures: tuple[float, ...]
-    piecewise: bool
+    fluid: TileFluid
     path: Indices
     paths: Array
     unsolved: tuple[tuple[int, str], ...]
-    in_place: bool
     opened: Array | None = None
 
     @property
@@ -179,7 +177,7 @@ class _Supply:
         if self.opened is not None:
             k = k + self.opened[step]
         of_parts = list(self.tiles.permeability(k[:, 0], k[:, 1]))
-        given = tabulated(self.pressures, of_parts, self.piecewise)
+        given = tabulated(self.fluid.pressures, of_parts, self.fluid.piecewise)
         return given, attempt(self.scene.leakage, self.tiles.seal, given, DRAWN_RTOL)
 
     def over_tiles(self, values: Array) -> Array:
@@ -210,12 +208,9 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         pieces = cut_into_pieces(flat, cut, mapper).pieces
         assert pieces is not None
         k = pieces.k.reshape(*pieces.k.shape[:3], 1, -1)
+        fluid, path = TileFluid(tuple(drop.pressures)), np.zeros(tiles.count, np.int64)
         nominal = steps.pressures[:, None]
-        pressures = tuple(drop.pressures)
-        path = np.zeros(tiles.count, np.int64)
-        return _Supply(
-            scene, tiles, pieces, k, pressures, False, path, nominal, pieces.unsolved, True
-        )
+        return _Supply(scene, tiles, pieces, k, fluid, path, nominal, pieces.unsolved)
     paths, number = distinct_paths(fractions)
     paths = steps.pressures[:, None] * paths
     fluid = TileFluid.of(scene)
@@ -227,8 +222,7 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], 1, -1)
     else:
         k = fluid.own(along_paths(pieces, each, steps))
-    own = fluid.pressures, fluid.piecewise
-    return _Supply(scene, tiles, pieces, k, *own, number, paths, scene.parted_steps, False)
+    return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.parted_steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +283,7 @@ def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
     leakage, failures, solvers = np.full(len(steps), np.nan), [], []
     face, own = supply.pieces.face, supply.pieces.own
     for s in supply.solved:
-        if supply.in_place and own[s] == 0:
+        if supply.tiles.in_place and own[s] == 0:
             leakage[s] = face[s]
             continue
         _, found = supply.flow(piece, s)
@@ -298,7 +292,7 @@ def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
             continue
         leakage[s] = found.per_length
         solvers.append(SolverCounts.of(found))
-        if supply.in_place:
+        if supply.tiles.in_place:
             leakage[s] = face[s] * np.clip(leakage[s] / own[s], 1 / MOST_RATIO, MOST_RATIO)
     return _Realisation(leakage, tuple(failures), SolverCounts.total(solvers))
 
@@ -316,7 +310,7 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
         k[s], p[s] = tiles.shown(at_solution, found.fluid_pressure)
         potential = scene.fluid.potential(found.fluid_pressure) / scene.fluid.reference_density
         flux[s] = tiles.flux(at_solution, potential, _rate_of_power(scene, tiles, found))
-    if supply.in_place:
+    if supply.tiles.in_place:
         pressure = supply.pieces.pressure.reshape(len(scene.steps), -1)[:, piece[tiles.tile]]
     else:
         pressure = supply.paths[:, supply.path[tiles.tile]]

@@ -9,6 +9,7 @@ from ..base import Array, Pair
 from ..face.piece_flow import FlowSettings, SolverCounts
 from ..flow import Permeability, cell_permeability
 from ..flow.cell import pixel_dissipation
+from ..flow.pressure_drop import pressure_between
 from ..flow.spiral import spiral_flow
 
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
@@ -22,8 +23,8 @@ class FaceFlow:
     """Flow along x1 through a whole face.
 
     permeability : that which the drop of the viscous potential sees [m³]. solvers : of its systems.
-    potential : between 1 at the inlet and 0 at the outlet (n1, n2), NaN in contact and in pockets; None where it was
-        not asked for.
+    potential : between 1 at the inlet and 0 at the outlet (n1, n2), NaN in contact and in pockets; None of a flow that
+        failed.
     """
 
     permeability: float
@@ -35,21 +36,17 @@ def resolved_flow(
     gap: NDArray[np.floating],
     spacing: Pair,
     settings: FlowSettings | None = None,
-    *,
-    with_potential: bool = False,
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
 
     A face of more than `LARGEST_FLOW` points is solved in parts along x2, side by side. Grooves that wind carry fluid
     past closed lands where the settings have a spiral.
 
-    `with_potential` keeps the potential at every pixel.
-
     Raises NotConverged: see `cell_permeability` and `PressureDrop.solve_face`.
     """
     settings = settings or FlowSettings()
     if gap.size > LARGEST_FLOW:
-        return _in_parts(gap, spacing, settings, with_potential)
+        return _in_parts(gap, spacing, settings)
     counts = SolverCounts()
 
     def solve(gap: Array) -> tuple[float, Array, Permeability]:
@@ -66,27 +63,21 @@ def resolved_flow(
     flow, drop = solved.found, solved.drop
     value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
     # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
-    kept = np.clip(potential, 0.0, 1.0) if with_potential else None
-    return FaceFlow(value, counts, kept)
+    return FaceFlow(value, counts, np.clip(potential, 0.0, 1.0))
 
 
 def _in_parts(
     gap: NDArray[np.floating],
     spacing: Pair,
     settings: FlowSettings,
-    with_potential: bool,
 ) -> FaceFlow:
     """`resolved_flow` of a face in parts along x2: their mean, each continued periodically by itself."""
     parts = np.array_split(gap, -(-gap.size // LARGEST_FLOW), axis=1)
-    flows = [
-        resolved_flow(part, spacing, settings, with_potential=with_potential) for part in parts
-    ]
+    flows = [resolved_flow(part, spacing, settings) for part in parts]
     value = float(
         np.average([flow.permeability for flow in flows], weights=[part.shape[1] for part in parts])
     )
-    potential = (
-        np.concatenate([flow.potential for flow in flows], axis=1) if with_potential else None
-    )
+    potential = np.concatenate([flow.potential for flow in flows], axis=1)
     return FaceFlow(value, SolverCounts.total(flow.solvers for flow in flows), potential)
 
 
@@ -103,10 +94,8 @@ def drop_fractions(
     drop = settings.drop
     pressure: Array | float = 0.0
     if drop.law.depends_on_pressure:
-        inlet, outlet = drop.fluid.potential([drop.inlet, drop.outlet])
-        pressure = drop.fluid.pressure(
-            outlet + (inlet - outlet) * np.nan_to_num(potential, nan=0.5)
-        )
+        known = np.nan_to_num(potential, nan=0.5)
+        pressure = pressure_between(drop.fluid, drop.inlet, drop.outlet, known)
         pressure = np.maximum(pressure, drop.least_pressure)
     equivalent = drop.law.equivalent_gap(gap, pressure)
     # grooves that wind leave the last column for another row of the first one

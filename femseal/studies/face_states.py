@@ -59,7 +59,7 @@ class FaceState:
             found, carried = contact.flow, contact.carried
         else:
             spacing = contact.half_space.spacing
-            found = attempt(resolved_flow, contact.gap, spacing, flow, with_potential=True)
+            found = attempt(resolved_flow, contact.gap, spacing, flow)
         if isinstance(found, Failed):
             failed = found.reason
             found = FaceFlow(np.nan, SolverCounts())

@@ -20,6 +20,7 @@ from ..base import Array, InputError, Shape, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
 from ..face.piece_flow import Failed, FlowSettings, attempt
 from ..flow.harmonic import harmonic_fill
+from ..flow.pressure_drop import pressure_between
 from ..fluids import Fluid
 from ..topography import Places
 from .face_flow import FaceFlow, resolved_flow
@@ -89,10 +90,7 @@ class FluidPressure:
 
     def above_surroundings(self, fraction: Any) -> Array:
         """Fluid pressure [Pa] above that of the surroundings where the viscous potential has fractions of its drop."""
-        inlet, outlet = self.fluid.potential([self.inlet, self.outlet])
-        pressure = self.fluid.pressure(
-            outlet + (inlet - outlet) * np.asarray(fraction, dtype=float)
-        )
+        pressure = pressure_between(self.fluid, self.inlet, self.outlet, fraction)
         return np.asarray(pressure) - self._around
 
     @property
@@ -183,9 +181,7 @@ class FluidPressure:
             contact = solve_contact(
                 gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings
             )
-            flow = attempt(
-                resolved_flow, contact.gap, half_space.spacing, self.settings, with_potential=True
-            )
+            flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings)
             if isinstance(flow, Failed):
                 break
             last_p_f = p_f
@@ -377,7 +373,7 @@ def contact_of_places(
         **joined,
         flow=failed[0]
         if failed
-        else attempt(resolved_flow, joined["gap"], half_space.spacing, flow, with_potential=True),
+        else attempt(resolved_flow, joined["gap"], half_space.spacing, flow),
         carried=float(
             np.average([getattr(c, "carried", 0.0) for c in found], weights=places.widths)
         ),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -154,8 +155,8 @@ class TileFluid:
     """
 
     pressures: tuple[float, ...]
-    piecewise: bool
-    relief: Array
+    piecewise: bool = False
+    relief: Array = field(default_factory=partial(np.zeros, 1))
 
     @classmethod
     def of(cls, scene: Scene) -> TileFluid:
@@ -164,14 +165,11 @@ class TileFluid:
         pressures, piecewise = tuple(drop.pressures), False
         several = drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {})
         if fluid is None:
-            return cls(pressures, piecewise, np.zeros(1))
+            return cls(pressures)
         if fluid.inlet != fluid.outlet and not several:
             # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
-            full = max(
-                min((p for p in scene.steps.pressures if p > 0), default=0.0),
-                fluid.inlet,
-                fluid.outlet,
-            )
+            lowest = min((p for p in scene.steps.pressures if p > 0), default=0.0)
+            full = max(lowest, fluid.inlet, fluid.outlet)
             first, last = (float(np.cbrt(full - p)) for p in (fluid.outlet, fluid.inlet))
             between = full - np.linspace(first, last, FLUID_PRESSURES)[1:-1] ** 3
             pressures, piecewise = (fluid.outlet, *between.tolist(), fluid.inlet), True

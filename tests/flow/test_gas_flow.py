@@ -133,7 +133,7 @@ def test_what_does_not_slip_is_solved_as_ever():
 def test_a_closed_gap_stays_closed():
     gap = np.full((8, 8), 1e-6)
     gap[3] = 0
-    flow = resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5), with_potential=True)
+    flow = resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5))
     assert flow.permeability == 0
     assert piece_permeability(gap, (1e-6, 1e-6), 0, settings(1e6, 1e5)).k.tolist() == [0.0] * 4
 
