@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ..base import Array, InputError, Mapper, NotConverged, to_text
+from ..base import Array, Indices, InputError, Mapper, NotConverged, to_text
 from ..contact import HalfSpace, LoadState
 from ..contact.large_convolution import convolution
 from ..face.pieces import Cut
@@ -84,17 +84,18 @@ class SealContact:
 
 @dataclass(frozen=True, eq=False)
 class RoughLayer:
-    """Distance s of the mean planes of a rough face [m] over the pressure, on loading and on unloading.
+    """Distance s of the mean planes of rough faces [m] over the pressure, on loading and on unloading.
 
-    pressure : rising from 0 to the highest (n,) [Pa]. gap : falling (n,) [m]. peaks (m,) [Pa], recovered
-    (m, k) : how far the planes come apart again [m] at the fractions `_RELEASED` of peaks;
-    none where the faces are elastic.
+    pressure : rising from 0 to the highest (n,) [Pa]. gap : falling (faces, n) [m]. peaks (m,) [Pa], recovered
+    (faces, m, k) : how far the planes come apart again [m] at the fractions `_RELEASED` of peaks;
+    none where the faces are elastic. face : number of the face of every cell, or of all.
     """
 
     pressure: Array
     gap: Array
     peaks: Array
     recovered: Array
+    face: Indices | int = 0
 
     @classmethod
     def of(
@@ -118,13 +119,14 @@ class RoughLayer:
         last = np.diff(recovered[:, -3:-1]) / np.log(_RELEASED[-3] / _RELEASED[-2])
         recovered[:, -1:] = recovered[:, -2:-1] + last
         apart = scene.surface.heights.max() - scene.surface.heights.mean()
-        return cls(np.array([0.0, *loading]), np.array([apart, *gap]), peaks, recovered)
+        return cls(np.array([0.0, *loading]), np.array([[apart, *gap]]), peaks, recovered[None])
 
     def loaded(self, p: Array) -> tuple[Array, Array]:
         """s and ds/dp at pressures p (n,) on loading, linear between the pressures."""
-        slopes = np.diff(self.gap) / np.diff(self.pressure)
-        part = np.clip(np.searchsorted(self.pressure, p, side="right") - 1, 0, slopes.size - 1)
-        return self.gap[part] + slopes[part] * (p - self.pressure[part]), slopes[part]
+        part = np.searchsorted(self.pressure, p, side="right") - 1
+        part = np.clip(part, 0, self.pressure.size - 2)
+        slope = (np.diff(self.gap) / np.diff(self.pressure))[self.face, part]
+        return self.gap[self.face, part] + slope * (p - self.pressure[part]), slope
 
     def unloaded(self, p: Array, peak: Array) -> tuple[Array, Array]:
         """s and ds/dp at pressures p (n,) after peaks (n,); beyond them as on loading."""
@@ -136,7 +138,7 @@ class RoughLayer:
         part = np.searchsorted(-_RELEASED, -p / safe, side="left") - 1
         part = np.clip(part, 0, _RELEASED.size - 2)
         ends = np.array([part, part + 1])
-        before, after = self.recovered[lower, ends], self.recovered[lower + 1, ends]
+        before, after = (self.recovered[self.face, lower + n, ends] for n in (0, 1))
         from_end, to_end = before + (at - lower) * (after - before)
         slope = (to_end - from_end) / np.diff(_RELEASED)[part] / safe
         start, _ = self.loaded(peak)
@@ -190,30 +192,22 @@ def seal_contact(
         raise InputError("load", f"{to_text(highest, 'Pa', 3)} on a seal with a form", expected)
     cells = Cells(body, inside, depth[inside], most)
     fields = np.zeros((3, len(scene.steps), *depth.shape))
-    fields[..., inside] = solved_steps(cells, scene.steps, layer.loaded, layer.unloaded)
+    fields[..., inside] = solved_steps(cells, scene.steps, layer)
     return SealContact(grid, depth, scene.steps.pressures, *fields)
 
 
-def solved_steps(
-    cells: Cells,
-    steps: LoadProgramme,
-    loaded: Callable[[Array], tuple[Array, Array]],
-    unloaded: Callable[..., tuple[Array, Array]],
-) -> Array:
-    """Pressures [Pa], separations and openings [m] of cells (3, steps, n), by s and ds/dp of their layers.
-
-    loaded : of pressures (n,). unloaded : of pressures (n,) and, by its name, `peak` (n,).
-    """
+def solved_steps(cells: Cells, steps: LoadProgramme, layer: RoughLayer) -> Array:
+    """Pressures [Pa], separations and openings [m] of cells (3, steps, n) with their layer."""
     found: dict[tuple[float, float | None], tuple[Array, ...]] = {}
     p = sunk = np.zeros(cells.depth.size)
     peaks = {step.unloaded_from for step in steps if step.unloaded_from is not None}
     for load in sorted({*(s.pressure for s in steps if s.unloaded_from is None), *peaks}):
-        p, *_ = found[load, None] = cells.solved(loaded, load, p, sunk)
+        p, *_ = found[load, None] = cells.solved(layer.loaded, load, p, sunk)
     for step in steps:
         if step.unloaded_from is not None:
             peak, *_, sunk = found[step.unloaded_from, None]
             start = peak * (step.pressure / step.unloaded_from)
-            law = partial(unloaded, peak=peak)
+            law = partial(layer.unloaded, peak=peak)
             found[step.pressure, step.unloaded_from] = cells.solved(law, step.pressure, start, sunk)
     return np.array([found[step.pressure, step.unloaded_from][:3] for step in steps]).swapaxes(0, 1)
 
