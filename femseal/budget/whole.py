@@ -77,7 +77,7 @@ def error_budget(
     if isinstance(study, StochasticResult):
         parts.append(realisations_part(study))
         # the scatter of places shows what one patch cannot
-        without = study.without_place
+        without = None if study.places is None else study.places.without
         parts.append(
             calibrated_part("patch", study.kind, study.steps, leakage)
             if without is None

@@ -26,7 +26,7 @@ from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
 from .scene import Scene
 from .seal_contact import SealContact, seal_contact, without_waves_of
-from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
+from .stochastic_result import MedianSeal, StochasticResult, at_every_step, nearest_to_median
 from .tile_pressure import TileFluid, distinct_paths, pressure_fractions
 
 #: Standard error of ln(median leakage) that is wanted, in parts of the band of what one patch does not know.
@@ -257,7 +257,7 @@ def _kind(tiles: SealTiles, sampling: Sampling) -> str:
 
 def _needed(steps: LoadProgramme, leakage: Array, kind: str) -> int:
     """Number of seals whose median has the standard error that is wanted, at all steps that count."""
-    median = _medians(leakage)
+    median = at_every_step(leakage, np.median)
     width = half_width(kind, steps, median)
     counts = (np.abs(median) > least_counted(median)) & np.isfinite(width)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -265,12 +265,6 @@ def _needed(steps: LoadProgramme, leakage: Array, kind: str) -> int:
     wanted = (_MEDIAN_ERROR * spread / (PART_OF_BAND * width[counts])) ** 2
     most = float(np.max(wanted[np.isfinite(wanted)], initial=0.0))
     return int(np.clip(np.ceil(most), FEWEST_SEALS, MOST_SEALS))
-
-
-def _medians(leakage: Array) -> Array:
-    """Median of the realisations that did not fail, at every step (steps,); NaN where all failed."""
-    known = [column[np.isfinite(column)] for column in leakage.T]
-    return np.array([np.median(column) if column.size else np.nan for column in known])
 
 
 def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
@@ -350,5 +344,5 @@ def _places(supply: _Supply, leakage: Array) -> PlaceLeakage | None:
         return None
     face, *places = map(supply.at_nominal, (pieces.face, *pieces.places.kept))
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(face > 0, _medians(leakage) / face, 1.0)
+        scale = np.where(face > 0, at_every_step(leakage, np.median) / face, 1.0)
     return PlaceLeakage(scale * np.array(places))

@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 from ..base import Array, Mapper, Pair, Shown, Stage
 from ..base.fields import PLACE, STEP, Field
 from ..contact import LoadState
-from ..face.piece_flow import Failed, FlowSettings, SolverCounts, attempt
+from ..face.piece_flow import (
+    FaceFlow,
+    Failed,
+    FlowSettings,
+    SolverCounts,
+    attempt,
+    resolved_flow,
+)
 from ..seal import RectangularSeal
 from ..topography import Places
 from ..topography.places import divided
-from .face_flow import FaceFlow, resolved_flow
 from .fluid_coupling import CoupledContact
 from .load_curves import least_counted
 from .scene import Scene
@@ -58,19 +64,15 @@ class FaceState:
         if isinstance(contact, CoupledContact):
             found, carried = contact.flow, contact.carried
         else:
-            spacing = contact.half_space.spacing
-            found = attempt(resolved_flow, contact.gap, spacing, flow)
+            found = attempt(resolved_flow, contact.gap, contact.half_space.spacing, flow)
         if isinstance(found, Failed):
             failed = found.reason
-            found = FaceFlow(np.nan, SolverCounts())
-        potential = np.full(contact.gap.shape, np.nan, np.float32)
-        if found.potential is not None:
-            potential[...] = found.potential
+            found = FaceFlow(np.nan, SolverCounts(), np.full(contact.gap.shape, np.nan))
         return cls(
             gap=contact.gap.astype(np.float32),
             pressure=contact.pressure.astype(np.float32),
             plastic=np.packbits(contact.plastic),
-            potential=potential,
+            potential=found.potential.astype(np.float32),
             rows=contact.pressure.mean(axis=1),
             contact_fraction=contact.area_fraction,
             plastic_fraction=contact.plastic_fraction,

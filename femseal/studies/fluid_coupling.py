@@ -18,12 +18,11 @@ import numpy as np
 
 from ..base import Array, InputError, Shape, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
-from ..face.piece_flow import Failed, FlowSettings, attempt
+from ..face.piece_flow import FaceFlow, Failed, FlowSettings, attempt, resolved_flow
 from ..flow.harmonic import harmonic_fill
 from ..flow.pressure_drop import pressure_between
 from ..fluids import Fluid
 from ..topography import Places
-from .face_flow import FaceFlow, resolved_flow
 from .trapped_liquid import PocketPressures, TrappedLiquid
 
 #: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned

@@ -17,12 +17,11 @@ import numpy as np
 from ..base import Array, Mapper, Pair
 from ..contact import LoadState
 from ..face.curves import PieceCurves
-from ..face.piece_flow import Failed, FlowSettings, attempt
+from ..face.piece_flow import Failed, FlowSettings, attempt, resolved_flow
 from ..seal.form import SealForm
 from ..seal.pressure_map import Frame
 from ..seal.tiles import PieceSize, SealTiles
 from ..topography import Representative, shortest_place
-from .face_flow import resolved_flow
 from .scene import Scene
 from .seal_contact import RoughLayer, layer_states, seal_contact
 

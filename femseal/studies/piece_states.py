@@ -14,14 +14,20 @@ from ..base import Array, Mapper, Stage
 from ..base.fields import PIECE, STATE, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
-from ..face.piece_flow import Failed, FlowSettings, SolveCounts, attempt
+from ..face.piece_flow import (
+    Failed,
+    FlowSettings,
+    SolveCounts,
+    attempt,
+    drop_fractions,
+    resolved_flow,
+)
 from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
-from .face_flow import drop_fractions, resolved_flow
 from .face_states import FaceState, PlaceLeakage, permeabilities_of_places
 from .scene import Scene
 

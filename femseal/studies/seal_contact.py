@@ -313,7 +313,9 @@ class Cells:
             image = self.displacement(direction)
             power_at = partial(_power, p, direction, residual + gap, image, layer)
             length = -float(residual @ direction) / float((image - slope * direction) @ direction)
-            length = _shortened(power_at, length)
+            # layers whose stiffness rises, as where the bodies yield, make steps too long that their tangent gives
+            if power_at(length) > -_OVERSHOT * power_at(0.0):
+                length = float(brentq(power_at, 0.0, length, rtol=_OVERSHOT))
             p = np.clip(p + length * direction, 0.0, most)
             p[freed] = np.clip(p[freed] - length * weight[freed] * residual[freed], 0.0, most)
             inside = (p > 0) & (p < most)
@@ -330,13 +332,3 @@ def _power(
 ) -> float:
     """Slope of the energy along a direction, so far along it: what lies above the layer times the direction."""
     return float((above + length * image - layer(p + length * direction)[0]) @ direction)
-
-
-def _shortened(power_at: Callable[[float], float], length: float) -> float:
-    """A length at which the energy hardly rises again along the direction, at most the given one.
-
-    Layers whose stiffness rises, as where the bodies yield, make steps too long that their tangent gives.
-    """
-    if power_at(length) <= -_OVERSHOT * power_at(0.0):
-        return length
-    return float(brentq(power_at, 0.0, length, rtol=_OVERSHOT))

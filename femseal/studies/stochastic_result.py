@@ -169,36 +169,33 @@ class StochasticResult(Shown):
 
         Between two values of one sign it is interpolated in log space; beside a 0 it is 0.
         """
-        return self._at_every_step(partial(_quantile, q=q))
-
-    @property
-    def without_place(self) -> Array | None:
-        """Leakage of all measured places but each (places, steps) [m²/s]; None of fewer than three."""
-        return None if self.places is None else self.places.without
+        return at_every_step(self.leakage, partial(_quantile, q=q))
 
     @property
     def mean(self) -> Array:
         """Mean over the realisations that did not fail, at every step [m²/s]; NaN where all failed."""
-        return self._at_every_step(np.mean)
+        return at_every_step(self.leakage, np.mean)
 
     @property
     def sealed_fraction(self) -> Array:
         """Fraction without leakage of the realisations that did not fail, at every step; NaN where all failed."""
-        return self._at_every_step(lambda leakage: np.mean(leakage == 0))
+        return at_every_step(self.leakage, lambda leakage: np.mean(leakage == 0))
 
     @property
     def realisation_spread(self) -> Array:
         """Standard deviation of ln(leakage) between realisations, at every step; NaN where fewer than 2 leak."""
-        return self._at_every_step(_log_deviation)
+        return at_every_step(self.leakage, _log_deviation)
 
     def too_few(self, *quantiles: float) -> bool:
         """Whether there are fewer realisations than the quantiles need: one in each tail."""
         tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
         return len(self.leakage) < max((1 / tail for tail in tails), default=1) - 1e-9
 
-    def _at_every_step(self, statistic: Callable[[Array], Any]) -> Array:
-        finite = [column[np.isfinite(column)] for column in self.leakage.T]
-        return np.array([statistic(column) if column.size else np.nan for column in finite])
+
+def at_every_step(leakage: Array, statistic: Callable[[Array], Any]) -> Array:
+    """Statistic (steps,) of the realisations that did not fail, NaN where all failed; leakage (realisations, steps)."""
+    finite = [column[np.isfinite(column)] for column in leakage.T]
+    return np.array([statistic(column) if column.size else np.nan for column in finite])
 
 
 def _quantile(values: Array, q: float) -> float:

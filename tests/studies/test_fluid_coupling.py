@@ -10,10 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.face.piece_flow import FlowSettings
+from femseal.face.piece_flow import FlowSettings, resolved_flow
 from femseal.flow.harmonic import harmonic_fill
 from femseal.studies import Sampling, deterministic, stochastic, two_scale
-from femseal.studies.face_flow import resolved_flow
 from femseal.studies.fluid_coupling import LEAST_FRACTION, FluidPressure
 
 E, H = 115e9, 2.3e9

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 import femseal.face.piece_flow
-import femseal.studies.face_flow
 import femseal.studies.scene
 from femseal import analytic
 from femseal.base import FemsealError, InputError, NotConverged
@@ -292,7 +291,7 @@ def test_a_flow_of_a_piece_that_fails_is_named(rough, failing):
 
 
 def test_a_flow_of_the_whole_face_that_fails_is_named(rough, failing):
-    failing(femseal.studies.face_flow, "cell_permeability", calls={3})
+    failing(femseal.face.piece_flow, "cell_permeability", calls={3})
     result = two_scale(rough, (4, 6))
     assert result.failures == ("unloading 300 MPa from 600 MPa: did not converge",)
     for values in (result.leakage, result.pieces.drop_fraction[:, 0, 0]):
