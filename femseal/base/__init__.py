@@ -5,7 +5,18 @@ from typing import TYPE_CHECKING
 from .lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .arrays import Array, Flags, Indices, Lengths, Pair, Periodic, Shape, reals
+    from .arrays import (
+        Array,
+        Flags,
+        Floats,
+        Indices,
+        Lengths,
+        Pair,
+        Periodic,
+        Shape,
+        Singles,
+        reals,
+    )
     from .errors import (
         FemsealError,
         InputError,

@@ -6,6 +6,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+#: Real numbers in single precision, and in any.
+Singles = NDArray[np.float32]
+Floats = NDArray[np.floating]
 #: Along x1 and x2: points, lengths, whether a map repeats itself.
 Shape = tuple[int, int]
 Pair = tuple[float, float]

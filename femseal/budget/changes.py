@@ -134,10 +134,7 @@ def part_of_changes(
     """
     q = np.abs(np.asarray(leakage, float))
     part = ErrorPart.of(name, leakage, below, above, note)
-    lower, upper = (
-        part.lower,
-        np.where(q == 0, sealed_upper(steps, q, above, change, coarse), part.upper),
-    )
-    if change is not None:
-        lower, upper = (np.where(np.isnan(change), np.nan, end) for end in (lower, upper))
+    upper = np.where(q == 0, sealed_upper(steps, q, above, change, coarse), part.upper)
+    unknown = np.isnan(np.zeros(q.size) if change is None else change)
+    lower, upper = (np.where(unknown, np.nan, end) for end in (part.lower, upper))
     return ErrorPart(name, lower, upper, note)

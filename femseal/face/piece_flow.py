@@ -10,9 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, FemsealError, Pair
+from ..base import Array, FemsealError, Floats, Pair
 from ..flow import Permeability, Spiral, cell_permeability
 from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.pressure_drop import VISCOUS, PressureDrop, pressure_between
@@ -160,11 +159,11 @@ class FaceFlow:
 
     permeability: float
     solvers: SolverCounts
-    potential: NDArray[np.floating]
+    potential: Floats
 
 
 def resolved_flow(
-    gap: NDArray[np.floating],
+    gap: Floats,
     spacing: Pair,
     settings: FlowSettings | None = None,
 ) -> FaceFlow:
@@ -198,7 +197,7 @@ def resolved_flow(
 
 
 def _in_parts(
-    gap: NDArray[np.floating],
+    gap: Floats,
     spacing: Pair,
     settings: FlowSettings,
 ) -> FaceFlow:
@@ -215,7 +214,7 @@ def _in_parts(
 def drop_fractions(
     gap: Array,
     spacing: Pair,
-    potential: NDArray[np.floating],
+    potential: Floats,
     settings: FlowSettings,
 ) -> Array:
     """Fraction of the pressure drop at each pixel (n1, n2): of the dissipation of the flow; NaN where nothing flows.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Flags, InputError, Pair, Shape, validate
+from ..base import Array, Flags, Floats, InputError, Pair, Shape, validate
 from ..loads import LoadProgramme
 from ..topography import Topography
 from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
@@ -191,12 +191,12 @@ class PieceState:
     @classmethod
     def of(
         cls,
-        gap: NDArray[np.floating],
-        pressure: NDArray[np.floating],
+        gap: Floats,
+        pressure: Floats,
         cut: Cut,
         flow: FlowSettings,
         plastic: Flags | None = None,
-        fractions: NDArray[np.floating] | None = None,
+        fractions: Floats | None = None,
     ) -> PieceState:
         """Cut gap [m] and contact pressure [Pa] of a face (n1, n2) into pieces, and solve the flow through each.
 

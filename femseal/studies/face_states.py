@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Mapper, Pair, Shown, Stage
+from ..base import Array, Floats, Mapper, Pair, Shown, Singles, Stage
 from ..base.fields import PLACE, STEP, Field
 from ..contact import LoadState
 from ..face.piece_flow import (
@@ -41,10 +41,10 @@ class FaceState:
     permeability : of the face [m³], NaN where its flow failed, for the `failed` reason.
     """
 
-    gap: NDArray[np.float32]
-    pressure: NDArray[np.float32]
+    gap: Singles
+    pressure: Singles
     plastic: NDArray[np.uint8]
-    potential: NDArray[np.float32]
+    potential: Singles
     rows: Array
     contact_fraction: float
     plastic_fraction: float
@@ -168,9 +168,7 @@ def kept_places(count: int) -> tuple[tuple[int, ...], ...]:
     return (*((n,) for n in every), *without)
 
 
-def place_leakage(
-    scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map
-) -> PlaceLeakage | None:
+def place_leakage(scene: Scene, gap: Floats, mapper: Mapper = map) -> PlaceLeakage | None:
     """Leakage by places from the gap of all of them at every step (steps, n1, n2) [m]; None of a single place."""
     surface = scene.surface
     if not isinstance(surface, Places):
@@ -188,7 +186,7 @@ def place_leakage(
 
 
 def permeabilities_of_places(
-    gap: NDArray[np.floating],
+    gap: Floats,
     widths: tuple[int, ...],
     spacing: Pair,
     settings: FlowSettings,

@@ -7,9 +7,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, Shape, Shown
+from ..base import Array, InputError, Mapper, Shape, Shown, Singles
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.shared_array import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact.workspace import KEPT_POINTS
@@ -57,11 +56,9 @@ class FaceResult(Shown):
     largest_row_pressure: Array = declared(
         "largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP
     )
-    gap: NDArray[np.float32] = declared("gap", "m", "deformed gap", PIXEL)
-    contact_pressure: NDArray[np.float32] = declared(
-        "contact_pressure", "Pa", "contact pressure", PIXEL
-    )
-    fluid_pressure: NDArray[np.float32] = declared(
+    gap: Singles = declared("gap", "m", "deformed gap", PIXEL)
+    contact_pressure: Singles = declared("contact_pressure", "Pa", "contact pressure", PIXEL)
+    fluid_pressure: Singles = declared(
         "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL
     )
     carried_pressure: Array | None = declared(

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Mapper, Stage
+from ..base import Array, Mapper, Singles, Stage
 from ..base.fields import PIECE, STATE, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
@@ -170,10 +170,10 @@ def _of_state(
 
 
 def _of_fields(
-    gap: NDArray[np.float32],
-    pressure: NDArray[np.float32],
+    gap: Singles,
+    pressure: Singles,
     plastic: NDArray[np.uint8],
-    potential: NDArray[np.float32],
+    potential: Singles,
     *,
     cut: Cut,
     flow: FlowSettings,

@@ -7,9 +7,8 @@ from operator import attrgetter
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, to_text
+from ..base import Array, Floats, InputError, Mapper, to_text
 from ..contact import (
     Contact,
     ContactLaw,
@@ -244,7 +243,7 @@ class Scene:
         if (spiral := self.flow.spiral) is not None:
             spiral.seam(self.surface.shape, self.surface.spacing)
 
-    def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:
+    def entry_pressures(self, gaps: Iterable[Floats]) -> Array | None:
         """Capillary entry pressure of the critical constriction of the gaps (n1, n2) [m] at every step [Pa].
 
         Below it the liquid does not enter; inf where the gap is closed. None for fluids that wet the faces.
@@ -276,7 +275,7 @@ class Scene:
             **options,
         )
 
-    def pressure_at(self, potential: NDArray[np.floating]) -> Array:
+    def pressure_at(self, potential: Floats) -> Array:
         """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
         return pressure_between(self.fluid, self.inlet_pressure, self.outlet_pressure, potential)
 
