@@ -195,8 +195,8 @@ class PieceState:
         pressure: Floats,
         cut: Cut,
         flow: FlowSettings,
-        plastic: Flags | None = None,
-        fractions: Floats | None = None,
+        plastic: Flags | float = np.nan,
+        fractions: Floats | float = np.nan,
     ) -> PieceState:
         """Cut gap [m] and contact pressure [Pa] of a face (n1, n2) into pieces, and solve the flow through each.
 
@@ -215,14 +215,13 @@ class PieceState:
                     continue
                 k[:, axis, *place] = found.k
                 counts.append(found.counts)
-        unknown = np.full(cut.shape, np.nan)
         return cls(
             k=k,
             pressure=cut.means(pressure),
             mean_gap=cut.means(gap),
             contact_fraction=cut.means(pressure > 0),
-            plastic_fraction=unknown if plastic is None else cut.means(plastic),
-            drop_fraction=unknown if fractions is None else cut.sums(fractions),
+            plastic_fraction=cut.means(np.broadcast_to(plastic, gap.shape)),
+            drop_fraction=cut.sums(np.broadcast_to(fractions, gap.shape)),
             rows=pressure.mean(axis=1, dtype=float),
             counts=SolveCounts.total(counts),
             failures=tuple(failures),

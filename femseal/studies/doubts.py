@@ -19,7 +19,6 @@ from ..face.patch_form import ends_text
 from ..fluids import Fluid, IdealGas, leak_basis
 from ..materials import YOUNG_LIMITS
 from ..real_gas import ideal_gas_error
-from ..seal import RectangularSeal
 from ..seal.tiles import SealTiles
 from ..topography import Topography
 from .scene import Scene
@@ -179,9 +178,8 @@ def of_scene(scene: Scene, tiles: SealTiles | None = None) -> FirstAnswer:
     carried = fluid.carried if fluid is not None and fluid.nominal == "total" else 0.0
     pressures = np.where(steps.on_loading, steps.pressures - carried, nan)
     found = first_answer(scene.surface, scene.modulus, scene.law.mean_hardness, pressures)
-    if tiles is None:
-        one = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
-    else:
+    one = scene.unit_leakage
+    if tiles is not None:
         one = scene.leakage(tiles.seal, tiles.permeability(*np.ones((2, tiles.count)))).per_length
     drop = scene.flow.drop
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]

@@ -180,9 +180,7 @@ def place_leakage(scene: Scene, gap: Floats, mapper: Mapper = map) -> PlaceLeaka
         settings=scene.flow,
     )
     found = mapper(Stage("flow of places", solve), gap)
-    # leakage per length of a unit permeability
-    unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
-    return PlaceLeakage(unit * np.array(list(found)).T)
+    return PlaceLeakage(scene.unit_leakage * np.array(list(found)).T)
 
 
 def permeabilities_of_places(

@@ -53,13 +53,9 @@ class DrawnForm:
 
     def heights(self, points: Array, frame: Frame) -> Array:
         """√(2/waves) of the rms height times the sum of cosines."""
-        z = np.zeros(len(points))
-        for vector, phase in zip(self.vectors, self.phases, strict=True):
-            z += np.cos(points @ vector + phase)
+        z = np.cos(points @ self.vectors.T + self.phases).sum(axis=1)
         scale = self.rms_height * (2 / len(self.phases)) ** 0.5
-        return z * (
-            scale if self.flatness is None else min(scale, self.flatness / float(np.ptp(z)))
-        )
+        return z * min(scale, np.inf if self.flatness is None else self.flatness / np.ptp(z))
 
 
 def longer_waves(

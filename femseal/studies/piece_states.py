@@ -8,9 +8,8 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, Mapper, Singles, Stage
+from ..base import Array, Mapper, Stage
 from ..base.fields import PIECE, STATE, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
@@ -25,7 +24,6 @@ from ..face.piece_flow import (
 from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
-from ..seal import RectangularSeal
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
 from .face_states import FaceState, PlaceLeakage, permeabilities_of_places
@@ -129,12 +127,9 @@ def pieces_of_states(
 
     leakage, places : of the face [m²/s], and by measured places.
     """
-    solve = partial(_of_fields, cut=cut, flow=scene.flow)
-    names = "gap", "pressure", "plastic", "potential"
-    fields = ([getattr(state, name) for state in states] for name in names)
-    found = mapper(Stage("pieces of the face", solve), *fields)
-    taken = [replace(own, failed=state.failed) for own, state in zip(found, states, strict=True)]
-    return replace(_joined(scene, cut, scene.steps, taken), face=leakage, places=places)
+    solve = partial(_of_face_state, cut=cut, flow=scene.flow)
+    found = list(mapper(Stage("pieces of the face", solve), states))
+    return replace(_joined(scene, cut, scene.steps, found), face=leakage, places=places)
 
 
 def pieces_on_ladder(
@@ -169,22 +164,16 @@ def _of_state(
     return replace(pieces, face=through.permeability, places=of_places)
 
 
-def _of_fields(
-    gap: Singles,
-    pressure: Singles,
-    plastic: NDArray[np.uint8],
-    potential: Singles,
-    *,
-    cut: Cut,
-    flow: FlowSettings,
-) -> PieceState:
+def _of_face_state(state: FaceState, *, cut: Cut, flow: FlowSettings) -> PieceState:
     """Cut the fields of a state into pieces, and solve the flow through each."""
-    at_hardness = np.unpackbits(plastic, count=gap.size).view(bool).reshape(gap.shape)
-    double = np.asarray(gap, float)
-    fractions = None
+    gap, potential = state.gap.astype(float), state.potential.astype(float)
+    plastic = np.unpackbits(state.plastic, count=gap.size).view(bool).reshape(gap.shape)
+    fractions = potential
     if not np.isnan(potential).all():
-        fractions = drop_fractions(double, cut.spacing, np.asarray(potential, float), flow)
-    return PieceState.of(double, pressure, cut, replace(flow, spiral=None), at_hardness, fractions)
+        fractions = drop_fractions(gap, cut.spacing, potential, flow)
+    flow = replace(flow, spiral=None)
+    pieces = PieceState.of(gap, state.pressure, cut, flow, plastic, fractions)
+    return replace(pieces, failed=state.failed)
 
 
 def _joined(
@@ -201,8 +190,7 @@ def _joined(
             continue
         through = flow_in_order(scene, tiles, k[:, :, s], pressures)
         own[s] = np.nan if isinstance(through, Failed) else through.per_length
-    # leakage of a face with a permeability of 1 m³
-    unit = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
+    unit = scene.unit_leakage
     places = None
     if taken[0].places is not None:
         places = PlaceLeakage(unit * np.array([state.places for state in taken]).T)

@@ -24,7 +24,7 @@ from ..flow.law import FlowLaw, law_of
 from ..flow.pressure_drop import PressureDrop, pressure_between
 from ..fluids import Fluid, Liquid, capillary_entry_pressure
 from ..loads import LoadProgramme
-from ..seal import Leakage, seal_leakage
+from ..seal import Leakage, RectangularSeal, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Places, Topography
@@ -274,6 +274,11 @@ class Scene:
             rtol=rtol,
             **options,
         )
+
+    @property
+    def unit_leakage(self) -> float:
+        """Leakage per length [m²/s] of a face whose permeability is 1 m³."""
+        return self.leakage(RectangularSeal(self.surface.size, (1, 1)), 1.0).per_length
 
     def pressure_at(self, potential: Floats) -> Array:
         """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
