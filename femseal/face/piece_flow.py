@@ -5,9 +5,10 @@ Of an ensemble of solutions: failures with their reason, and numbers of solution
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -29,10 +30,12 @@ LARGEST_FLOW = 2**26
 class Failed:
     """The outcome of a solution that failed, in the place of its result; the other solutions of the ensemble go on.
 
-    reason : message of the error.
+    reason : message of the error. permeability, per_length : NaN, where others have theirs.
     """
 
     reason: str
+    permeability: ClassVar[float] = np.nan
+    per_length: ClassVar[float] = np.nan
 
 
 def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Result | Failed:
@@ -44,61 +47,39 @@ def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Re
 
 
 @dataclass(frozen=True)
-class SolverCounts:
-    """How many linear systems each solver solved.
+class SolveCounts:
+    """How many linear systems each solver solved, and numbers of flows through pieces.
 
     systems : name of each solver that solved any, and their number.
     worst_imbalance : largest relative difference of inlet and outlet flow of all systems.
+    solved : flows through pieces with an open path, which a linear solver solved. closed : flows without one, 0.
 
-    >>> SolverCounts((("elimination", 2),), 1e-15) + SolverCounts((("amg", 1), ("elimination", 1)), 1e-9)
-    SolverCounts(systems=(('amg', 1), ('elimination', 3)), worst_imbalance=1e-09)
+    >>> SolveCounts((("elimination", 2),), 1e-15) + SolveCounts((("amg", 1), ("elimination", 1)), 1e-9, solved=2)
+    SolveCounts(systems=(('amg', 1), ('elimination', 3)), worst_imbalance=1e-09, solved=2, closed=0)
     """
 
     systems: tuple[tuple[str, int], ...] = ()
     worst_imbalance: float = 0.0
+    solved: int = 0
+    closed: int = 0
 
     @classmethod
-    def of(cls, flow: Any) -> SolverCounts:
+    def of(cls, flow: Any) -> SolveCounts:
         """The count of one flow, by its `solver` and `imbalance`; empty if there was no system to solve."""
         return cls() if flow.solver == "none" else cls(((flow.solver, 1),), flow.imbalance)
 
-    def __add__(self, other: SolverCounts) -> SolverCounts:
+    def __add__(self, other: SolveCounts) -> SolveCounts:
         return self.total((self, other))
-
-    @classmethod
-    def total(cls, counts: Iterable[SolverCounts]) -> SolverCounts:
-        """Add them all up."""
-        systems: dict[str, int] = {}
-        worst = 0.0
-        for one in counts:
-            for solver, number in one.systems:
-                systems[solver] = systems.get(solver, 0) + number
-            worst = max(worst, one.worst_imbalance)
-        return cls(tuple(sorted(systems.items())), worst)
-
-
-@dataclass(frozen=True)
-class SolveCounts:
-    """Numbers of flows through pieces.
-
-    solved : flows with an open path, which a linear solver solved. closed : flows without one, which are 0.
-    solvers : number of systems by solver.
-
-    >>> one, two = SolveCounts(solved=2), SolveCounts(solved=1, closed=3)
-    >>> SolveCounts.total((one, two)) == SolveCounts(solved=3, closed=3)
-    True
-    """
-
-    solved: int = 0
-    closed: int = 0
-    solvers: SolverCounts = field(default_factory=SolverCounts)
 
     @classmethod
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
         """Add them all up."""
-        counts = list(counts)
-        solved, closed = sum(c.solved for c in counts), sum(c.closed for c in counts)
-        return cls(solved, closed, SolverCounts.total(c.solvers for c in counts))
+        counts, systems = list(counts), Counter[str]()
+        for one in counts:
+            systems.update(dict(one.systems))
+        worst = max((one.worst_imbalance for one in counts), default=0.0)
+        solved, closed = sum(one.solved for one in counts), sum(one.closed for one in counts)
+        return cls(tuple(sorted(systems.items())), worst, solved, closed)
 
 
 @dataclass(frozen=True)
@@ -139,14 +120,13 @@ def piece_permeability(
         equivalent = drop.law.equivalent_gap(gap, p)
         cell = cell_flow(equivalent, spacing, axis=axis, sides="mirror", solver=settings.solver)
         k[n] = cell.permeability
-        solvers.append(SolverCounts.of(cell.flow))
+        solvers.append(SolveCounts.of(cell.flow))
         if k[0] == 0:  # closed at every pressure
             break
     # one flow, however many systems were solved for it
     is_open = cell.flow.percolates
-    return PiecePermeability(
-        k, SolveCounts(int(is_open), int(not is_open), SolverCounts.total(solvers))
-    )
+    counts = SolveCounts.total(solvers)
+    return PiecePermeability(k, replace(counts, solved=int(is_open), closed=int(not is_open)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +138,7 @@ class FaceFlow:
     """
 
     permeability: float
-    solvers: SolverCounts
+    solvers: SolveCounts
     potential: Floats
 
 
@@ -177,12 +157,12 @@ def resolved_flow(
     settings = settings or FlowSettings()
     if gap.size > LARGEST_FLOW:
         return _in_parts(gap, spacing, settings)
-    counts = SolverCounts()
+    counts = SolveCounts()
 
     def solve(gap: Array) -> tuple[float, Array, Permeability]:
         nonlocal counts
         flow = cell_permeability(gap, spacing, sides="periodic", solver=settings.solver)
-        counts += SolverCounts.of(flow)
+        counts += SolveCounts.of(flow)
         if settings.spiral and (
             wound := spiral_flow(gap, spacing, settings.spiral, flow.fluid_pressure)
         ):
@@ -208,7 +188,7 @@ def _in_parts(
         np.average([flow.permeability for flow in flows], weights=[part.shape[1] for part in parts])
     )
     potential = np.concatenate([flow.potential for flow in flows], axis=1)
-    return FaceFlow(value, SolverCounts.total(flow.solvers for flow in flows), potential)
+    return FaceFlow(value, SolveCounts.total(flow.solvers for flow in flows), potential)
 
 
 def drop_fractions(

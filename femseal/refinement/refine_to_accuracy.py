@@ -204,23 +204,20 @@ class _Attempts:
             # the others of an accuracy that cannot be reached are refined until they are within it
             if reasons and last.parts[part] <= goal and max(last.parts.values()) > goal:
                 break
-            change = refined(self.case, self.made, last.settings, part, self.memory)
-            if change.settings is not None:
+            finer, change = refined(self.case, self.made, last.settings, part, self.memory)
+            if finer is not None:
                 break
-            reasons.append(f"{part}: {change.text}")
-        finer = change.settings
+            reasons.append(f"{part}: {change}")
         if finer is None:
             why = "; ".join(reasons)
         else:
-            text = f"{change.text}, for the error of {part}"
+            text = f"{change}, for the error of {part}"
             expected, spent = (
                 self._expected_seconds(finer),
                 sum(one.with_coarse for one in self.done),
             )
             if spent + expected > most:
-                late = (
-                    f"{change.text} would take about {duration(expected)}, after {duration(spent)}"
-                )
+                late = f"{change} would take about {duration(expected)}, after {duration(spent)}"
                 reasons.append(f"{part}: {late}, and the time limit is {duration(most)}")
                 why = "; ".join(reasons)
         finer, text, why = self.run.decided("next attempt", self._so_far, (finer, text, why))
@@ -234,10 +231,10 @@ class _Attempts:
     def half_error(self) -> str:
         """What half the error of the last attempt would take."""
         last = self.done[-1]
-        change = refined(self.case, self.made, last.settings, last.limit, self.memory)
-        if change.settings is None:
-            return f"cannot be had: {change.text}"
-        return f"{change.text}, about {duration(self._expected_seconds(change.settings))}"
+        finer, change = refined(self.case, self.made, last.settings, last.limit, self.memory)
+        if finer is None:
+            return f"cannot be had: {change}"
+        return f"{change}, about {duration(self._expected_seconds(finer))}"
 
     def _expected_seconds(self, settings: Settings) -> float:
         """Expected wall time of other settings, as multiple of what the last attempt took [s]."""

@@ -147,19 +147,10 @@ def expected_cost(prepared: Prepared) -> tuple[float, float]:
     return replace(prepared, methods=frozenset({prepared.answer.name})).cost(prepared.answer)
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """Settings with which a source of error is about half as large; None where there are none.
-
-    text : what is changed, or why nothing can be.
-    """
-
-    settings: Settings | None
-    text: str
-
-
-def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: float) -> Refinement:
-    """Refine one source of error.
+def refined(
+    case: Case, made: Prepared, settings: Settings, part: str, memory: float
+) -> tuple[Settings | None, str]:
+    """Settings with which a source of error is about half as large, and what they change; None, and why not.
 
     made : the case as prepared, on the points of its face. settings : of the last attempt.
     part : name of a part of its budget. memory : that an attempt may take [byte].
@@ -192,16 +183,16 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
         ),
     }
     if part not in steps:
-        return Refinement(None, _BY_NOTHING.get(part, "nothing refines it"))
+        return None, _BY_NOTHING.get(part, "nothing refines it")
     key, value, text, too_fine, why = steps[part]
     if (by := given_settings(case).get(key)) is not None:
-        return Refinement(None, f"{by} is given in the case")
+        return None, f"{by} is given in the case"
     if too_fine:
-        return Refinement(None, why)
+        return None, why
     finer = replace(settings, **{key: value})
     needed = expected_cost(apply_settings(made, finer))[1]
     if needed > memory:
         needs, expected = (to_text(size, "B", 3) for size in (needed, memory))
         text = f"{text} would take about {needs} of memory, expected {expected}"
-        return Refinement(None, text)
-    return Refinement(finer, text)
+        return None, text
+    return finer, text

@@ -16,7 +16,7 @@ import numpy as np
 from ..base import Array, InputError, Mapper, Shape, Shown, Stage
 from ..base.fields import PIECE, STEP, declared
 from ..contact import HalfSpace
-from ..face.piece_flow import Failed, SolveCounts, SolverCounts
+from ..face.piece_flow import Failed, SolveCounts
 from ..face.pieces import FEWEST_POINTS, Cut
 from ..loads import LoadProgramme
 from ..seal.tiles import face_tiles
@@ -69,9 +69,9 @@ class BlocksResult(Shown):
     places: ClassVar[None] = None
 
     @property
-    def solvers(self) -> SolverCounts:
+    def solvers(self) -> SolveCounts:
         """Number of systems by solver."""
-        return self.counts.solvers
+        return self.counts
 
     @property
     def pieces(self) -> BlocksResult:
@@ -122,8 +122,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         through = flow_in_order(scene, tiles, k[:, :, s], fluid.pressures, fluid.piecewise)
         if isinstance(through, Failed):
             failed[s] = through.reason
-        else:
-            leakage[s] = through.per_length
+        leakage[s] = through.per_length
     mean = k.mean(axis=0)
     return BlocksResult(
         scene.steps,

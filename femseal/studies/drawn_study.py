@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base import Array, FemsealError, Indices, InputError, Mapper, Shape, Stage
 from ..face.curves import PieceCurves
-from ..face.piece_flow import Failed, SolverCounts, attempt
+from ..face.piece_flow import Failed, SolveCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme
@@ -118,7 +118,7 @@ def stochastic(
         median_seal=median,
         failures=failures,
         warnings=(*scene_warnings(scene), *tiles.warnings),
-        solvers=SolverCounts.total((pieces.counts.solvers, *(one.solvers for one in drawn))),
+        solvers=SolveCounts.total((pieces.counts, *(one.solvers for one in drawn))),
     )
 
 
@@ -231,7 +231,7 @@ class _Realisation:
 
     leakage: Array
     failures: tuple[str, ...]
-    solvers: SolverCounts
+    solvers: SolveCounts
 
 
 def _drawn(supply: _Supply, sampling: Sampling, mapper: Mapper) -> list[_Realisation]:
@@ -285,10 +285,10 @@ def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
             failures.append(f"realisation {realisation}, {steps[s].name}: {found.reason}")
             continue
         leakage[s] = found.per_length
-        solvers.append(SolverCounts.of(found))
+        solvers.append(SolveCounts.of(found))
         if supply.tiles.in_place:
             leakage[s] = face[s] * np.clip(leakage[s] / own[s], 1 / MOST_RATIO, MOST_RATIO)
-    return _Realisation(leakage, tuple(failures), SolverCounts.total(solvers))
+    return _Realisation(leakage, tuple(failures), SolveCounts.total(solvers))
 
 
 def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:

@@ -16,7 +16,7 @@ from ..face.piece_flow import (
     FaceFlow,
     Failed,
     FlowSettings,
-    SolverCounts,
+    SolveCounts,
     attempt,
     resolved_flow,
 )
@@ -52,7 +52,7 @@ class FaceState:
     residual: float
     carried: float
     permeability: float
-    solvers: SolverCounts
+    solvers: SolveCounts
     failed: str = ""
 
     @classmethod
@@ -67,7 +67,7 @@ class FaceState:
             found = attempt(resolved_flow, contact.gap, contact.half_space.spacing, flow)
         if isinstance(found, Failed):
             failed = found.reason
-            found = FaceFlow(np.nan, SolverCounts(), np.full(contact.gap.shape, np.nan))
+            found = FaceFlow(np.nan, SolveCounts(), np.full(contact.gap.shape, np.nan))
         return cls(
             gap=contact.gap.astype(np.float32),
             pressure=contact.pressure.astype(np.float32),
@@ -85,12 +85,12 @@ class FaceState:
         )
 
 
-def leakage_of_state(scene: Scene, state: FaceState) -> tuple[float, SolverCounts]:
+def leakage_of_state(scene: Scene, state: FaceState) -> tuple[float, SolveCounts]:
     """Leakage per length of the face in a state [m²/s], NaN where its flow failed, and all systems solved for it."""
     if state.failed:
         return np.nan, state.solvers
     through = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), state.permeability)
-    return through.per_length, state.solvers + SolverCounts.of(through)
+    return through.per_length, state.solvers + SolveCounts.of(through)
 
 
 def band_breadth(row_pressure: Array, spacing: float) -> Array:
@@ -193,8 +193,6 @@ def permeabilities_of_places(
     pieces = divided(gap, widths)
     found = []
     for of in kept_places(len(pieces)):
-        flow = attempt(
-            resolved_flow, np.concatenate([pieces[n - 1] for n in of], axis=1), spacing, settings
-        )
-        found.append(np.nan if isinstance(flow, Failed) else flow.permeability)
+        gap = np.concatenate([pieces[n - 1] for n in of], axis=1)
+        found.append(attempt(resolved_flow, gap, spacing, settings).permeability)
     return np.array(found)

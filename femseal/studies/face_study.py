@@ -12,7 +12,7 @@ from ..base import Array, InputError, Mapper, Shape, Shown, Singles
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.shared_array import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact.workspace import KEPT_POINTS
-from ..face.piece_flow import SolverCounts
+from ..face.piece_flow import SolveCounts
 from ..face.pieces import Cut
 from ..loads import LoadProgramme
 from .doubts import scene_warnings
@@ -81,16 +81,12 @@ class FaceResult(Shown):
     residual: float = 0.0
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    face_solvers: SolverCounts = field(default_factory=SolverCounts)
+    face_solvers: SolveCounts = field(default_factory=SolveCounts)
 
     @property
-    def solvers(self) -> SolverCounts:
+    def solvers(self) -> SolveCounts:
         """Number of systems by solver, of the face and of its pieces."""
-        return (
-            self.face_solvers
-            if self.pieces is None
-            else self.face_solvers + self.pieces.counts.solvers
-        )
+        return self.face_solvers if self.pieces is None else self.face_solvers + self.pieces.counts
 
     @property
     def method(self) -> str:
@@ -188,7 +184,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
             if s.failed
         ),
         warnings=scene_warnings(scene),
-        face_solvers=SolverCounts.total(solvers for _, solvers in through),
+        face_solvers=SolveCounts.total(solvers for _, solvers in through),
     )
 
 

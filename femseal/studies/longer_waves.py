@@ -128,7 +128,7 @@ def _leakage(
             return np.full(len(steps), np.nan)
         k = curves.along(nominal * contact.fractions, steps) + contact.opened
     found = [attempt(scene.leakage, tiles.seal, tiles.permeability(one, one)) for one in k]
-    return np.array([np.nan if isinstance(one, Failed) else one.per_length for one in found])
+    return np.array([one.per_length for one in found])
 
 
 def _gap_and_permeability(
@@ -136,8 +136,7 @@ def _gap_and_permeability(
 ) -> tuple[float, float]:
     """Mean gap [m] of a state and permeability of the face [m³], NaN where its flow failed."""
     found = attempt(resolved_flow, state.contact.gap, spacing, flow)
-    k = np.nan if isinstance(found, Failed) else found.permeability
-    return float(state.contact.mean_gap), k
+    return float(state.contact.mean_gap), found.permeability
 
 
 def _rms_between(holds: Representative, h: float, shortest: float, longest: float) -> float:

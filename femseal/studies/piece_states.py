@@ -159,9 +159,8 @@ def _of_state(
     pieces = PieceState.of(gap, state.contact.pressure, cut, flow)
     of_places = permeabilities_of_places(gap, widths, cut.spacing, flow) if widths else None
     through = attempt(resolved_flow, gap, cut.spacing, flow)
-    if isinstance(through, Failed):
-        return replace(pieces, failed=through.reason, places=of_places)
-    return replace(pieces, face=through.permeability, places=of_places)
+    failed = getattr(through, "reason", "")
+    return replace(pieces, face=through.permeability, places=of_places, failed=failed)
 
 
 def _of_face_state(state: FaceState, *, cut: Cut, flow: FlowSettings) -> PieceState:
@@ -188,8 +187,7 @@ def _joined(
         failures += [f"{step.name}, {text}" for text in state.failures]
         if not np.isfinite(k[:, :, s]).all():
             continue
-        through = flow_in_order(scene, tiles, k[:, :, s], pressures)
-        own[s] = np.nan if isinstance(through, Failed) else through.per_length
+        own[s] = flow_in_order(scene, tiles, k[:, :, s], pressures).per_length
     unit = scene.unit_leakage
     places = None
     if taken[0].places is not None:

@@ -21,7 +21,7 @@ from ..base.fields import (
     Field,
     declared,
 )
-from ..face.piece_flow import SolverCounts
+from ..face.piece_flow import SolveCounts
 from ..loads import LoadProgramme
 from ..seal.element_seal import ElementSeal
 from ..seal.tiles import SealTiles
@@ -136,7 +136,7 @@ class StochasticResult(Shown):
     median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    solvers: SolverCounts = field(default_factory=SolverCounts)
+    solvers: SolveCounts = field(default_factory=SolveCounts)
     kind: str = field(default="anywhere", repr=False)
 
     method: ClassVar[str] = "stochastic"

@@ -251,7 +251,7 @@ def test_the_scene_chooses_the_solver(rough, rough_two_scale, solver):
     chosen = replace(rough, solver=solver, loading=(1e8,), unload_from=(), unloading=())
     whole, pieces = deterministic(chosen), two_scale(chosen, (4, 6))
     drawn = stochastic(chosen, (4, 6), replace(SAMPLING, breadth=192e-6, realisations=2))
-    for counts in (whole.solvers, pieces.solvers, drawn.pieces.counts.solvers):
+    for counts in (whole.solvers, pieces.solvers, drawn.pieces.counts):
         assert {name for name, _ in counts.systems} == {solver}
     assert {name for name, _ in drawn.solvers.systems} == {
         solver,
