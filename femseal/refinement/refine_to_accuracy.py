@@ -212,10 +212,8 @@ class _Attempts:
             why = "; ".join(reasons)
         else:
             text = f"{change}, for the error of {part}"
-            expected, spent = (
-                self._expected_seconds(finer),
-                sum(one.with_coarse for one in self.done),
-            )
+            expected = self._expected_seconds(finer)
+            spent = sum(attempt.with_coarse for attempt in self.done)
             if spent + expected > most:
                 late = f"{change} would take about {duration(expected)}, after {duration(spent)}"
                 reasons.append(f"{part}: {late}, and the time limit is {duration(most)}")
