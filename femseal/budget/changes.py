@@ -69,7 +69,7 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: l
     finite = [s for s in known if np.isfinite(change[s])]
     if not finite:
         return np.zeros(len(steps))
-    shift = float(np.mean(np.abs(change[finite] / slope[finite])))
+    shift = mean_shift(change[finite], slope[finite])
     beside = np.zeros((len(steps), len(steps)))
     for s, other in neighbouring_steps(steps):
         beside[s, other] = 1
@@ -77,6 +77,11 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: l
     near = apart <= np.sort(apart, axis=1)[:, :2].max(axis=1, keepdims=True)
     rms = np.sqrt(near @ np.square(change[finite]) / near.sum(axis=1))
     return np.hypot(rms, slope * shift)
+
+
+def mean_shift(change: Array, slope: Array) -> float:
+    """Mean shift of ln(load) of changes of ln(leakage) over its slope, 0 without any."""
+    return float(np.mean(np.abs(change / slope))) if change.size else 0.0
 
 
 def sealed_upper(

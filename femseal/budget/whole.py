@@ -10,8 +10,7 @@ from ..studies.study_registry import contact_fraction_of
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
 from .estimates import calibrated_part, places_part, realisations_part, solver_part
-from .pixels import USUAL_PIXELS, one_grid_part, pixels_part
-from .waves import filter_part, raised_by_slope
+from .resolution import USUAL_PIXELS, filter_part, one_grid_part, pixels_part, raised_by_slope
 
 #: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where
 #: curves are steep. Measured on 216 faces of six kinds: with it the bands held 93 of 100 there, without it 83.

@@ -64,14 +64,11 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     """
     assert case.accuracy is not None
     given, sampling = given_settings(case), made.sampling
-    settings = Settings(
-        method=made.answer.name,
-        grid=0,
-        rtol=case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy),
-        realisations=None if sampling is None else sampling.realisations,
-    )
+    seals = None if sampling is None else sampling.realisations
     if sampling is not None and "realisations" not in given:
-        settings = replace(settings, realisations=FIRST_SEALS)
+        seals = FIRST_SEALS
+    rtol = case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy)
+    settings = Settings(made.answer.name, 0, rtol, seals)
     coarse = replace(settings, grid=FIRST_GRID)
     # the coarser grid that shows the error needs pieces too
     fits = has_pieces(made, replace(coarse, grid=FIRST_GRID - 1))

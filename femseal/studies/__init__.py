@@ -12,7 +12,8 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     face_study          states -> a FaceResult, also with the pieces of the face
     piece_states        the pieces of a face in its states, or along a ladder of nominal pressures
     blocks              a large face by blocks in their own contact -> a BlocksResult
-    sampling            options of a drawn seal -> its tiles; tile_pressure, seal_contact: their pressure
+    sampling            options of a drawn seal -> its tiles and, under a map, their pressure
+    seal_contact        pressure of the tiles of a seal that has a form
     drawn_study         tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
 """
 

@@ -23,9 +23,9 @@ from ..seal.tiles import face_tiles
 from ..topography import Places, Topography
 from .doubts import scene_warnings
 from .piece_states import along_paths, flow_in_order, ladder_of, pieces_on_ladder
+from .sampling import TileFluid
 from .scene import Scene
 from .seal_contact import Cells, RoughLayer, opened, solved_steps
-from .tile_pressure import TileFluid
 
 #: Pieces of a block along each axis. Measured on 10 faces of 2 × 2 blocks: with 4 quartiles of leakage over that of the
 #: whole face are .90 and 1.43, with 2 they are .79 and 1.33 and an end of 95 % is 4.6 in place of 2.2.

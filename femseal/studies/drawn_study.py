@@ -23,11 +23,18 @@ from .face_states import PlaceLeakage, band_breadth
 from .face_study import cut_into_pieces
 from .load_curves import least_counted
 from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
-from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
+from .sampling import (
+    FEWEST_SEALS,
+    MOST_SEALS,
+    Sampling,
+    TileFluid,
+    distinct_paths,
+    laid_out,
+    pressure_fractions,
+)
 from .scene import Scene
 from .seal_contact import SealContact, seal_contact, without_waves_of
 from .stochastic_result import MedianSeal, StochasticResult, at_every_step, nearest_to_median
-from .tile_pressure import TileFluid, distinct_paths, pressure_fractions
 
 #: Standard error of ln(median leakage) that is wanted, in parts of the band of what one patch does not know.
 PART_OF_BAND = 1 / 20

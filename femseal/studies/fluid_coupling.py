@@ -368,13 +368,10 @@ def contact_of_places(
     if not coupled:
         return Contact(**joined)
     failed = [c.flow for c in coupled if isinstance(c.flow, Failed)]
+    carried = [getattr(c, "carried", 0.0) for c in found]
     return CoupledContact(
         **joined,
-        flow=failed[0]
-        if failed
-        else attempt(resolved_flow, joined["gap"], half_space.spacing, flow),
-        carried=float(
-            np.average([getattr(c, "carried", 0.0) for c in found], weights=places.widths)
-        ),
+        flow=(*failed, attempt(resolved_flow, joined["gap"], half_space.spacing, flow))[0],
+        carried=float(np.average(carried, weights=places.widths)),
         rounds=max(c.rounds for c in coupled),
     )

@@ -13,8 +13,7 @@ import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
 from femseal.budget.changes import on_all_steps, scale_of_changes
 from femseal.budget.estimates import median_interval
-from femseal.budget.pixels import observed_order, pixels_part
-from femseal.budget.waves import filter_part
+from femseal.budget.resolution import filter_part, observed_order, pixels_part
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
 from femseal.refinement.coarser import at_some_steps, coarser_points
