@@ -16,7 +16,7 @@ from ..face.patch_form import FormEffect
 from ..loads import LoadProgramme
 from ..seal.form import ScaledForm, SealForm
 from ..studies import Scene, StochasticResult
-from ..studies.drawn_error import FLOOR_DECADES, count_scenes, decades, half_width
+from ..studies.drawn_error import COVERAGE, FLOOR_DECADES, count_scenes, decades, half_width
 from ..studies.load_curves import first_known
 from ..topography.seat import Seat
 from .changes import (
@@ -29,8 +29,6 @@ from .changes import (
 )
 from .error_parts import MODEL_PARTS, ErrorPart
 
-#: Fraction of the cases that a band holds.
-COVERAGE = 0.95
 #: Change of ln(leakage) by the residual of the contact, over this and the slope of ln(leakage) over ln(load), at least
 #: 1. Measured on 24 faces at residuals of 1e-2 to 1e-6: 0.04 holds 95 of 100 changes, and 0.5 all of them.
 _RESIDUAL = 0.5

@@ -23,6 +23,7 @@ from scipy.special import erf, erfinv, stdtrit
 from ..base import Array, Flags, counted
 from ..loads import LoadProgramme
 from ..studies import Scene
+from ..studies.drawn_error import COVERAGE
 from ..studies.load_curves import least_counted
 from .changes import (
     CoarserSolution,
@@ -33,7 +34,6 @@ from .changes import (
     scale_of_changes,
 )
 from .error_parts import ErrorPart
-from .estimates import COVERAGE
 
 #: Order of the leakage in the size of pixels. Measured on 320 faces of 64² to 256² points: 1.9 in the median.
 ORDER = 2.0

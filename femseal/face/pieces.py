@@ -133,8 +133,8 @@ class Cut:
 
     def _place(self, column: int) -> tuple[int, int]:
         """First point, and that after the last, of the measured place of a column of pieces."""
-        of_place = [n for n, number in enumerate(self.place) if number == self.place[column]]
-        return self.columns[of_place[0]], self.columns[of_place[-1] + 1]
+        first = self.place.index(self.place[column])
+        return self.columns[first], self.columns[first + self.place.count(self.place[column])]
 
     def sums(self, field: NDArray[Any]) -> Array:
         """Sum over each piece (m1, m2) of a field (n1, n2)."""

@@ -239,14 +239,15 @@ def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1)
     peaks = _chosen_peaks(peak[down], apart)
     first = np.cbrt(lowest / highest) if highest > 0 else 0.0
     count = int(np.ceil((1 - first) / (apart * _RUNG))) + 1
-    rungs = (highest * np.linspace(first, 1.0, count)[:-1] ** 3).tolist()
-    kept = [*peaks]
+    kept = np.array(peaks)
     for end in (lowest, highest):
-        if all(abs(end - q) > _SAME * q for q in kept):
-            kept.append(end)
-    loading = sorted([*(p for p in rungs if all(abs(p - q) > _NEAR * q for q in kept)), *kept])
-    deepest = float((paths[down] / peak[down]).min()) if down.any() else 1.0
-    stops = [f for n, f in enumerate(_STOPS) if n == 0 or _STOPS[n - 1] > deepest]
+        if (np.abs(end - kept) > _SAME * kept).all():
+            kept = np.append(kept, end)
+    rungs = highest * np.linspace(first, 1.0, count)[:-1, None] ** 3
+    apart_from = (np.abs(rungs - kept) > _NEAR * kept).all(axis=1)
+    loading = np.union1d(rungs[apart_from], kept).tolist()
+    deepest = (paths[down] / peak[down]).min(initial=1.0)
+    stops = _STOPS[: sum(f > deepest for f in _STOPS) + 1]
     unloading = [LoadStep(f * p, p) for p in peaks for f in stops]
     return LoadProgramme([*map(LoadStep, loading), *unloading])
 

@@ -258,8 +258,8 @@ class Scene:
             [capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found]
         )
 
-    def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5, **options: Any) -> Leakage:
-        """Solve the leakage of a seal between the scene's fluid pressures; rtol and options as in `seal_leakage`.
+    def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5) -> Leakage:
+        """Solve the leakage of a seal between the scene's fluid pressures; rtol as in `seal_leakage`.
 
         Raises NotConverged: the linear solver failed.
         """
@@ -272,7 +272,6 @@ class Scene:
             outlet_pressure=self.outlet_pressure,
             solver=self.solver,
             rtol=rtol,
-            **options,
         )
 
     @property
