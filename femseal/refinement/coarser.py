@@ -131,14 +131,13 @@ def at_some_steps(
     """
     q = np.ones(len(scene.steps)) if leakage is None else np.abs(np.asarray(leakage, dtype=float))
     loading = scene.steps.loading
-    shut = [n for n in range(len(loading)) if q[n] == 0]
-    first_shut = shut[0] if shut else len(loading)
+    first_shut = next((n for n in range(len(loading)) if q[n] == 0), len(loading))
     if least:
         stride = min(stride, max(1, first_shut // least))
     kept = {0, first_shut - 1, first_shut, *range(0, first_shut, stride)}
     peaks = set(scene.unload_from)
     if not peaks:  # beyond closing there is nothing to compare
-        kept.add(len(loading) - 1 if not shut else first_shut)
+        kept.add(min(first_shut, len(loading) - 1))
     chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
     stops = scene.steps.unloading  # falling
     ends = {0, len(stops) - 1, *range(0, len(stops), stride)}

@@ -86,14 +86,12 @@ def stochastic(
     """
     cut, tiles = cut_and_tiles(scene, cells, sampling)
     scene = without_waves_of(scene, cut, sampling.form)
-    if sampling.form:
-        formed = seal_contact(scene, tiles, sampling.form, mapper)
-        supply = _supply(scene, cut, tiles, formed.fractions, mapper)
-        supply = replace(supply, opened=formed.opened)
-    else:
-        formed = None
+    formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
+    if formed is None:
         fractions = pressure_fractions(scene, tiles, sampling.pressure_map)
         supply = _supply(scene, cut, tiles, fractions, mapper)
+    else:
+        supply = _supply(scene, cut, tiles, formed.fractions, mapper, formed.opened)
     pieces = supply.pieces
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"pieces: every flow failed; the first: {pieces.failures[0]}")
@@ -206,7 +204,14 @@ class _Supply:
         return curves.along(np.maximum(paths - relief, 0.0), self.scene.steps) @ weights
 
 
-def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:
+def _supply(
+    scene: Scene,
+    cut: Cut,
+    tiles: SealTiles,
+    fractions: Array,
+    mapper: Mapper,
+    opened: Array | None = None,
+) -> _Supply:
     """Pieces at the loads of the scene, or along a ladder of the pressures that tiles have."""
     steps, drop = scene.steps, scene.flow.drop
     if tiles.in_place:
@@ -229,7 +234,7 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], 1, -1)
     else:
         k = fluid.own(along_paths(pieces, each, steps))
-    return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.parted_steps)
+    return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.parted_steps, opened)
 
 
 @dataclass(frozen=True, eq=False)

@@ -72,13 +72,12 @@ class Sampling:
     median_fields: bool = True
 
     def __post_init__(self) -> None:
-        if self.realisations is not None:
-            object.__setattr__(
-                self, "realisations", validate.count("realisations", self.realisations)
-            )
-        object.__setattr__(self, "seed", validate.count("seed", self.seed, least=0))
-        given = self.form if isinstance(self.form, tuple | list) else (self.form,)
-        object.__setattr__(self, "form", tuple(given))
+        form = tuple(self.form) if isinstance(self.form, tuple | list) else (self.form,)
+        seed, count = validate.count("seed", self.seed, least=0), self.realisations
+        if count is not None:
+            count = validate.count("realisations", count)
+        for name, value in (("seed", seed), ("realisations", count), ("form", form)):
+            object.__setattr__(self, name, value)
         if self.form and not is_uniform(self.pressure_map):
             raise InputError(
                 "form", "a form and a map of the pressure", "one of them: a form gives the pressure"
@@ -277,5 +276,5 @@ class TileFluid:
         if self.relief.size == 1:
             return k
         split = k.reshape(*k.shape[:3], self.relief.size, -1, k.shape[-1])
-        own = np.arange(self.relief.size) if len(k) > 1 else np.zeros(self.relief.size, np.int64)
-        return np.array([split[n, :, :, m] for m, n in enumerate(own)])
+        own = range(self.relief.size)
+        return np.array([split[n if len(k) > 1 else 0, :, :, n] for n in own])

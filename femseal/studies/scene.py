@@ -215,7 +215,6 @@ class Scene:
         )
         if isinstance(self.surface, Places):
             solve = partial(contact_of_places, places=self.surface, solve=solve, flow=self.flow)
-        trapped = fluid is not None and fluid.trapped
         return load_states(
             gap0,
             self.half_space,
@@ -224,7 +223,7 @@ class Scene:
             rtol=self.rtol,
             take=take,
             solve=solve,
-            remember=attrgetter("trapped") if trapped else None,
+            remember=attrgetter("trapped") if self.traps_liquid else None,
             memory=memory,
             mapper=mapper,
         )
