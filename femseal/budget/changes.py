@@ -10,8 +10,7 @@ import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
 from ..base import Array, Shape
-from ..loads import LoadProgramme
-from ..studies.load_curves import load_sensitivity, neighbouring_steps
+from ..loads import LoadProgramme, load_sensitivity, neighbouring_steps
 from .error_parts import ErrorPart
 
 

@@ -9,8 +9,7 @@ from math import inf
 import numpy as np
 
 from ..base import Array, Indices, counted
-from ..loads import LoadProgramme
-from ..studies.load_curves import least_counted
+from ..loads import LoadProgramme, least_counted
 
 #: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
 MODEL_PARTS = (

@@ -13,11 +13,10 @@ from scipy.special import bdtr, stdtrit
 
 from ..base import Array, Pair, counted
 from ..face.patch_form import FormEffect
-from ..loads import LoadProgramme
+from ..loads import LoadProgramme, first_known
 from ..seal.form import ScaledForm, SealForm
 from ..studies import Scene, StochasticResult
 from ..studies.drawn_error import COVERAGE, FLOOR_DECADES, count_scenes, decades, half_width
-from ..studies.load_curves import first_known
 from ..topography.seat import Seat
 from .changes import (
     LEAST_SLOPE,

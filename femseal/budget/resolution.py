@@ -21,10 +21,9 @@ import scipy
 from scipy.special import erf, erfinv, stdtrit
 
 from ..base import Array, Flags, counted
-from ..loads import LoadProgramme
+from ..loads import LoadProgramme, least_counted
 from ..studies import Scene
 from ..studies.drawn_error import COVERAGE
-from ..studies.load_curves import least_counted
 from .changes import (
     CoarserSolution,
     load_sensitivity,

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..loads import least_counted
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
-from ..studies.load_curves import least_counted
 from ..studies.study_registry import contact_fraction_of
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart

@@ -87,7 +87,7 @@ class PieceCurves:
         knots = np.r_[0.0, self._peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
         # below the closing pressure a peak leaves the piece open: the fraction at which it reopens falls from 1 there
-        closing = self._closing_root**3
+        closing = max(self.loading.end, 0.0) ** 3
         above = self._peaks > closing
         opens = np.array([_reopening(curve) for curve in self._unloading])
         reopening = np.interp(peak, np.r_[closing, self._peaks[above]], np.r_[1.0, opens[above]])
@@ -114,14 +114,9 @@ class PieceCurves:
         value = np.clip(value, np.minimum(floor, ceiling), ceiling)
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
 
-    @property
-    def _closing_root(self) -> float:
-        """Cube root of the pressure at which the piece closes on loading; 0 if it is never open."""
-        return max(self.loading.end, 0.0)
-
     def _at(self, knot: Indices, inside: Array, peak: Array) -> Array:
         """ln k of the peak at each knot, at fractions of the pressure at which the piece reopens; knot 0 is loading."""
-        out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), self._closing_root))
+        out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), max(self.loading.end, 0.0)))
         for m, curve in enumerate(self._unloading):
             chosen = knot == m + 1
             if chosen.any():

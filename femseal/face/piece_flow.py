@@ -99,6 +99,10 @@ class FlowSettings:
         check_solver(self.solver)
 
 
+#: Settings unless given.
+_PLAIN = FlowSettings()
+
+
 @dataclass(frozen=True, eq=False)
 class PiecePermeability:
     """Permeability k of a piece at every pressure of the drop [m³]; the one flow, counted as solved or closed."""
@@ -108,13 +112,12 @@ class PiecePermeability:
 
 
 def piece_permeability(
-    gap: Array, spacing: Pair, axis: int, settings: FlowSettings | None = None
+    gap: Array, spacing: Pair, axis: int, settings: FlowSettings = _PLAIN
 ) -> PiecePermeability:
     """Permeability along `axis` of a piece (n1, n2) [m] with closed sides.
 
     Raises NotConverged: the linear solver failed.
     """
-    settings = settings or FlowSettings()
     drop, k, solvers = settings.drop, np.zeros(settings.drop.pressures.size), []
     for n, p in enumerate(drop.pressures):
         equivalent = drop.law.equivalent_gap(gap, p)
@@ -145,18 +148,22 @@ class FaceFlow:
 def resolved_flow(
     gap: Floats,
     spacing: Pair,
-    settings: FlowSettings | None = None,
+    settings: FlowSettings = _PLAIN,
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
 
-    A face of more than `LARGEST_FLOW` points is solved in parts along x2, side by side. Grooves that wind carry fluid
+    A face of more than `LARGEST_FLOW` points is solved in parts along x2, each continued periodically by itself. Grooves that wind carry fluid
     past closed lands where the settings have a spiral.
 
     Raises NotConverged: see `cell_permeability` and `PressureDrop.solve_face`.
     """
-    settings = settings or FlowSettings()
     if gap.size > LARGEST_FLOW:
-        return _in_parts(gap, spacing, settings)
+        parts = np.array_split(gap, -(-gap.size // LARGEST_FLOW), axis=1)
+        flows = [resolved_flow(part, spacing, settings) for part in parts]
+        widths = [part.shape[1] for part in parts]
+        value = float(np.average([flow.permeability for flow in flows], weights=widths))
+        potential = np.concatenate([flow.potential for flow in flows], axis=1)
+        return FaceFlow(value, SolveCounts.total(flow.solvers for flow in flows), potential)
     counts = SolveCounts()
 
     def solve(gap: Array) -> tuple[float, Array, Permeability]:
@@ -174,21 +181,6 @@ def resolved_flow(
     value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
     # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
     return FaceFlow(value, counts, np.clip(potential, 0.0, 1.0))
-
-
-def _in_parts(
-    gap: Floats,
-    spacing: Pair,
-    settings: FlowSettings,
-) -> FaceFlow:
-    """`resolved_flow` of a face in parts along x2: their mean, each continued periodically by itself."""
-    parts = np.array_split(gap, -(-gap.size // LARGEST_FLOW), axis=1)
-    flows = [resolved_flow(part, spacing, settings) for part in parts]
-    value = float(
-        np.average([flow.permeability for flow in flows], weights=[part.shape[1] for part in parts])
-    )
-    potential = np.concatenate([flow.potential for flow in flows], axis=1)
-    return FaceFlow(value, SolveCounts.total(flow.solvers for flow in flows), potential)
 
 
 def drop_fractions(

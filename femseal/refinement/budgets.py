@@ -22,9 +22,9 @@ from ..budget import (
     thin_gap_part,
 )
 from ..budget.whole import error_budget
+from ..loads import first_known
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, study_of_result
-from ..studies.load_curves import first_known
 from ..studies.study_registry import contact_fraction_of
 from .coarser import (
     coarser_grids,

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..base import TextTable, format_deviation, read_plain, to_text
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes, within
+from ..loads import first_known, least_counted
 from ..results.results import Results
 from ..results.selections import branches_in, load_names, loads_as_given
 from ..results.tables import (
@@ -23,7 +24,6 @@ from ..results.tables import (
     in_several_units,
     leakage_at,
 )
-from ..studies.load_curves import first_known, least_counted
 from .pictures import png_uri
 
 

@@ -14,14 +14,13 @@ from ..face.curves import PieceCurves
 from ..face.piece_flow import Failed, SolveCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
-from ..loads import LoadProgramme
+from ..loads import LoadProgramme, least_counted
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
 from .doubts import scene_warnings
 from .drawn_error import half_width
 from .face_states import PlaceLeakage, band_breadth
 from .face_study import cut_into_pieces
-from .load_curves import least_counted
 from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
 from .sampling import (
     FEWEST_SEALS,

@@ -20,11 +20,11 @@ from ..face.piece_flow import (
     attempt,
     resolved_flow,
 )
+from ..loads import least_counted
 from ..seal import RectangularSeal
 from ..topography import Places
 from ..topography.places import divided
 from .fluid_coupling import CoupledContact
-from .load_curves import least_counted
 from .scene import Scene
 
 #: Places from which on their scatter tells how far the leakage of more of them may lie.

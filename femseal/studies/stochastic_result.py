@@ -22,11 +22,10 @@ from ..base.fields import (
     declared,
 )
 from ..face.piece_flow import SolveCounts
-from ..loads import LoadProgramme
+from ..loads import FLOOR, LoadProgramme
 from ..seal.element_seal import ElementSeal
 from ..seal.tiles import SealTiles
 from .face_states import PlaceLeakage
-from .load_curves import FLOOR
 from .piece_states import FacePieces
 
 
