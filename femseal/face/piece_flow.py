@@ -152,8 +152,8 @@ def resolved_flow(
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
 
-    A face of more than `LARGEST_FLOW` points is solved in parts along x2, each continued periodically by itself. Grooves that wind carry fluid
-    past closed lands where the settings have a spiral.
+    A face of more than `LARGEST_FLOW` points is solved in parts along x2, each continued periodically by itself.
+    Grooves that wind carry fluid past closed lands where the settings have a spiral.
 
     Raises NotConverged: see `cell_permeability` and `PressureDrop.solve_face`.
     """
