@@ -19,7 +19,7 @@ from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
 from .doubts import scene_warnings
 from .drawn_error import half_width
-from .face_states import PlaceLeakage, band_breadth
+from .face_states import PlaceLeakage, fields_of_rows
 from .face_study import cut_into_pieces
 from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
 from .sampling import (
@@ -116,9 +116,7 @@ def stochastic(
         leakage=leakage,
         contact_fraction=1 - supply.over_tiles(1 - pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(supply, leakage),
-        row_pressure=rows,
-        band_breadth=None if rows is None else band_breadth(rows, row_breadth),
-        largest_row_pressure=None if rows is None else rows.max(axis=1),
+        **({} if rows is None else fields_of_rows(rows, row_breadth)),
         median_seal=median,
         failures=failures,
         warnings=(*scene_warnings(scene), *tiles.warnings),

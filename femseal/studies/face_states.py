@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from ..face.piece_flow import (
     resolved_flow,
 )
 from ..loads import least_counted
-from ..seal import RectangularSeal
 from ..topography import Places
 from ..topography.places import divided
 from .fluid_coupling import CoupledContact
@@ -85,20 +84,19 @@ class FaceState:
         )
 
 
-def leakage_of_state(scene: Scene, state: FaceState) -> tuple[float, SolveCounts]:
-    """Leakage per length of the face in a state [m²/s], NaN where its flow failed, and all systems solved for it."""
-    if state.failed:
-        return np.nan, state.solvers
-    through = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), state.permeability)
-    return through.per_length, state.solvers + SolveCounts.of(through)
+def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
+    """Fields of a result by their name, from the mean pressure of rows (steps, n1) [Pa], a spacing apart [m].
 
-
-def band_breadth(row_pressure: Array, spacing: float) -> Array:
-    """Distance of the first row in contact from the last, both included (steps,) [m]; row_pressure (steps, n1) [Pa]."""
+    The breadth of the band is the distance of the first row in contact from the last, both included.
+    """
     touching = row_pressure > 0
     n1 = touching.shape[1]
     between = n1 - touching.argmax(axis=1) - touching[:, ::-1].argmax(axis=1)
-    return np.where(touching.any(axis=1), between, 0) * spacing
+    return {
+        "row_pressure": row_pressure,
+        "band_breadth": np.where(touching.any(axis=1), between, 0) * spacing,
+        "largest_row_pressure": row_pressure.max(axis=1),
+    }
 
 
 @dataclass(frozen=True, repr=False)

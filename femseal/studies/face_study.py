@@ -16,7 +16,7 @@ from ..face.piece_flow import SolveCounts
 from ..face.pieces import Cut
 from ..loads import LoadProgramme
 from .doubts import scene_warnings
-from .face_states import FaceState, PlaceLeakage, band_breadth, leakage_of_state, place_leakage
+from .face_states import FaceState, PlaceLeakage, fields_of_rows, place_leakage
 from .piece_states import FacePieces, pieces_of_states
 from .scene import Scene
 
@@ -159,17 +159,13 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
         states.append(replace(state, **{name: v[len(states)] for name, v in fields.items()}))
     for values in (*fields.values(), fluid_pressure):
         values.flags.writeable = False
-    through = [leakage_of_state(scene, state) for state in states]
-    rows = np.array([state.rows for state in states])
     names = "contact_fraction", "plastic_fraction", "mean_gap"
     means: dict[str, Any] = {n: np.array([getattr(s, n) for s in states]) for n in names}
     return FaceResult(
         steps=scene.steps,
-        leakage=np.array([leakage for leakage, _ in through]),
+        leakage=scene.unit_leakage * np.array([state.permeability for state in states]),
         **means,
-        row_pressure=rows,
-        band_breadth=band_breadth(rows, surface.spacing[0]),
-        largest_row_pressure=rows.max(axis=1),
+        **fields_of_rows(np.array([state.rows for state in states]), surface.spacing[0]),
         gap=fields["gap"],
         contact_pressure=fields["pressure"],
         fluid_pressure=fluid_pressure,
@@ -184,7 +180,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
             if s.failed
         ),
         warnings=scene_warnings(scene),
-        face_solvers=SolveCounts.total(solvers for _, solvers in through),
+        face_solvers=SolveCounts.total(state.solvers for state in states),
     )
 
 

@@ -12,7 +12,7 @@ import femseal as fs
 from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.studies import Sampling, laid_out
-from femseal.studies.face_states import band_breadth
+from femseal.studies.face_states import fields_of_rows
 from femseal.studies.seal_contact import seal_contact
 from femseal.topography import (
     BallOnCone,
@@ -283,7 +283,9 @@ def rows_of(face, seat, forces, hardness=np.inf, breadth=1.024e-3, **given):
     sampling = Sampling(1e-3, seed=1, breadth=breadth, form=seat)
     _, tiles = laid_out(face, scene.layout, None, sampling)
     contact = seal_contact(scene, tiles, (seat,))
-    return Rows(contact.rows, band_breadth(contact.rows, contact.grid.spacing[0]), breadth)
+    return Rows(
+        contact.rows, fields_of_rows(contact.rows, contact.grid.spacing[0])["band_breadth"], breadth
+    )
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.02])
