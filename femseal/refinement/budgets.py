@@ -76,16 +76,19 @@ def budgets_of(
     continued = continued_scenes(grid) if "continuation" in model_parts else []
     own = solved[0] if solved else _solved(grid, mapper) if changes or continued else {}
     phases = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
-    moved = [(change, _solved(grid.changed(change), mapper)) for change in changes]
+    moved = []  # of each change the leakage alone, as fields may be large
+    for change in changes:
+        found = _solved(grid.changed(change), mapper)
+        moved.append((change, {key: leakage_of(one) for key, one in found.items()}))
     for key, result in studies.items():
         parts = [*budgets[key].parts, *_unsolved_parts(prepared, grid, result, model_parts, mapper)]
         other = route(study_of_result(result)).key
         if phases and other in own:
             faces = [one.get(other) for one in phases]
             parts.append(_of_continued(prepared, grid, result, own[other], faces))
-        for change, found in moved:
-            if other in own and other in found:
-                both = leakage_of(found[other]), leakage_of(own[other])
+        for change, leakages in moved:
+            if other in own and other in leakages:
+                both = leakages[other], leakage_of(own[other])
                 solution = CoarserSolution(grid.scene.surface.shape, grid.scene.steps, *both)
                 parts.append(model_part(change, result.steps, leakage_of(result), solution))
         budgets[key] = replace(budgets[key], parts=tuple(filter(None, parts)))
