@@ -220,7 +220,9 @@ class FluidPressure:
                 closed = closed + 1 if k == 0 else 0
                 error = max(error if closed < _CLOSED_ROUNDS else 0.0, trapped.error)
             if error <= (share if n <= _WHOLE_STEPS else 1.0) * RTOL:
-                return _coupled(contact, flow, carried, n, trapped)
+                return CoupledContact(
+                    **vars(contact), flow=flow, carried=carried, rounds=n, trapped=trapped
+                )
             if room <= _LEAST_ROOM * pressure:
                 break
             last = k
@@ -230,7 +232,7 @@ class FluidPressure:
             flow = Failed(
                 f"contact and fluid pressure: after {n} rounds the permeability still changes by {error:.1e}"
             )
-        return _coupled(contact, flow, carried, n)
+        return CoupledContact(**vars(contact), flow=flow, carried=carried, rounds=n)
 
     def _near_opening(
         self, gap0: Array, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
@@ -281,7 +283,8 @@ class FluidPressure:
             gap0, half_space, pressure=float(even.mean()), fluid_pressure=even, **settings
         )
         rounds = sum(c.rounds for c in known.values())
-        return _coupled(contact, Failed(self.parted(opening)), pressure, rounds)
+        flow = Failed(self.parted(opening))
+        return CoupledContact(**vars(contact), flow=flow, carried=pressure, rounds=rounds)
 
     def _pressure(self, flow: FaceFlow, former: Array) -> Array:
         """Pressure above the surroundings (n1, n2) [Pa] of a flow, also in contact; the former one if no gap is wet."""
@@ -308,19 +311,6 @@ def _mixed(given: Array, gave: Array, former: Array, former_gave: Array) -> Arra
         return gave
     weight = float(np.clip(now @ change / size, 0.0, 0.5))
     return (1 - weight) * gave + weight * former_gave
-
-
-def _coupled(
-    contact: Contact,
-    flow: FaceFlow | Failed,
-    carried: float,
-    rounds: int,
-    trapped: TrappedLiquid | None = None,
-) -> CoupledContact:
-    """The contact of the last round with its flow."""
-    return CoupledContact(
-        **vars(contact), flow=flow, carried=carried, rounds=rounds, trapped=trapped
-    )
 
 
 def contact_of_places(
