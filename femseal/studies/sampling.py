@@ -72,12 +72,12 @@ class Sampling:
     median_fields: bool = True
 
     def __post_init__(self) -> None:
-        form = tuple(self.form) if isinstance(self.form, tuple | list) else (self.form,)
-        seed, count = validate.count("seed", self.seed, least=0), self.realisations
-        if count is not None:
-            count = validate.count("realisations", count)
-        for name, value in (("seed", seed), ("realisations", count), ("form", form)):
-            object.__setattr__(self, name, value)
+        if self.realisations is not None:
+            count = validate.count("realisations", self.realisations)
+            object.__setattr__(self, "realisations", count)
+        object.__setattr__(self, "seed", validate.count("seed", self.seed, least=0))
+        given = self.form if isinstance(self.form, tuple | list) else (self.form,)
+        object.__setattr__(self, "form", tuple(given))
         if self.form and not is_uniform(self.pressure_map):
             raise InputError(
                 "form", "a form and a map of the pressure", "one of them: a form gives the pressure"
