@@ -1,6 +1,7 @@
 """Load programmes: the nominal pressures at which a seal is solved, on loading and on unloading from peaks.
 
-Loads may also be forces on the seal, which its size turns into nominal pressures.
+Loads may also be forces on the seal, which its size turns into nominal pressures. Leakage over the load: its slope, and
+what counts of it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from .base import Array, Flags, Indices, InputError, validate
 
 #: Units of loads: a nominal pressure, a force on the whole seal, a force on its length.
 LOAD_UNITS = ("Pa", "N", "N/m")
+#: Loads at which the reference leaks less than this fraction of its first leakage are not compared.
+FLOOR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,13 @@ class LoadProgramme(tuple[LoadStep, ...]):
         ]
         return np.array(found, dtype=np.int64)
 
+    @property
+    def branches(self) -> list[Indices]:
+        """Indices of the loading steps, then of those on the way down from each peak."""
+        peaks = self.peak_indices
+        down = [np.flatnonzero((peaks == n) & ~self.on_loading) for n in np.unique(peaks)]
+        return [np.flatnonzero(self.on_loading), *(own for own in down if own.size)]
+
 
 def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> float:
     """Nominal pressure [Pa] of a load in one of `LOAD_UNITS` on a seal of an area [m²] and a length [m].
@@ -142,6 +152,33 @@ def relaxed(pressure: float, relaxation: float) -> float:
     270000000.0
     """
     return float(f"{(1 - relaxation) * pressure:.12g}")  # the same as a load that is given
+
+
+def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
+    """|d ln(leakage) / d ln(load)| at every step (steps,), the steeper of both sides on the branch; 0 where unknown."""
+    q, p = np.abs(np.asarray(leakage, float)), steps.pressures
+    found = np.zeros(len(steps))
+    for s, other in neighbouring_steps(steps):
+        if all(value > 0 for value in (q[s], q[other], p[s], p[other])):
+            slope = abs(np.log(q[s] / q[other]) / np.log(p[s] / p[other]))
+            found[[s, other]] = np.maximum(found[[s, other]], slope)
+    return found
+
+
+def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
+    """Every step with the one before it on its branch, that of an unloading being its peak."""
+    ways = [np.union1d(own, steps.peak_indices[own]).tolist() for own in steps.branches]
+    return [(s, before) for way in ways for before, s in pairwise(way)]
+
+
+def first_known(leakage: Array) -> int:
+    """Number of the first load at which a leakage (steps,) is known, 0 without one; the fluid may carry others."""
+    return int(np.argmax(np.isfinite(leakage)))
+
+
+def least_counted(leakage: Array) -> float:
+    """Size of a leakage (steps,) below which a load does not count: 1e-3 of the first known one, NaN without one."""
+    return float(FLOOR * np.abs(leakage[first_known(leakage)]))
 
 
 def _pressures(name: str, values: Sequence[float]) -> list[float]:

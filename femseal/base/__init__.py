@@ -5,7 +5,19 @@ from typing import TYPE_CHECKING
 from .lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .arrays import AnyPath, Array, Flags, Indices, Lengths, Pair, Periodic, Shape, reals
+    from .arrays import (
+        AnyPath,
+        Array,
+        Flags,
+        Floats,
+        Indices,
+        Lengths,
+        Pair,
+        Periodic,
+        Shape,
+        Singles,
+        reals,
+    )
     from .errors import (
         FemsealError,
         InputError,

@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+#: Real numbers in single precision, and in any.
+Singles = NDArray[np.float32]
+Floats = NDArray[np.floating]
 #: Of a file or a folder.
 AnyPath = str | os.PathLike[str]
 #: Along x1 and x2: points, lengths, whether a map repeats itself.

@@ -13,7 +13,6 @@ from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .errors import counted
 from .lazy_package import displays
@@ -255,7 +254,7 @@ def value_text(value: Any, unit: str = "1") -> str:
     >>> value_text(2.5e-6, "m"), value_text(np.array([[0.0, 2e8], [np.nan, 1e9]]), "Pa"), value_text(1.5e-18, "m^3")
     ('2.5 µm', '(2 × 2: 0 Pa … 1 GPa)', '1.5e-18 m³')
     """
-    if isinstance(value, (np.ndarray, NDArrayOperatorsMixin)):
+    if isinstance(value, np.ndarray):
         value = np.asarray(value)
         return f"({' × '.join(map(str, value.shape))}: {_range_text(value, unit)})"
     if isinstance(value, (bool, np.bool_, str, int, np.integer)):

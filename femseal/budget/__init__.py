@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         places_to_halve,
         thin_gap_part,
     )
-    from .waves import continuation_part
+    from .resolution import continuation_part
     from .whole import error_budget
 else:
     __getattr__, __dir__ = lazy(__name__)

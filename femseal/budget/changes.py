@@ -7,10 +7,10 @@ is a shift of the load at which the seal closes, times the slope of ln(leakage) 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import shortest_path
 
 from ..base import Array, Shape
-from ..loads import LoadProgramme
-from ..studies.load_curves import load_sensitivity, neighbouring_steps
+from ..loads import LoadProgramme, load_sensitivity, neighbouring_steps
 from .error_parts import ErrorPart
 
 
@@ -35,42 +35,23 @@ def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) 
     its unloading; beyond them it keeps the last value. It is inf or -inf where one of the two is sealed, 0 where both
     are, NaN where one is unknown.
     """
-    index = {step: n for n, step in enumerate(steps)}
-    places = [index[step] for step in coarse.steps]
+    places, pressure = [steps.index(step) for step in coarse.steps], steps.pressures
     own = np.abs(np.asarray(leakage, float)[places] if coarse.against is None else coarse.against)
     other = np.abs(np.asarray(coarse.leakage, float))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        change = np.where((own == 0) & (other == 0), 0.0, np.log(other / own))
+    # that of no pressure at all is that of a very small one
+    at = np.log(np.maximum(pressure, 1e-300))
     found = np.full(len(steps), np.nan)
-    found[places] = change
-    for peak in (None, *steps.unload_from):
-        branch = [n for n, step in enumerate(steps) if step.unloaded_from == peak]
-        ends = branch if peak is None else [*branch, int(steps.peak_indices[branch[0]])]
-        known = sorted({*ends} & {*places}, key=lambda n: steps[n].pressure)
-        if not known:
-            continue
-        at = _log_loads(steps, known)
-        others = sorted({*branch} - {*places})
-        for n, x in zip(others, _log_loads(steps, others), strict=True):
-            found[n] = _straight(float(x), at, found[known])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found[places] = np.where((own == 0) & (other == 0), 0.0, np.log(other / own))
+        for branch in steps.branches:
+            known = np.intersect1d(np.union1d(branch, steps.peak_indices[branch]), places)
+            known, others = known[np.argsort(pressure[known])], np.setdiff1d(branch, places)
+            if known.size:
+                between = np.interp(at[others], at[known], np.arange(known.size))
+                lower, weight = between.astype(int), between % 1
+                a, b = found[known[lower]], found[known[np.ceil(between).astype(int)]]
+                found[others] = np.where(weight > 0, (1 - weight) * a + weight * b, a)
     return found
-
-
-def _log_loads(steps: LoadProgramme, places: list[int]) -> Array:
-    """ln of the nominal pressure; of no pressure at all that of a very small one."""
-    return np.log(np.maximum(steps.pressures[places], 1e-300))
-
-
-def _straight(x: float, at: Array, values: Array) -> float:
-    """Interpolated value; that of the end beyond it, and the one of larger size where one of two is not finite."""
-    upper = int(np.clip(np.searchsorted(at, x), 0, at.size - 1))
-    lower = max(upper - 1, 0) if at[upper] > x else upper
-    a, b = float(values[lower]), float(values[upper])
-    if lower == upper:
-        return a
-    if not (np.isfinite(a) and np.isfinite(b)):
-        return a if np.isnan(a) or (np.isinf(a) and not np.isnan(b)) else b
-    return a + (b - a) * (x - at[lower]) / (at[upper] - at[lower])
 
 
 #: Least slope of ln(leakage) over ln(load) that is counted.
@@ -85,20 +66,21 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: l
     change : of ln(leakage) at every step. slope : see `load_sensitivity`, > 0. known : numbers of the steps solved.
     """
     finite = [s for s in known if np.isfinite(change[s])]
-    shift = float(np.mean(np.abs(change[finite] / slope[finite]))) if finite else 0.0
-    beside: list[set[int]] = [set() for _ in steps]
+    if not finite:
+        return np.zeros(len(steps))
+    shift = mean_shift(change[finite], slope[finite])
+    beside = np.zeros((len(steps), len(steps)))
     for s, other in neighbouring_steps(steps):
-        beside[s].add(other)
-        beside[other].add(s)
-    near = np.zeros(len(steps))
-    for s in range(len(steps)):
-        seen, ring, found = {s}, {s}, {s} & {*finite}
-        while len(found) < 2 and ring:
-            ring = {n for m in ring for n in beside[m]} - seen
-            seen |= ring
-            found |= ring & {*finite}
-        near[s] = np.sqrt(np.mean(np.square(change[sorted(found)]))) if found else 0.0
-    return np.hypot(near, slope * shift)
+        beside[s, other] = 1
+    apart = shortest_path(beside, directed=False, unweighted=True)[:, finite]
+    near = apart <= np.sort(apart, axis=1)[:, :2].max(axis=1, keepdims=True)
+    rms = np.sqrt(near @ np.square(change[finite]) / near.sum(axis=1))
+    return np.hypot(rms, slope * shift)
+
+
+def mean_shift(change: Array, slope: Array) -> float:
+    """Mean shift of ln(load) of changes of ln(leakage) over its slope, 0 without any."""
+    return float(np.mean(np.abs(change / slope))) if change.size else 0.0
 
 
 def sealed_upper(
@@ -121,30 +103,21 @@ def sealed_upper(
     # the shift is that of steps whose slope is known, if there are any
     chosen = open_ & (slope > 0) if (slope[open_] > 0).any() else open_
     shift = float(np.max(distance[chosen] / np.maximum(slope[chosen], LEAST_SLOPE), initial=0.0))
-    change = np.zeros(q.size) if change is None else change
-    leaks = {}
+    change, other = np.zeros(q.size) if change is None else change, np.zeros(q.size)
     if coarse is not None:
-        leaks = {
-            step: abs(float(value))
-            for step, value in zip(coarse.steps, coarse.leakage, strict=True)
-        }
-    most = max((value for value in leaks.values() if np.isfinite(value)), default=0.0)
-    shut = np.flatnonzero(q == 0)
-    for s in shut:
-        if np.isnan(change[s]):
-            continue
-        found[s] = np.nan_to_num(leaks.get(steps[s], 0.0))
-        branch = [
-            n for n in range(q.size) if steps[n].unloaded_from in (None, steps[s].unloaded_from)
-        ]
-        less = [n for n in branch if open_[n] and steps[n].pressure <= steps[s].pressure]
+        other[[steps.index(step) for step in coarse.steps]] = np.nan_to_num(np.abs(coarse.leakage))
+    pressure, loading, peaks = steps.pressures, steps.on_loading, steps.peak_indices
+    for s in np.flatnonzero((q == 0) & ~np.isnan(change)):
+        found[s] = other[s]
+        branch = loading | (~loading[s] & (peaks == peaks[s]))
+        less = np.flatnonzero(branch & open_ & (pressure <= pressure[s]))
         # a load that is sealed for certain seals all higher ones
-        lowest = min(steps[n].pressure for n in branch if q[n] == 0)
-        if less and (np.isposinf(change[s]) or steps[s].pressure * np.exp(-shift) <= lowest):
-            nearest = max(less, key=lambda n: (steps[n].pressure, -q[n]))
+        lowest = pressure[branch & (q == 0)].min()
+        if less.size and (np.isposinf(change[s]) or pressure[s] * np.exp(-shift) <= lowest):
+            nearest = max(less, key=lambda n: (pressure[n], -q[n]))
             found[s] = max(found[s], q[nearest] * np.exp(min(float(distance[nearest]), 50.0)))
         if np.isposinf(change[s]) and found[s] == 0:
-            found[s] = most
+            found[s] = other.max()
     return found
 
 
@@ -165,10 +138,7 @@ def part_of_changes(
     """
     q = np.abs(np.asarray(leakage, float))
     part = ErrorPart.of(name, leakage, below, above, note)
-    lower, upper = (
-        part.lower,
-        np.where(q == 0, sealed_upper(steps, q, above, change, coarse), part.upper),
-    )
-    if change is not None:
-        lower, upper = (np.where(np.isnan(change), np.nan, end) for end in (lower, upper))
+    upper = np.where(q == 0, sealed_upper(steps, q, above, change, coarse), part.upper)
+    unknown = np.isnan(np.zeros(q.size) if change is None else change)
+    lower, upper = (np.where(unknown, np.nan, end) for end in (part.lower, upper))
     return ErrorPart(name, lower, upper, note)

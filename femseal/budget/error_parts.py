@@ -9,8 +9,7 @@ from math import inf
 import numpy as np
 
 from ..base import Array, Indices, counted
-from ..loads import LoadProgramme
-from ..studies.load_curves import least_counted
+from ..loads import LoadProgramme, least_counted
 
 #: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
 MODEL_PARTS = (
@@ -53,14 +52,11 @@ class ErrorPart:
         """
         q = np.asarray(leakage, dtype=float)
         with np.errstate(invalid="ignore", over="ignore"):
-            ends = (
+            low, high = (
                 np.where(q == 0, 0.0, q * np.exp(d))
                 for d in (-np.asarray(below), np.asarray(above))
             )
-            low, high = ends
-        return cls(
-            name, np.where(np.isnan(q), np.nan, low), np.where(np.isnan(q), np.nan, high), note
-        )
+        return cls(name, low, high, note)
 
     def widened(self, leakage: Array, factor: Array) -> ErrorPart:
         """The part with the distances of ln(leakage) at the open steps times a factor (steps,)."""
@@ -69,7 +65,7 @@ class ErrorPart:
             lower, upper = (
                 np.where(q == 0, end, q * (end / q) ** factor) for end in (self.lower, self.upper)
             )
-        return ErrorPart(self.name, lower, upper, self.note)
+        return replace(self, lower=lower, upper=upper)
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,7 +115,6 @@ class ErrorBudget:
         with np.errstate(invalid="ignore", over="ignore"):
             low = np.where(q == 0, 0.0, q * np.exp(-self._distance("lower")))
             high = np.where(q == 0, highest, q * np.exp(self._distance("upper")))
-        low, high = (np.where(np.isnan(q), np.nan, end) for end in (low, high))
         return (low, high) if self.steps is None else within_others(self.steps, q, low, high)
 
     def half_width(self, step: int | None = None) -> Array | float:
@@ -143,17 +138,10 @@ class ErrorBudget:
         widths = self.widths()
         if not widths:
             return ""
-        if step is None:
-            q = np.abs(self.leakage)
-            chosen = np.flatnonzero(q > least_counted(q))
-            chosen = chosen if chosen.size else np.arange(q.size)
-        else:
-            chosen = np.array([step])
-        # an unknown part is wider than any other
-        largest = {
-            name: float(np.max(np.nan_to_num(w[chosen], nan=np.inf))) for name, w in widths.items()
-        }
-        return max(largest, key=lambda name: largest[name])
+        q = np.abs(self.leakage)
+        chosen = q > least_counted(q) if step is None else np.arange(q.size) == step
+        chosen = chosen if chosen.any() else np.ones_like(chosen)
+        return max(widths, key=lambda name: _largest(widths[name][chosen]))
 
     def _distance(self, end: str) -> Array:
         """Root of the sum of squares of the parts' distances of ln(leakage) to an end (steps,)."""
@@ -192,14 +180,14 @@ def _from_others(
     low, high, pressure = lower.copy(), upper.copy(), steps.pressures
     high[rising] = np.fmin.accumulate(high[rising])
     low[rising] = np.fmax.accumulate(low[rising][::-1])[::-1]
-    for peak in steps.unload_from:
+    for falling in steps.branches[1:]:
         # from the lowest load to the highest
-        branch = np.flatnonzero([step.unloaded_from == peak for step in steps])[::-1]
+        branch = falling[::-1]
         below = np.searchsorted(pressure[rising], pressure[branch], side="right") - 1
         before = np.where(below >= 0, high[rising[below]], np.inf)
         high[branch] = np.fmin.accumulate(np.fmin(high[branch], before))
-        falling = np.append(steps.peak_indices[branch[0]], branch[::-1])
-        low[falling[1:]] = np.fmax.accumulate(low[falling])[1:]
+        way = np.append(steps.peak_indices[falling[0]], falling)
+        low[falling] = np.fmax.accumulate(low[way])[1:]
     return high, low
 
 
@@ -207,7 +195,7 @@ def _width(leakage: Array, lower: Array, upper: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         width = np.maximum(np.log(leakage / lower), np.log(upper / leakage))
     sealed = np.where(np.isnan(upper), np.nan, np.where(upper > 0, np.inf, 0.0))
-    return np.where(np.isnan(leakage), np.nan, np.where(leakage == 0, sealed, width))
+    return np.where(leakage == 0, sealed, width)
 
 
 @dataclass(frozen=True)

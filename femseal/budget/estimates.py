@@ -13,11 +13,10 @@ from scipy.special import bdtr, stdtrit
 
 from ..base import Array, Pair, counted
 from ..face.patch_form import FormEffect
-from ..loads import LoadProgramme
+from ..loads import LoadProgramme, first_known
 from ..seal.form import ScaledForm, SealForm
 from ..studies import Scene, StochasticResult
-from ..studies.drawn_error import FLOOR_DECADES, count_scenes, decades, half_width
-from ..studies.load_curves import first_known
+from ..studies.drawn_error import COVERAGE, FLOOR_DECADES, count_scenes, decades, half_width
 from ..topography.seat import Seat
 from .changes import (
     LEAST_SLOPE,
@@ -29,8 +28,6 @@ from .changes import (
 )
 from .error_parts import MODEL_PARTS, ErrorPart
 
-#: Fraction of the cases that a band holds.
-COVERAGE = 0.95
 #: Change of ln(leakage) by the residual of the contact, over this and the slope of ln(leakage) over ln(load), at least
 #: 1. Measured on 24 faces at residuals of 1e-2 to 1e-6: 0.04 holds 95 of 100 changes, and 0.5 all of them.
 _RESIDUAL = 0.5
@@ -79,7 +76,7 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
         logs = distance(np.log(without))
         plain = np.log1p(distance(without / without.mean(axis=0)))
     shut = (without == 0).any(axis=0) & np.isfinite(without).all(axis=0)
-    below, above = np.where(shut, np.inf, logs), np.where(shut, plain, logs)
+    below, above = (np.where(shut, end, logs) for end in (np.inf, plain))
     note = (
         f"Student's interval by the jackknife over {count} measured places, in ln(leakage), with the scatter that is "
         f"usual; {counted(places_to_halve(count), 'more place')} would halve it"
@@ -87,7 +84,7 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
     part = ErrorPart.of("places", leakage, below, above, note)
     # without leakage the others tell how much there may be
     upper = np.where(leakage == 0, (1 + student) * np.max(without, axis=0), part.upper)
-    return ErrorPart(part.name, part.lower, upper, note)
+    return replace(part, upper=upper)
 
 
 def places_to_halve(count: int) -> int:
@@ -129,13 +126,14 @@ def median_interval(values: Array) -> Pair:
     # the largest number of values to leave out on each side
     left = int(np.count_nonzero(bdtr(np.arange(n // 2), n, 0.5) <= (1 - COVERAGE) / 2))
     if left > 0:
-        return float(ordered[left - 1]), float(ordered[n - left])
-    if ordered[0] <= 0:
-        return min(0.0, float(ordered[0])), float(ordered[-1]) if ordered[-1] > 0 else 0.0
-    logs = np.log(ordered)
-    half = 1.2533 * float(stdtrit(n - 1, (1 + COVERAGE) / 2)) * float(logs.std(ddof=1)) / np.sqrt(n)
-    middle = float(np.median(logs))
-    return float(np.exp(middle - half)), float(np.exp(middle + half))
+        low, high = ordered[left - 1], ordered[n - left]
+    elif ordered[0] <= 0:
+        low, high = min(0.0, ordered[0]), max(0.0, ordered[-1])
+    else:
+        logs = np.log(ordered)
+        half = 1.2533 * stdtrit(n - 1, (1 + COVERAGE) / 2) * logs.std(ddof=1) / np.sqrt(n)
+        low, high = np.exp(np.median(logs) + half * np.array([-1, 1]))
+    return float(low), float(high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,12 +187,14 @@ def model_changes(
             "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
         )
         found.append(ModelChange("fluid pressure", acting, False, note))
-    if "form" in names and form is not None and form.seat is not None and form.tolerance > 0:
+    if form is None or "form" not in names:
+        return found
+    if form.seat is not None and form.tolerance > 0:
         below = form.seat.rows_below(scene.surface.shape[0], scene.surface.spacing[0])
         deeper = scene.surface.with_form(-form.tolerance * below)
         note = f"change of ln(leakage) with a form of the seat {form.tolerance:.0%} deeper, on either side"
         found.append(ModelChange("form", replace(scene, surface=deeper), True, note))
-    elif "form" in names and form is not None and any(form.tolerances):
+    elif any(form.tolerances):
         forms = tuple(
             ScaledForm(one, 1 + t) for one, t in zip(form.forms, form.tolerances, strict=True)
         )
@@ -240,11 +240,9 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_place:
         return None
     note = "pieces under their effective pressure against a coupled face, measured on faces four waves broad"
-    q = study.quantile(0.5)
-    loads = np.maximum(study.steps.pressures, abs(fluid.carried))
-    effect = (
-        load_sensitivity(study.steps, q) * np.abs(fluid.carried) / np.where(loads > 0, loads, 1.0)
-    )
+    q, carried = study.quantile(0.5), abs(fluid.carried)
+    loads = np.maximum(study.steps.pressures, max(carried, 1e-300))
+    effect = load_sensitivity(study.steps, q) * carried / loads
     return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
 
 
@@ -291,10 +289,10 @@ def longer_waves_part(
     count = len(changes)
     with np.errstate(invalid="ignore"):
         middle, deviation = changes.mean(axis=0), changes.std(axis=0, ddof=1)
-    distance = float(stdtrit(count - 1, (1 + COVERAGE) / 2)) * deviation * sqrt(1 + 1 / count)
-    below, above = (np.maximum(sign * middle + distance, 0.0) for sign in (-1, 1))
+    distance = stdtrit(count - 1, (1 + COVERAGE) / 2) * deviation * sqrt(1 + 1 / count)
     # where draws seal, or nothing is known, neither end is
-    below, above = (np.where(np.isfinite(one), one, np.inf) for one in (below, above))
+    ends = (np.maximum(sign * middle + distance, 0.0) for sign in (-1, 1))
+    below, above = (np.where(np.isfinite(end), end, np.inf) for end in ends)
     until = (
         "up to the flatness of the seal" if flatness else "with no `flatness` in [seal] to end it"
     )

@@ -4,14 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..loads import least_counted
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
-from ..studies.load_curves import least_counted
 from ..studies.study_registry import contact_fraction_of
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
 from .estimates import calibrated_part, places_part, realisations_part, solver_part
-from .pixels import USUAL_PIXELS, one_grid_part, pixels_part
-from .waves import filter_part, raised_by_slope
+from .resolution import USUAL_PIXELS, filter_part, one_grid_part, pixels_part, raised_by_slope
 
 #: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where
 #: curves are steep. Measured on 216 faces of six kinds: with it the bands held 93 of 100 there, without it 83.
@@ -66,26 +65,18 @@ def error_budget(
     if filtered is not None and octaves > 0:
         parts.append(filter_part(scene, leakage, filtered, octaves))
     elif kept_slope < 1:
-        nothing = np.zeros(len(scene.steps))
         parts.append(
-            ErrorPart.of(
-                "filter", leakage, nothing, nothing, "no solution without the shortest waves"
-            )
+            ErrorPart("filter", leakage, leakage, "no solution without the shortest waves")
         )
     q = np.abs(leakage)
     steeper = np.where(q < least_counted(q), _NEAR_CLOSING, 1.0)
     parts = [part.widened(leakage, steeper) for part in parts]
     if kept_slope < 1:
-        parts = [
-            raised_by_slope(part, scene.steps, leakage, in_contact, kept_slope)
-            if part.name == "filter"
-            else part
-            for part in parts
-        ]
+        parts[-1] = raised_by_slope(parts[-1], scene.steps, leakage, in_contact, kept_slope)
     if isinstance(study, StochasticResult):
         parts.append(realisations_part(study))
         # the scatter of places shows what one patch cannot
-        without = study.without_place
+        without = None if study.places is None else study.places.without
         parts.append(
             calibrated_part("patch", study.kind, study.steps, leakage)
             if without is None

@@ -144,7 +144,7 @@ def ordered_map(
             with over_cluster(scheduler, count) as mapper:
                 yield mapper
         elif count == 1:
-            yield map
+            yield lambda stage, *items: map(getattr(stage, "function", stage), *items)
         else:
             with over_processes(count) as mapper:
                 if before is not None:

@@ -22,11 +22,8 @@ class LogCurve:
 
     def __init__(self, x: Array, k: Array) -> None:
         """Take values k at rising x; the curve ends where k is 0 for the first time."""
-        n_open = int(np.argmin(k > 0)) if not np.all(k > 0) else k.size
-        if n_open in (0, k.size):
-            self.end = np.inf if n_open else -np.inf
-        else:
-            self.end = (x[n_open - 1] + x[n_open]) / 2
+        n_open = int(np.argmin(np.append(k > 0, False)))
+        self.end = float(np.r_[-np.inf, x, np.inf][n_open : n_open + 2].mean())
         self._x, self._log_k = x[:n_open], np.log(k[:n_open])
         self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
 
@@ -61,15 +58,12 @@ class PieceCurves:
         self._pressure, self._k = steps.pressures[on_loading], k[on_loading]
         peaks = []
         self._unloading = []
-        for peak in steps.unload_from:
-            down = [s for s, step in enumerate(steps) if step.unloaded_from == peak and known[s]][
-                ::-1
-            ]
-            if down and on_loading.any():
-                fractions = np.array([*(steps[s].pressure / peak for s in down), 1.0])
-                self._unloading.append(
-                    LogCurve(fractions, np.append(k[down], self.loaded(np.array(peak))))
-                )
+        for branch in steps.branches[1:]:
+            down, peak = branch[known[branch]][::-1], steps[branch[0]].unloaded_from
+            if down.size and on_loading.any():
+                fractions = np.append(steps.pressures[down] / peak, 1.0)
+                at_peak = self.loaded(np.array(peak))
+                self._unloading.append(LogCurve(fractions, np.append(k[down], at_peak)))
                 peaks.append(peak)
         self._peaks = np.array(peaks)
         self._unloads = bool(steps.unload_from)
@@ -92,16 +86,11 @@ class PieceCurves:
         fraction = np.clip(pressure / peak, 0.0, 1.0)
         knots = np.r_[0.0, self._peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
-        closing = self._closing_root**3
-        opens = np.array([_reopening(curve) for curve in self._unloading])
         # below the closing pressure a peak leaves the piece open: the fraction at which it reopens falls from 1 there
-        start = np.clip(closing, knots[upper - 1], knots[upper])
-        before = np.where(closing > knots[upper - 1], 1.0, np.r_[1.0, opens][upper - 1])
-        span = knots[upper] - start
-        way = np.divide(peak - start, span, out=np.zeros(peak.shape), where=span > 0)
-        reopening = np.where(
-            peak <= closing, 1.0, before + np.clip(way, 0, 1) * (np.r_[1.0, opens][upper] - before)
-        )
+        closing = max(self.loading.end, 0.0) ** 3
+        above = self._peaks > closing
+        opens = np.array([_reopening(curve) for curve in self._unloading])
+        reopening = np.interp(peak, np.r_[closing, self._peaks[above]], np.r_[1.0, opens[above]])
         relative = np.divide(
             fraction, reopening, out=np.full(fraction.shape, np.inf), where=reopening > 0
         )
@@ -125,14 +114,9 @@ class PieceCurves:
         value = np.clip(value, np.minimum(floor, ceiling), ceiling)
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
 
-    @property
-    def _closing_root(self) -> float:
-        """Cube root of the pressure at which the piece closes on loading; 0 if it is never open."""
-        return max(self.loading.end, 0.0)
-
     def _at(self, knot: Indices, inside: Array, peak: Array) -> Array:
         """ln k of the peak at each knot, at fractions of the pressure at which the piece reopens; knot 0 is loading."""
-        out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), self._closing_root))
+        out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), max(self.loading.end, 0.0)))
         for m, curve in enumerate(self._unloading):
             chosen = knot == m + 1
             if chosen.any():
@@ -168,12 +152,8 @@ def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
     The way to an unloading step is the loading up to its peak and the unloading from there. Where the pressure of a
     piece falls while that of the seal rises, or the other way round, its own peak is not at the peak of the seal.
     """
-    loading = steps.on_loading
     highest = paths.copy()
-    highest[loading] = np.maximum.accumulate(paths[loading], axis=0)
-    last: dict[int, int] = {}
-    for s, peak in enumerate(steps.peak_indices.tolist()):
-        if not loading[s]:
-            highest[s] = np.maximum(paths[s], highest[last.get(peak, peak)])
-            last[peak] = s
+    for branch in steps.branches:
+        way = np.union1d(branch, steps.peak_indices[branch])
+        highest[way] = np.maximum.accumulate(highest[way], axis=0)
     return highest

@@ -4,7 +4,7 @@ Contact and flow are solved on 128 points a side, where form and long waves are 
 its coarser version may be sealed, as it has less slope: then under loads that are less by as much.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log, nan, sqrt
 
@@ -90,7 +90,9 @@ class FormEffect:
         if not np.isfinite(self.changes).any():
             return f"at {self.loads} the effect of the form is unknown: on {_POINTS} points a side the patch is sealed"
         radii = " and ".join(to_text(radius, "m", 3) for radius in self.radii)
-        curved, waved = (_range(change) for change in self.changes)
+        curved, waved = (
+            ends_text(np.exp(change)) or "an unknown number of" for change in self.changes
+        )
         return (
             f"at {self.loads} the patch leaks {curved} times as much with its curvature as without "
             f"({to_text(self.height, 'm', 3)} high, radii of {radii} along x1 and x2), and {waved} times as much "
@@ -98,19 +100,11 @@ class FormEffect:
         )
 
 
-def _range(change: Array) -> str:
-    """Its ratios at the first and the last load at which they are known."""
-    known = np.exp(change[np.isfinite(change)])
-    return (
-        _ends(f"{float(f'{ratio:.2g}'):g}" for ratio in known)
-        if known.size
-        else "an unknown number of"
-    )
-
-
-def _ends(texts: Iterable[str]) -> str:
-    first, *_, last = [*texts] * 2
-    return first if first == last else f"{first} to {last}"
+def ends_text(values: Array) -> str:
+    """The first and the last known value, "" without any."""
+    known = values[np.isfinite(values)]
+    ends = [*known[:1], *known[-1:]]
+    return " to ".join(dict.fromkeys(f"{float(f'{value:.2g}'):g}" for value in ends))
 
 
 def form_effect(
@@ -145,7 +139,8 @@ def form_effect(
     form = fit_form(place.heights, place.size, 2)
     first, _, second = (1 / max(abs(curvature), 1e-12) for curvature in form.curvatures)
     height = float(np.ptp(form.heights))
-    loads = loads or _ends(to_text(pressure, "Pa", 3) for pressure in pressures)
+    ends = (to_text(pressures[n], "Pa", 3) for n in (0, -1))
+    loads = loads or " to ".join(dict.fromkeys(ends))
     return FormEffect(
         np.array(pressures), np.array(found).T, height, (first, second), longest, loads
     )

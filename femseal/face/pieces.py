@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Flags, Indices, InputError, Pair, Shape, validate
+from ..base import Array, Flags, Floats, InputError, Pair, Shape, validate
 from ..loads import LoadProgramme
 from ..topography import Topography
 from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
@@ -133,8 +133,8 @@ class Cut:
 
     def _place(self, column: int) -> tuple[int, int]:
         """First point, and that after the last, of the measured place of a column of pieces."""
-        of_place = [n for n, number in enumerate(self.place) if number == self.place[column]]
-        return self.columns[of_place[0]], self.columns[of_place[-1] + 1]
+        first = self.place.index(self.place[column])
+        return self.columns[first], self.columns[first + self.place.count(self.place[column])]
 
     def sums(self, field: NDArray[Any]) -> Array:
         """Sum over each piece (m1, m2) of a field (n1, n2)."""
@@ -172,6 +172,7 @@ class PieceState:
     pressure [Pa], mean_gap [m], contact_fraction, plastic_fraction : means of the pieces (m1, m2). drop_fraction : the
     dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean pressure of the rows of points
     (n1,) [Pa]. counts : flows through pieces, solved or known without solving. failures : reasons of NaN.
+    face, places : permeability of the whole face, and by its places [m³]. failed : why the flow through it is unknown.
     """
 
     k: Array
@@ -183,16 +184,19 @@ class PieceState:
     rows: Array
     counts: SolveCounts
     failures: tuple[str, ...] = ()
+    face: float = np.nan
+    places: Array | None = None
+    failed: str = ""
 
     @classmethod
     def of(
         cls,
-        gap: NDArray[np.floating],
-        pressure: NDArray[np.floating],
+        gap: Floats,
+        pressure: Floats,
         cut: Cut,
         flow: FlowSettings,
-        plastic: Flags | None = None,
-        fractions: NDArray[np.floating] | None = None,
+        plastic: Flags | float = np.nan,
+        fractions: Floats | float = np.nan,
     ) -> PieceState:
         """Cut gap [m] and contact pressure [Pa] of a face (n1, n2) into pieces, and solve the flow through each.
 
@@ -211,14 +215,13 @@ class PieceState:
                     continue
                 k[:, axis, *place] = found.k
                 counts.append(found.counts)
-        unknown = np.full(cut.shape, np.nan)
         return cls(
             k=k,
             pressure=cut.means(pressure),
             mean_gap=cut.means(gap),
             contact_fraction=cut.means(pressure > 0),
-            plastic_fraction=unknown if plastic is None else cut.means(plastic),
-            drop_fraction=unknown if fractions is None else cut.sums(fractions),
+            plastic_fraction=cut.means(np.broadcast_to(plastic, gap.shape)),
+            drop_fraction=cut.sums(np.broadcast_to(fractions, gap.shape)),
             rows=pressure.mean(axis=1, dtype=float),
             counts=SolveCounts.total(counts),
             failures=tuple(failures),
@@ -236,18 +239,10 @@ def factors(face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FA
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(face / own)
     found = np.zeros(len(steps))
-    for branch in branches(steps):
+    for branch in steps.branches:
         known = np.flatnonzero(np.isfinite(logs[branch]))
         if known.size:
             at = np.arange(len(branch))
             nearest = known[np.abs(at[:, None] - known).argmin(axis=1)]
             found[branch] = logs[branch[nearest]]
     return np.exp(np.clip(found, -np.log(most), np.log(most)))
-
-
-def branches(steps: LoadProgramme) -> list[Indices]:
-    """Numbers of the steps on loading, then of those on the way down from each peak."""
-    found = [np.flatnonzero(steps.on_loading)]
-    for peak in steps.unload_from:
-        found.append(np.array([s for s, step in enumerate(steps) if step.unloaded_from == peak]))
-    return found

@@ -55,6 +55,14 @@ class _UnitFluid:
     pressure = potential
 
 
+def pressure_between(
+    fluid: FlowingFluid, inlet: float, outlet: float, fraction: ArrayLike
+) -> Array:
+    """Pressure [Pa] where the viscous potential has a fraction of its drop, 1 at the inlet and 0 at the outlet."""
+    high, low = fluid.potential([inlet, outlet])
+    return fluid.pressure(low + (high - low) * np.asarray(fraction, dtype=float))
+
+
 @dataclass(frozen=True, eq=False)
 class FaceSolution(Generic[Found]):
     """Flow through a face at the pressures in it.

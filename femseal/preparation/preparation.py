@@ -15,8 +15,8 @@ from ..seal.layouts import Layout
 from ..studies import Sampling, Scene, cut_and_tiles, laid_out
 from ..studies.blocks import blocks_of, check_blocks
 from ..studies.doubts import gas_warnings, scene_warnings
+from ..studies.sampling import check_map
 from ..studies.seal_contact import form_on_grid
-from ..studies.tile_pressure import check_map
 from ..topography import (
     MOST_POINTS,
     Conditioning,

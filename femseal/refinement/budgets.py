@@ -1,7 +1,7 @@
 """The error budget of every study of a run, from coarser versions of it that are solved too."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf, log2
 from typing import Any
@@ -22,23 +22,20 @@ from ..budget import (
     thin_gap_part,
 )
 from ..budget.whole import error_budget
+from ..loads import first_known
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, study_of_result
-from ..studies.load_curves import first_known
 from ..studies.study_registry import contact_fraction_of
 from .coarser import (
     coarser_grids,
     continued_scenes,
     kept_slope,
-    removed_octaves,
     route,
     wave_pixels,
     without_filtered_waves,
 )
 
 log = logging.getLogger("femseal")
-#: A grid with its results by key, names of parts of the model, and the relative error of the hardness.
-Model = tuple[tuple[Prepared, Mapping[str, Any]] | None, Sequence[str], float]
 
 
 def budgets_of(
@@ -58,12 +55,10 @@ def budgets_of(
     """
     budgets = dict(known or {})
     left = {key: result for key, result in studies.items() if key not in budgets}
-    if not left:
-        return _with_model_parts(prepared, studies, budgets, mapper, (None, model_parts, hardness))
     answer = leakage_of(studies[prepared.answer.key])
     grids = coarser_grids(prepared, answer)
-    solved = [_solved(grid, mapper) for grid in grids]
-    smooth = without_filtered_waves(prepared, answer)
+    solved = [_solved(grid, mapper) for grid in grids if left]
+    smooth = without_filtered_waves(prepared, answer) if left else None
     again = {} if smooth is None else _solved(smooth, mapper)
     for key, result in left.items():
         other = route(study_of_result(result)).key
@@ -75,74 +70,48 @@ def budgets_of(
             coarse = [against(result, prepared, None)]
         filtered = None if smooth is None else against(result, smooth, again.get(other))
         budgets[key] = budget_of(prepared, result, coarse, filtered)
-    finest = (grids[0], solved[0]) if grids else None
-    return _with_model_parts(prepared, studies, budgets, mapper, (finest, model_parts, hardness))
-
-
-def _with_model_parts(
-    prepared: Prepared,
-    studies: Mapping[str, Any],
-    budgets: Mapping[str, ErrorBudget],
-    mapper: Mapper,
-    model: Model,
-) -> dict[str, ErrorBudget]:
-    """The budgets with the parts of the model, from changed scenes on the coarser grid.
-
-    model : that grid with its results where they are known, else None; names and hardness of `budget.model_changes`.
-    """
-    known, names, hardness = model
     # the coarser grid, or that of the case where there is none
-    coarser = [] if known else coarser_grids(prepared, leakage_of(studies[prepared.answer.key]))
-    grid = known[0] if known else (*coarser, prepared)[0]
-    changes = model_changes(grid.scene, names, hardness, grid.form)
-    continued = continued_scenes(grid) if "continuation" in names else []
-    own = known[1] if known else {}
-    if not known and (changes or continued):
-        own = _solved(grid, mapper)
-    found = dict(budgets)
-    for key, result in studies.items():
-        parts = [
-            effective_pressure_part(prepared.scene, result)
-            if "effective pressure" in names
-            else None
-        ]
-        if "thin gap" in names:
-            parts.append(thin_gap_part(prepared.scene, leakage_of(result)))
-        if prepared.form_effect is not None and "form of the patch" in names:
-            parts.append(
-                patch_form_part(
-                    prepared.form_effect,
-                    result.steps,
-                    leakage_of(result),
-                    rises=bool(prepared.holds and prepared.holds.rises),
-                )
-            )
-        if isinstance(result, StochasticResult) and "longer waves" in names:
-            moved_by = prepared.longer_waves(grid.scene.surface, mapper)
-            if moved_by is not None:
-                flat = prepared.flatness is not None
-                parts.append(longer_waves_part(moved_by, flat, result.steps, leakage_of(result)))
-        found[key] = replace(found[key], parts=(*found[key].parts, *filter(None, parts)))
-    if continued:
-        others = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
-        for key, result in studies.items():
-            if (other := route(study_of_result(result)).key) in own:
-                part = _of_continued(
-                    prepared, grid, result, own[other], [one.get(other) for one in others]
-                )
-                found[key] = replace(found[key], parts=(*found[key].parts, part))
+    grid = (*grids, prepared)[0]
+    changes = model_changes(grid.scene, model_parts, hardness, grid.form)
+    continued = continued_scenes(grid) if "continuation" in model_parts else []
+    own = solved[0] if solved else _solved(grid, mapper) if changes or continued else {}
+    phases = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
+    moved = []  # of each change the leakage alone, as fields may be large
     for change in changes:
-        moved = _solved(grid.changed(change), mapper)
-        for key, result in studies.items():
-            other = route(study_of_result(result)).key
-            if other in own and other in moved:
-                leakage, against_own = leakage_of(moved[other]), leakage_of(own[other])
-                solution = CoarserSolution(
-                    grid.scene.surface.shape, grid.scene.steps, leakage, against_own
-                )
-                part = model_part(change, result.steps, leakage_of(result), solution)
-                found[key] = replace(found[key], parts=(*found[key].parts, part))
-    return found
+        found = _solved(grid.changed(change), mapper)
+        moved.append((change, {key: leakage_of(one) for key, one in found.items()}))
+    for key, result in studies.items():
+        parts = [*budgets[key].parts, *_unsolved_parts(prepared, grid, result, model_parts, mapper)]
+        other = route(study_of_result(result)).key
+        if phases and other in own:
+            faces = [one.get(other) for one in phases]
+            parts.append(_of_continued(prepared, grid, result, own[other], faces))
+        for change, leakages in moved:
+            if other in own and other in leakages:
+                both = leakages[other], leakage_of(own[other])
+                solution = CoarserSolution(grid.scene.surface.shape, grid.scene.steps, *both)
+                parts.append(model_part(change, result.steps, leakage_of(result), solution))
+        budgets[key] = replace(budgets[key], parts=tuple(filter(None, parts)))
+    return budgets
+
+
+def _unsolved_parts(
+    prepared: Prepared, grid: Prepared, result: Any, names: Sequence[str], mapper: Mapper
+) -> Iterator[ErrorPart | None]:
+    """Parts of the model, by their names, for which no changed scene is solved; None where there is none."""
+    leakage, effect = leakage_of(result), prepared.form_effect
+    if "effective pressure" in names:
+        yield effective_pressure_part(prepared.scene, result)
+    if "thin gap" in names:
+        yield thin_gap_part(prepared.scene, leakage)
+    if effect is not None and "form of the patch" in names:
+        rises = bool(prepared.holds and prepared.holds.rises)
+        yield patch_form_part(effect, result.steps, leakage, rises=rises)
+    if isinstance(result, StochasticResult) and "longer waves" in names:
+        drawn = prepared.longer_waves(grid.scene.surface, mapper)
+        if drawn is not None:
+            flat = prepared.flatness is not None
+            yield longer_waves_part(drawn, flat, result.steps, leakage)
 
 
 def _of_continued(
@@ -152,34 +121,24 @@ def _of_continued(
 
     own : result on the coarser grid. moved : those of `continued_scenes`, None where one failed.
     """
-    scene, continued = grid.scene, prepared.continuation
+    scene, continued, q = grid.scene, prepared.continuation, leakage_of(own)
     assert continued is not None
-    nothing, q = np.full(len(scene.steps), np.nan), leakage_of(own)
-    at = first_known(q)
+    nothing, at, wave = np.full(len(scene.steps), np.nan), first_known(q), continued.cut_off
     leakages = [nothing if one is None else leakage_of(one) for one in moved]
     *others, shorter = (
         CoarserSolution(scene.surface.shape, scene.steps, one, q) for one in leakages[:-1]
     )
     # as measured, to twice the cut-off where that is below the measured waves, and to the cut-off
-    wave = continued.cut_off
     versions = [(continued.longest, moved[-1]), (2 * wave, moved[-2]), (wave, own)]
-    rows = [
-        (
-            cut,
-            continued.slope_to(cut),
-            contact_fraction_of(one, scene.steps)[at],
-            leakage_of(one)[at] / q[at],
-        )
-        for cut, one in versions
-        if one is not None and q[at] != 0 and (cut <= continued.longest)
-    ]
     note = "; ".join(
-        f"cut-off {to_text(cut, 'm', 3)}: rms slope {slope:.3g}, at the first load {area:.2%} in contact and "
-        f"{ratio:.3g} times the leakage"
-        for cut, slope, area, ratio in rows
+        f"cut-off {to_text(cut, 'm', 3)}: rms slope {continued.slope_to(cut):.3g}, at the first load "
+        f"{contact_fraction_of(one, scene.steps)[at]:.2%} in contact and "
+        f"{leakage_of(one)[at] / q[at]:.3g} times the leakage"
+        for cut, one in versions
+        if one is not None and q[at] != 0 and cut <= continued.longest
     )
     last = continued.last_that_counts(scene.law.mean_hardness, scene.modulus)
-    octaves = max(1.0, log2(continued.cut_off / last)) if last else inf
+    octaves = max(1.0, log2(wave / last)) if last else inf
     return continuation_part(prepared.scene, leakage_of(result), others, shorter, octaves, note)
 
 
@@ -195,7 +154,7 @@ def budget_of(
         result,
         coarse=coarse,
         filtered=filtered,
-        octaves=removed_octaves(prepared),
+        octaves=prepared.conditioning.removed_octaves,
         kept_slope=kept_slope(prepared),
         wave_pixels=wave_pixels(prepared),
     )

@@ -66,7 +66,7 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
     leakage : of the answer, which shows what steps are near closing.
     """
     # where the filter takes its part of the time too, no more steps than every other
-    least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES else LEAST_LOADS
+    least = 0 if _lacks_waves(prepared) else LEAST_LOADS
     some = at_some_steps(prepared.scene, leakage, GRID_STRIDE, least=least)
     points, found = prepared.scene.surface.shape, []
     for _ in range(1 + carries_quarter(prepared)):
@@ -81,7 +81,7 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
 
 def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> Prepared | None:
     """The version without waves up to twice the shortest one, at some of the steps; None where none were removed."""
-    if removed_octaves(prepared) < LEAST_OCTAVES:
+    if not _lacks_waves(prepared):
         return None
     surface, wave = prepared.scene.surface, 2 * prepared.conditioning.shortest_wave
     n1, n2 = (
@@ -111,14 +111,14 @@ def continued_scenes(grid: Prepared) -> list[Scene]:
     return [replace(grid.scene, surface=face) for face in faces]
 
 
-def removed_octaves(prepared: Prepared) -> float:
-    """Octaves of waves that the face lacks: removed by the low-pass, or not seen by its instrument."""
-    return prepared.conditioning.removed_octaves
-
-
 def kept_slope(prepared: Prepared) -> float:
     """Rms slope of the face over that with the waves that it lacks; 1 where none matter."""
-    return 1.0 if removed_octaves(prepared) < LEAST_OCTAVES else prepared.conditioning.kept_slope
+    return prepared.conditioning.kept_slope if _lacks_waves(prepared) else 1.0
+
+
+def _lacks_waves(prepared: Prepared) -> bool:
+    """Whether the face lacks waves that matter, removed by the low-pass or not seen by its instrument."""
+    return prepared.conditioning.removed_octaves >= LEAST_OCTAVES
 
 
 def at_some_steps(
@@ -131,14 +131,13 @@ def at_some_steps(
     """
     q = np.ones(len(scene.steps)) if leakage is None else np.abs(np.asarray(leakage, dtype=float))
     loading = scene.steps.loading
-    shut = [n for n in range(len(loading)) if q[n] == 0]
-    first_shut = shut[0] if shut else len(loading)
+    first_shut = next((n for n in range(len(loading)) if q[n] == 0), len(loading))
     if least:
         stride = min(stride, max(1, first_shut // least))
     kept = {0, first_shut - 1, first_shut, *range(0, first_shut, stride)}
     peaks = set(scene.unload_from)
     if not peaks:  # beyond closing there is nothing to compare
-        kept.add(len(loading) - 1 if not shut else first_shut)
+        kept.add(min(first_shut, len(loading) - 1))
     chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
     stops = scene.steps.unloading  # falling
     ends = {0, len(stops) - 1, *range(0, len(stops), stride)}

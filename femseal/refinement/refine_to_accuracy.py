@@ -58,12 +58,6 @@ class Attempt:
             f"{format_deviation(self.half_width)} at {self.load}, limited by {self.limit}"
         )
 
-    def as_data(self) -> dict[str, Any]:
-        """The attempt as plain data; None for a width without end."""
-        parts = {name: or_none(width) for name, width in self.parts.items()}
-        found = asdict(self) | {"points": list(self.points), "half_width": or_none(self.half_width)}
-        return found | {"parts": parts}
-
 
 @dataclass(frozen=True, eq=False)
 class RefinedAnswer:
@@ -98,24 +92,22 @@ class RefinedAnswer:
 
         budget : with the parts of the model.
         """
-        last, model = (
-            self.attempts[-1],
-            [part.name for part in budget.parts if part.name in MODEL_PARTS],
-        )
-        return {
+        last = self.attempts[-1]
+        found = {
             "wanted": self.wanted,
             "reached": not self.why,
-            "half_width": or_none(last.half_width),
-            "model_parts": model,
-            "with_model": or_none(widest_band(budget).half_width),
+            "half_width": last.half_width,
+            "model_parts": [part.name for part in budget.parts if part.name in MODEL_PARTS],
+            "with_model": widest_band(budget).half_width,
             "limit": last.limit,
             "load": last.load,
             "why": self.why,
             "half_error": self.half,
             "time_limit": self.limit,
             "settings": asdict(last.settings),
-            "attempts": [attempt.as_data() for attempt in self.attempts],
+            "attempts": [asdict(attempt) for attempt in self.attempts],
         }
+        return with_ends(found)
 
 
 def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
@@ -176,7 +168,7 @@ class _Attempts:
     def attempt(self, settings: Settings) -> tuple[Prepared, Any, ErrorBudget]:
         """Solve the case with these settings, and estimate its error."""
         name = f"attempt {len(self.done) + 1}"
-        prepared = self._prepared(settings)
+        prepared = apply_settings(self.made, settings)
         start = time.perf_counter()
         with self.run.timed(name) as mapper:
             result = prepared.solve(prepared.answer, mapper)
@@ -206,34 +198,28 @@ class _Attempts:
 
         goal : half-width of ln(leakage) that is wanted. most : time of all attempts [s].
         """
-        last = self.done[-1]
-        change, part, text = None, "", ""
+        last, text, why = self.done[-1], "", ""
         reasons: list[str] = []
         for part in sorted(last.parts, key=lambda name: -last.parts[name]):
             # the others of an accuracy that cannot be reached are refined until they are within it
             if reasons and last.parts[part] <= goal and max(last.parts.values()) > goal:
                 break
-            found = refined(self.case, self.made, last.settings, part, self.memory)
-            if found.settings is not None:
-                change = found
+            finer, change = refined(self.case, self.made, last.settings, part, self.memory)
+            if finer is not None:
                 break
-            reasons.append(f"{part}: {found.text}")
-        why = "; ".join(reasons) if change is None else ""
-        if change is not None and change.settings is not None:
-            expected = self._expected_seconds(change.settings)
+            reasons.append(f"{part}: {change}")
+        if finer is None:
+            why = "; ".join(reasons)
+        else:
+            text = f"{change}, for the error of {part}"
+            expected = self._expected_seconds(finer)
             spent = sum(attempt.with_coarse for attempt in self.done)
             if spent + expected > most:
-                long = (
-                    f"{change.text} would take about {duration(expected)}, after {duration(spent)}"
-                )
-                why = "; ".join(
-                    [*reasons, f"{part}: {long}, and the time limit is {duration(most)}"]
-                )
-            text = f"{change.text}, for the error of {part}"
-        decided = self.run.decided(
-            "next attempt", self._so_far, (change and change.settings, text, why)
-        )
-        return decided[0] or last.settings, decided[1], decided[2]
+                late = f"{change} would take about {duration(expected)}, after {duration(spent)}"
+                reasons.append(f"{part}: {late}, and the time limit is {duration(most)}")
+                why = "; ".join(reasons)
+        finer, text, why = self.run.decided("next attempt", self._so_far, (finer, text, why))
+        return finer or last.settings, text, why
 
     @property
     def _so_far(self) -> tuple[str, int]:
@@ -243,19 +229,18 @@ class _Attempts:
     def half_error(self) -> str:
         """What half the error of the last attempt would take."""
         last = self.done[-1]
-        change = refined(self.case, self.made, last.settings, last.limit, self.memory)
-        if change.settings is None:
-            return f"cannot be had: {change.text}"
-        return f"{change.text}, about {duration(self._expected_seconds(change.settings))}"
+        finer, change = refined(self.case, self.made, last.settings, last.limit, self.memory)
+        if finer is None:
+            return f"cannot be had: {change}"
+        return f"{change}, about {duration(self._expected_seconds(finer))}"
 
     def _expected_seconds(self, settings: Settings) -> float:
         """Expected wall time of other settings, as multiple of what the last attempt took [s]."""
         last = self.done[-1]
-        seconds, before = (expected_cost(self._prepared(s))[0] for s in (settings, last.settings))
+        seconds, before = (
+            expected_cost(apply_settings(self.made, s))[0] for s in (settings, last.settings)
+        )
         return last.seconds * seconds / before
-
-    def _prepared(self, settings: Settings) -> Prepared:
-        return apply_settings(self.made, settings)
 
     def _budget(
         self, prepared: Prepared, settings: Settings, result: Any, mapper: Mapper
@@ -281,7 +266,7 @@ class _Attempts:
             coarse = replace(settings, grid=settings.grid - halvings)
             if coarse not in self.solved and (found or not has_pieces(self.made, coarse)):
                 break
-            version = self._prepared(coarse)
+            version = apply_settings(self.made, coarse)
             leakage = leakage_of(version.solve(version.answer, mapper))
             self.solved.add(coarse)
             points = grid_points(self.made, coarse.grid)
@@ -289,6 +274,10 @@ class _Attempts:
         return found
 
 
-def or_none(value: float) -> float | None:
-    """The number; None where it has no end or is unknown, for files that know neither."""
-    return float(value) if isfinite(value) else None
+def with_ends(data: Any) -> Any:
+    """Nested data with None for numbers that have no end or are unknown, for files that know neither."""
+    if isinstance(data, dict):
+        return {key: with_ends(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [with_ends(value) for value in data]
+    return None if isinstance(data, float) and not isfinite(data) else data

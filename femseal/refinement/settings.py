@@ -18,6 +18,12 @@ TIME_LIMIT = 3600.0
 FIRST_GRID, MOST_GRID = -1, 4
 #: Least residual of contact.
 LEAST_RTOL = 1e-8
+#: What is to be done about sources of error that no settings make smaller.
+_BY_NOTHING = {
+    "filter": "short waves were removed: a shorter surface.shortest_wave with more surface.points keeps them, as far "
+    "as they were measured",
+    "patch": "it is what one measured patch does not know: more measured places make it smaller",
+}
 #: Seals that are drawn at first and at most, and the factor of their number that halves its error.
 FIRST_SEALS, MOST_SEALS, HALVING = 20, 20480, 4
 
@@ -58,14 +64,11 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     """
     assert case.accuracy is not None
     given, sampling = given_settings(case), made.sampling
-    settings = Settings(
-        method=made.answer.name,
-        grid=0,
-        rtol=case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy),
-        realisations=None if sampling is None else sampling.realisations,
-    )
+    seals = None if sampling is None else sampling.realisations
     if sampling is not None and "realisations" not in given:
-        settings = replace(settings, realisations=FIRST_SEALS)
+        seals = FIRST_SEALS
+    rtol = case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy)
+    settings = Settings(made.answer.name, 0, rtol, seals)
     coarse = replace(settings, grid=FIRST_GRID)
     # the coarser grid that shows the error needs pieces too
     fits = has_pieces(made, replace(coarse, grid=FIRST_GRID - 1))
@@ -141,72 +144,52 @@ def expected_cost(prepared: Prepared) -> tuple[float, float]:
     return replace(prepared, methods=frozenset({prepared.answer.name})).cost(prepared.answer)
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """Settings with which a source of error is about half as large; None where there are none.
-
-    text : what is changed, or why nothing can be.
-    """
-
-    settings: Settings | None
-    text: str
-
-
-def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: float) -> Refinement:
-    """Refine one source of error.
+def refined(
+    case: Case, made: Prepared, settings: Settings, part: str, memory: float
+) -> tuple[Settings | None, str]:
+    """Settings with which a source of error is about half as large, and what they change; None, and why not.
 
     made : the case as prepared, on the points of its face. settings : of the last attempt.
     part : name of a part of its budget. memory : that an attempt may take [byte].
     """
-    given = given_settings(case)
-    # with the setting of each, which a case may give
-    key, refine = {
-        "solver": ("rtol", _contact_residual),
-        "pixels": ("grid", _pixels),
-        "realisations": ("realisations", _realisations),
-    }.get(part, ("", None))
-    if key in given:
-        found = Refinement(None, f"{given[key]} is given in the case")
-    elif refine is None:
-        found = Refinement(None, _BY_NOTHING.get(part, "nothing refines it"))
-    else:
-        found = refine(made, settings)
-    if found.settings is None:
-        return found
-    needed = expected_cost(apply_settings(made, found.settings))[1]
+    rtol, grid = settings.rtol / 10, settings.grid + 1
+    seals = HALVING * (settings.realisations or 0)
+    points = " × ".join(map(str, grid_points(made, grid)))
+    # a setting, its finer value and that as a text, whether it is too fine, and why
+    steps: dict[str, tuple[str, Any, str, bool, str]] = {
+        "solver": (
+            "rtol",
+            rtol,
+            f"contact.rtol {rtol:.0e}",
+            rtol < LEAST_RTOL * (1 - 1e-9),
+            f"contact.rtol is {settings.rtol:.0e}, as small as it gets",
+        ),
+        "pixels": (
+            "grid",
+            grid,
+            f"{points} points",
+            grid > MOST_GRID,
+            f"pixels are {2**MOST_GRID} times finer than those of the face",
+        ),
+        "realisations": (
+            "realisations",
+            seals,
+            f"{seals} seals",
+            seals > MOST_SEALS,
+            f"{settings.realisations} seals are drawn, the most that are",
+        ),
+    }
+    if part not in steps:
+        return None, _BY_NOTHING.get(part, "nothing refines it")
+    key, value, text, too_fine, why = steps[part]
+    if (by := given_settings(case).get(key)) is not None:
+        return None, f"{by} is given in the case"
+    if too_fine:
+        return None, why
+    finer = replace(settings, **{key: value})
+    needed = expected_cost(apply_settings(made, finer))[1]
     if needed > memory:
         needs, expected = (to_text(size, "B", 3) for size in (needed, memory))
-        text = f"{found.text} would take about {needs} of memory, expected {expected}"
-        return Refinement(None, text)
-    return found
-
-
-def _contact_residual(made: Prepared, settings: Settings) -> Refinement:
-    finer = settings.rtol / 10
-    if finer < LEAST_RTOL * (1 - 1e-9):
-        return Refinement(None, f"contact.rtol is {settings.rtol:.0e}, as small as it gets")
-    return Refinement(replace(settings, rtol=finer), f"contact.rtol {finer:.0e}")
-
-
-def _pixels(made: Prepared, settings: Settings) -> Refinement:
-    finer = replace(settings, grid=settings.grid + 1)
-    points = " × ".join(map(str, grid_points(made, finer.grid)))
-    if finer.grid > MOST_GRID:
-        return Refinement(None, f"pixels are {2**MOST_GRID} times finer than those of the face")
-    return Refinement(finer, f"{points} points")
-
-
-#: What is to be done about sources of error that no settings make smaller.
-_BY_NOTHING = {
-    "filter": "short waves were removed: a shorter surface.shortest_wave with more surface.points keeps them, as far "
-    "as they were measured",
-    "patch": "it is what one measured patch does not know: more measured places make it smaller",
-}
-
-
-def _realisations(made: Prepared, settings: Settings) -> Refinement:
-    assert settings.realisations is not None
-    more = HALVING * settings.realisations
-    if more > MOST_SEALS:
-        return Refinement(None, f"{settings.realisations} seals are drawn, the most that are")
-    return Refinement(replace(settings, realisations=more), f"{more} seals")
+        text = f"{text} would take about {needs} of memory, expected {expected}"
+        return None, text
+    return finer, text

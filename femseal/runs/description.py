@@ -16,8 +16,8 @@ from ..results.classes import fluid_text
 from ..studies import Scene
 from ..studies.blocks import blocks_of
 from ..studies.face_states import FEWEST
+from ..studies.sampling import describe_map
 from ..studies.study_registry import LADDER_STATES, on_ladder
-from ..studies.tile_pressure import describe_map
 from ..topography import Places
 
 #: Shortest waves that a piece should hold along each side.

@@ -36,7 +36,7 @@ from ..refinement.settings import (
 from ..results.pixel_fields import fields_size
 from ..studies import Scene, drop_ratio
 from ..studies.doubts import flow_warnings
-from ..studies.face_study import STEP_BYTES, states_memory
+from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
 from ..studies.study_registry import (
     FEW_ITERATIONS,
     LADDER_STATES,
@@ -252,7 +252,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
     with storing(None, case.memory):
         if not states_memory(pixels, steps) and _keeps_states(prepared):
-            checkpoint += STEP_BYTES * pixels * steps  # the states themselves
+            checkpoint += RESULT_BYTES * pixels * steps  # the states themselves
     return Disk(each * fitting, fitting, steps, others, checkpoint)
 
 
@@ -284,7 +284,7 @@ def _checkpoint(prepared: Prepared) -> float:
     on_ladder = drawn and not prepared.cut_and_tiles[1].in_place
     found = 8.0 * pixels * max(peaks, 1) if on_ladder else 0.0
     if _keeps_states(prepared):
-        found += pixels * (STEP_BYTES * steps + 8.0 * peaks)
+        found += pixels * (STATE_BYTES * steps + 8.0 * peaks)
     return found
 
 

@@ -8,9 +8,7 @@ Contact and flow take the memory of one block.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -18,16 +16,16 @@ import numpy as np
 from ..base import Array, InputError, Mapper, Shape, Shown, Stage
 from ..base.fields import PIECE, STEP, declared
 from ..contact import HalfSpace
-from ..face.piece_flow import Failed, SolveCounts, SolverCounts
+from ..face.piece_flow import Failed, SolveCounts
 from ..face.pieces import FEWEST_POINTS, Cut
 from ..loads import LoadProgramme
 from ..seal.tiles import face_tiles
 from ..topography import Places, Topography
 from .doubts import scene_warnings
 from .piece_states import along_paths, flow_in_order, ladder_of, pieces_on_ladder
+from .sampling import TileFluid
 from .scene import Scene
 from .seal_contact import Cells, RoughLayer, opened, solved_steps
-from .tile_pressure import TileFluid
 
 #: Pieces of a block along each axis. Measured on 10 faces of 2 × 2 blocks: with 4 quartiles of leakage over that of the
 #: whole face are .90 and 1.43, with 2 they are .79 and 1.33 and an end of 95 % is 4.6 in place of 2.2.
@@ -71,9 +69,9 @@ class BlocksResult(Shown):
     places: ClassVar[None] = None
 
     @property
-    def solvers(self) -> SolverCounts:
+    def solvers(self) -> SolveCounts:
         """Number of systems by solver."""
-        return self.counts.solvers
+        return self.counts
 
     @property
     def pieces(self) -> BlocksResult:
@@ -124,8 +122,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         through = flow_in_order(scene, tiles, k[:, :, s], fluid.pressures, fluid.piecewise)
         if isinstance(through, Failed):
             failed[s] = through.reason
-        else:
-            leakage[s] = through.per_length
+        leakage[s] = through.per_length
     mean = k.mean(axis=0)
     return BlocksResult(
         scene.steps,
@@ -206,37 +203,16 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
     size = scene.surface.size
     spacing = size[0] / depth.shape[0], size[1] / depth.shape[1]
     body = HalfSpace(depth.shape, spacing, scene.modulus, scene.boundary)
-    number = (
-        np.arange(len(layers)).reshape(blocks).repeat(PIECES, axis=0).repeat(PIECES, axis=1).ravel()
+    number = np.arange(len(layers)).reshape(blocks)
+    layer = replace(
+        layers[0],
+        gap=np.concatenate([one.gap for one in layers]),
+        recovered=np.concatenate([one.recovered for one in layers]),
+        face=number.repeat(PIECES, axis=0).repeat(PIECES, axis=1).ravel(),
     )
-    own = [number == n for n in range(len(layers))]
-    most = min(float(layer.pressure[-1]) for layer in layers)
-    cells = Cells(body, np.ones(depth.shape, bool), depth.ravel(), most)
-
-    def loaded(p: Array) -> tuple[Array, Array]:
-        """s and ds/dp of every piece on loading, by the layer of its block."""
-        return _of_layers([layer.loaded for layer in layers], own, p)
-
-    def unloaded(p: Array, peak: Array) -> tuple[Array, Array]:
-        """The same after peaks."""
-        laws = [
-            partial(layer.unloaded, peak=peak[mine])
-            for layer, mine in zip(layers, own, strict=True)
-        ]
-        return _of_layers(laws, own, p)
-
-    found = solved_steps(cells, scene.steps, loaded, unloaded)
+    cells = Cells(body, np.ones(depth.shape, bool), depth.ravel(), float(layer.pressure[-1]))
+    found = solved_steps(cells, scene.steps, layer)
     return found.reshape(3, len(scene.steps), *depth.shape)
-
-
-def _of_layers(
-    laws: Sequence[Callable[[Array], tuple[Array, Array]]], own: list[Array], p: Array
-) -> tuple[Array, Array]:
-    """s and ds/dp (n,) of pieces at pressures p (n,), each by the law of its block."""
-    gap, slope = np.empty_like(p), np.empty_like(p)
-    for law, mine in zip(laws, own, strict=True):
-        gap[mine], slope[mine] = law(p[mine])
-    return gap, slope
 
 
 def _pieces(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts]:

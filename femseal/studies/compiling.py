@@ -100,22 +100,17 @@ def _record() -> Path | None:
     if not hasattr(energy_of, "stats"):  # a plain function, as NUMBA_DISABLE_JIT leaves it
         return None
     package = Path(flow.__file__).parents[1]
-    seen = hashlib.sha256(
-        repr(
-            (
-                numba.__version__,
-                np.__version__,
-                get_host_cpu_name(),
-                get_host_cpu_features().flatten(),
-            )
-        ).encode()
-    )
-    for path in sorted(
-        p for room in ("contact", "flow", "face") for p in (package / room).rglob("*.py")
-    ):
-        found = path.stat()
-        seen.update(f"{path} {found.st_mtime_ns} {found.st_size}".encode())
-    return Path(energy_of.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
+    seen = [
+        numba.__version__,
+        np.__version__,
+        get_host_cpu_name(),
+        get_host_cpu_features().flatten(),
+    ]
+    for room in ("contact", "flow", "face"):
+        for path in sorted((package / room).rglob("*.py")):
+            seen.append(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}")
+    digest = hashlib.sha256(repr(seen).encode()).hexdigest()
+    return Path(energy_of.stats.cache_path) / f"compiled-{digest[:16]}"
 
 
 def _compile(part: str) -> None:

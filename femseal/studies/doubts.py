@@ -15,10 +15,10 @@ import numpy as np
 
 from ..analytic import CLOSING_AREA, critical_junction
 from ..base import Array, counted, to_text
+from ..face.patch_form import ends_text
 from ..fluids import Fluid, IdealGas, leak_basis
 from ..materials import YOUNG_LIMITS
 from ..real_gas import ideal_gas_error
-from ..seal import RectangularSeal
 from ..seal.tiles import SealTiles
 from ..topography import Topography
 from .scene import Scene
@@ -29,6 +29,16 @@ _FLATTENING_FRACTION = 0.5
 _STEEP = 1.0
 #: Pressure above which a gas is noticeably not ideal [Pa].
 _IDEAL_UP_TO = 20e5
+#: Groups of waves into which a spectrum is put together, and the part of the mean square slope that is rounding.
+_GROUPS, _ROUNDING = 64, 1e-12
+#: Measured on 100 scenes of `tests/benchmarks/first_answer.py`: up to a contact fraction half of the answers are off by
+#: up to the first factor, 95 % by up to the second; above it single constrictions decide, and no factor holds.
+LIGHT, OFF_BY = 0.3, (2.2, 10.0)
+#: Times the second factor by which a run may be off before it is not plausible.
+_BEYOND = 10.0
+#: Flux of a choked nozzle over √(p ρ) at its inlet, √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4; 0.67 for κ = 1.3 and
+#: 0.73 for 5/3.
+_CHOKED = 0.685
 
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
@@ -43,11 +53,7 @@ def _implausible(scene: Scene) -> Iterator[str]:
         usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
         yield f"the contact modulus {to_text(scene.modulus, 'Pa')} is not that of metals ({usual}): is its unit right?"
     steps, fluid = scene.steps, scene.acting_fluid
-    parted = [
-        step
-        for step in steps
-        if fluid is not None and step.pressure > 0 and fluid.parts(step.pressure)
-    ]
+    parted = [steps[s] for s, _ in scene.parted_steps if steps[s].pressure > 0]
     if fluid is not None and parted:
         more = f" and {counted(len(parted) - 1, 'more step')}" if len(parted) > 1 else ""
         yield (
@@ -91,15 +97,6 @@ def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[
     )
 
 
-#: Groups of waves into which a spectrum is put together, and the part of the mean square slope that is rounding.
-_GROUPS, _ROUNDING = 64, 1e-12
-#: Measured on 100 scenes of `tests/benchmarks/first_answer.py`: up to a contact fraction half of the answers are off by
-#: up to the first factor, 95 % by up to the second; above it single constrictions decide, and no factor holds.
-LIGHT, OFF_BY = 0.3, (2.2, 10.0)
-#: Times the second factor by which a run may be off before it is not plausible.
-_BEYOND = 10.0
-
-
 @dataclass(frozen=True, eq=False)
 class FirstAnswer:
     """What the spectrum of a face says at some loads, NaN at those that nothing is known of.
@@ -138,19 +135,13 @@ class FirstAnswer:
         ]
 
     def __str__(self) -> str:
-        found = f"contact {_ends(100 * self.area)} %, narrowest passage {_ends(1e6 * self.gap)} µm"
+        found = f"contact {ends_text(100 * self.area)} %, narrowest passage {ends_text(1e6 * self.gap)} µm"
         if np.isfinite(self.leakage).any():
-            found += f", leakage {_ends(self.leakage)} m²/s per length (0: sealed)"
+            found += f", leakage {ends_text(self.leakage)} m²/s per length (0: sealed)"
         return (
             f"{found}; leakage by the spectrum alone is right within {OFF_BY[0]:g} times in half of the cases and "
             f"{OFF_BY[1]:g} in 95 % up to {100 * LIGHT:g} % of contact, and unknown beyond"
         )
-
-
-def _ends(values: Array) -> str:
-    """The first and the last known value."""
-    known = values[np.isfinite(values)]
-    return " to ".join(dict.fromkeys(f"{float(f'{value:.2g}'):g}" for value in known[[0, -1]]))
 
 
 def first_answer(
@@ -187,9 +178,8 @@ def of_scene(scene: Scene, tiles: SealTiles | None = None) -> FirstAnswer:
     carried = fluid.carried if fluid is not None and fluid.nominal == "total" else 0.0
     pressures = np.where(steps.on_loading, steps.pressures - carried, nan)
     found = first_answer(scene.surface, scene.modulus, scene.law.mean_hardness, pressures)
-    if tiles is None:
-        one = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
-    else:
+    one = scene.unit_leakage
+    if tiles is not None:
         one = scene.leakage(tiles.seal, tiles.permeability(*np.ones((2, tiles.count)))).per_length
     drop = scene.flow.drop
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
@@ -205,11 +195,6 @@ def _spectrum(place: Topography) -> tuple[Array, Array]:
     kept = slope2 > _ROUNDING * slope2.sum()
     power, slope2 = power[kept], slope2[kept]
     return np.sqrt(slope2 / power), power * place.rms_slope**2 / slope2.sum()
-
-
-#: Flux of a choked nozzle over √(p ρ) at its inlet, √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4; 0.67 for κ = 1.3 and
-#: 0.73 for 5/3.
-_CHOKED = 0.685
 
 
 def choked_flux(fluid: Fluid, pressure: float) -> float:

@@ -17,20 +17,20 @@ J. R. Stat. Soc. B, 2025 (several steps of a scene).
 
 from __future__ import annotations
 
-import csv
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from ..base import Array, Indices, InputError, validate
-from ..loads import LoadProgramme
-from .load_curves import first_known, load_sensitivity, neighbouring_steps
+from ..base import Array
+from ..loads import LoadProgramme, first_known, load_sensitivity, neighbouring_steps
 
 #: The calibration set, which `drawn_seals.py` and `patch_and_form.py` of `tests/benchmarks` make.
 CALIBRATION = Path(__file__).with_name("drawn_seals.csv")
 #: Kinds of drawn seals, and blocks.
 KINDS = ("in place", "anywhere", "with form", "by blocks")
+#: Fraction of the cases that a band holds.
+COVERAGE = 0.95
 #: Decades of the leakage below the first at which the quantiles change: near closing errors are of another kind.
 _EDGES = (1.0, 3.0)
 #: Decades of the leakage below the first, by kind, from which on a truth is not told from a sealed seal: a band whose
@@ -63,62 +63,40 @@ def difficulty(steps: LoadProgramme, leakage: Array) -> Array:
     return (0.5 + 0.1 * np.minimum(slope, _STEEPEST)) * (1.0 + fallen)
 
 
-def half_width(kind: str, steps: LoadProgramme, leakage: Array, *, coverage: float = 0.95) -> Array:
+def half_width(kind: str, steps: LoadProgramme, leakage: Array) -> Array:
     """Distance of ln(leakage) to both ends of the band of what one patch does not know (steps,).
 
-    kind : one of `KINDS`. leakage : of the median seal (steps,) [m²/s]. coverage : fraction of new scenes' steps whose
-    truth the band holds.
-
-    Raises InputError: another kind, a coverage for which the calibration set is too small.
+    kind : one of `KINDS`. leakage : of the median seal (steps,) [m²/s].
     """
-    if kind not in KINDS:
-        raise InputError("kind", kind, f"one of {', '.join(KINDS)}")
-    if not validate.number("coverage", coverage) < 1:
-        raise InputError("coverage", coverage, "a fraction below 1")
-    quantiles = np.array([_quantile(kind, group, coverage) for group in range(len(_EDGES) + 1)])
-    return quantiles[np.digitize(decades(leakage), _EDGES)] * difficulty(steps, leakage)
+    _, widths = _calibrated(kind)
+    return widths[np.digitize(decades(leakage), _EDGES)] * difficulty(steps, leakage)
 
 
 def count_scenes(kind: str) -> int:
     """Number of scenes in the calibration set of a kind."""
-    return len(np.unique(_scores()[kind][0]))
+    return _calibrated(kind)[0]
 
 
 @cache
-def _quantile(kind: str, group: int, coverage: float) -> float:
-    """Width over difficulty that holds the truth of a step of a new scene, so many decades down, with a probability.
+def _calibrated(kind: str) -> tuple[int, Array]:
+    """Number of scenes of a kind, and the width over difficulty that holds the truth of a step of a new one (groups,).
 
-    A group of too few scenes takes the steps of those with more leakage too.
+    Groups are of steps so many decades down; one of too few scenes takes the steps of those with more leakage too.
     """
-    scene, score, of_group = _scores()[kind]
-    for first in range(group, -1, -1):
-        chosen = (of_group >= first) & (of_group <= group)
-        number = np.unique(scene[chosen], return_inverse=True)[1]
-        n = int(number.max(initial=-1)) + 1
-        if 1 - coverage >= 1 / (n + 1) - 1e-12:
-            break
-    else:
-        raise InputError(
-            "coverage", coverage, f"at most {n / (n + 1):.3g} by a calibration of {n} scenes"
-        )
-    weight = 1.0 / (np.bincount(number)[number] * (n + 1))
-    order = np.argsort(score[chosen], kind="stable")
-    reached = int(np.searchsorted(np.cumsum(weight[order]), coverage - 1e-12))
-    return float(score[chosen][order[min(reached, order.size - 1)]])
-
-
-@cache
-def _scores() -> dict[str, tuple[Indices, Array, Indices]]:
-    """Number of the scene, distance of ln(leakage) over difficulty, and group of every step that leaks, by kind."""
-    with CALIBRATION.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    found = {}
-    for kind in KINDS:
-        of_kind = [row for row in rows if row["kind"] == kind]
-        scene = np.unique([row["scene"] for row in of_kind], return_inverse=True)[1]
-        error, hard, fallen = (
-            np.array([float(row[name]) for row in of_kind])
-            for name in ("log_ratio", "difficulty", "decades")
-        )
-        found[kind] = (scene, np.abs(error) / hard, np.digitize(fallen, _EDGES))
-    return found
+    rows = np.loadtxt(CALIBRATION, str, delimiter=",", skiprows=1, quotechar='"', encoding="utf-8")
+    rows = rows[rows[:, 0] == kind]
+    error, fallen, hard = rows[:, 4:].T.astype(float)
+    scene, score, of_group = rows[:, 2], np.abs(error) / hard, np.digitize(fallen, _EDGES)
+    widths = []
+    for group in range(len(_EDGES) + 1):
+        n, first = 0, group + 1
+        while first > 0 and 1 / (n + 1) > 1 - COVERAGE + 1e-12:
+            first -= 1
+            chosen = (of_group >= first) & (of_group <= group)
+            names, number = np.unique(scene[chosen], return_inverse=True)
+            n = names.size
+        weight = 1.0 / (np.bincount(number)[number] * (n + 1))
+        order = np.argsort(score[chosen], kind="stable")
+        reached = int(np.searchsorted(np.cumsum(weight[order]), COVERAGE - 1e-12))
+        widths.append(score[chosen][order[min(reached, order.size - 1)]])
+    return np.unique(scene).size, np.array(widths)

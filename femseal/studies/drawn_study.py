@@ -11,23 +11,29 @@ import numpy as np
 
 from ..base import Array, FemsealError, Indices, InputError, Mapper, Shape, Stage
 from ..face.curves import PieceCurves
-from ..face.piece_flow import Failed, SolverCounts, attempt
+from ..face.piece_flow import Failed, SolveCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
-from ..loads import LoadProgramme
+from ..loads import LoadProgramme, least_counted
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
 from .doubts import scene_warnings
 from .drawn_error import half_width
-from .face_states import PlaceLeakage, band_breadth
+from .face_states import PlaceLeakage, fields_of_rows
 from .face_study import cut_into_pieces
-from .load_curves import least_counted
 from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
-from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
+from .sampling import (
+    FEWEST_SEALS,
+    MOST_SEALS,
+    Sampling,
+    TileFluid,
+    distinct_paths,
+    laid_out,
+    pressure_fractions,
+)
 from .scene import Scene
 from .seal_contact import SealContact, seal_contact, without_waves_of
-from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
-from .tile_pressure import TileFluid, distinct_paths, pressure_fractions
+from .stochastic_result import MedianSeal, StochasticResult, at_every_step, nearest_to_median
 
 #: Standard error of ln(median leakage) that is wanted, in parts of the band of what one patch does not know.
 PART_OF_BAND = 1 / 20
@@ -79,14 +85,12 @@ def stochastic(
     """
     cut, tiles = cut_and_tiles(scene, cells, sampling)
     scene = without_waves_of(scene, cut, sampling.form)
-    if sampling.form:
-        formed = seal_contact(scene, tiles, sampling.form, mapper)
-        supply = _supply(scene, cut, tiles, formed.fractions, mapper)
-        supply = replace(supply, opened=formed.opened)
-    else:
-        formed = None
+    formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
+    if formed is None:
         fractions = pressure_fractions(scene, tiles, sampling.pressure_map)
         supply = _supply(scene, cut, tiles, fractions, mapper)
+    else:
+        supply = _supply(scene, cut, tiles, formed.fractions, mapper, formed.opened)
     pieces = supply.pieces
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"pieces: every flow failed; the first: {pieces.failures[0]}")
@@ -99,7 +103,7 @@ def stochastic(
         (median,) = mapper(Stage("median seal", fields), [chosen])
         if formed is not None:
             median = _with_form(median, tiles, formed)
-    rows, row_breadth = pieces.rows if supply.in_place else None, scene.surface.spacing[0]
+    rows, row_breadth = pieces.rows if supply.tiles.in_place else None, scene.surface.spacing[0]
     if formed is not None and formed.grid.has_rows:
         rows, row_breadth = formed.rows, formed.grid.spacing[0]
     unsolved = [f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved]
@@ -112,13 +116,11 @@ def stochastic(
         leakage=leakage,
         contact_fraction=1 - supply.over_tiles(1 - pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(supply, leakage),
-        row_pressure=rows,
-        band_breadth=None if rows is None else band_breadth(rows, row_breadth),
-        largest_row_pressure=None if rows is None else rows.max(axis=1),
+        **({} if rows is None else fields_of_rows(rows, row_breadth)),
         median_seal=median,
         failures=failures,
         warnings=(*scene_warnings(scene), *tiles.warnings),
-        solvers=SolverCounts.total((pieces.counts.solvers, *(one.solvers for one in drawn))),
+        solvers=SolveCounts.total((pieces.counts, *(one.solvers for one in drawn))),
     )
 
 
@@ -142,23 +144,21 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
 class _Supply:
     """Permeabilities of pieces from which the tiles of a seal draw.
 
-    k : (pressures, 2, steps, paths, pieces) [m³], at each of the fluid pressures. pressures : of the fluid [Pa].
-    piecewise : see `flow.PermeabilityTable`. path : number of the path of the pressure of every tile (tiles,).
+    k : (pressures, 2, steps, paths, pieces) [m³], at each of the pressures of the fluid.
+    path : number of the path of the pressure of every tile (tiles,).
     paths : nominal pressure along each path (steps, paths) [Pa]. unsolved : steps without a gap by number, and why.
-    in_place : pieces stay in the rows of the face. opened : permeability of the gap that the form of the seal opens
-    beyond that at which faces just touch (steps, tiles) [m³].
+    opened : permeability of the gap that the form of the seal opens beyond that at which faces just touch
+    (steps, tiles) [m³].
     """
 
     scene: Scene
     tiles: SealTiles
     pieces: FacePieces
     k: Array
-    pressures: tuple[float, ...]
-    piecewise: bool
+    fluid: TileFluid
     path: Indices
     paths: Array
     unsolved: tuple[tuple[int, str], ...]
-    in_place: bool
     opened: Array | None = None
 
     @property
@@ -179,7 +179,7 @@ class _Supply:
         if self.opened is not None:
             k = k + self.opened[step]
         of_parts = list(self.tiles.permeability(k[:, 0], k[:, 1]))
-        given = tabulated(self.pressures, of_parts, self.piecewise)
+        given = tabulated(self.fluid.pressures, of_parts, self.fluid.piecewise)
         return given, attempt(self.scene.leakage, self.tiles.seal, given, DRAWN_RTOL)
 
     def over_tiles(self, values: Array) -> Array:
@@ -201,7 +201,14 @@ class _Supply:
         return curves.along(np.maximum(paths - relief, 0.0), self.scene.steps) @ weights
 
 
-def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:
+def _supply(
+    scene: Scene,
+    cut: Cut,
+    tiles: SealTiles,
+    fractions: Array,
+    mapper: Mapper,
+    opened: Array | None = None,
+) -> _Supply:
     """Pieces at the loads of the scene, or along a ladder of the pressures that tiles have."""
     steps, drop = scene.steps, scene.flow.drop
     if tiles.in_place:
@@ -210,12 +217,9 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         pieces = cut_into_pieces(flat, cut, mapper).pieces
         assert pieces is not None
         k = pieces.k.reshape(*pieces.k.shape[:3], 1, -1)
+        fluid, path = TileFluid(tuple(drop.pressures)), np.zeros(tiles.count, np.int64)
         nominal = steps.pressures[:, None]
-        pressures = tuple(drop.pressures)
-        path = np.zeros(tiles.count, np.int64)
-        return _Supply(
-            scene, tiles, pieces, k, pressures, False, path, nominal, pieces.unsolved, True
-        )
+        return _Supply(scene, tiles, pieces, k, fluid, path, nominal, pieces.unsolved)
     paths, number = distinct_paths(fractions)
     paths = steps.pressures[:, None] * paths
     fluid = TileFluid.of(scene)
@@ -227,8 +231,7 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], 1, -1)
     else:
         k = fluid.own(along_paths(pieces, each, steps))
-    own = fluid.pressures, fluid.piecewise
-    return _Supply(scene, tiles, pieces, k, *own, number, paths, scene.parted_steps, False)
+    return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.parted_steps, opened)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +240,7 @@ class _Realisation:
 
     leakage: Array
     failures: tuple[str, ...]
-    solvers: SolverCounts
+    solvers: SolveCounts
 
 
 def _drawn(supply: _Supply, sampling: Sampling, mapper: Mapper) -> list[_Realisation]:
@@ -263,7 +266,7 @@ def _kind(tiles: SealTiles, sampling: Sampling) -> str:
 
 def _needed(steps: LoadProgramme, leakage: Array, kind: str) -> int:
     """Number of seals whose median has the standard error that is wanted, at all steps that count."""
-    median = _medians(leakage)
+    median = at_every_step(leakage, np.median)
     width = half_width(kind, steps, median)
     counts = (np.abs(median) > least_counted(median)) & np.isfinite(width)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -271,12 +274,6 @@ def _needed(steps: LoadProgramme, leakage: Array, kind: str) -> int:
     wanted = (_MEDIAN_ERROR * spread / (PART_OF_BAND * width[counts])) ** 2
     most = float(np.max(wanted[np.isfinite(wanted)], initial=0.0))
     return int(np.clip(np.ceil(most), FEWEST_SEALS, MOST_SEALS))
-
-
-def _medians(leakage: Array) -> Array:
-    """Median of the realisations that did not fail, at every step (steps,); NaN where all failed."""
-    known = [column[np.isfinite(column)] for column in leakage.T]
-    return np.array([np.median(column) if column.size else np.nan for column in known])
 
 
 def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
@@ -289,7 +286,7 @@ def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
     leakage, failures, solvers = np.full(len(steps), np.nan), [], []
     face, own = supply.pieces.face, supply.pieces.own
     for s in supply.solved:
-        if supply.in_place and own[s] == 0:
+        if supply.tiles.in_place and own[s] == 0:
             leakage[s] = face[s]
             continue
         _, found = supply.flow(piece, s)
@@ -297,10 +294,10 @@ def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
             failures.append(f"realisation {realisation}, {steps[s].name}: {found.reason}")
             continue
         leakage[s] = found.per_length
-        solvers.append(SolverCounts.of(found))
-        if supply.in_place:
+        solvers.append(SolveCounts.of(found))
+        if supply.tiles.in_place:
             leakage[s] = face[s] * np.clip(leakage[s] / own[s], 1 / MOST_RATIO, MOST_RATIO)
-    return _Realisation(leakage, tuple(failures), SolverCounts.total(solvers))
+    return _Realisation(leakage, tuple(failures), SolveCounts.total(solvers))
 
 
 def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
@@ -316,7 +313,7 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
         k[s], p[s] = tiles.shown(at_solution, found.fluid_pressure)
         potential = scene.fluid.potential(found.fluid_pressure) / scene.fluid.reference_density
         flux[s] = tiles.flux(at_solution, potential, _rate_of_power(scene, tiles, found))
-    if supply.in_place:
+    if supply.tiles.in_place:
         pressure = supply.pieces.pressure.reshape(len(scene.steps), -1)[:, piece[tiles.tile]]
     else:
         pressure = supply.paths[:, supply.path[tiles.tile]]
@@ -354,7 +351,7 @@ def _places(supply: _Supply, leakage: Array) -> PlaceLeakage | None:
     pieces = supply.pieces
     if pieces.places is None:
         return None
-    face, *places = map(supply.at_nominal, (pieces.face, *pieces.places))
+    face, *places = map(supply.at_nominal, (pieces.face, *pieces.places.kept))
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(face > 0, _medians(leakage) / face, 1.0)
-    return PlaceLeakage.of(scale * np.array(places))
+        scale = np.where(face > 0, at_every_step(leakage, np.median) / face, 1.0)
+    return PlaceLeakage(scale * np.array(places))

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Mapper, Pair, Shown, Stage
-from ..base.fields import PLACE, STEP, Field, declared
+from ..base import Array, Floats, Mapper, Pair, Shown, Singles, Stage
+from ..base.fields import PLACE, STEP, Field
 from ..contact import LoadState
-from ..face.piece_flow import Failed, FlowSettings, SolverCounts, attempt
-from ..seal import RectangularSeal
+from ..face.piece_flow import (
+    FaceFlow,
+    Failed,
+    FlowSettings,
+    SolveCounts,
+    attempt,
+    resolved_flow,
+)
+from ..loads import least_counted
 from ..topography import Places
 from ..topography.places import divided
-from .face_flow import FaceFlow, resolved_flow
 from .fluid_coupling import CoupledContact
-from .load_curves import least_counted
 from .scene import Scene
 
 #: Places from which on their scatter tells how far the leakage of more of them may lie.
@@ -35,10 +40,10 @@ class FaceState:
     permeability : of the face [m³], NaN where its flow failed, for the `failed` reason.
     """
 
-    gap: NDArray[np.float32]
-    pressure: NDArray[np.float32]
+    gap: Singles
+    pressure: Singles
     plastic: NDArray[np.uint8]
-    potential: NDArray[np.float32]
+    potential: Singles
     rows: Array
     contact_fraction: float
     plastic_fraction: float
@@ -46,7 +51,7 @@ class FaceState:
     residual: float
     carried: float
     permeability: float
-    solvers: SolverCounts
+    solvers: SolveCounts
     failed: str = ""
 
     @classmethod
@@ -58,19 +63,15 @@ class FaceState:
         if isinstance(contact, CoupledContact):
             found, carried = contact.flow, contact.carried
         else:
-            spacing = contact.half_space.spacing
-            found = attempt(resolved_flow, contact.gap, spacing, flow, with_potential=True)
+            found = attempt(resolved_flow, contact.gap, contact.half_space.spacing, flow)
         if isinstance(found, Failed):
             failed = found.reason
-            found = FaceFlow(np.nan, SolverCounts())
-        potential = np.full(contact.gap.shape, np.nan, np.float32)
-        if found.potential is not None:
-            potential[...] = found.potential
+            found = FaceFlow(np.nan, SolveCounts(), np.full(contact.gap.shape, np.nan))
         return cls(
             gap=contact.gap.astype(np.float32),
             pressure=contact.pressure.astype(np.float32),
             plastic=np.packbits(contact.plastic),
-            potential=potential,
+            potential=found.potential.astype(np.float32),
             rows=contact.pressure.mean(axis=1),
             contact_fraction=contact.area_fraction,
             plastic_fraction=contact.plastic_fraction,
@@ -83,57 +84,60 @@ class FaceState:
         )
 
 
-def leakage_of_state(scene: Scene, state: FaceState) -> tuple[float, SolverCounts]:
-    """Leakage per length of the face in a state [m²/s], NaN where its flow failed, and all systems solved for it."""
-    if state.failed:
-        return np.nan, state.solvers
-    through = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), state.permeability)
-    return through.per_length, state.solvers + SolverCounts.of(through)
+def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
+    """Fields of a result by their name, from the mean pressure of rows (steps, n1) [Pa], a spacing apart [m].
 
-
-def band_breadth(row_pressure: Array, spacing: float) -> Array:
-    """Distance of the first row in contact from the last, both included (steps,) [m]; row_pressure (steps, n1) [Pa]."""
+    The breadth of the band is the distance of the first row in contact from the last, both included.
+    """
     touching = row_pressure > 0
     n1 = touching.shape[1]
     between = n1 - touching.argmax(axis=1) - touching[:, ::-1].argmax(axis=1)
-    return np.where(touching.any(axis=1), between, 0) * spacing
+    return {
+        "row_pressure": row_pressure,
+        "band_breadth": np.where(touching.any(axis=1), between, 0) * spacing,
+        "largest_row_pressure": row_pressure.max(axis=1),
+    }
 
 
 @dataclass(frozen=True, repr=False)
 class PlaceLeakage(Shown):
-    """Leakage by places (places, steps), NaN where the flow failed.
+    """Leakage by places, NaN where the flow failed.
 
-    alone : of each by itself, continued periodically. without : of all places but one, side by side; None of two.
+    kept : of each place by itself, continued periodically, and from three on of all but each, side by side
+        (2 places, steps) [m²/s].
     """
 
-    alone: Array = declared(
-        "leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE
-    )
-    without: Array | None = declared(
-        "leakage_without_place",
-        "m^2/s",
-        "leakage per unit seal length, of all places but one",
-        PLACE,
-        default=None,
-    )
-
-    @classmethod
-    def of(cls, leakage: Array) -> PlaceLeakage:
-        """From the leakage of each place, and from three on of all but each (2 places, steps)."""
-        places = len(leakage) // 2
-        if places < FEWEST:
-            return cls(leakage)
-        return cls(leakage[:places], leakage[places:])
+    kept: Array = field(metadata={"unit": "m^2/s"})
 
     computed_fields: ClassVar[dict[str, Field]] = {
+        "alone": Field(
+            "leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE
+        ),
+        "without": Field(
+            "leakage_without_place",
+            "m^2/s",
+            "leakage per unit seal length, of all places but one",
+            PLACE,
+        ),
         "scatter": Field(
             "place_scatter",
             "1",
             "standard deviation of the leakage of single places over its mean",
             STEP,
             "places ± [%]",
-        )
+        ),
     }
+
+    @property
+    def alone(self) -> Array:
+        """Leakage of each place by itself (places, steps)."""
+        return self.kept if self.without is None else self.kept[: len(self.without)]
+
+    @property
+    def without(self) -> Array | None:
+        """Leakage of all places but each (places, steps); None of two."""
+        places = len(self.kept) // 2
+        return self.kept[places:] if places >= FEWEST else None
 
     @property
     def relative(self) -> Array:
@@ -162,9 +166,7 @@ def kept_places(count: int) -> tuple[tuple[int, ...], ...]:
     return (*((n,) for n in every), *without)
 
 
-def place_leakage(
-    scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map
-) -> PlaceLeakage | None:
+def place_leakage(scene: Scene, gap: Floats, mapper: Mapper = map) -> PlaceLeakage | None:
     """Leakage by places from the gap of all of them at every step (steps, n1, n2) [m]; None of a single place."""
     surface = scene.surface
     if not isinstance(surface, Places):
@@ -176,13 +178,11 @@ def place_leakage(
         settings=scene.flow,
     )
     found = mapper(Stage("flow of places", solve), gap)
-    # leakage per length of a unit permeability
-    unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
-    return PlaceLeakage.of(unit * np.array(list(found)).T)
+    return PlaceLeakage(scene.unit_leakage * np.array(list(found)).T)
 
 
 def permeabilities_of_places(
-    gap: NDArray[np.floating],
+    gap: Floats,
     widths: tuple[int, ...],
     spacing: Pair,
     settings: FlowSettings,
@@ -191,8 +191,6 @@ def permeabilities_of_places(
     pieces = divided(gap, widths)
     found = []
     for of in kept_places(len(pieces)):
-        flow = attempt(
-            resolved_flow, np.concatenate([pieces[n - 1] for n in of], axis=1), spacing, settings
-        )
-        found.append(np.nan if isinstance(flow, Failed) else flow.permeability)
+        gap = np.concatenate([pieces[n - 1] for n in of], axis=1)
+        found.append(attempt(resolved_flow, gap, spacing, settings).permeability)
     return np.array(found)

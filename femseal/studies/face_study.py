@@ -2,90 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.lib.mixins import NDArrayOperatorsMixin
-from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, Shape, Shown
+from ..base import Array, InputError, Mapper, Shape, Shown, Singles
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.shared_array import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact.workspace import KEPT_POINTS
-from ..face.piece_flow import SolverCounts
+from ..face.piece_flow import SolveCounts
 from ..face.pieces import Cut
 from ..loads import LoadProgramme
 from .doubts import scene_warnings
-from .face_states import FaceState, PlaceLeakage, band_breadth, leakage_of_state, place_leakage
+from .face_states import FaceState, PlaceLeakage, fields_of_rows, place_leakage
 from .piece_states import FacePieces, pieces_of_states
 from .scene import Scene
 
-#: Memory that a pixel of a result takes at every step [byte]: gap, contact pressure and potential, and a bit that says
-#: whether it is plastic.
-STEP_BYTES = 3 * 4.0 + 0.125
+#: Memory that a pixel of a state takes [byte]: gap, contact pressure and potential, and a bit that says whether it is
+#: plastic; and of a result, with the fluid pressure.
+STATE_BYTES, RESULT_BYTES = 12.125, 16.125
 #: Memory that contact and flow of a step take for each pixel, and what the contact of smaller faces keeps for its next
 #: [byte]. Measured on 512² to 4096² pixels.
 _STATE_BYTES, _KEPT_BYTES = 130.0, 130.0
-
-
-class StepFields(NDArrayOperatorsMixin):
-    """A field (steps, n1, n2) in single precision whose steps are made when they are used.
-
-    Use it like an array that cannot be changed. Indexing makes the indexed steps only; arithmetic, methods and numpy
-    functions make the whole field.
-
-    shape : number of steps, and pixels along x1 and x2. at : gives the field (n1, n2) at the step of a number.
-    """
-
-    dtype = np.dtype(np.float32)
-    ndim = 3
-
-    def __init__(
-        self, shape: tuple[int, int, int], at: Callable[[int], NDArray[np.float32]]
-    ) -> None:
-        self.shape, self._at = shape, at
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __iter__(self) -> Iterator[NDArray[np.float32]]:
-        return map(self._at, range(len(self)))
-
-    def __getitem__(self, key: Any) -> NDArray[np.float32]:
-        key = key if isinstance(key, tuple) else (key,)
-        if key and np.ndim(key[0]) > 1:  # a choice of pixels
-            return self[...][key]
-        if key and key[0] is not Ellipsis:
-            steps, pixels = np.arange(len(self))[key[0]], key[1:]
-        else:
-            steps, pixels = np.arange(len(self)), key
-        if steps.ndim == 0:
-            return self._at(int(steps))[pixels]
-        return np.array([self._at(int(s))[pixels] for s in steps], np.float32)
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        return self[...].astype(dtype or self.dtype, copy=False)
-
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        arrays = (np.asarray(i) if isinstance(i, StepFields) else i for i in inputs)
-        return getattr(ufunc, method)(*arrays, **options)
-
-    def __getattr__(self, name: str) -> Any:
-        # methods of an array, such as mean; a copy or a pickle that is not built yet has none
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return getattr(self[...], name)
 
 
 @dataclass(frozen=True, repr=False)
 class FaceResult(Shown):
     """Contact and flow of a whole face on its own pixels, and of its pieces; arrays over the steps.
 
-    gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision; the fluid pressure is computed
-    when it is used, see `StepFields`, and NaN in contact and in pockets.
+    gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision; the fluid pressure is NaN in
+    contact and in pockets.
     leakage : per length of seal [m²/s], NaN where the flow failed. row_pressure : (steps, n1).
     pieces : of the face, None unless it was cut. places : leakage by measured places, None of one.
     states : of the face at every step. residual : largest residual of the contacts. failures : reasons of values that
@@ -108,11 +56,9 @@ class FaceResult(Shown):
     largest_row_pressure: Array = declared(
         "largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP
     )
-    gap: NDArray[np.float32] = declared("gap", "m", "deformed gap", PIXEL)
-    contact_pressure: NDArray[np.float32] = declared(
-        "contact_pressure", "Pa", "contact pressure", PIXEL
-    )
-    fluid_pressure: StepFields = declared(
+    gap: Singles = declared("gap", "m", "deformed gap", PIXEL)
+    contact_pressure: Singles = declared("contact_pressure", "Pa", "contact pressure", PIXEL)
+    fluid_pressure: Singles = declared(
         "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL
     )
     carried_pressure: Array | None = declared(
@@ -135,16 +81,12 @@ class FaceResult(Shown):
     residual: float = 0.0
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    face_solvers: SolverCounts = field(default_factory=SolverCounts)
+    face_solvers: SolveCounts = field(default_factory=SolveCounts)
 
     @property
-    def solvers(self) -> SolverCounts:
+    def solvers(self) -> SolveCounts:
         """Number of systems by solver, of the face and of its pieces."""
-        return (
-            self.face_solvers
-            if self.pieces is None
-            else self.face_solvers + self.pieces.counts.solvers
-        )
+        return self.face_solvers if self.pieces is None else self.face_solvers + self.pieces.counts
 
     @property
     def method(self) -> str:
@@ -204,6 +146,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     surface, shape = scene.surface, (len(scene.steps), *scene.surface.shape)
     fields = {name: shared_empty(shape, np.float32) for name in ("gap", "pressure", "potential")}
     fields["plastic"] = shared_empty((shape[0], -(-surface.heights.size // 8)), np.uint8)
+    fluid_pressure = shared_empty(shape, np.float32)
     states: list[FaceState] = []
     take = partial(FaceState.of, flow=scene.flow)
     memory = state_memory(surface.heights.size)
@@ -211,23 +154,21 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
         for name, values in fields.items():
             values[len(states)] = getattr(state, name)
             give_back(values)
+        fluid_pressure[len(states)] = scene.pressure_at(state.potential)
+        give_back(fluid_pressure)
         states.append(replace(state, **{name: v[len(states)] for name, v in fields.items()}))
-    for values in fields.values():
+    for values in (*fields.values(), fluid_pressure):
         values.flags.writeable = False
-    through = [leakage_of_state(scene, state) for state in states]
-    rows = np.array([state.rows for state in states])
+    names = "contact_fraction", "plastic_fraction", "mean_gap"
+    means: dict[str, Any] = {n: np.array([getattr(s, n) for s in states]) for n in names}
     return FaceResult(
         steps=scene.steps,
-        leakage=np.array([leakage for leakage, _ in through]),
-        contact_fraction=np.array([state.contact_fraction for state in states]),
-        plastic_fraction=np.array([state.plastic_fraction for state in states]),
-        mean_gap=np.array([state.mean_gap for state in states]),
-        row_pressure=rows,
-        band_breadth=band_breadth(rows, surface.spacing[0]),
-        largest_row_pressure=rows.max(axis=1),
+        leakage=scene.unit_leakage * np.array([state.permeability for state in states]),
+        **means,
+        **fields_of_rows(np.array([state.rows for state in states]), surface.spacing[0]),
         gap=fields["gap"],
         contact_pressure=fields["pressure"],
-        fluid_pressure=StepFields(shape, partial(_fluid_pressure, scene, fields["potential"])),
+        fluid_pressure=fluid_pressure,
         carried_pressure=np.array([state.carried for state in states]),
         entry_pressure=scene.entry_pressures(one_at_a_time(fields["gap"])),
         places=place_leakage(scene, fields["gap"], mapper),
@@ -239,12 +180,8 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
             if s.failed
         ),
         warnings=scene_warnings(scene),
-        face_solvers=SolverCounts.total(solvers for _, solvers in through),
+        face_solvers=SolveCounts.total(state.solvers for state in states),
     )
-
-
-def _fluid_pressure(scene: Scene, potential: NDArray[np.float32], step: int) -> NDArray[np.float32]:
-    return scene.pressure_at(potential[step]).astype(np.float32)
 
 
 def state_memory(pixels: float) -> float:
@@ -252,9 +189,9 @@ def state_memory(pixels: float) -> float:
     return pixels * (_STATE_BYTES + (_KEPT_BYTES if pixels <= KEPT_POINTS else 0.0))
 
 
-def states_memory(pixels: int, steps: int, each: float = STEP_BYTES) -> float:
-    """Memory that so many steps take, `each` of them for a pixel [byte]: none where they lie on disk."""
-    return 0.0 if lies_on_disk(4.0 * pixels * steps) else each * pixels * steps
+def states_memory(pixels: int, steps: int) -> float:
+    """Memory that so many steps of a result take [byte]: none where they lie on disk."""
+    return 0.0 if lies_on_disk(4.0 * pixels * steps) else RESULT_BYTES * pixels * steps
 
 
 def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult:
@@ -285,14 +222,5 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
 def cut_into_pieces(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
     """The solution of a face, with the pieces of a cut."""
     face = deterministic(scene, mapper=mapper)
-    pieces = pieces_of_states(scene, cut, face.states, face.leakage, _of_places(face), mapper)
+    pieces = pieces_of_states(scene, cut, face.states, face.leakage, face.places, mapper)
     return replace(face, pieces=pieces, failures=(*face.failures, *pieces.failures))
-
-
-def _of_places(face: FaceResult) -> Array | None:
-    """Leakage of each measured place, and from three on of all but each (2 places, steps) [m²/s]; None of one."""
-    if (places := face.places) is None:
-        return None
-    return (
-        places.alone if places.without is None else np.concatenate([places.alone, places.without])
-    )

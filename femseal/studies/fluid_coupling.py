@@ -11,18 +11,18 @@ Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..base import Array, InputError, Pair, Shape, to_text
+from ..base import Array, InputError, Shape, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
-from ..face.piece_flow import Failed, FlowSettings, attempt
+from ..face.piece_flow import FaceFlow, Failed, FlowSettings, attempt, resolved_flow
 from ..flow.harmonic import harmonic_fill
+from ..flow.pressure_drop import pressure_between
 from ..fluids import Fluid
 from ..topography import Places
-from .face_flow import FaceFlow, resolved_flow
 from .trapped_liquid import PocketPressures, TrappedLiquid
 
 #: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
@@ -89,10 +89,7 @@ class FluidPressure:
 
     def above_surroundings(self, fraction: Any) -> Array:
         """Fluid pressure [Pa] above that of the surroundings where the viscous potential has fractions of its drop."""
-        inlet, outlet = self.fluid.potential([self.inlet, self.outlet])
-        pressure = self.fluid.pressure(
-            outlet + (inlet - outlet) * np.asarray(fraction, dtype=float)
-        )
+        pressure = pressure_between(self.fluid, self.inlet, self.outlet, fraction)
         return np.asarray(pressure) - self._around
 
     @property
@@ -133,84 +130,59 @@ class FluidPressure:
         *,
         pressure: float,
         former: TrappedLiquid | None = None,
+        start: Array | None = None,
+        share: float = 1.0,
         **settings: Any,
     ) -> Contact | CoupledContact:
-        """Solve contact and flow in turn at a nominal pressure [Pa]; other arguments are those of `solve_contact`.
+        """Solve contact and flow in turn at a nominal pressure [Pa] until the permeability stays.
 
-        The contact alone where the fluid carries less than 1e-4 of the load and none is trapped. `former` is the liquid
-        in the pockets of the load before.
+        The contact alone where the fluid carries less than 1e-4 of the load and none is trapped.
+
+        former : liquid in the pockets of the load before. start : fluid pressure of the first round; that of an even
+        drop unless given. share : of the tolerance, which is enough once the rounds are many. settings : other
+        arguments of `solve_contact`.
 
         Raises NotConverged: a contact failed.
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
-        found = self._rounds(gap0, half_space, pressure, settings, former)
-        if (
-            not isinstance(found.flow, Failed)
-            or self._room(found.carried, pressure) > _LEAST_ROOM * pressure
-        ):
-            return found
-        return self._near_opening(gap0, half_space, pressure, settings)
-
-    def _room(self, carried: float, pressure: float) -> float:
-        """What is left to the contact of a nominal pressure of which the fluid carries some [Pa]."""
-        return pressure - carried if self.nominal == "total" else np.inf
-
-    def _rounds(
-        self,
-        gap0: Array,
-        half_space: HalfSpace,
-        pressure: float,
-        settings: Mapping[str, Any],
-        former: TrappedLiquid | None = None,
-        start: Array | None = None,
-        share: float = 1.0,
-    ) -> CoupledContact:
-        """Solve contact and flow in turn until the permeability stays, or hardly anything is left to the contact.
-
-        start : fluid pressure of the first round; that of an even drop unless given. share : of the tolerance, which is
-        enough once the rounds are many.
-        """
+        together = self.nominal == "total"
         p_f = self.even_drop(half_space.shape) if start is None else start
-        around = p_f
-        trapped, pockets = (
-            None,
-            self._pockets(former, half_space, pressure, settings) if self.trapped else None,
-        )
-        if pockets is not None:
+        around, trapped, pockets, most = p_f, None, None, MOST_ROUNDS
+        if self.trapped:
+            law, most = contact_law(settings.get("hardness", np.inf)), MOST_TRAPPED_ROUNDS
+            pockets = PocketPressures(
+                former,
+                half_space,
+                bulk_modulus=getattr(self.fluid, "bulk_modulus", None) or np.inf,
+                hardness=float(np.min(law.yield_pressure())),
+                load=pressure,
+            )
             p_f = pockets.first(p_f)
-        most = MOST_ROUNDS if pockets is None else MOST_TRAPPED_ROUNDS
         last, moved, change, error = np.nan, np.nan, np.inf, np.inf
         scale = max(abs(self.inlet), abs(self.outlet))
         given, gave, closed, part = p_f, p_f, 0, 1.0
         for n in range(1, most + 1):
             carried = float(p_f.mean())
             liquid = former if trapped is None else trapped
-            if (
-                liquid is not None
-                and self.nominal == "total"
-                and self.carried < 0.9 * pressure < carried
-            ):
+            if liquid is not None and together and self.carried < 0.9 * pressure < carried:
                 # pockets that carry all of the load open; what flows around them may carry more than most of it
                 above = np.where(liquid.pocket > 0, np.maximum(p_f - around, 0.0), 0.0)
-                p_f = p_f - above * min(
-                    (carried - 0.9 * pressure) / max(float(above.mean()), 1e-300), 1.0
-                )
+                whole = max(float(above.mean()), 1e-300)
+                p_f = p_f - above * min((carried - 0.9 * pressure) / whole, 1.0)
                 carried = float(p_f.mean())
-            if n == 1 and self.nominal == "total" and carried > _FIRST_CARRIED * pressure:
-                p_f = p_f * (_FIRST_CARRIED * pressure / carried)
+            if n == 1 and together and carried > _FIRST_CARRIED * pressure:
+                p_f = given = gave = p_f * (_FIRST_CARRIED * pressure / carried)
                 carried = float(p_f.mean())
-                given = gave = p_f
-            room = self._room(carried, pressure)
-            load = pressure if self.nominal == "total" else pressure + carried
+            room, load = (
+                (pressure - carried, pressure) if together else (np.inf, pressure + carried)
+            )
             contact = solve_contact(
                 gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings
             )
-            flow = attempt(
-                resolved_flow, contact.gap, half_space.spacing, self.settings, with_potential=True
-            )
+            flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings)
             if isinstance(flow, Failed):
-                return _coupled(contact, flow, carried, n)
+                break
             last_p_f = p_f
             around = found = self._pressure(flow, last_p_f)
             if pockets is not None:
@@ -223,10 +195,8 @@ class FluidPressure:
             if trapped is not None:
                 p_f = trapped.on(p_f)
             taken, part = part, 1.0 if n <= _WHOLE_STEPS or trapped is not None else 0.5
-            if (
-                p_f.mean() >= carried + room
-            ):  # too far: half of the way to where the contact carries nothing
-                part = 0.5 * room / (float(p_f.mean()) - carried)
+            if (more := float(p_f.mean()) - carried) >= room:
+                part = 0.5 * room / more  # half of the way to where the contact carries nothing
             if part < 1:
                 p_f = last_p_f + part * (p_f - last_p_f)
             k, before = flow.permeability, moved
@@ -238,26 +208,29 @@ class FluidPressure:
             else:
                 change = moved if k == 0 else np.inf
             # the next change of k is to this one as the moves of p_f; two equal k by chance end nothing
-            ratio = min(moved / before, 0.5) if before > 0 else 0.5
-            steepness = (
-                max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0))
-                if before > 0
-                else change
-            )
-            error = steepness * moved / (1 - ratio) if np.isfinite(before) else change
-            error = min(
-                error, max(changed, change)
-            )  # where single points take turns; NaN until two changes are known
+            error = change
+            if before > 0:
+                steepness = max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0))
+                error = steepness * moved / (1 - min(moved / before, 0.5))
+            # where single points take turns; NaN until two changes are known
+            error = min(error, max(changed, change))
             if trapped is not None:  # of closed faces only the volumes have to stay
                 closed = closed + 1 if k == 0 else 0
                 error = max(error if closed < _CLOSED_ROUNDS else 0.0, trapped.error)
             if error <= (share if n <= _WHOLE_STEPS else 1.0) * RTOL:
-                return _coupled(contact, flow, carried, n, trapped)
+                return CoupledContact(
+                    **vars(contact), flow=flow, carried=carried, rounds=n, trapped=trapped
+                )
             if room <= _LEAST_ROOM * pressure:
                 break
             last = k
-        reason = f"contact and fluid pressure: after {n} rounds the permeability still changes by {error:.1e}"
-        return _coupled(contact, Failed(reason), carried, n)
+        if room <= _LEAST_ROOM * pressure:
+            return self._near_opening(gap0, half_space, pressure, settings)
+        if not isinstance(flow, Failed):
+            flow = Failed(
+                f"contact and fluid pressure: after {n} rounds the permeability still changes by {error:.1e}"
+            )
+        return CoupledContact(**vars(contact), flow=flow, carried=carried, rounds=n)
 
     def _near_opening(
         self, gap0: Array, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
@@ -268,54 +241,48 @@ class FluidPressure:
         nominal pressure. The faces part at the least of these. Above it the higher of two loads of the contact is
         taken, which a face has that is unloaded, or let under pressure, from where it is closed. No pockets are left.
         """
-        known: dict[float, CoupledContact] = {}
-        alone, start = (
-            replace(self, nominal="contact", trapped=False),
-            self.even_drop(half_space.shape),
-        )
+        from scipy.optimize import brentq, minimize_scalar
+
+        known: dict[float, Any] = {}
+        alone = replace(self, nominal="contact", trapped=False)
+        start = even = self.even_drop(half_space.shape)
 
         def total(load: float) -> float:
             nonlocal start
             if load not in known:
-                known[load] = alone._rounds(
-                    gap0, half_space, load, settings, start=start, share=_SHARE
+                known[load] = alone.contact(
+                    gap0, half_space, pressure=load, start=start, share=_SHARE, **settings
                 )
                 if not isinstance(flow := known[load].flow, Failed):
                     start = self._pressure(flow, start)
             return load + known[load].carried
 
-        least, opening = _least(total, _LOADS * max(abs(self.inlet), abs(self.outlet)))
+        loads = (_LOADS * max(abs(self.inlet), abs(self.outlet))).tolist()
+        totals = [total(load) for load in loads]
+        n = int(np.argmin(totals))
+        least, opening = loads[n], totals[n]
+        if n > 0:
+            ends = np.log([loads[n - 1], loads[min(n + 1, len(loads) - 1)]])
+            lowest = minimize_scalar(
+                lambda x: total(float(np.exp(x))),
+                bounds=ends,
+                method="bounded",
+                options={"xatol": 0.3},
+            )
+            least, opening = float(np.exp(lowest.x)), float(lowest.fun)
         if pressure > opening:
-            from scipy.optimize import brentq
-
             above = least
             while total(above) < pressure:
                 above *= _STEP
-            found = brentq(
-                lambda load: total(load) - pressure, above / _STEP, above, rtol=_LOAD_RTOL
-            )
-            return known[found]
-        p_f = self.even_drop(half_space.shape)
+            return known[
+                brentq(lambda load: total(load) - pressure, above / _STEP, above, rtol=_LOAD_RTOL)
+            ]
         contact = solve_contact(
-            gap0, half_space, pressure=float(p_f.mean()), fluid_pressure=p_f, **settings
+            gap0, half_space, pressure=float(even.mean()), fluid_pressure=even, **settings
         )
-        return _coupled(
-            contact, Failed(self.parted(opening)), pressure, sum(c.rounds for c in known.values())
-        )
-
-    def _pockets(
-        self,
-        former: TrappedLiquid | None,
-        half_space: HalfSpace,
-        pressure: float,
-        settings: Mapping[str, Any],
-    ) -> PocketPressures:
-        """How pockets of the fluid find their pressure in a contact at a nominal pressure [Pa]."""
-        hardness = float(np.min(contact_law(settings.get("hardness", np.inf)).yield_pressure()))
-        bulk_modulus = getattr(self.fluid, "bulk_modulus", None) or np.inf
-        return PocketPressures(
-            former, half_space, bulk_modulus=bulk_modulus, hardness=hardness, load=pressure
-        )
+        rounds = sum(c.rounds for c in known.values())
+        flow = Failed(self.parted(opening))
+        return CoupledContact(**vars(contact), flow=flow, carried=pressure, rounds=rounds)
 
     def _pressure(self, flow: FaceFlow, former: Array) -> Array:
         """Pressure above the surroundings (n1, n2) [Pa] of a flow, also in contact; the former one if no gap is wet."""
@@ -344,33 +311,6 @@ def _mixed(given: Array, gave: Array, former: Array, former_gave: Array) -> Arra
     return (1 - weight) * gave + weight * former_gave
 
 
-def _least(total: Callable[[float], float], loads: Array) -> Pair:
-    """Where a function of the load is least, and its least value: at the first of some loads or between others."""
-    values = [total(float(load)) for load in loads]
-    n = int(np.argmin(values))
-    if n == 0:
-        return float(loads[0]), values[0]
-    from scipy.optimize import minimize_scalar
-
-    ends = np.log(loads[n - 1]), np.log(loads[min(n + 1, loads.size - 1)])
-    found = minimize_scalar(
-        lambda x: total(float(np.exp(x))), bounds=ends, method="bounded", options={"xatol": 0.3}
-    )
-    return float(np.exp(found.x)), float(found.fun)
-
-
-def _coupled(
-    contact: Contact,
-    flow: FaceFlow | Failed,
-    carried: float,
-    rounds: int,
-    trapped: TrappedLiquid | None = None,
-) -> CoupledContact:
-    """The contact of the last round with its flow."""
-    known = {f.name: getattr(contact, f.name) for f in fields(contact)}
-    return CoupledContact(**known, flow=flow, carried=carried, rounds=rounds, trapped=trapped)
-
-
 def contact_of_places(
     gap0: Array,
     half_space: HalfSpace,
@@ -397,12 +337,7 @@ def contact_of_places(
     former = [None] * len(places.widths) if deformation is None else places.divided(deformation)
     found = []
     for gap, left in zip(places.divided(gap0), former, strict=True):
-        body = HalfSpace(
-            (gap.shape[0], gap.shape[1]),
-            half_space.spacing,
-            half_space.modulus,
-            half_space.boundary,
-        )
+        body = replace(half_space, shape=gap.shape)
         # gaps are counted from the highest point of the place
         from_highest = np.ascontiguousarray(gap - gap.min())
         found.append(solve(from_highest, body, hardness=hardness, deformation=left, **settings))
@@ -420,12 +355,11 @@ def contact_of_places(
     coupled = [c for c in found if isinstance(c, CoupledContact)]
     if not coupled:
         return Contact(**joined)
-    carried = float(np.average([getattr(c, "carried", 0.0) for c in found], weights=places.widths))
-    own: FaceFlow | Failed
-    if failed := [c.flow for c in coupled if isinstance(c.flow, Failed)]:
-        own = failed[0]
-    else:
-        own = attempt(resolved_flow, joined["gap"], half_space.spacing, flow, with_potential=True)
+    failed = [c.flow for c in coupled if isinstance(c.flow, Failed)]
+    carried = [getattr(c, "carried", 0.0) for c in found]
     return CoupledContact(
-        **joined, flow=own, carried=carried, rounds=max(c.rounds for c in coupled)
+        **joined,
+        flow=(*failed, attempt(resolved_flow, joined["gap"], half_space.spacing, flow))[0],
+        carried=float(np.average(carried, weights=places.widths)),
+        rounds=max(c.rounds for c in coupled),
     )

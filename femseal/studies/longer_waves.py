@@ -17,12 +17,11 @@ import numpy as np
 from ..base import Array, Mapper, Pair
 from ..contact import LoadState
 from ..face.curves import PieceCurves
-from ..face.piece_flow import Failed, FlowSettings, attempt
+from ..face.piece_flow import Failed, FlowSettings, attempt, resolved_flow
 from ..seal.form import SealForm
 from ..seal.pressure_map import Frame
 from ..seal.tiles import PieceSize, SealTiles
 from ..topography import Representative, shortest_place
-from .face_flow import resolved_flow
 from .scene import Scene
 from .seal_contact import RoughLayer, layer_states, seal_contact
 
@@ -54,13 +53,9 @@ class DrawnForm:
 
     def heights(self, points: Array, frame: Frame) -> Array:
         """√(2/waves) of the rms height times the sum of cosines."""
-        z = np.zeros(len(points))
-        for vector, phase in zip(self.vectors, self.phases, strict=True):
-            z += np.cos(points @ vector + phase)
+        z = np.cos(points @ self.vectors.T + self.phases).sum(axis=1)
         scale = self.rms_height * (2 / len(self.phases)) ** 0.5
-        return z * (
-            scale if self.flatness is None else min(scale, self.flatness / float(np.ptp(z)))
-        )
+        return z * min(scale, np.inf if self.flatness is None else self.flatness / np.ptp(z))
 
 
 def longer_waves(
@@ -133,7 +128,7 @@ def _leakage(
             return np.full(len(steps), np.nan)
         k = curves.along(nominal * contact.fractions, steps) + contact.opened
     found = [attempt(scene.leakage, tiles.seal, tiles.permeability(one, one)) for one in k]
-    return np.array([np.nan if isinstance(one, Failed) else one.per_length for one in found])
+    return np.array([one.per_length for one in found])
 
 
 def _gap_and_permeability(
@@ -141,8 +136,7 @@ def _gap_and_permeability(
 ) -> tuple[float, float]:
     """Mean gap [m] of a state and permeability of the face [m³], NaN where its flow failed."""
     found = attempt(resolved_flow, state.contact.gap, spacing, flow)
-    k = np.nan if isinstance(found, Failed) else found.permeability
-    return float(state.contact.mean_gap), k
+    return float(state.contact.mean_gap), found.permeability
 
 
 def _rms_between(holds: Representative, h: float, shortest: float, longest: float) -> float:

@@ -62,24 +62,15 @@ def limit_factors(test: FluidState, service: FluidState) -> LimitFactors:
     pressures and temperature they are η/η' and √(M/M'): of helium to nitrogen 1.12 and 0.378.
     """
 
-    def throughput(state: FluidState) -> float:
-        return float(getattr(state.fluid, "reference_pressure", 1.0))
+    def free_flow(state: FluidState) -> float:
+        gas: Any = state.fluid
+        speed = float(np.sqrt(gas.temperature / gas.molar_mass))
+        return (state.inlet_pressure - state.outlet_pressure) * speed
 
-    both_gases = all(hasattr(s.fluid, "reference_pressure") for s in (test, service))
-    viscous = service.drop / test.drop
-    if not both_gases:
-        return LimitFactors(viscous, float("nan"))
-    viscous *= throughput(service) / throughput(test)
-    try:
-        speeds = [
-            (s.inlet_pressure - s.outlet_pressure) * _thermal_speed(s.fluid)
-            for s in (service, test)
-        ]
-    except AttributeError:
-        return LimitFactors(viscous, float("nan"))
-    return LimitFactors(viscous, speeds[0] / speeds[1])
-
-
-def _thermal_speed(fluid: Any) -> float:
-    """√(T/M), with which the free flow of molecules goes."""
-    return float(np.sqrt(fluid.temperature / fluid.molar_mass))
+    viscous, molecular = service.drop / test.drop, float("nan")
+    gases: list[Any] = [service.fluid, test.fluid]
+    if all(hasattr(gas, "reference_pressure") for gas in gases):
+        viscous *= gases[0].reference_pressure / gases[1].reference_pressure
+        if all(hasattr(gas, "molar_mass") and hasattr(gas, "temperature") for gas in gases):
+            molecular = free_flow(service) / free_flow(test)
+    return LimitFactors(viscous, molecular)

@@ -8,21 +8,25 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import Array, Mapper, Stage
 from ..base.fields import PIECE, STATE, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
-from ..face.piece_flow import Failed, FlowSettings, SolveCounts, attempt
+from ..face.piece_flow import (
+    Failed,
+    FlowSettings,
+    SolveCounts,
+    attempt,
+    drop_fractions,
+    resolved_flow,
+)
 from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
-from ..seal import RectangularSeal
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
-from .face_flow import drop_fractions, resolved_flow
-from .face_states import FaceState, permeabilities_of_places
+from .face_states import FaceState, PlaceLeakage, permeabilities_of_places
 from .scene import Scene
 
 #: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
@@ -47,7 +51,7 @@ class FacePieces:
     drop_fraction : the dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean contact
     pressure of the rows of points (steps, n1) [Pa].
     face : leakage of the face at full resolution (steps,) [m²/s]. own : that of the pieces in their own order.
-    places : leakage of each measured place, and from three on of all but each (2 places, steps) [m²/s]; None of one.
+    places : leakage by measured places; None of one.
     counts : flows through pieces. failures : one line each. unsolved : steps without leakage by number, and why.
     """
 
@@ -55,7 +59,7 @@ class FacePieces:
     cut: Cut
     k: Array
     rows: Array
-    places: Array | None
+    places: PlaceLeakage | None
     counts: SolveCounts
     pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
     mean_gap: Array = declared("piece_mean_gap", "m", "mean gap of pieces", PIECE)
@@ -111,37 +115,21 @@ class FacePieces:
         return factors(self.face, self.own, self.steps)
 
 
-@dataclass(frozen=True, eq=False)
-class _Taken:
-    """What is kept of a state: its pieces, permeabilities of the face, and of its places [m³]."""
-
-    pieces: PieceState
-    face: float
-    reason: str
-    places: Array | None
-
-
 def pieces_of_states(
     scene: Scene,
     cut: Cut,
     states: Sequence[FaceState],
     leakage: Array,
-    places: Array | None,
+    places: PlaceLeakage | None,
     mapper: Mapper,
 ) -> FacePieces:
     """The pieces of a face in its states at the loads of the scene.
 
-    leakage, places : of the face, and by measured places, see `FacePieces` [m²/s].
+    leakage, places : of the face [m²/s], and by measured places.
     """
-    solve = partial(_of_fields, cut=cut, flow=scene.flow)
-    names = "gap", "pressure", "plastic", "potential"
-    fields = ([getattr(state, name) for state in states] for name in names)
-    found = mapper(Stage("pieces of the face", solve), *fields)
-    taken = [
-        _Taken(pieces, np.nan, state.failed, None)
-        for pieces, state in zip(found, states, strict=True)
-    ]
-    return replace(_joined(scene, cut, scene.steps, taken), face=leakage, places=places)
+    solve = partial(_of_face_state, cut=cut, flow=scene.flow)
+    found = list(mapper(Stage("pieces of the face", solve), states))
+    return replace(_joined(scene, cut, scene.steps, found), face=leakage, places=places)
 
 
 def pieces_on_ladder(
@@ -163,52 +151,47 @@ def pieces_on_ladder(
     return _joined(scene, cut, steps, list(dry.contact_states(take, steps=steps, mapper=mapper)))
 
 
-def _of_state(state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[int, ...]) -> _Taken:
+def _of_state(
+    state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[int, ...]
+) -> PieceState:
     """Cut the contact of a state into pieces, and solve the flow through the face and its places."""
     gap = state.contact.gap
     pieces = PieceState.of(gap, state.contact.pressure, cut, flow)
     of_places = permeabilities_of_places(gap, widths, cut.spacing, flow) if widths else None
     through = attempt(resolved_flow, gap, cut.spacing, flow)
-    if isinstance(through, Failed):
-        return _Taken(pieces, np.nan, through.reason, of_places)
-    return _Taken(pieces, through.permeability, "", of_places)
+    failed = getattr(through, "reason", "")
+    return replace(pieces, face=through.permeability, places=of_places, failed=failed)
 
 
-def _of_fields(
-    gap: NDArray[np.float32],
-    pressure: NDArray[np.float32],
-    plastic: NDArray[np.uint8],
-    potential: NDArray[np.float32],
-    *,
-    cut: Cut,
-    flow: FlowSettings,
-) -> PieceState:
+def _of_face_state(state: FaceState, *, cut: Cut, flow: FlowSettings) -> PieceState:
     """Cut the fields of a state into pieces, and solve the flow through each."""
-    at_hardness = np.unpackbits(plastic, count=gap.size).view(bool).reshape(gap.shape)
-    double = np.asarray(gap, float)
-    fractions = None
+    gap, potential = state.gap.astype(float), state.potential.astype(float)
+    plastic = np.unpackbits(state.plastic, count=gap.size).view(bool).reshape(gap.shape)
+    fractions = potential
     if not np.isnan(potential).all():
-        fractions = drop_fractions(double, cut.spacing, np.asarray(potential, float), flow)
-    return PieceState.of(double, pressure, cut, replace(flow, spiral=None), at_hardness, fractions)
+        fractions = drop_fractions(gap, cut.spacing, potential, flow)
+    flow = replace(flow, spiral=None)
+    pieces = PieceState.of(gap, state.pressure, cut, flow, plastic, fractions)
+    return replace(pieces, failed=state.failed)
 
 
-def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken]) -> FacePieces:
+def _joined(
+    scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[PieceState]
+) -> FacePieces:
     """Join the states, and solve the flow over the pieces in their own order."""
     pressures = tuple(scene.flow.drop.pressures)
-    k = np.stack([state.pieces.k for state in taken], axis=2)
+    k = np.stack([state.k for state in taken], axis=2)
     tiles = face_tiles(scene.surface.size, cut.shape)
     own, failures = np.full(len(steps), np.nan), []
     for s, (step, state) in enumerate(zip(steps, taken, strict=True)):
-        failures += [f"{step.name}, {text}" for text in state.pieces.failures]
+        failures += [f"{step.name}, {text}" for text in state.failures]
         if not np.isfinite(k[:, :, s]).all():
             continue
-        through = flow_in_order(scene, tiles, k[:, :, s], pressures)
-        own[s] = np.nan if isinstance(through, Failed) else through.per_length
-    # leakage of a face with a permeability of 1 m³
-    unit = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
+        own[s] = flow_in_order(scene, tiles, k[:, :, s], pressures).per_length
+    unit = scene.unit_leakage
     places = None
     if taken[0].places is not None:
-        places = unit * np.array([state.places for state in taken]).T
+        places = PlaceLeakage(unit * np.array([state.places for state in taken]).T)
     means = (
         "pressure",
         "mean_gap",
@@ -221,13 +204,13 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
         steps,
         cut,
         k,
-        **{name: np.array([getattr(state.pieces, name) for state in taken]) for name in means},
+        **{name: np.array([getattr(state, name) for state in taken]) for name in means},
         face=unit * np.array([state.face for state in taken]),
         own=own,
         places=places,
-        counts=SolveCounts.total(state.pieces.counts for state in taken),
+        counts=SolveCounts.total(state.counts for state in taken),
         failures=tuple(failures),
-        unsolved=tuple((s, state.reason) for s, state in enumerate(taken) if state.reason),
+        unsolved=tuple((s, state.failed) for s, state in enumerate(taken) if state.failed),
     )
 
 
@@ -256,14 +239,15 @@ def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1)
     peaks = _chosen_peaks(peak[down], apart)
     first = np.cbrt(lowest / highest) if highest > 0 else 0.0
     count = int(np.ceil((1 - first) / (apart * _RUNG))) + 1
-    rungs = (highest * np.linspace(first, 1.0, count)[:-1] ** 3).tolist()
-    kept = [*peaks]
+    kept = np.array(peaks)
     for end in (lowest, highest):
-        if all(abs(end - q) > _SAME * q for q in kept):
-            kept.append(end)
-    loading = sorted([*(p for p in rungs if all(abs(p - q) > _NEAR * q for q in kept)), *kept])
-    deepest = float((paths[down] / peak[down]).min()) if down.any() else 1.0
-    stops = [f for n, f in enumerate(_STOPS) if n == 0 or _STOPS[n - 1] > deepest]
+        if (np.abs(end - kept) > _SAME * kept).all():
+            kept = np.append(kept, end)
+    rungs = highest * np.linspace(first, 1.0, count)[:-1, None] ** 3
+    apart_from = (np.abs(rungs - kept) > _NEAR * kept).all(axis=1)
+    loading = np.union1d(rungs[apart_from], kept).tolist()
+    deepest = (paths[down] / peak[down]).min(initial=1.0)
+    stops = _STOPS[: sum(f > deepest for f in _STOPS) + 1]
     unloading = [LoadStep(f * p, p) for p in peaks for f in stops]
     return LoadProgramme([*map(LoadStep, loading), *unloading])
 

@@ -7,9 +7,8 @@ from operator import attrgetter
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, to_text
+from ..base import Array, Floats, InputError, Mapper, to_text
 from ..contact import (
     Contact,
     ContactLaw,
@@ -22,10 +21,10 @@ from ..contact import (
 from ..face.piece_flow import FlowSettings
 from ..flow import critical_constriction
 from ..flow.law import FlowLaw, law_of
-from ..flow.pressure_drop import PressureDrop
+from ..flow.pressure_drop import PressureDrop, pressure_between
 from ..fluids import Fluid, Liquid, capillary_entry_pressure
 from ..loads import LoadProgramme
-from ..seal import Leakage, seal_leakage
+from ..seal import Leakage, RectangularSeal, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Places, Topography
@@ -94,36 +93,27 @@ class Scene:
             if flow.drop.law.depends_on_pressure:
                 given = f"{self.fluid} with pressures of the inlets"
                 raise InputError("fluid", given, "a liquid, or a gas without slip (slip = false)")
-            if self.inlet_pressure != max(own.values()):
-                highest = to_text(max(own.values()), "Pa")
-                given = to_text(self.inlet_pressure, "Pa")
-                raise InputError(
-                    "inlet_pressure", given, f"the highest pressure of the inlets, {highest}"
-                )
+            if self.inlet_pressure != (highest := max(own.values())):
+                expected = f"the highest pressure of the inlets, {to_text(highest, 'Pa')}"
+                raise InputError("inlet_pressure", to_text(self.inlet_pressure, "Pa"), expected)
         most = max(self.inlet_pressure, self.outlet_pressure)
-        if self.acting_fluid is not None and most >= float(np.min(self.law.yield_pressure())):
-            hardness = to_text(float(np.min(self.law.yield_pressure())), "Pa")
-            raise InputError(
-                "inlet_pressure", to_text(most, "Pa"), f"less than the hardness, {hardness}"
-            )
-        undefined = int(np.isnan(self.surface.heights).sum())
-        if undefined:
-            allowed = (
+        hardness = float(np.min(self.law.yield_pressure()))
+        if self.acting_fluid is not None and most >= hardness:
+            expected = f"less than the hardness, {to_text(hardness, 'Pa')}"
+            raise InputError("inlet_pressure", to_text(most, "Pa"), expected)
+        if undefined := int(np.isnan(self.surface.heights).sum()):
+            given = f"{undefined} of {self.surface.heights.size} points undefined"
+            expected = (
                 "a face without undefined points: fill them first, see Topography.fill_undefined"
             )
-            raise InputError(
-                "surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed
-            )
-        if self.traps_liquid:
+            raise InputError("surface", given, expected)
+        several = isinstance(self.surface, Places)
+        if self.traps_liquid and (
+            several or flow.spiral or not hasattr(self.fluid, "bulk_modulus")
+        ):
+            given = "'trapped' with a gas, several places or a spiral"
             expected = "'acts' there: what is trapped is a liquid, in one place, between grooves that do not wind"
-            if (
-                not hasattr(self.fluid, "bulk_modulus")
-                or isinstance(self.surface, Places)
-                or flow.spiral
-            ):
-                raise InputError(
-                    "fluid_pressure", "'trapped' with a gas, several places or a spiral", expected
-                )
+            raise InputError("fluid_pressure", given, expected)
         if isinstance(self.surface, Places):
             self.surface.check_waves()
 
@@ -160,12 +150,9 @@ class Scene:
     def acting_fluid(self) -> FluidPressure | None:
         """The fluid that presses the faces apart; None where it does not, or not enough to change the leakage."""
         # the viscosity of a liquid does not change how its pressure falls: contacts are those of all viscosities
-        plain = isinstance(self.fluid, Liquid) and self.fluid.pressure_viscosity == 0
-        own = (
-            Liquid(1.0, bulk_modulus=getattr(self.fluid, "bulk_modulus", None))
-            if plain
-            else self.fluid
-        )
+        own = self.fluid
+        if isinstance(own, Liquid) and own.pressure_viscosity == 0:
+            own = Liquid(1.0, bulk_modulus=own.bulk_modulus)
         fluid = FluidPressure(
             own,
             self.inlet_pressure,
@@ -228,7 +215,6 @@ class Scene:
         )
         if isinstance(self.surface, Places):
             solve = partial(contact_of_places, places=self.surface, solve=solve, flow=self.flow)
-        trapped = fluid is not None and fluid.trapped
         return load_states(
             gap0,
             self.half_space,
@@ -237,7 +223,7 @@ class Scene:
             rtol=self.rtol,
             take=take,
             solve=solve,
-            remember=attrgetter("trapped") if trapped else None,
+            remember=attrgetter("trapped") if self.traps_liquid else None,
             memory=memory,
             mapper=mapper,
         )
@@ -256,7 +242,7 @@ class Scene:
         if (spiral := self.flow.spiral) is not None:
             spiral.seam(self.surface.shape, self.surface.spacing)
 
-    def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:
+    def entry_pressures(self, gaps: Iterable[Floats]) -> Array | None:
         """Capillary entry pressure of the critical constriction of the gaps (n1, n2) [m] at every step [Pa].
 
         Below it the liquid does not enter; inf where the gap is closed. None for fluids that wet the faces.
@@ -271,8 +257,8 @@ class Scene:
             [capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found]
         )
 
-    def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5, **options: Any) -> Leakage:
-        """Solve the leakage of a seal between the scene's fluid pressures; rtol and options as in `seal_leakage`.
+    def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5) -> Leakage:
+        """Solve the leakage of a seal between the scene's fluid pressures; rtol as in `seal_leakage`.
 
         Raises NotConverged: the linear solver failed.
         """
@@ -285,13 +271,16 @@ class Scene:
             outlet_pressure=self.outlet_pressure,
             solver=self.solver,
             rtol=rtol,
-            **options,
         )
 
-    def pressure_at(self, potential: NDArray[np.floating]) -> Array:
+    @property
+    def unit_leakage(self) -> float:
+        """Leakage per length [m²/s] of a face whose permeability is 1 m³."""
+        return self.leakage(RectangularSeal(self.surface.size, (1, 1)), 1.0).per_length
+
+    def pressure_at(self, potential: Floats) -> Array:
         """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
-        inlet, outlet = self.fluid.potential([self.inlet_pressure, self.outlet_pressure])
-        return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(potential, float))
+        return pressure_between(self.fluid, self.inlet_pressure, self.outlet_pressure, potential)
 
 
 @dataclass(frozen=True)

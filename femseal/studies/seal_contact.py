@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ..base import Array, InputError, Mapper, NotConverged, Pair, Shape, to_text
+from ..base import Array, Indices, InputError, Mapper, NotConverged, to_text
 from ..contact import HalfSpace, LoadState
 from ..contact.convolution import Convolution
 from ..face.pieces import Cut
@@ -30,13 +30,13 @@ from ..seal.contact_grid import ContactGrid
 from ..seal.form import SealForm
 from ..seal.tiles import SealTiles
 from ..topography import shortest_place
-from ..topography.seat import MOST_SLOPE
+from ..topography.seat import check_form
 from .scene import Scene
 
 #: Pressures at which the layer is solved, in fractions of the highest, numbers of those from which it is unloaded, and
-#: fractions of them down to which.
+#: fractions of them from which and down to which; the last is not solved.
 _PRESSURES = np.geomspace(1e-3, 1.0, 13)
-_PEAKS, _RELEASED = np.array([4, 8, 12]), np.array([0.7, 0.4, 0.15, 0.03])
+_PEAKS, _RELEASED = np.array([4, 8, 12]), np.array([1.0, 0.7, 0.4, 0.15, 0.03, 0.0])
 #: Fraction of what the faces can carry up to which the layer is solved, and at which the bodies themselves yield.
 _HIGHEST = 0.97
 #: Relative change of the pressures at which they have settled, and most iterations; how much of the slope of the energy
@@ -72,14 +72,9 @@ class SealContact:
     def fractions(self) -> Array:
         """Pressure of tiles over that of the whole seal (steps, tiles); 1 where there is none."""
         means, nominal = self.grid.means(self.pressure), self.nominal[:, None]
-        if self.grid.has_rows:  # tiles of one area, of which a cell may cover several
-            means *= np.divide(
-                nominal,
-                means.mean(axis=1, keepdims=True),
-                where=nominal > 0,
-                out=np.ones_like(nominal),
-            )
-        return np.divide(means, nominal, out=np.ones_like(means), where=nominal > 0)
+        # of tiles of one area a cell may cover several
+        whole = means.mean(axis=1, keepdims=True) if self.grid.has_rows else nominal
+        return np.divide(means, whole, out=np.ones_like(means), where=nominal > 0)
 
     @property
     def opened(self) -> Array:
@@ -89,18 +84,18 @@ class SealContact:
 
 @dataclass(frozen=True, eq=False)
 class RoughLayer:
-    """Distance s of the mean planes of a rough face [m] over the pressure, on loading and on unloading.
+    """Distance s of the mean planes of rough faces [m] over the pressure, on loading and on unloading.
 
-    pressure : rising from 0 to the highest (n,) [Pa]. gap : falling (n,) [m]. peaks (m,) [Pa], recovered
-    (m, k) : how far the planes come apart again [m] at the fractions `released` of peaks;
-    none where the faces are elastic.
+    pressure : rising from 0 to the highest (n,) [Pa]. gap : falling (faces, n) [m]. peaks (m,) [Pa], recovered
+    (faces, m, k) : how far the planes come apart again [m] at the fractions `_RELEASED` of peaks;
+    none where the faces are elastic. face : number of the face of every cell, or of all.
     """
 
     pressure: Array
     gap: Array
     peaks: Array
-    released: Array
     recovered: Array
+    face: Indices | int = 0
 
     @classmethod
     def of(
@@ -116,15 +111,22 @@ class RoughLayer:
         """The layer by mean gaps (steps,) [m] along the programme of `layer_states`."""
         loading, peaks = programme.pressures[programme.on_loading], np.array(programme.unload_from)
         gap, after = np.split(np.array(gaps), [loading.size])
-        recovered = after.reshape(peaks.size, _RELEASED.size) - gap[_PEAKS[: peaks.size], None]
+        recovered = np.zeros((peaks.size, _RELEASED.size))
+        recovered[:, 1:-1] = (
+            after.reshape(peaks.size, _RELEASED.size - 2) - gap[_PEAKS[: peaks.size], None]
+        )
+        # down to no pressure it goes on by its slope in the logarithm
+        last = np.diff(recovered[:, -3:-1]) / np.log(_RELEASED[-3] / _RELEASED[-2])
+        recovered[:, -1:] = recovered[:, -2:-1] + last
         apart = scene.surface.heights.max() - scene.surface.heights.mean()
-        return cls(np.array([0.0, *loading]), np.array([apart, *gap]), peaks, _RELEASED, recovered)
+        return cls(np.array([0.0, *loading]), np.array([[apart, *gap]]), peaks, recovered[None])
 
     def loaded(self, p: Array) -> tuple[Array, Array]:
         """s and ds/dp at pressures p (n,) on loading, linear between the pressures."""
-        slopes = np.diff(self.gap) / np.diff(self.pressure)
-        part = np.clip(np.searchsorted(self.pressure, p, side="right") - 1, 0, slopes.size - 1)
-        return self.gap[part] + slopes[part] * (p - self.pressure[part]), slopes[part]
+        part = np.searchsorted(self.pressure, p, side="right") - 1
+        part = np.clip(part, 0, self.pressure.size - 2)
+        slope = (np.diff(self.gap) / np.diff(self.pressure))[self.face, part]
+        return self.gap[self.face, part] + slope * (p - self.pressure[part]), slope
 
     def unloaded(self, p: Array, peak: Array) -> tuple[Array, Array]:
         """s and ds/dp at pressures p (n,) after peaks (n,); beyond them as on loading."""
@@ -133,24 +135,14 @@ class RoughLayer:
         safe = np.maximum(peak, 1e-9 * self.peaks[0])
         at = np.interp(np.log(safe), np.log(self.peaks), np.arange(self.peaks.size))
         lower = np.minimum(at.astype(int), self.peaks.size - 2)
-        weight = (at - lower)[:, None]
-        recovered = (1 - weight) * self.recovered[lower] + weight * self.recovered[lower + 1]
-        fractions = np.array([1.0, *self.released, 0.0])
-        slope_at_end = (recovered[:, -1:] - recovered[:, -2:-1]) / np.log(
-            self.released[-2] / self.released[-1]
-        )
-        values = np.hstack([np.zeros((p.size, 1)), recovered, recovered[:, -1:] + slope_at_end])
-        part = np.clip(
-            np.searchsorted(-fractions, -p / safe, side="left") - 1, 0, fractions.size - 2
-        )
-        rows = np.arange(p.size)
-        slope = (
-            (values[rows, part + 1] - values[rows, part])
-            / (fractions[part + 1] - fractions[part])
-            / safe
-        )
+        part = np.searchsorted(-_RELEASED, -p / safe, side="left") - 1
+        part = np.clip(part, 0, _RELEASED.size - 2)
+        ends = np.array([part, part + 1])
+        before, after = (self.recovered[self.face, lower + n, ends] for n in (0, 1))
+        from_end, to_end = before + (at - lower) * (after - before)
+        slope = (to_end - from_end) / np.diff(_RELEASED)[part] / safe
         start, _ = self.loaded(peak)
-        gap = start + values[rows, part] + slope * (p - fractions[part] * safe)
+        gap = start + from_end + slope * (p - _RELEASED[part] * safe)
         above = p >= peak
         own, own_slope = self.loaded(p)
         return np.where(above, own, gap), np.where(above, own_slope, slope)
@@ -167,7 +159,7 @@ def layer_states(
     loading = _HIGHEST * min(law.capacity, 0.1 * scene.modulus) * _PRESSURES
     unloads = not law.is_elastic and any(step.unloaded_from is not None for step in scene.steps)
     peaks = loading[_PEAKS].tolist() if unloads else []
-    down = [LoadStep(p * f, p) for p in peaks for f in _RELEASED.tolist()]
+    down = [LoadStep(p * f, p) for p in peaks for f in _RELEASED[1:-1].tolist()]
     programme = LoadProgramme([*map(LoadStep, loading.tolist()), *down])
     alone = scene.dry(boundary=boundary)
     return programme, list(alone.contact_states(take, steps=programme, mapper=mapper))
@@ -189,8 +181,10 @@ def seal_contact(
     NotConverged : a contact failed.
     """
     grid, depth = form_on_grid(scene, tiles, forms)
-    body = HalfSpace(depth.shape, _spacing(grid, depth.shape), scene.modulus, grid.boundary)
-    inside = grid.inside if depth.shape[1] > 1 else np.ones(depth.shape, bool)
+    d1, d2 = grid.spacing
+    spacing = d1, d2 if depth.shape[1] > 1 else d1
+    body = HalfSpace(depth.shape, spacing, scene.modulus, grid.boundary)
+    inside = np.isfinite(depth)
     layer = layer or RoughLayer.of(scene, mapper)
     most, highest = float(layer.pressure[-1]), float(scene.steps.pressures.max())
     if highest >= most:
@@ -198,30 +192,22 @@ def seal_contact(
         raise InputError("load", f"{to_text(highest, 'Pa', 3)} on a seal with a form", expected)
     cells = Cells(body, inside, depth[inside], most)
     fields = np.zeros((3, len(scene.steps), *depth.shape))
-    fields[..., inside] = solved_steps(cells, scene.steps, layer.loaded, layer.unloaded)
+    fields[..., inside] = solved_steps(cells, scene.steps, layer)
     return SealContact(grid, depth, scene.steps.pressures, *fields)
 
 
-def solved_steps(
-    cells: Cells,
-    steps: LoadProgramme,
-    loaded: Callable[[Array], tuple[Array, Array]],
-    unloaded: Callable[..., tuple[Array, Array]],
-) -> Array:
-    """Pressures [Pa], separations and openings [m] of cells (3, steps, n), by s and ds/dp of their layers.
-
-    loaded : of pressures (n,). unloaded : of pressures (n,) and, by its name, `peak` (n,).
-    """
+def solved_steps(cells: Cells, steps: LoadProgramme, layer: RoughLayer) -> Array:
+    """Pressures [Pa], separations and openings [m] of cells (3, steps, n) with their layer."""
     found: dict[tuple[float, float | None], tuple[Array, ...]] = {}
     p = sunk = np.zeros(cells.depth.size)
     peaks = {step.unloaded_from for step in steps if step.unloaded_from is not None}
     for load in sorted({*(s.pressure for s in steps if s.unloaded_from is None), *peaks}):
-        p, *_ = found[load, None] = cells.solved(loaded, load, p, sunk)
+        p, *_ = found[load, None] = cells.solved(layer.loaded, load, p, sunk)
     for step in steps:
         if step.unloaded_from is not None:
             peak, *_, sunk = found[step.unloaded_from, None]
             start = peak * (step.pressure / step.unloaded_from)
-            law = partial(unloaded, peak=peak)
+            law = partial(layer.unloaded, peak=peak)
             found[step.pressure, step.unloaded_from] = cells.solved(law, step.pressure, start, sunk)
     return np.array([found[step.pressure, step.unloaded_from][:3] for step in steps]).swapaxes(0, 1)
 
@@ -247,40 +233,28 @@ def form_on_grid(
 ) -> tuple[ContactGrid, Array]:
     """Cells over the seal, and how deep they lie below the highest one (n1, n2) [m]; (n1, 1) if alike all along.
 
+    NaN outside of the seal.
+
     Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal.
     """
     frame = scene.layout.frame(tiles.seal.size)
+
+    def heights_on(grid: ContactGrid) -> Array:
+        heights = np.full(grid.tile.shape, np.nan)
+        points = grid.points[grid.inside]
+        heights[grid.inside] = sum(form.heights(points, frame) for form in forms)
+        return heights
+
     grid = ContactGrid.over(tiles, frame)
-    heights = _heights(grid, frame, forms)
+    heights = heights_on(grid)
     if tiles.grid is not None and np.ptp(heights, axis=1).max() <= _SAME * np.ptp(heights):
         grid = ContactGrid.over(tiles, frame, profile=True)
-        heights = _heights(grid, frame, forms)[:, :1]
-    known = heights if heights.shape[1] == 1 else np.where(grid.inside, heights, np.nan)
-    breadth = f"a seal {to_text(tiles.seal.size[0], 'm', 3)} broad"
-    if np.isnan(known).all():
-        raise InputError("form", f"no height on {breadth}", "a form or a seat that is known there")
-    spacing = _spacing(grid, heights.shape)
-    steps = [np.abs(np.diff(known, axis=axis)) / d for axis, d in enumerate(spacing)]
-    slope = max(float(np.nanmax(step, initial=0.0)) for step in steps)
-    if not slope <= MOST_SLOPE:
-        given = f"slopes up to {slope:.2g} on {breadth}"
-        raise InputError("form", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces")
-    return grid, np.nanmax(known) - heights
-
-
-def _heights(grid: ContactGrid, frame: Any, forms: Sequence[SealForm]) -> Array:
-    """Sum of the heights of forms in the middles of cells (n1, n2) [m], NaN outside of the seal."""
-    points = grid.points.reshape(-1, 2)
-    inside = grid.inside.ravel()
-    heights = np.full(len(points), np.nan)
-    heights[inside] = sum(form.heights(points[inside], frame) for form in forms)
-    return heights.reshape(grid.tile.shape)
-
-
-def _spacing(grid: ContactGrid, shape: Shape) -> Pair:
-    """Spacing of cells, square where there is one along x2."""
-    d1, d2 = grid.spacing
-    return (d1, d2) if shape[1] > 1 else (d1, d1)
+        heights = heights_on(grid)[:, :1]
+    breadth = to_text(tiles.seal.size[0], "m", 3)
+    check_form(
+        "form", f"a seal {breadth} broad", heights, grid.spacing, grid.inside[:, : heights.shape[1]]
+    )
+    return grid, np.nanmax(heights) - heights
 
 
 class Cells:
@@ -339,7 +313,9 @@ class Cells:
             image = self.displacement(direction)
             power_at = partial(_power, p, direction, residual + gap, image, layer)
             length = -float(residual @ direction) / float((image - slope * direction) @ direction)
-            length = _shortened(power_at, length)
+            # layers whose stiffness rises, as where the bodies yield, make steps too long that their tangent gives
+            if power_at(length) > -_OVERSHOT * power_at(0.0):
+                length = float(brentq(power_at, 0.0, length, rtol=_OVERSHOT))
             p = np.clip(p + length * direction, 0.0, most)
             p[freed] = np.clip(p[freed] - length * weight[freed] * residual[freed], 0.0, most)
             inside = (p > 0) & (p < most)
@@ -356,13 +332,3 @@ def _power(
 ) -> float:
     """Slope of the energy along a direction, so far along it: what lies above the layer times the direction."""
     return float((above + length * image - layer(p + length * direction)[0]) @ direction)
-
-
-def _shortened(power_at: Callable[[float], float], length: float) -> float:
-    """A length at which the energy hardly rises again along the direction, at most the given one.
-
-    Layers whose stiffness rises, as where the bodies yield, make steps too long that their tangent gives.
-    """
-    if power_at(length) <= -_OVERSHOT * power_at(0.0):
-        return length
-    return float(brentq(power_at, 0.0, length, rtol=_OVERSHOT))

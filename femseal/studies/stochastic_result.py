@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import ceil
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base import Array, Shown, counted
+from ..base import Array, Shown
 from ..base.fields import (
     CORNER,
     PART,
@@ -22,12 +21,11 @@ from ..base.fields import (
     Field,
     declared,
 )
-from ..face.piece_flow import SolverCounts
-from ..loads import LoadProgramme
+from ..face.piece_flow import SolveCounts
+from ..loads import FLOOR, LoadProgramme
 from ..seal.element_seal import ElementSeal
 from ..seal.tiles import SealTiles
 from .face_states import PlaceLeakage
-from .load_curves import FLOOR
 from .piece_states import FacePieces
 
 
@@ -137,7 +135,7 @@ class StochasticResult(Shown):
     median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    solvers: SolverCounts = field(default_factory=SolverCounts)
+    solvers: SolveCounts = field(default_factory=SolveCounts)
     kind: str = field(default="anywhere", repr=False)
 
     method: ClassVar[str] = "stochastic"
@@ -170,45 +168,33 @@ class StochasticResult(Shown):
 
         Between two values of one sign it is interpolated in log space; beside a 0 it is 0.
         """
-        return self._at_every_step(partial(_quantile, q=q))
-
-    @property
-    def without_place(self) -> Array | None:
-        """Leakage of all measured places but each (places, steps) [m²/s]; None of fewer than three."""
-        return None if self.places is None else self.places.without
+        return at_every_step(self.leakage, partial(_quantile, q=q))
 
     @property
     def mean(self) -> Array:
         """Mean over the realisations that did not fail, at every step [m²/s]; NaN where all failed."""
-        return self._at_every_step(np.mean)
+        return at_every_step(self.leakage, np.mean)
 
     @property
     def sealed_fraction(self) -> Array:
         """Fraction without leakage of the realisations that did not fail, at every step; NaN where all failed."""
-        return self._at_every_step(lambda leakage: np.mean(leakage == 0))
+        return at_every_step(self.leakage, lambda leakage: np.mean(leakage == 0))
 
     @property
     def realisation_spread(self) -> Array:
         """Standard deviation of ln(leakage) between realisations, at every step; NaN where fewer than 2 leak."""
-        return self._at_every_step(_log_deviation)
+        return at_every_step(self.leakage, _log_deviation)
 
-    def too_few(self, *quantiles: float) -> str:
-        """A warning with the number of realisations that the quantiles need, if there are fewer; otherwise ""."""
+    def too_few(self, *quantiles: float) -> bool:
+        """Whether there are fewer realisations than the quantiles need: one in each tail."""
         tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
-        needed = ceil(max((1 / tail for tail in tails), default=1) - 1e-9)
-        if len(self.leakage) >= needed:
-            return ""
-        named = " and ".join(f"{q:g}" for q in quantiles)
-        return f"quantile {named} of {counted(len(self.leakage), 'realisation')}: at least {needed} needed"
+        return len(self.leakage) < max((1 / tail for tail in tails), default=1) - 1e-9
 
-    def unsupported(self, q: float) -> tuple[str, ...]:
-        """Reasons not to trust a quantile: too few realisations."""
-        text = self.too_few(q)
-        return (text,) if text else ()
 
-    def _at_every_step(self, statistic: Callable[[Array], Any]) -> Array:
-        finite = [column[np.isfinite(column)] for column in self.leakage.T]
-        return np.array([statistic(column) if column.size else np.nan for column in finite])
+def at_every_step(leakage: Array, statistic: Callable[[Array], Any]) -> Array:
+    """Statistic (steps,) of the realisations that did not fail, NaN where all failed; leakage (realisations, steps)."""
+    finite = [column[np.isfinite(column)] for column in leakage.T]
+    return np.array([statistic(column) if column.size else np.nan for column in finite])
 
 
 def _quantile(values: Array, q: float) -> float:

@@ -57,6 +57,18 @@ _SUCCESSIVE = 4.5
 LADDER_STATES = 25.0
 #: Memory of a point of a face that is split into blocks [byte]: as it is, and split.
 _SPLIT_BYTES = 16
+#: Tolerance of the contact, and the largest error of ln(leakage) measured with it on six faces, elastic and plastic,
+#: from open to a hundredth of the leakage, see docs/evidence/only_what_is_needed.md.
+MEASURED_TOLERANCES = (
+    (1e-2, 1.1e-2),
+    (1e-3, 6.2e-4),
+    (1e-4, 5.6e-5),
+    (1e-5, 5.7e-6),
+    (1e-6, 4.8e-7),
+    (1e-7, 9.5e-8),
+)
+#: Fraction of the error wanted that the tolerance may cause; factor on the measured error, for scenes that are worse.
+TOLERANCE_FRACTION, TOLERANCE_SAFETY = 0.1, 3.0
 
 
 @dataclass(frozen=True)
@@ -233,20 +245,6 @@ def on_ladder(scene: Scene, sampling: Sampling) -> bool:
 def count_pressures(scene: Scene) -> int:
     """Number of pressures at which permeabilities are needed: 1 unless the law of the fluid depends on it."""
     return scene.flow.drop.pressures.size
-
-
-#: Tolerance of the contact, and the largest error of ln(leakage) measured with it on six faces, elastic and plastic,
-#: from open to a hundredth of the leakage, see docs/evidence/only_what_is_needed.md.
-MEASURED_TOLERANCES = (
-    (1e-2, 1.1e-2),
-    (1e-3, 6.2e-4),
-    (1e-4, 5.6e-5),
-    (1e-5, 5.7e-6),
-    (1e-6, 4.8e-7),
-    (1e-7, 9.5e-8),
-)
-#: Fraction of the error wanted that the tolerance may cause; factor on the measured error, for scenes that are worse.
-TOLERANCE_FRACTION, TOLERANCE_SAFETY = 0.1, 3.0
 
 
 def contact_tolerance(accuracy: float) -> float:

@@ -5,6 +5,7 @@ then finds its own band, and every row its pressure. The faces are half-spaces, 
 Source: Johnson, Contact Mechanics, 1985, ch. 4 (line contact); Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (rough).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar
@@ -76,14 +77,30 @@ class Seat:
         """
         breadth = rows * spacing
         depth = self.depth(reals(np.arange(rows) + 0.5 - rows / 2) * spacing, breadth)
-        slope = float(np.abs(np.diff(depth) / spacing).max(initial=0.0))
-        if not slope <= MOST_SLOPE:  # NaN where x1 is beyond the form
-            found = f"{slope:.2g}" if np.isfinite(slope) else "vertical"
-            given = f"{self} with slopes up to {found} on {to_text(breadth, 'm', 3)}"
-            raise InputError(
-                "seat", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces"
-            )
+        check_form("seat", f"{self} on {to_text(breadth, 'm', 3)}", depth, (spacing,))
         return depth - depth.min()
+
+
+def check_form(
+    key: str, shown: str, heights: Array, spacing: Sequence[float], inside: Array | bool = True
+) -> None:
+    """Refuse a form that is known nowhere on a face, or steeper than an elastic half-space allows.
+
+    heights : (n1,) or (n1, n2) [m] at points a spacing apart [m], NaN beyond the form. inside : whether points count.
+
+    Raises InputError: such a form, `shown` as given for `key`.
+    """
+    known = np.where(inside, heights, np.nan)
+    steps = (np.abs(np.diff(known, axis=axis)) / d for axis, d in enumerate(spacing))
+    slope = max(float(np.nanmax(step, initial=0.0)) for step in steps)
+    found = f"slopes up to {slope:.2g}"
+    if (np.isnan(heights) & inside).any():
+        slope, found = np.inf, "slopes up to vertical"
+    if np.isnan(known).all():
+        found = "no height that is known"
+    if not slope <= MOST_SLOPE:
+        expected = f"heights with slopes up to {MOST_SLOPE:g}: the faces are half-spaces"
+        raise InputError(key, f"{shown} with {found}", expected)
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,9 @@ import femseal as fs
 from common import BAND_HEAD, band_cells, machine, print_report, read_rows, table, write_rows
 from drawn_scenes import Drawn
 from femseal.budget import error_budget
+from femseal.loads import first_known
 from femseal.seal import AnnularLayout, MeshLayout
 from femseal.studies import drawn_error
-from femseal.studies.load_curves import first_known
 
 SURFACES = ("self-affine", "turned", "ground", "bumps")
 #: Length and breadth of the whole face in sides of the patch.

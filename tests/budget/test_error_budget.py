@@ -13,8 +13,7 @@ import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
 from femseal.budget.changes import on_all_steps, scale_of_changes
 from femseal.budget.estimates import median_interval
-from femseal.budget.pixels import observed_order, pixels_part
-from femseal.budget.waves import filter_part
+from femseal.budget.resolution import filter_part, observed_order, pixels_part
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
 from femseal.refinement.coarser import at_some_steps, coarser_points
@@ -22,7 +21,6 @@ from femseal.runs.forecast import describe, forecast
 from femseal.studies.drawn_error import (
     CALIBRATION,
     KINDS,
-    count_scenes,
     difficulty,
     half_width,
 )
@@ -246,23 +244,13 @@ def test_three_places_tell_what_a_patch_does_not_know():
         assert (widths[name] > 0).all()
 
 
-def test_more_coverage_takes_a_wider_band():
+def test_a_band_is_as_wide_whatever_the_size_of_the_leakage():
     steps = LoadProgramme.of([1e8, 2e8, 4e8])
     q = np.array([1.0, 0.3, 1e-2])
     for kind in KINDS:
-        widths = np.array([half_width(kind, steps, q, coverage=c) for c in (0.5, 0.8, 0.95)])
-        assert (np.diff(widths, axis=0) >= 0).all()
-        assert (widths > 0).all()
-        assert_allclose(half_width(kind, steps, 1e3 * q), widths[-1])
-        most = 1 - 1 / (count_scenes(kind) + 1)
-        with pytest.raises(
-            fs.InputError, match=f"coverage: given .* a calibration of {count_scenes(kind)} scenes"
-        ):
-            half_width(kind, steps, q, coverage=0.5 + most / 2)
-    with pytest.raises(fs.InputError, match="kind: given"):
-        half_width("nowhere", steps, q)
-    with pytest.raises(fs.InputError, match="coverage: given"):
-        half_width("anywhere", steps, q, coverage=1.0)
+        width = half_width(kind, steps, q)
+        assert (width > 0).all()
+        assert_allclose(half_width(kind, steps, 1e3 * q), width)
 
 
 # --- runs ----------------------------------------------------------------------------------------------------------
@@ -382,10 +370,9 @@ def test_a_band_holds_as_much_of_its_calibration_as_is_asked_by_scenes_and_one_m
     weight = np.array([1 / scenes.count(name) for name in scenes]) / (len({*scenes}) + 1)
     score = np.array([abs(float(row["log_ratio"])) / float(row["difficulty"]) for row in rows])
     steps, q = LoadProgramme.of([1e8, 1.1e8]), np.array([1.0, 0.9])
-    for coverage in (0.5, 0.8, 0.95):
-        wide = half_width(kind, steps, q, coverage=coverage)[0] / difficulty(steps, q)[0]
-        assert weight[score <= wide * (1 + 1e-9)].sum() >= coverage
-        assert weight[score < wide * (1 - 1e-9)].sum() < coverage
+    wide = half_width(kind, steps, q)[0] / difficulty(steps, q)[0]
+    assert weight[score <= wide * (1 + 1e-9)].sum() >= 0.95
+    assert weight[score < wide * (1 - 1e-9)].sum() < 0.95
 
 
 def test_an_unknown_change_is_that_of_the_nearest_steps_and_a_shift_of_the_load():

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.budget.waves import LOAD_POWER, under_less_load
+from femseal.budget.resolution import LOAD_POWER, under_less_load
 from femseal.designs.requirements import Seals
 from femseal.loads import LoadProgramme
 from femseal.results import leakage_table

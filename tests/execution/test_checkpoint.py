@@ -96,7 +96,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(
             fs.run(case, out, **RESUMED)
     contacts.clear()
     for flow in (
-        "femseal.studies.face_flow.cell_permeability",
+        "femseal.face.piece_flow.cell_permeability",
         "femseal.face.piece_flow.cell_flow",
     ):
         monkeypatch.setattr(flow, lambda *_, **__: pytest.fail("computed again"))

@@ -22,7 +22,7 @@ from small_cases import CASE
 
 import femseal as fs
 from femseal.execution.resuming import alone_in
-from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts, SolverCounts
+from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts
 from femseal.report import folder as report_folder
 from femseal.store import store, unfinished
 from femseal.store.plain_data import packed, unpacked
@@ -30,7 +30,7 @@ from femseal.store.store import SUFFIX, Store, digest
 
 # --- values as bytes -----------------------------------------------------------------------------------------------
 
-COUNTS = SolveCounts(solved=2, solvers=SolverCounts((("amg", 1),), 1e-300))
+COUNTS = SolveCounts((("amg", 1),), 1e-300, solved=2)
 VALUE = {
     "plain": (None, True, -(10**30), 1 / 3, -0.0, float("inf"), "µ\ud800", b"\x00\xff", [], ()),
     (1, "key"): [np.float64(0.1), np.float32(np.pi), np.int64(-3), np.bool_(True), np.array(2.5)],

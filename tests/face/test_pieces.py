@@ -13,7 +13,6 @@ from femseal.face.pieces import (
     MOST_FACTOR,
     Cut,
     PieceState,
-    branches,
     factors,
     usual_pieces,
 )
@@ -155,7 +154,7 @@ STEPS = LoadProgramme.of([1.0, 2.0, 3.0, 4.0], unload_from=[2.0, 4.0], unloading
 
 
 def test_the_branches_of_a_programme():
-    assert [b.tolist() for b in branches(STEPS)] == [[0, 1, 2, 3], [4], [5, 6]]
+    assert [b.tolist() for b in STEPS.branches] == [[0, 1, 2, 3], [4], [5, 6]]
 
 
 def test_the_factor_makes_pieces_leak_what_the_face_leaks():

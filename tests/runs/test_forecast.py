@@ -12,11 +12,12 @@ from small_cases import STRIP
 
 import femseal as fs
 from femseal.case import parse_case
+from femseal.face import piece_flow
 from femseal.preparation import prepare
 from femseal.report.page import report_html
 from femseal.runs import forecast as module
 from femseal.runs.forecast import describe, disk, forecast
-from femseal.studies import StudyOptions, face_flow, fluid_coupling
+from femseal.studies import StudyOptions, fluid_coupling
 from femseal.studies.study_registry import (
     PILOT_PIXELS,
     Effort,
@@ -83,7 +84,7 @@ def counts(monkeypatch):
 
         monkeypatch.setattr(place, attribute, counted)
 
-    count(face_flow, "cell_permeability", "iterations", "iterations")
+    count(piece_flow, "cell_permeability", "iterations", "iterations")
     count(fluid_coupling, "solve_contact", "pairs", "fft_pairs")
     count(fluid_coupling.FluidPressure, "contact", "rounds", "rounds")
     return found
@@ -162,7 +163,7 @@ def test_large_states_take_disk_and_no_memory(data):
         case, prepared = of(data | {"memory": memory})
         efforts = usual_efforts(len(prepared.scene.steps))
         ends.append((forecast(case, prepared, efforts).memory, disk(case, prepared).checkpoint))
-    states = (4 + 4 + 4 + 0.125) * 64 * 96 * len(prepared.scene.steps)
+    states = (4 + 4 + 4 + 4 + 0.125) * 64 * 96 * len(prepared.scene.steps)
     assert_allclose(np.subtract(*ends), [states, -states])
 
 

@@ -16,7 +16,7 @@ from kept_study import EVERY, Crash, assert_complete, resumed, study, value
 
 import femseal as fs
 from femseal.base import Stage, numerical_versions
-from femseal.face.piece_flow import SolveCounts, SolverCounts
+from femseal.face.piece_flow import SolveCounts
 from femseal.store import store
 from femseal.store.store import SUFFIX, Store, Unnamed, digest
 
@@ -175,7 +175,7 @@ def test_values_are_told_apart_by_type_shape_order_and_every_bit(tmp_path):
     other.write_text("b")
     assert digest(one) != digest(other)
     # functions of classes have names, those of objects and of functions have not
-    assert len({*map(digest, (SolverCounts.of, SolverCounts.total, SolveCounts.total))}) == 3
+    assert len({*map(digest, (SolveCounts.of, SolveCounts.total))}) == 2
     for nameless in (lambda x: x, "".join, tmp_path / "missing"):
         with pytest.raises(Unnamed):
             digest(nameless)

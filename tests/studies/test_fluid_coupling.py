@@ -10,10 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.face.piece_flow import FlowSettings
+from femseal.face.piece_flow import FlowSettings, resolved_flow
 from femseal.flow.harmonic import harmonic_fill
 from femseal.studies import Sampling, deterministic, stochastic, two_scale
-from femseal.studies.face_flow import resolved_flow
 from femseal.studies.fluid_coupling import LEAST_FRACTION, FluidPressure
 
 E, H = 115e9, 2.3e9
@@ -171,7 +170,7 @@ def test_rounds_that_go_too_far_settle(seed, slope, roll_off, load, fraction):
     p_f = acting(inlet).even_drop(surface.shape)
     for _ in range(60):
         contact = fs.solve_contact(surface.gap(), body, fluid_pressure=p_f, **asked)
-        flow = resolved_flow(contact.gap, surface.spacing, with_potential=True)
+        flow = resolved_flow(contact.gap, surface.spacing)
         p_f = p_f + 0.2 * (harmonic_fill(inlet * flow.potential.astype(float)) - p_f)
     assert_allclose(found.flow.permeability, flow.permeability, rtol=1e-3)
     assert_allclose(found.carried, p_f.mean(), rtol=1e-3)

@@ -240,7 +240,7 @@ MAP = {"load": CASE["load"] | {"map": {"kind": "angle", "fractions": [1, 2]}}}
         ),
         (WAVES, MAP, "load.map: given a map with seal.form"),
         ({"path": "none.csv", "unit": "um"}, {}, r"seal\.form\.path: .*, expected a file that exi"),
-        (WAVES | {"height": "1 mm", "lobes": 6}, {}, "form: given slopes up to"),
+        (WAVES | {"height": "1 mm", "lobes": 6}, {}, "form: given a seal .* with slopes up to"),
     ],
 )
 def test_bad_forms(form, more, text):

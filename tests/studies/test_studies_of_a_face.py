@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 import femseal.face.piece_flow
-import femseal.studies.face_flow
 import femseal.studies.scene
 from femseal import analytic
 from femseal.base import FemsealError, InputError, NotConverged
@@ -203,9 +202,9 @@ def drawn_result(leakage):
 
 def test_quantiles_that_cannot_be_trusted():
     few, enough = (drawn_result(np.ones((n, 1))) for n in (10, 20))
-    assert "at least 1000 needed" in few.unsupported(0.001)[0]
-    assert "10 realisations: at least 20 needed" in few.too_few(0.05, 0.95)
-    assert enough.unsupported(0.05) == ()
+    assert few.too_few(0.001)
+    assert few.too_few(0.05, 0.95)
+    assert not enough.too_few(0.05)
     leakage = np.exp(0.3 * np.random.default_rng(4).standard_normal((4000, 1)))
     assert_allclose(drawn_result(leakage).realisation_spread, 0.3, rtol=0.05)
 
@@ -252,7 +251,7 @@ def test_the_scene_chooses_the_solver(rough, rough_two_scale, solver):
     chosen = replace(rough, solver=solver, loading=(1e8,), unload_from=(), unloading=())
     whole, pieces = deterministic(chosen), two_scale(chosen, (4, 6))
     drawn = stochastic(chosen, (4, 6), replace(SAMPLING, breadth=192e-6, realisations=2))
-    for counts in (whole.solvers, pieces.solvers, drawn.pieces.counts.solvers):
+    for counts in (whole.solvers, pieces.solvers, drawn.pieces.counts):
         assert {name for name, _ in counts.systems} == {solver}
     assert {name for name, _ in drawn.solvers.systems} == {
         solver,
@@ -292,7 +291,7 @@ def test_a_flow_of_a_piece_that_fails_is_named(rough, failing):
 
 
 def test_a_flow_of_the_whole_face_that_fails_is_named(rough, failing):
-    failing(femseal.studies.face_flow, "cell_permeability", calls={3})
+    failing(femseal.face.piece_flow, "cell_permeability", calls={3})
     result = two_scale(rough, (4, 6))
     assert result.failures == ("unloading 300 MPa from 600 MPa: did not converge",)
     for values in (result.leakage, result.pieces.drop_fraction[:, 0, 0]):
@@ -308,8 +307,8 @@ def test_a_state_of_which_a_piece_failed_is_not_drawn_from(rough, failing):
 
 
 def test_a_flow_through_a_seal_that_fails_is_named(rough, failing):
-    # first the face, the pieces in their own order, and the unit
-    failing(femseal.studies.scene, "seal_leakage", calls={5 + 5 + 1 + 5 + 1})
+    # first the face, the pieces in their own order, and a face of 1 m³
+    failing(femseal.studies.scene, "seal_leakage", calls={1 + 5 + 1 + 5 + 1})
     result = stochastic(rough, (4, 6), replace(SAMPLING, realisations=3))
     assert result.failures == ("realisation 1, loading 300 MPa: did not converge",)
     assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])

@@ -12,7 +12,7 @@ from small_cases import HARDENED, steel_scene
 
 import femseal as fs
 from femseal.budget import CoarserSolution, continuation_part
-from femseal.budget.waves import filter_part
+from femseal.budget.resolution import filter_part
 from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.refinement.coarser import continued_scenes

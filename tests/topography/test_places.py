@@ -106,8 +106,8 @@ def test_leakage_by_places():
         found.scatter, np.std(alone, axis=0, ddof=1) / np.mean(alone, axis=0), rtol=0.01
     )
     assert others.places.without is None
-    assert not replace(found, alone=0 * found.alone).relative.any()
-    unknown = replace(found, alone=np.insert(found.alone, 0, np.nan, axis=1))
+    assert not replace(found, kept=0 * found.kept).relative.any()
+    unknown = replace(found, kept=np.insert(found.kept, 0, np.nan, axis=1))
     assert_allclose(unknown.relative, found.relative)  # the fluid carries all of the first load
     assert fs.deterministic(scene(places[0])).places is None
 

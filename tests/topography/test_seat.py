@@ -12,7 +12,7 @@ import femseal as fs
 from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.studies import Sampling, laid_out
-from femseal.studies.face_states import band_breadth
+from femseal.studies.face_states import fields_of_rows
 from femseal.studies.seal_contact import seal_contact
 from femseal.topography import (
     BallOnCone,
@@ -175,6 +175,7 @@ BROAD = CASE | {
 }
 
 BALL = {"kind": "ball-on-cone", "radius": "50 um", "angle": "45 deg"}
+POINT = BALL | {"radius": "0.1 um"}
 
 PROFILE = {"kind": "profile", "path": "none.csv", "unit": "um"}
 
@@ -191,6 +192,9 @@ UNEVEN = {"map": {"kind": "profile", "fractions": [1, 2]}}
         (CASE, {"seat": {"kind": "round"}}, "seat.kind"),
         (CASE, {"seat": crowned("0.1 mm")}, "seat: given crowned.* with slopes up to 0.63"),
         (CASE, {"seat": BALL}, "slopes up to vertical"),
+        (BROAD, {"seat": BALL}, "form: given a seal .* with slopes up to vertical"),
+        (CASE, {"seat": POINT}, "seat: given a ball .* with no height that is known"),
+        (BROAD, {"seat": POINT}, "form: given a seal .* with no height that is known"),
         (CASE, {"seat": BALL | {"angle": "120 deg"}}, "seat.angle: given"),
         (CASE, {"seat": {"kind": "tilted", "tilt": "40 deg"}}, "slopes up to 0.84"),
         (CASE, {"seat": PROFILE}, "seat.path: given 'none.csv'"),
@@ -275,7 +279,9 @@ def rows_of(face, seat, forces, hardness=np.inf, breadth=1.024e-3, **given):
     sampling = Sampling(1e-3, seed=1, breadth=breadth, form=seat)
     _, tiles = laid_out(face, scene.layout, None, sampling)
     contact = seal_contact(scene, tiles, (seat,))
-    return Rows(contact.rows, band_breadth(contact.rows, contact.grid.spacing[0]), breadth)
+    return Rows(
+        contact.rows, fields_of_rows(contact.rows, contact.grid.spacing[0])["band_breadth"], breadth
+    )
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.02])
