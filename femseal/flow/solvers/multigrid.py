@@ -7,6 +7,8 @@ one after the coarser grid. Threads share the rows of large levels.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -77,7 +79,7 @@ def solve_multigrid(
     The rate of φ exceeds the true one by the square of the error e of φ in the norm of the energy, eᵀAe <= rᵀM⁻¹r/θ,
     with the lowest eigenvalue θ of M⁻¹A, which is taken from the coefficients of the iteration (Lanczos), with a margin
     for what it has not met yet. The iteration stops when that is a tenth of what is allowed, and inlet and outlet flow,
-    which err by the first order, differ by less than thrice the square root of it. The coarsest level is factorised.
+    which err by the first order, differ by less than thrice the square root of it. The coarsest level is eliminated.
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     along, across, ring = stencil.along, stencil.across, stencil.ring2
@@ -85,15 +87,16 @@ def solve_multigrid(
     with np.errstate(divide="ignore", invalid="ignore"):
         resistance = 1 / along.sum(axis=1)
         drop = resistance / resistance.sum()
-    asked = drop, rtol, field, limit, _NONE if hidden is None else hidden
+    asked = _Asked(rtol, field, limit, _NONE if hidden is None else hidden)
     if along.size < _LARGE:
-        x, iterations, error, done = _at_once(along, across, ring, *asked)
+        x, iterations, error, done = _at_once((along, across), ring, drop, asked)
     else:
         levels, coarsest = hierarchy(along, across, ring)
         b = levels[0].b
         r = b if along.dtype == np.float32 else np.zeros(b.shape)
+        relative = r is not b
         x, iterations, error, done = _iterated(
-            levels, coarsest, along, across, ring, r, r is not b, *asked
+            levels, coarsest, (along, across), ring, drop, r, relative, asked
         )
     if done:
         return x, iterations, error
@@ -112,36 +115,43 @@ def solve_multigrid(
     )
 
 
+class _Asked(NamedTuple):
+    """Errors allowed to the rate and to the field, iterations allowed, and hidden nodes, see `solve_multigrid`."""
+
+    rtol: float
+    field: float
+    limit: int
+    hidden: NDArray[np.bool_]
+
+
 @compiled(**REORDERED)
-def _at_once(along, across, ring, *asked):
+def _at_once(conductances, ring, drop, asked):
     """`_iterated` without threads."""
-    levels, coarsest = hierarchy(along, across, ring)
+    levels, coarsest = hierarchy(conductances[0], conductances[1], ring)
     r = np.zeros(levels[0].b.shape)
-    return _iterated(levels, coarsest, along, across, ring, r, True, *asked)
+    return _iterated(levels, coarsest, conductances, ring, drop, r, YES, asked)
 
 
 @leader
-def _iterated(levels, coarsest, along, across, ring, r, relative, drop, rtol, field, limit, hidden):
+def _iterated(levels, coarsest, conductances, ring, drop, r, relative, asked):
     """Potential, iterations, error in the norm of the energy, and whether it is what was asked.
 
     drop : of the potential from row to row at first. r : zeros for the residual, or in single precision the right side
     of the cycle. relative : whether that side is relative to the size of the residual.
     """
-    b, z, conductances = levels[0].b, levels[0].r, (along, across)
+    b, z, along = levels[0].b, levels[0].r, conductances[0]
     n1, n2 = b.shape
     x, p = np.zeros((n1, n2 - 2)), np.zeros((n1, n2), np.float32)
-    sums, history = np.zeros((2, n1)), np.zeros((3, limit + 1))
+    sums, history = np.zeros((2, n1)), np.zeros((3, asked.limit + 1))
     x[0] = 1.0
     rest = np.cumsum(drop[::-1])[::-1]
     _start(x, r, b, conductances, drop, rest, levels[0].inverse)
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
         _cycle(levels, coarsest, ring)
-        _product(z, r, field, hidden, sums)
+        _product(z, r, asked.field, asked.hidden, sums)
         rz, largest, rate = scale * sums[0].sum(), scale * sums[1].max(), (along[-1] * x[-2]).sum()
-        error, done, hopeless = _judged(
-            iteration, rz, largest, unbalanced, rate, history, rtol, field
-        )
+        error, done, hopeless = _judged(iteration, rz, largest, unbalanced, rate, history, asked)
         if done or hopeless:
             break
         ratio = rz / history[0, iteration - 1] if iteration > 0 else 0.0
@@ -163,12 +173,12 @@ def _iterated(levels, coarsest, along, across, ring, r, relative, drop, rtol, fi
 
 
 @leader
-def _judged(iteration, rz, largest, unbalanced, rate, history, rtol, field):
+def _judged(iteration, rz, largest, unbalanced, rate, history, asked):
     """Error in the norm of the energy, and whether it is what was asked, or more iterations than allowed are needed.
 
     history (3, limit + 1) : rᵀM⁻¹r of each iteration, and steps and ratios of those before.
     """
-    limit = history.shape[1] - 1
+    rtol, field, limit, _ = asked
     allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
     error = np.inf
     if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
