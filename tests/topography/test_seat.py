@@ -193,7 +193,7 @@ UNEVEN = {"map": {"kind": "profile", "fractions": [1, 2]}}
         (CASE, {"seat": crowned("0.1 mm")}, "seat: given crowned.* with slopes up to 0.63"),
         (CASE, {"seat": BALL}, "slopes up to vertical"),
         (BROAD, {"seat": BALL}, "form: given a seal .* with slopes up to vertical"),
-        (CASE, {"seat": POINT}, "seat: given a ball .* with no height that is known"),
+        (CASE, {"seat": POINT}, "seat: given ball-on-cone.* with no height that is known"),
         (BROAD, {"seat": POINT}, "form: given a seal .* with no height that is known"),
         (CASE, {"seat": BALL | {"angle": "120 deg"}}, "seat.angle: given"),
         (CASE, {"seat": {"kind": "tilted", "tilt": "40 deg"}}, "slopes up to 0.84"),
