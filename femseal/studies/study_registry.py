@@ -38,7 +38,7 @@ _POINT_SECONDS = 2.5e-9, 1.5e-8
 _PAIR_GROWTH = 0.1, 0.6, 0.37
 #: Seconds of a flow solution, and for each pixel where it is open, and of each iteration of multigrid; iterations where
 #: the gap hardly varies, beyond which they grow as the side of the grid.
-_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, FEW_ITERATIONS = 1.5e-4, (1.2e-7, 2e-8), 5.0
+_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, FEW_ITERATIONS = 1.5e-4, (1.2e-7, 2e-8), 6.0
 #: Iterations that the side of a grid beyond that of `PILOT_PIXELS` adds, times the square of the fraction in contact: a
 #: larger face has narrower paths.
 _NARROW_ITERATIONS = 150.0

@@ -239,7 +239,7 @@ class TestFieldOfACase:
             ({"name": "CPRESS"}, "load.map.path: .* expected one column each of x, y, CPRESS"),
             (
                 {"text": "x,y,pressure\n0,0,-1\n1,0,1\n0,2,1"},
-                "load.map.pressure: given 1 of 3 values negative",
+                "load.map.pressure: given 1 of 3 values not finite or negative",
             ),
             (
                 {"text": "x,y,pressure\n0,0,90\n1,0,1\n0,2,1"},
