@@ -1,6 +1,8 @@
 """The error budget of a leakage: the band of each source of error, their combination, and the widest band of all.
 
-Also coarser solutions of a scene, and how large the changes of ln(leakage) between solutions are at a step.
+Also coarser solutions of a scene, and the changes of ln(leakage) between solutions: how large they are at a step.
+They tell how much pixels and removed waves matter. The change at a step is that of its neighbours too: near closing it
+is a shift of the load at which the seal closes, times the slope of ln(leakage) over ln(load).
 """
 
 from __future__ import annotations
