@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .changes import CoarserSolution
     from .error_parts import (
         MODEL_PARTS,
         VAGUE,
+        CoarserSolution,
         ErrorBudget,
         ErrorPart,
         WidestBand,

@@ -24,15 +24,15 @@ from ..base import Array, Flags, counted
 from ..loads import LoadProgramme, least_counted
 from ..studies import Scene
 from ..studies.drawn_error import COVERAGE
-from .changes import (
+from .error_parts import (
     CoarserSolution,
+    ErrorPart,
     load_sensitivity,
     mean_shift,
     on_all_steps,
     part_of_changes,
     scale_of_changes,
 )
-from .error_parts import ErrorPart
 
 #: Order of the leakage in the size of pixels. Measured on 320 faces of 64² to 256² points: 1.9 in the median.
 ORDER = 2.0

@@ -7,8 +7,7 @@ import numpy as np
 from ..loads import least_counted
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
 from ..studies.study_registry import contact_fraction_of
-from .changes import CoarserSolution
-from .error_parts import ErrorBudget, ErrorPart
+from .error_parts import CoarserSolution, ErrorBudget, ErrorPart
 from .estimates import calibrated_part, places_part, realisations_part, solver_part
 from .resolution import USUAL_PIXELS, filter_part, one_grid_part, pixels_part, raised_by_slope
 

@@ -11,7 +11,7 @@ from small_cases import SWEPT, steel_scene
 
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
-from femseal.budget.changes import on_all_steps, scale_of_changes
+from femseal.budget.error_parts import on_all_steps, scale_of_changes
 from femseal.budget.estimates import median_interval
 from femseal.budget.resolution import filter_part, observed_order, pixels_part
 from femseal.loads import LoadProgramme

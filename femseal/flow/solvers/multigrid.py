@@ -17,8 +17,7 @@ from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
 from ...base.errors import NotConverged
 from ...base.threads import NO, YES
 from ..stencil import Stencil
-from .coarsest import solve_coarsest
-from .hierarchy import FEWEST, close_ring, coarser, hierarchy
+from .hierarchy import FEWEST, close_ring, coarser, hierarchy, solve_coarsest
 
 #: Largest level that no coarser one could follow, in nodes, for which multigrid pays; only slender grids have more.
 COARSEST_NODES = 128
