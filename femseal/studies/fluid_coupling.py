@@ -189,7 +189,8 @@ class FluidPressure:
                 is_pocket = np.isnan(self.above_surroundings(flow.potential)) & (contact.gap > 0)
                 trapped = pockets.next(contact.gap, is_pocket, last_p_f, found)
                 in_contact = np.nan if contact.gap.any() else found
-                found = harmonic_fill(np.where(contact.gap > 0, trapped.on(found), in_contact))
+                filled = np.where(contact.gap > 0, trapped.on(found), in_contact)
+                found = harmonic_fill(filled, found)
                 scale = max(scale, float(np.abs(found).max()))
             p_f, given, gave = _mixed(last_p_f, found, given, gave), last_p_f, found
             if trapped is not None:
@@ -286,7 +287,7 @@ class FluidPressure:
 
     def _pressure(self, flow: FaceFlow, former: Array) -> Array:
         """Pressure above the surroundings (n1, n2) [Pa] of a flow, also in contact; the former one if no gap is wet."""
-        found = harmonic_fill(self.above_surroundings(flow.potential))
+        found = harmonic_fill(self.above_surroundings(flow.potential), former)
         return found if np.isfinite(found).all() else former
 
     def even_drop(self, shape: Shape) -> Array:
