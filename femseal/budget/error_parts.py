@@ -32,6 +32,8 @@ MODEL_PARTS = (
 VAGUE = 1000.0
 #: Ratio by which a leakage may rise under a higher load by the errors of its solution.
 _RISE = 1.001
+#: Least slope of ln(leakage) over ln(load) that is counted.
+LEAST_SLOPE = 0.3
 
 
 @dataclass(frozen=True)
@@ -298,10 +300,6 @@ def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) 
                 a, b = found[known[lower]], found[known[np.ceil(between).astype(int)]]
                 found[others] = np.where(weight > 0, (1 - weight) * a + weight * b, a)
     return found
-
-
-#: Least slope of ln(leakage) over ln(load) that is counted.
-LEAST_SLOPE = 0.3
 
 
 def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: list[int]) -> Array:

@@ -6,15 +6,13 @@ as those of a grid of twice the spacing. Source: Braess, Computing 55, 1995, 379
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import Array
-from ..base.arrays import Flags
+from ..base.arrays import Flags, Singles
 from ..base.compiled import REORDERED, compiled
 
-Single = NDArray[np.float32]
 #: Right and lower link, and sum of all links with those to known pixels, of every pixel (n1, n2); 0 where it is known.
-Links = tuple[Single, Single, Single]
+Links = tuple[Singles, Singles, Singles]
 #: Error in the norm of the energy at which the iteration ends, over that of zeros, and most iterations.
 _RTOL, _MOST = 1e-5, 100
 #: Fraction of the sum of links that coarse ones have.
@@ -50,7 +48,7 @@ def _levels(links: Links) -> list[Links]:
     return levels
 
 
-def _solve(levels: list[Links], b: Single, x: Single) -> Single:
+def _solve(levels: list[Links], b: Singles, x: Singles) -> Singles:
     """Solve A x = b by conjugate gradients from x on."""
     allowed = _RTOL**2 * float(np.vdot(b, _cycle(levels, b)))
     r = b - _flow_out(*levels[0], x)
@@ -68,7 +66,7 @@ def _solve(levels: list[Links], b: Single, x: Single) -> Single:
     return x
 
 
-def _cycle(levels: list[Links], b: Single, k: int = 0) -> Single:
+def _cycle(levels: list[Links], b: Singles, k: int = 0) -> Singles:
     """About A⁻¹ b on grid k: a sweep, the correction of the next grid, and the sweep backwards."""
     x = np.zeros_like(b)
     _sweep(*levels[k], b, x, False)
@@ -80,7 +78,7 @@ def _cycle(levels: list[Links], b: Single, k: int = 0) -> Single:
 
 
 @compiled(**REORDERED)
-def _finest(unknown: Flags, values: Single) -> tuple[Links, Single]:
+def _finest(unknown: Flags, values: Singles) -> tuple[Links, Singles]:
     """Links of the pixels, and the sum of the known values beside each unknown one."""
     n1, n2 = unknown.shape
     right, below, total = np.zeros_like(values), np.zeros_like(values), np.zeros_like(values)
@@ -107,7 +105,7 @@ def _finest(unknown: Flags, values: Single) -> tuple[Links, Single]:
 
 
 @compiled(**REORDERED)
-def _coarser(right: Single, below: Single, total: Single) -> Links:
+def _coarser(right: Singles, below: Singles, total: Singles) -> Links:
     """Links of blocks of 2 × 2."""
     n1, n2 = total.shape
     m1, m2 = (n1 + 1) // 2, (n2 + 1) // 2
@@ -128,7 +126,7 @@ def _coarser(right: Single, below: Single, total: Single) -> Links:
 
 
 @compiled(**REORDERED)
-def _flow_out(right: Single, below: Single, total: Single, x: Single) -> Single:
+def _flow_out(right: Singles, below: Singles, total: Singles, x: Singles) -> Singles:
     """A x: what flows out of every pixel."""
     n1, n2 = x.shape
     y = np.zeros_like(x)
@@ -150,7 +148,9 @@ def _flow_out(right: Single, below: Single, total: Single, x: Single) -> Single:
 
 
 @compiled(**REORDERED)
-def _sweep(right: Single, below: Single, total: Single, b: Single, x: Single, back: bool) -> None:
+def _sweep(
+    right: Singles, below: Singles, total: Singles, b: Singles, x: Singles, back: bool
+) -> None:
     """Solve for one pixel after the other, forwards or backwards."""
     n1, n2 = x.shape
     for row in range(n1):
@@ -166,7 +166,7 @@ def _sweep(right: Single, below: Single, total: Single, b: Single, x: Single, ba
 
 
 @compiled()
-def _summed(r: Single, shape: tuple[int, int]) -> Single:
+def _summed(r: Singles, shape: tuple[int, int]) -> Singles:
     """Sums over blocks."""
     found = np.zeros(shape, np.float32)
     for i in range(r.shape[0]):
@@ -176,7 +176,7 @@ def _summed(r: Single, shape: tuple[int, int]) -> Single:
 
 
 @compiled()
-def _add(coarse: Single, total: Single, x: Single) -> None:
+def _add(coarse: Singles, total: Singles, x: Singles) -> None:
     """Add the correction of every block to its unknown pixels."""
     for i in range(x.shape[0]):
         for j in range(x.shape[1]):

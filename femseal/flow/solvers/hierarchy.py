@@ -18,13 +18,35 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...base.arrays import Array, Indices
+from ...base.arrays import Indices, Singles
 from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
 
+#: Nodes of an axis at which coarsening ends.
+FEWEST = 4
+#: Coarsening also ends where so small a fraction of the nodes is left, if these are no more than so many: they are
+#: eliminated in less time than the iterations take that bays and channels of the coarser grids do.
+_ELIMINATED, _MOST_ELIMINATED = 1 / 40, 20000
+#: Largest inverse of a centre; single precision ends at 3e38.
+_MOST_INVERSE = 1e30
 #: What the centre has beyond all conductances is taken for a rounding error below this fraction.
 _ROUNDING = 1e-13
+
+
+class Level(NamedTuple):
+    """Fields of a level, each with a border.
+
+    links : right, below, below right and below left; the last two (1, 1) of five points. inverse : of the centres, 0
+    where there are no conductances. b : right side of a cycle. x : what it has after the first sweep. r : the residual,
+    and in the end the solution. weights (…, 3, 3) : of the nodes of the next level at those of this one.
+    """
+
+    links: tuple[Singles, Singles, Singles, Singles]
+    inverse: Singles
+    b: Singles
+    x: Singles
+    r: Singles
+    weights: Singles
 
 
 class Coarsest(NamedTuple):
@@ -35,8 +57,8 @@ class Coarsest(NamedTuple):
     """
 
     number: Indices
-    band: Array
-    inverse: Array
+    band: Singles
+    inverse: Singles
 
 
 @compiled()
@@ -123,32 +145,6 @@ def solve_coarsest(coarsest, b, ring, x):
             x[i + 1, j + 1] = v[number[i, j]]
         if ring:
             x[i + 1, 0], x[i + 1, n2 + 1] = x[i + 1, n2], x[i + 1, 1]
-
-
-Single = NDArray[np.float32]
-#: Nodes of an axis at which coarsening ends.
-FEWEST = 4
-#: Coarsening also ends where so small a fraction of the nodes is left, if these are no more than so many: they are
-#: eliminated in less time than the iterations take that bays and channels of the coarser grids do.
-_ELIMINATED, _MOST_ELIMINATED = 1 / 40, 20000
-#: Largest inverse of a centre; single precision ends at 3e38.
-_MOST_INVERSE = 1e30
-
-
-class Level(NamedTuple):
-    """Fields of a level, each with a border.
-
-    links : right, below, below right and below left; the last two (1, 1) of five points. inverse : of the centres, 0
-    where there are no conductances. b : right side of a cycle. x : what it has after the first sweep. r : the residual,
-    and in the end the solution. weights (…, 3, 3) : of the nodes of the next level at those of this one.
-    """
-
-    links: tuple[Single, Single, Single, Single]
-    inverse: Single
-    b: Single
-    x: Single
-    r: Single
-    weights: NDArray[np.float32]
 
 
 @inner(**REORDERED)
