@@ -11,7 +11,7 @@ from typing import Any
 from numba import njit
 from numba.extending import overload, register_jitable
 
-from .threads import ONE, over, rows
+from .threads import ONE, ZERO, items, over, rows
 
 #: Options of functions that may take sums in another order, and divide by zero.
 REORDERED: dict[str, Any] = {
@@ -32,9 +32,10 @@ def inner(**options: Any) -> Callable[[Any], Any]:
     return compiled(no_cpython_wrapper=True, **options)
 
 
-def leader(function: Any) -> Any:
+def leader(**options: Any) -> Callable[[Any], Any]:
     """Decorator of a function that calls compiled ones: from Python with threads, or as a part of a compiled one."""
-    return register_jitable(**REORDERED)(function)
+    decorator: Callable[[Any], Any] = register_jitable(**options)
+    return decorator
 
 
 def by_rows(**options: Any) -> Callable[[Any], Any]:
@@ -63,3 +64,36 @@ def by_rows(**options: Any) -> Callable[[Any], Any]:
         return shared
 
     return decorated
+
+
+def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[Any], Any]:
+    """Decorator of a compiled loop over the items `first` to `end` of lists, its first two arguments.
+
+    It is called with the number of items in place of these: from Python in parts, shared by the threads, whose values
+    are `merged`, else at once.
+    """
+
+    def decorated(function: Any) -> Any:
+        loop = compiled(**options)(function)
+
+        @wraps(function)
+        def shared(n: int, *arguments: Any) -> Any:
+            return merged(over(items(n), loop, *arguments))
+
+        @overload(shared, jit_options=options)
+        def _at_once(n: int, *arguments: Any) -> Callable[..., Any]:
+            def at_once(n: int, *arguments: Any) -> Any:
+                return loop(ZERO, n, *arguments)
+
+            return at_once
+
+        return shared
+
+    return decorated
+
+
+def summed(values: list[Any]) -> Any:
+    """The sum of numbers, those of each column of tuples, or None of nothing."""
+    if isinstance(values[0], tuple):
+        return tuple(map(sum, zip(*values, strict=True)))
+    return None if values[0] is None else sum(values)

@@ -16,6 +16,8 @@ import numpy as np
 _number = 1
 #: Points in a part of an array of two axes.
 _POINTS = 2**17
+#: Items of a list in a part: loops over it take a few tenths of a millisecond.
+_ITEMS = 2**16
 #: Arguments of compiled functions that work on parts, where another one calls them for the whole: numba would compile
 #: them once more for a constant 0, 1, False or True.
 ZERO, ONE, NO, YES = np.int64(0), np.int64(1), np.bool_(False), np.bool_(True)
@@ -48,6 +50,11 @@ def rows(n1: int, n2: int) -> list[tuple[int, int]]:
     return [(0, n1)] if n1 * n2 <= _POINTS else parts(n1, max(1.0, _POINTS / max(1, n2)))
 
 
+def items(n: int) -> list[tuple[int, int]]:
+    """First and last + 1 of the parts of a list of n items."""
+    return parts(n, _ITEMS)
+
+
 def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> list[Any]:
     """The values of `work` of items, in their order, found by this thread and others, each taking the next item."""
     if threads == 1:
@@ -67,11 +74,11 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
     return values
 
 
-def over(items: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
+def over(pieces: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
     """The values of `work` of parts, and of arguments that are the same for all, found by `number` threads."""
-    if len(items) == 1:
-        return [work(*items[0], *arguments)]
-    return on_threads(_number, lambda part: work(*part, *arguments), items)
+    if len(pieces) == 1:
+        return [work(*pieces[0], *arguments)]
+    return on_threads(_number, lambda part: work(*part, *arguments), pieces)
 
 
 @cache

@@ -1,12 +1,11 @@
 """Compiled loops of conjugate gradients on the free points, with a preconditioner of 3×3 points.
 
 The arrays are those of `kernels`. `restart`, `turn` and `step` are made of loops over some points of a list, from
-`first` to `end`, which `long_lists` runs on several threads.
+`first` to `end`.
 """
 
 import numpy as np
 
-from ..base.threads import ZERO
 from .kernels import (
     FREE,
     KD,
@@ -24,21 +23,24 @@ from .kernels import (
     V,
     W,
     fast,
+    fast_leader,
+    fast_loop,
     own,
 )
 
 
-@fast
+@fast_leader
 def restart(free, delta, loaded, line, points, stencil):
     """Residual r = δ − v − a (p − H) and M1 on the free points, with which conjugate gradients begin; returns Σ M1."""
     line, points, stencil = Line(*line), Points(*points), Stencil(*stencil)
-    lay_ones(ZERO, free, line, points, stencil)
-    ones, total = first_residual(0, free, delta, line, points, stencil)
-    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, points)
+    lay_ones(free, line, points, stencil)
+    ones = preconditioned(free, points.on_free[ONES], points, stencil)
+    total = first_residual(free, delta, line, points)
+    spread_residual(free, total / free if loaded and free > 0 else 0.0, points)
     return ones
 
 
-@fast
+@fast_loop
 def lay_ones(first, end, line, points, stencil):
     """Compliance and scale of some free points, and what M1 is found from."""
     listed = points.lists[FREE, first:end]
@@ -52,23 +54,22 @@ def lay_ones(first, end, line, points, stencil):
         points.dense[i] = scale[k]
 
 
-@fast
-def first_residual(first, end, delta, line, points, stencil):
-    """M1 and r of some free points; returns the sums of both."""
+@fast_loop
+def first_residual(first, end, delta, line, points):
+    """r of some free points; returns its sum."""
     listed, place = points.lists[FREE, first:end], points.lists[PLACE, first:end]
     p, v = points.near[P], points.near[V]
     r, soft = points.on_free[R, first:end], points.on_free[SOFT, first:end]
-    ones = preconditioned(first, end, points.on_free[ONES], points, stencil)
     total = 0.0
     for k in range(end - first):
         r[k] = delta - v[place[k]]
         if soft[k] > 0.0:
             r[k] -= soft[k] * (p[place[k]] - own(line.hardness, listed[k]))
         total += r[k]
-    return ones, total
+    return total
 
 
-@fast
+@fast_loop
 def preconditioned(first, end, out, points, stencil):
     """s M of what is on the grid, at some free points; returns its sum."""
     listed, scale = points.lists[FREE, first:end], points.on_free[SCALE, first:end]
@@ -81,21 +82,21 @@ def preconditioned(first, end, out, points, stencil):
     return total
 
 
-@fast
+@fast_leader
 def turn(free, former, ones_total, loaded, points, stencil):
     """Next direction d = w + (w·r / former) d, where w = M r less a multiple of M1 that keeps Σ w = 0 under a load.
 
     Returns w·r. Where that is not > 0, there is no direction.
     """
     points, stencil = Points(*points), Stencil(*stencil)
-    total = preconditioned(ZERO, free, points.on_free[W], points, stencil)
-    wr = level(ZERO, free, total / ones_total if loaded else 0.0, points)
+    total = preconditioned(free, points.on_free[W], points, stencil)
+    wr = level(free, total / ones_total if loaded else 0.0, points)
     if wr > 0.0:
-        direct(ZERO, free, wr / former, points)
+        direct(free, wr / former, points)
     return wr
 
 
-@fast
+@fast_loop
 def level(first, end, factor, points):
     """Take a multiple of M1 from w at some free points; returns w·r."""
     r = points.on_free[R, first:end]
@@ -107,7 +108,7 @@ def level(first, end, factor, points):
     return wr
 
 
-@fast
+@fast_loop
 def direct(first, end, beta, points):
     """d = w + beta d at some free points, and on the grid."""
     listed = points.lists[FREE, first:end]
@@ -117,24 +118,24 @@ def direct(first, end, beta, points):
         points.dense[listed[k]] = d[k]
 
 
-@fast
+@fast_leader
 def step(n, free, wr, loaded, kd, points):
     """One step of conjugate gradients, p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
     Returns d·Kd, d·d and whether the step was made: not where d·(Kd + a d) is not > 0.
     """
     points = Points(*points)
-    gather(ZERO, n, kd, points.dense.size // kd.shape[0], points)
-    curvature, length, stiff = curvatures(ZERO, free, points)
+    gather(n, kd, points.dense.size // kd.shape[0], points)
+    curvature, length, stiff = curvatures(free, points)
     total = 0.0
     if stiff > 0.0:
-        total = advance(ZERO, free, wr / stiff, points)
-        advance_gap(ZERO, n, wr / stiff, points)
-    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, points)
+        total = advance(free, wr / stiff, points)
+        advance_gap(n, wr / stiff, points)
+    spread_residual(free, total / free if loaded and free > 0 else 0.0, points)
     return curvature, length, stiff > 0.0
 
 
-@fast
+@fast_loop
 def gather(first, end, kd, columns, points):
     """Kd of some points near contact, of which each row of the grid has so many columns."""
     listed, kn = points.lists[NEAR, first:end], points.near[KD, first:end]
@@ -150,7 +151,7 @@ def gather(first, end, kd, columns, points):
         kn[j] = values[i + skipped]
 
 
-@fast
+@fast_loop
 def curvatures(first, end, points):
     """d·Kd, d·d and d·(Kd + a d) of some free points."""
     place, kn = points.lists[PLACE, first:end], points.near[KD]
@@ -165,7 +166,7 @@ def curvatures(first, end, points):
     return curvature, length, curvature + compliance
 
 
-@fast
+@fast_loop
 def advance(first, end, alpha, points):
     """p += α d and r −= α (Kd + a d) at some free points; returns Σ r."""
     place, p, kn = points.lists[PLACE, first:end], points.near[P], points.near[KD]
@@ -179,7 +180,7 @@ def advance(first, end, alpha, points):
     return total
 
 
-@fast
+@fast_loop
 def advance_gap(first, end, alpha, points):
     """v += α Kd at some points near contact."""
     v, kn = points.near[V, first:end], points.near[KD, first:end]
@@ -187,7 +188,7 @@ def advance_gap(first, end, alpha, points):
         v[j] += alpha * kn[j]
 
 
-@fast
+@fast_loop
 def spread_residual(first, end, mean, points):
     """Write residuals to the points of the grid, less their mean under a load, which only rounding would leave over."""
     listed = points.lists[FREE, first:end]

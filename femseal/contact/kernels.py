@@ -1,10 +1,10 @@
 """Compiled loops of the contact solver on flat arrays: lists of points near contact, projection on the law, new sets.
 
 `active_sets` calls them, and those in `gradient_kernels`, between two products with K: `add_gap`, `look` and `project`,
-which are made of loops over some points of a list, from `first` to `end`. `long_lists` runs these on several threads.
+which are made of loops over some points of a list, from `first` to `end`. On small grids these functions are compiled
+as a whole; on large ones Python calls their loops, of which threads share the parts.
 
-What Python calls, `add_gap`, `look` and `project`, takes `Line` and `Points` as plain tuples, as
-numba needs 2 µs more for named ones.
+`add_gap`, `look` and `project` take `Line` and `Points` as plain tuples, as numba needs 2 µs more for named ones.
 
 State of a point: 0 out of contact (p = 0), 1 elastic (0 < p < H), 2 perfectly plastic (p = H), 3 yielding on a slope
 h > 0 (p = H + h u). Odd ones are free. Lists hold a number of points that a kernel returns or is given.
@@ -13,14 +13,14 @@ v : (n1, >= n2), whose rows begin with those of the grid; so does Kd, before it 
 `loaded` : whether the load is given; otherwise the approach is.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Indices
-from ..base.compiled import compiled
-from ..base.threads import ZERO
+from ..base.compiled import by_items, compiled, leader, summed
+from ..base.threads import over, rows
 
 #: Rows of `Points.lists`: indices of the points near contact, of the free ones, and of these in the first list.
 NEAR, FREE, PLACE = range(3)
@@ -61,8 +61,16 @@ class Stencil(NamedTuple):
 
 
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
-exact = compiled(forceinline=True)
-fast = compiled(forceinline=True, fastmath={"reassoc", "nsz", "arcp", "contract", "nnan"})
+_EXACT: dict[str, Any] = {"forceinline": True}
+_FAST: dict[str, Any] = {
+    "forceinline": True,
+    "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"},
+}
+exact, fast = compiled(**_EXACT), compiled(**_FAST)
+#: Loops over some points of a list, whose values are summed.
+exact_loop, fast_loop = by_items(summed, **_EXACT), by_items(summed, **_FAST)
+#: Functions that are made of loops.
+exact_leader, fast_leader = leader(**_EXACT), leader(**_FAST)
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
 
@@ -111,7 +119,24 @@ def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, line, points):
     return n, k, energy, load, total
 
 
-@exact
+def add_gap_in_parts(first, end, add, n, k, p, v, *rest):
+    """`add_gap` on all rows, of which threads share the parts."""
+    points, columns = Points(*rest[-1]), p.size // end
+    # each part lists its points from the place of its first one on
+    pieces = [(*part, add, part[0] * columns, part[0] * columns) for part in rows(end, columns)]
+    found = over(pieces, add_gap, p, v, *rest)
+    for (*_, start), (end_near, end_free, *_) in zip(pieces, found, strict=True):
+        near, free = slice(start, end_near), slice(start, end_free)
+        to, to_free = slice(n, n + end_near - start), slice(k, k + end_free - start)
+        points.lists[NEAR, to] = points.lists[NEAR, near]
+        points.near[:, to] = points.near[:, near]
+        points.lists[FREE, to_free] = points.lists[FREE, free]
+        points.lists[PLACE, to_free] = points.lists[PLACE, free] - (start - n)
+        n, k = to.stop, to_free.stop
+    return n, k, *summed([values[2:] for values in found])
+
+
+@exact_leader
 def look(n, c, load, loaded, delta, line, points):
     """Approach δ and residual of the complementarity on the points near contact.
 
@@ -120,13 +145,13 @@ def look(n, c, load, loaded, delta, line, points):
     """
     line, points = Line(*line), Points(*points)
     carried = True
-    find_trial(ZERO, n, c, points)
+    find_trial(n, c, points)
     if loaded:
         delta, carried = root(points.near[X], n, line, c, points.lists[NEAR], c, load, delta)
-    return delta, carried, *compare(ZERO, n, c, delta, line, points)
+    return delta, carried, *compare(n, c, delta, line, points)
 
 
-@exact
+@exact_loop
 def find_trial(first, end, c, points):
     """x = p − c v of some points near contact."""
     x, p, v = points.near[X, first:end], points.near[P, first:end], points.near[V, first:end]
@@ -134,7 +159,7 @@ def find_trial(first, end, c, points):
         x[j] = p[j] - c * v[j]
 
 
-@exact
+@exact_loop
 def compare(first, end, c, delta, line, points):
     """‖p − y‖² and ‖y‖² of some points near contact, and the number and ‖p − y‖² of those whose state y changes."""
     listed, x, p = (
@@ -183,25 +208,29 @@ def _projected(z, h, t):
     return y, s
 
 
-@exact
+@exact_leader
 def root(x, n, line, kept, listed, c, load, start):
     """Find δ with Σ y(x + cδ) = load on a list of points; returns whether they can carry the load.
 
     y is the projection on the law with t = h/(h + kept). The sum is monotone and piecewise linear in δ: Newton's method
     within a bracket.
     """
-    delta, low, top, carried = bracket(
-        *capacity(ZERO, n, x, line, kept, listed, load), c, load, start
-    )
+    delta, low, top, carried = bracket(*capacity(n, x, line, kept, listed, load), c, load, start)
     for _ in range(ROOT_STEPS):
         if low == top:
             break
-        sums = carry(ZERO, n, x, c * delta, line, kept, listed)
+        sums = carry(n, x, c * delta, line, kept, listed)
         delta, low, top = refine(delta, low, top, *sums, c, load)
     return delta, carried
 
 
-@exact
+def _bounds(values: list[Any]) -> Any:
+    """Of the values of `capacity` the largest first two, and sums."""
+    highest, full, total, rise = zip(*values, strict=True)
+    return max(highest), max(full), sum(total), sum(rise)
+
+
+@by_items(_bounds, **_EXACT)
 def capacity(first, end, x, line, kept, listed, load):
     """Of some points: the highest x, the highest min(H, load) − x, Σ H and Σ t."""
     x, listed = x[first:end], listed[first:end]
@@ -249,7 +278,7 @@ def refine(delta, low, top, total, slopes, c, load):
     return new, low, top
 
 
-@fast
+@fast_loop
 def carry(first, end, x, shift, line, kept, listed):
     """Σ y(x + shift) of some points and its derivative, the number between the bounds where nothing hardens."""
     x, listed = x[first:end], listed[first:end]
@@ -266,7 +295,7 @@ def carry(first, end, x, shift, line, kept, listed):
     return total, slopes
 
 
-@exact
+@exact_leader
 def project(n, free, c, delta, load, loaded, keep, p, line, points):
     """Give every point near contact the state and value of the projection of x + cδ on the law; the load is then exact.
 
@@ -274,24 +303,24 @@ def project(n, free, c, delta, load, loaded, keep, p, line, points):
     others leave is put on the free points by a uniform shift within the bounds. Returns the number of free points.
     """
     line, points = Line(*line), Points(*points)
-    clear(ZERO, free, points)
-    k, carried = assign(ZERO, n, c, delta, keep, p, line, points)
-    list_free(ZERO, n, ZERO, points)
+    clear(free, points)
+    k, carried = assign(n, c, delta, keep, p, line, points)
+    list_free(n, points)
     left = load - carried
     if k > 0 and left > 0.0 and loaded:
         uniform = root(points.near[KD], k, line, 0.0, points.lists[FREE], 1.0, left, 0.0)[0]
-        shift(ZERO, k, c, uniform, p, line, points)
+        shift(k, c, uniform, p, line, points)
     return k
 
 
-@exact
+@exact_loop
 def clear(first, end, points):
     """Take some free points from the grid."""
     for i in points.lists[FREE, first:end]:
         points.dense[i] = 0.0
 
 
-@exact
+@exact_loop
 def assign(first, end, c, delta, keep, p, line, points):
     """Pressure and state of some points near contact; returns how many are free, and what the others carry."""
     listed, x, pn = (
@@ -318,18 +347,18 @@ def assign(first, end, c, delta, keep, p, line, points):
 
 
 @exact
-def list_free(first, end, k, points):
-    """List those of some points near contact that are free from place k, with the pressures that `assign` gave them."""
-    listed, x = points.lists[NEAR, first:end], points.near[X, first:end]
-    for j in range(end - first):
-        i = listed[j]
+def list_free(n, points):
+    """List those of the points near contact that are free, with the pressures that `assign` gave them."""
+    k = 0
+    for j in range(n):
+        i = points.lists[NEAR, j]
         if points.state[i] & 1:
             points.lists[FREE, k] = i
-            points.near[KD, k] = x[j]
+            points.near[KD, k] = points.near[X, j]
             k += 1
 
 
-@exact
+@exact_loop
 def shift(first, end, c, uniform, p, line, points):
     """Add a uniform pressure to some free points, within the bounds."""
     listed, x = points.lists[FREE, first:end], points.near[KD, first:end]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, Flags, InputError, NotConverged, Shown, validate
-from ..base.threads import number, on_threads
-from . import kernels, long_lists
+from ..base.threads import number, over, rows, using
+from . import kernels
 from .active_sets import ActiveSets
 from .half_space import HalfSpace
 from .kernels import Line
@@ -166,14 +166,14 @@ def solve_contact(
             "deformation", deformation, unit="m", shape=half_space.shape, copy=False
         )
         gap, law = gap + deformation, law.after(deformation)
-    threads = number() if threads is None else validate.count("threads", threads)
-    if np.ndim(fluid_pressure) or fluid_pressure != 0:
-        gap, law, pressure = _with_fluid(gap, half_space, law, pressure, fluid_pressure, threads)
-    line = law.tangent(half_space.shape)
-    pressure, approach = _checked_load(gap, half_space, law, pressure, approach)
-    validate.tolerance("rtol", rtol)
-    problem = _Problem(gap, half_space, line, pressure, approach, rtol)
-    contact = problem.solve(threads) if law.linear else _by_tangents(law, problem, threads)
+    with using(number() if threads is None else validate.count("threads", threads)):
+        if np.ndim(fluid_pressure) or fluid_pressure != 0:
+            gap, law, pressure = _with_fluid(gap, half_space, law, pressure, fluid_pressure)
+        line = law.tangent(half_space.shape)
+        pressure, approach = _checked_load(gap, half_space, law, pressure, approach)
+        validate.tolerance("rtol", rtol)
+        problem = _Problem(gap, half_space, line, pressure, approach, rtol)
+        contact = problem.solve() if law.linear else _by_tangents(law, problem)
     if deformation is not None:
         np.add(contact.plastic_deformation, deformation, out=contact.plastic_deformation)
     return contact
@@ -185,7 +185,6 @@ def _with_fluid(
     law: ContactLaw,
     pressure: float | None,
     fluid_pressure: ArrayLike,
-    threads: int,
 ) -> tuple[Array, ContactLaw, float | None]:
     """Undeformed gap [m], law and nominal pressure [Pa] of a contact whose faces a fluid presses apart."""
     if np.ndim(fluid_pressure) == 0:
@@ -212,7 +211,7 @@ def _with_fluid(
         pressure -= mean
     # the same number at every point stays one, and the law with it
     reduced = law.less(p_f.flat[0] if np.all(p_f == p_f.flat[0]) else p_f)
-    grid = workspace(half_space, threads)
+    grid = workspace(half_space)
     grid.pressure[:] = p_f
     grid.respond.apply()
     return gap + grid.respond.displacement, reduced, pressure
@@ -250,7 +249,7 @@ def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
         )
 
 
-def _by_tangents(law: ContactLaw, problem: _Problem, threads: int) -> Contact:
+def _by_tangents(law: ContactLaw, problem: _Problem) -> Contact:
     """Solve a curved law by contacts with its tangents, each at the deformation that the former contact gives the law.
 
     A tangent so steep that it leaves no pressure at u = 0 holds from a depth on, which is in the gap of its contact.
@@ -272,7 +271,7 @@ def _by_tangents(law: ContactLaw, problem: _Problem, threads: int) -> Contact:
             line = replace(
                 line, slope=np.maximum(line.slope, 0.1 * stiffness)
             )  # the curve carries it further on
-        contact = replace(problem, gap0=problem.gap0 + depth, line=line).solve(threads)
+        contact = replace(problem, gap0=problem.gap0 + depth, line=line).solve()
         iterations, pairs = iterations + contact.iterations, pairs + contact.fft_pairs
         raw = contact.raw_gap - depth
         y, wanted = law.admissible(contact.pressure, raw, stiffness)
@@ -308,20 +307,20 @@ class _Problem:
     approach: float | None
     rtol: float
 
-    def solve(self, threads: int) -> Contact:
+    def solve(self) -> Contact:
         """Solve at once where no point or every point is at its bound, else from coarse grids to this one."""
         # what the highest points are above others is known to all its digits, however small it is beside the heights
         offset = float(self.gap0.min())
         if self.load == 0:
-            return self._uniform(threads, offset, 0.0, offset)
+            return self._uniform(offset, 0.0, offset)
         if self.load is not None and self.load >= self.line.capacity * (1 - 1e-12):
-            return self._uniform(threads, offset, self.line.hardness, None)
-        sets = self._nested(threads, offset)
+            return self._uniform(offset, self.line.hardness, None)
+        sets = self._nested(offset)
         self._check(sets)
         counted = {"iterations": sets.iterations, "fft_pairs": sets.pairs}
         return self._result(sets.grid, offset, sets.delta, residual=sets.residual, **counted)
 
-    def _nested(self, threads: int, offset: float) -> ActiveSets:
+    def _nested(self, offset: float) -> ActiveSets:
         """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
         problems = [self]
         while min(problems[-1].half_space.shape) > _COARSEST:
@@ -329,7 +328,7 @@ class _Problem:
         start = problems[-1]._first_guess()
         while True:
             problem = problems.pop()
-            grid = workspace(problem.half_space, threads, self.half_space)
+            grid = workspace(problem.half_space, self.half_space)
             grid.start(start, problem.line.limit)
             of_points = offset, problem.line, problem.load, self.approach
             sets = ActiveSets(grid, problem.gap0, *of_points)
@@ -370,11 +369,9 @@ class _Problem:
         touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
         return touching * (load * gap0.size / np.count_nonzero(touching))
 
-    def _uniform(
-        self, threads: int, offset: float, pressure: float | Array, approach: float | None
-    ) -> Contact:
+    def _uniform(self, offset: float, pressure: float | Array, approach: float | None) -> Contact:
         """Solution whose pressure is known; `approach` None is the least at which every point is in contact."""
-        grid = workspace(self.half_space, threads)
+        grid = workspace(self.half_space)
         grid.pressure[:] = pressure
         grid.respond.apply()
         v = grid.respond.displacement
@@ -417,8 +414,7 @@ class _Problem:
             deformation.ravel(),
             plastic.ravel(),
         )
-        pieces = long_lists.rows_in_parts(grid.v, p.size)
-        on_threads(grid.threads, lambda part: kernels.gap_and_deformation(*part, *arrays), pieces)
+        over(rows(*p.shape), kernels.gap_and_deformation, *arrays)
         return Contact(
             pressure=p,
             gap=gap,

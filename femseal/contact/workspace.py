@@ -5,29 +5,48 @@ from __future__ import annotations
 from functools import lru_cache
 from math import prod
 from threading import get_ident
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ..base import Array, Indices
+from ..base.threads import number
 from .convolution import Convolution
+from .gradient_kernels import restart, step, turn
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
-from .kernels import Points, Stencil
-from .long_lists import lists_of
+from .kernels import Points, Stencil, add_gap, add_gap_in_parts, exact, fast, look, project
 
 #: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
 #: of a solution.
 KEPT_POINTS = 2**21
 #: Number of points from which two threads are faster than one.
 _THREADED = 2**18
+#: What a step of the iteration calls on small grids, compiled as a whole, and on those of which threads share the work.
+_AT_ONCE = SimpleNamespace(
+    add_gap=add_gap,
+    look=exact(look),
+    project=exact(project),
+    restart=fast(restart),
+    turn=fast(turn),
+    step=fast(step),
+)
+_IN_PARTS = SimpleNamespace(
+    add_gap=add_gap_in_parts,
+    look=look,
+    project=project,
+    restart=restart,
+    turn=turn,
+    step=step,
+)
 
 
-def workspace(half_space: HalfSpace, threads: int, finest: HalfSpace | None = None) -> Workspace:
+def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspace:
     """Workspace of a half-space, kept for this thread unless it is large, or the `finest` of its levels is."""
     if prod((finest or half_space).shape) > KEPT_POINTS:
-        return Workspace(half_space, threads, kept=False)
-    return _kept(half_space, threads, get_ident())
+        return Workspace(half_space, number(), kept=False)
+    return _kept(half_space, number(), get_ident())
 
 
 @lru_cache(maxsize=32)
@@ -51,8 +70,9 @@ class Workspace:
     def __init__(self, half_space: HalfSpace, threads: int, kept: bool = True) -> None:
         n1, n2 = half_space.shape
         n = n1 * n2
-        threads = threads if n >= _THREADED else 1
-        self.half_space, self.threads, self.kept = half_space, threads, kept
+        large = n >= _THREADED
+        threads = threads if large else 1
+        self.half_space, self.kept = half_space, kept
         body = half_space.shape, half_space.boundary
         self.respond = Convolution(*body, half_space.symbol(), threads=threads)
         # the next product with the pressure corrects the errors of products in single precision
@@ -79,7 +99,7 @@ class Workspace:
             _index_map(n2, r2, half_space.boundary[1]),
         )
         self.stiffness = half_space.stiffness
-        self.loops = lists_of(n, threads)
+        self.loops = _IN_PARTS if large else _AT_ONCE
 
     def end(self) -> None:
         """Keep p and v only, of a grid that is not used again."""

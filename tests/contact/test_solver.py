@@ -10,11 +10,11 @@ from numpy.testing import assert_allclose
 
 from femseal import analytic
 from femseal.base import InputError
+from femseal.base import threads as base_threads
 from femseal.contact import (
     HalfSpace,
     LinearHardening,
     convolution,
-    long_lists,
     solve_contact,
     workspace,
 )
@@ -319,8 +319,8 @@ def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary
         patch.setattr(convolution, "LARGE", 48**2)
         patch.setattr(workspace, "KEPT_POINTS", 0)
         patch.setattr(workspace, "_THREADED", 0)
-        patch.setattr(long_lists, "POINTS", 1000)
-        patch.setattr(long_lists, "LISTED", 60)
+        patch.setattr(base_threads, "_POINTS", 1000)
+        patch.setattr(base_threads, "_ITEMS", 60)
         large, *others = (solve_contact(h, body, threads=n, **given) for n in (1, 2, 3))
     for other in others:
         assert other.pressure.tobytes() + other.gap.tobytes() == (

@@ -303,7 +303,7 @@ def _galerkin(first, end, w, operator, nine, ring, to):
                 close_ring(to[k, ci])
 
 
-@leader
+@leader(**REORDERED)
 def hierarchy(along, across, ring):
     """The levels of a stencil, and the last one eliminated."""
     fine = np.zeros((3, along.shape[0] + 1, along.shape[1] + 2))
@@ -335,7 +335,7 @@ def hierarchy(along, across, ring):
         operator = to[0], to[1], to[2], to[3], to[4]
 
 
-@leader
+@leader(**REORDERED)
 def coarser(n1, n2):
     """Shape of the next level with the border."""
     return (n1 + 1) // 2 + 1, (n2 + 1) // 2 + 1

@@ -131,7 +131,7 @@ def _at_once(conductances, ring, drop, asked):
     return _iterated(levels, coarsest, conductances, ring, drop, r, YES, asked)
 
 
-@leader
+@leader(**REORDERED)
 def _iterated(levels, coarsest, conductances, ring, drop, r, relative, asked):
     """Potential, iterations, error in the norm of the energy, and whether it is what was asked.
 
@@ -171,7 +171,7 @@ def _iterated(levels, coarsest, conductances, ring, drop, r, relative, asked):
     return x, iteration, error, done
 
 
-@leader
+@leader(**REORDERED)
 def _judged(iteration, rz, largest, unbalanced, rate, history, asked):
     """Error in the norm of the energy, and whether it is what was asked, or more iterations than allowed are needed.
 
@@ -219,7 +219,7 @@ def _slowest(steps, ratios):
     return min(max(min(lowest**2 / first, first), last), lowest)
 
 
-@leader
+@leader(**REORDERED)
 def _cycle(levels, coarsest, ring):
     """One V-cycle: r of the finest level from its b."""
     for k in range(len(levels) - 1):
