@@ -80,7 +80,7 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
         def shared(n: int, *arguments: Any) -> Any:
             return merged(over(items(n), loop, *arguments))
 
-        @overload(shared, jit_options=options)
+        @overload(shared, jit_options=options)  # type: ignore[arg-type]
         def _at_once(n: int, *arguments: Any) -> Callable[..., Any]:
             def at_once(n: int, *arguments: Any) -> Any:
                 return loop(ZERO, n, *arguments)

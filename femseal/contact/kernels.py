@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..base import Array, Indices
 from ..base.compiled import by_items, compiled, leader, summed
-from ..base.threads import over, rows
+from ..base.threads import over, parts
 
 #: Rows of `Points.lists`: indices of the points near contact, of the free ones, and of these in the first list.
 NEAR, FREE, PLACE = range(3)
@@ -71,6 +71,8 @@ exact, fast = compiled(**_EXACT), compiled(**_FAST)
 exact_loop, fast_loop = by_items(summed, **_EXACT), by_items(summed, **_FAST)
 #: Functions that are made of loops.
 exact_leader, fast_leader = leader(**_EXACT), leader(**_FAST)
+#: Points of a grid of which one loop makes lists; those of several are copied together.
+PART = 2**19
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
 
@@ -123,7 +125,9 @@ def add_gap_in_parts(first, end, add, n, k, p, v, *rest):
     """`add_gap` on all rows, of which threads share the parts."""
     points, columns = Points(*rest[-1]), p.size // end
     # each part lists its points from the place of its first one on
-    pieces = [(*part, add, part[0] * columns, part[0] * columns) for part in rows(end, columns)]
+    pieces = [
+        (*part, add, part[0] * columns, part[0] * columns) for part in parts(end, PART / columns)
+    ]
     found = over(pieces, add_gap, p, v, *rest)
     for (*_, start), (end_near, end_free, *_) in zip(pieces, found, strict=True):
         near, free = slice(start, end_near), slice(start, end_free)

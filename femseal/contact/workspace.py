@@ -16,7 +16,7 @@ from .convolution import Convolution
 from .gradient_kernels import restart, step, turn
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
-from .kernels import Points, Stencil, add_gap, add_gap_in_parts, exact, fast, look, project
+from .kernels import PART, Points, Stencil, add_gap, add_gap_in_parts, exact, fast, look, project
 
 #: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
 #: of a solution.
@@ -70,8 +70,7 @@ class Workspace:
     def __init__(self, half_space: HalfSpace, threads: int, kept: bool = True) -> None:
         n1, n2 = half_space.shape
         n = n1 * n2
-        large = n >= _THREADED
-        threads = threads if large else 1
+        threads = threads if n >= _THREADED else 1
         self.half_space, self.kept = half_space, kept
         body = half_space.shape, half_space.boundary
         self.respond = Convolution(*body, half_space.symbol(), threads=threads)
@@ -99,7 +98,7 @@ class Workspace:
             _index_map(n2, r2, half_space.boundary[1]),
         )
         self.stiffness = half_space.stiffness
-        self.loops = _IN_PARTS if large else _AT_ONCE
+        self.loops = _IN_PARTS if n > PART else _AT_ONCE
 
     def end(self) -> None:
         """Keep p and v only, of a grid that is not used again."""

@@ -15,6 +15,7 @@ from femseal.contact import (
     HalfSpace,
     LinearHardening,
     convolution,
+    kernels,
     solve_contact,
     workspace,
 )
@@ -319,7 +320,8 @@ def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary
         patch.setattr(convolution, "LARGE", 48**2)
         patch.setattr(workspace, "KEPT_POINTS", 0)
         patch.setattr(workspace, "_THREADED", 0)
-        patch.setattr(base_threads, "_POINTS", 1000)
+        patch.setattr(workspace, "PART", 1000)
+        patch.setattr(kernels, "PART", 1000)
         patch.setattr(base_threads, "_ITEMS", 60)
         large, *others = (solve_contact(h, body, threads=n, **given) for n in (1, 2, 3))
     for other in others:
