@@ -307,9 +307,15 @@ def _galerkin(first, end, w, operator, nine, ring, to):
 def hierarchy(along, across, ring):
     """The levels of a stencil, and the last one eliminated."""
     fine = np.zeros((3, along.shape[0] + 1, along.shape[1] + 2))
+    _links(fine[0], fine[1], fine[2], along, across, ring)
+    return levels_of(fine, ring)
+
+
+@leader(**REORDERED)
+def levels_of(fine, ring):
+    """`hierarchy` of an operator of five points: its centres, right and lower conductances, with a border."""
     none = np.zeros((1, 1))
     operator = fine[0], fine[1], fine[2], none, none
-    _links(fine[0], fine[1], fine[2], along, across, ring)
     levels: list[Level] = []
     fewest = 0.0
     while True:

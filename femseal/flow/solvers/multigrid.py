@@ -147,7 +147,7 @@ def _iterated(levels, coarsest, conductances, ring, drop, r, relative, asked):
     _start(x, r, b, conductances, drop, rest, levels[0].inverse)
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
-        _cycle(levels, coarsest, ring)
+        cycle(levels, coarsest, ring)
         _product(z, r, asked.field, asked.hidden, sums)
         rz, largest, rate = scale * sums[0].sum(), scale * sums[1].max(), (along[-1] * x[-2]).sum()
         error, done, hopeless = _judged(iteration, rz, largest, unbalanced, rate, history, asked)
@@ -220,7 +220,7 @@ def _slowest(steps, ratios):
 
 
 @leader(**REORDERED)
-def _cycle(levels, coarsest, ring):
+def cycle(levels, coarsest, ring):
     """One V-cycle: r of the finest level from its b."""
     for k in range(len(levels) - 1):
         here, after = levels[k], levels[k + 1]
