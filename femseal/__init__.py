@@ -29,7 +29,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .base.lazy_package import displays, find_place, lazy
+from .base.lazy_package import displays, lazy, name_cache
 
 __version__ = "0.2.0"
 
@@ -80,7 +80,7 @@ if TYPE_CHECKING:
 else:
     __getattr__, __dir__ = lazy(__name__)
 
-find_place(Path(__file__).parent)
+name_cache(Path(__file__).parent)
 displays["plots"] = partial(import_module, ".plots", __name__)
 displays["results"] = partial(import_module, ".results", __name__)
 displays["report"] = partial(import_module, ".report", __name__)

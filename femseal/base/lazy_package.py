@@ -6,7 +6,7 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -68,30 +68,28 @@ def loading() -> Iterator[None]:
         gc.enable()
 
 
-def find_place(package: Path) -> None:
-    """Name a temporary folder for compiled loops where numba would find none and refuse to import them.
+def name_cache(package: Path) -> None:
+    """Name a folder for compiled loops, unless NUMBA_CACHE_DIR does: of this installation only.
 
-    Numba takes NUMBA_CACHE_DIR, the `__pycache__` beside each module, or a folder of the user. Where none can be
-    written, as in containers that are read only, loops are compiled in every run, once for all its processes.
+    What numba keeps of a former one may name classes that are gone, and ends the import. Where neither the package nor
+    the user has a folder that can be written, as in containers that are read only, it is a temporary one: loops are
+    compiled in every run, once for all its processes.
     """
-    if (
-        os.environ.get("NUMBA_CACHE_DIR")
-        or _can_write(package / "base/__pycache__")
-        or _user_can_write()
-    ):
+    if os.environ.get("NUMBA_CACHE_DIR"):
         return
-    folder = mkdtemp(prefix="femseal-")
-    atexit.register(rmtree, folder, ignore_errors=True)
+    places = [package / "__pycache__"]
+    with suppress(RuntimeError):  # no home
+        places.append(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"))
+    place = next(filter(_can_write, places), None)
+    if place is None:
+        folder = mkdtemp(prefix="femseal-")
+        atexit.register(rmtree, folder, ignore_errors=True)
+    else:
+        installed = (package / "__init__.py").stat().st_mtime_ns
+        folder = str(place / f"femseal-compiled-{installed}")
     os.environ["NUMBA_CACHE_DIR"] = folder
     if "numba" in sys.modules:
-        sys.modules["numba"].config.reload_config()
-
-
-def _user_can_write() -> bool:
-    try:
-        return _can_write(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"))
-    except RuntimeError:  # no home
-        return False
+        sys.modules["numba"].config.CACHE_DIR = folder
 
 
 def _can_write(folder: Path) -> bool:

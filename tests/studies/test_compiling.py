@@ -87,3 +87,44 @@ def test_where_nothing_can_be_written_loops_are_kept_in_a_temporary_folder():
     ).stdout.split()
     assert Path(said[1]).parent == Path(said[0])
     assert not Path(said[0]).exists()
+
+
+LOOPS = """
+from femseal.base.compiled import compiled
+
+@compiled()
+def total(pair):
+    return pair.a + pair.b
+"""
+PAIR = """
+from typing import NamedTuple
+
+class Pair(NamedTuple):
+    a: float
+    b: float
+"""
+SUM = """
+import os, sys
+from pathlib import Path
+import femseal
+from femseal.base.lazy_package import name_cache
+del os.environ["NUMBA_CACHE_DIR"]
+name_cache(Path("package"))
+sys.path.insert(0, ".")
+from package import loops, {module}
+print(loops.total({module}.Pair(1.0, 2.0)))
+"""
+
+
+def test_loops_that_a_former_installation_has_compiled_are_not_read(tmp_path):
+    """They may name a class of a module that is gone."""
+    package = tmp_path / "package"
+    package.mkdir()
+    (package / "loops.py").write_text(LOOPS)
+    for module in ("former", "later"):
+        (package / "former.py").unlink(missing_ok=True)
+        (package / "__init__.py").write_text("")
+        (package / f"{module}.py").write_text(PAIR)
+        command = [sys.executable, "-B", "-c", SUM.format(module=module)]
+        said = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert said.stdout.split() == ["3.0"], said.stderr
