@@ -25,6 +25,8 @@ _STEPS = 3, 5, 0.04
 _LARGE_STEPS = 8, 16, 0.01
 #: Iterations after which no step may raise the energy (`Descent`), a slower rule that is seldom needed.
 _MONOTONE_AFTER = 60
+#: w·r that is a rounding error, relative to that of δ at all free points.
+_FLAT = 1e-30
 #: Sets stay while points that would leave them have at most this fraction of the squared residual, and it halves.
 _FRACTION = 0.1
 
@@ -228,7 +230,8 @@ class ActiveSets:
                 self._turned = True
             if steps == 0:
                 first = self._wr
-                if not first > 0.0:  # flat on the free points: the sets have to change
+                # flat to rounding on the free points: the sets have to change
+                if not first > _FLAT * self.delta**2 * self._ones:
                     self._c = max(self._least_c, self._damping * self._c0)
                     return
             if not (self._wr > 0.0 and self._wr >= drop * first):
