@@ -30,12 +30,14 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from ..base import Array, Indices, Shape
 from ..base.compiled import compiled
 from ..base.threads import on_threads, parts
-from .influence import Boundary, padded_length
 
+#: Kind of each axis, periodic, mirror or free.
+Boundary = tuple[str, str]
 #: A call of a stage, and what plans the two of a transform there and back.
 Call = Callable[..., Any]
 Planned = Callable[..., tuple[Call, Call]]
@@ -59,7 +61,7 @@ class Convolution:
     ----------
     shape : (n1, n2) points.
     boundary : kind of each axis, "periodic", "mirror" or "free".
-    symbol : eigenvalues of K [m/Pa] as `influence.symbol` gives them; None with `over`.
+    symbol : eigenvalues of K [m/Pa] as `half_space.symbol` gives them; None with `over`.
     dtype : of the arrays and the transforms, double or single precision.
     threads : number of threads at work together.
     over : a product with the same K, of no smaller precision, whose memory is used for all but `pressure`. Each
@@ -178,6 +180,11 @@ class Convolution:
         """Fill `displacement` from `pressure`."""
         for parts_of_stage in self._stages:
             on_threads(self._threads, _in_turn, parts_of_stage)
+
+
+def padded_length(n: int) -> int:
+    """Even length to which a free axis of n points is padded, so that a cyclic convolution has no wrap-around."""
+    return 2 * int(next_fast_len(n, real=True)) if n > 1 else 1
 
 
 def row_length(waves: int, itemsize: int) -> int:

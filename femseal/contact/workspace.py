@@ -14,8 +14,7 @@ from ..base import Array, Indices
 from ..base.threads import number
 from .convolution import Convolution
 from .gradient_kernels import restart, step, turn
-from .half_space import HalfSpace
-from .influence import stiffness_stencil
+from .half_space import HalfSpace, stiffness_stencil
 from .kernels import PART, Points, Stencil, add_gap, add_gap_in_parts, exact, fast, look, project
 
 #: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth

@@ -36,8 +36,8 @@ _SEEN = 1e-8
 #: Links narrower than this fraction are lost to rounding in sums with wide ones, and the matrix may become indefinite.
 _LOST = 1e-13
 #: Multigrid is tried first on more than so many nodes × exp(growth × roughness), see `_roughness`; it is given up after
-#: so many iterations. On 245 networks of 24² to 512² nodes, of independent links and pixels, contacts and faces cut by a
-#: plane, the solver so chosen takes 1.1 times the time of the faster one in the mean.
+#: so many iterations. On 245 networks of 24² to 512² nodes, of independent links and pixels, contacts and faces cut by
+#: a plane, the solver so chosen takes 1.1 times the time of the faster one in the mean.
 _FEWEST, _GROWTH, _CLOSED, _PATIENCE = 15, 3.5, 4.0, 120
 #: Dead ends are sought on so many nodes, and where there may be some, as no more than this fraction of the nodes are
 #: open. Iterations with and without them on gaps with 14, 22 and 27 % in contact: at 512² 11 of 71, 49 of 140 and 68 of
