@@ -9,7 +9,7 @@ as a whole; on large ones Python calls their loops, of which threads share the p
 State of a point: 0 out of contact (p = 0), 1 elastic (0 < p < H), 2 perfectly plastic (p = H), 3 yielding on a slope
 h > 0 (p = H + h u). Odd ones are free. Lists hold a number of points that a kernel returns or is given.
 
-v : (n1, >= n2), whose rows begin with those of the grid; so does Kd, before it is gathered.
+Kd : (n1, >= n2), whose rows begin with those of the grid, before it is gathered.
 `loaded` : whether the load is given; otherwise the approach is.
 """
 
@@ -33,11 +33,15 @@ R, W, D, ONES, SOFT, SCALE = range(6)
 
 
 class Points(NamedTuple):
-    """State (n,) of the points of a grid, lists (3, n) of some, and what belongs to these: near (4, n), on_free (6, n).
+    """Pressure and state (n,) of the points of a grid, lists (3, n) of some, and what belongs to these: near (4, n),
+    on_free (6, n).
 
-    dense : on all points of the grid, 0 where a point is not free: first what the stencil is applied to, then d.
+    v : Kp + h₁ (n1, >= n2), whose rows begin with those of the grid. dense : on all points of the grid, 0 where a point
+    is not free: first what the stencil is applied to, then d.
     """
 
+    p: Array
+    v: Array
     state: NDArray[np.int8]
     lists: NDArray[np.int32]
     near: Array
@@ -78,18 +82,21 @@ ROOT_STEPS = 200
 
 
 @exact
-def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, line, points):
+def add_gap(first, end, add, gap0, offset, reach, line, points):
     """v = Kp + h₁ from Kp on some rows of points where `add`; lists those in contact or with v below `reach`.
 
-    They are listed from place n, and the free ones of them from place k. Returns the next places, the energy ½⟨p, Kp⟩ +
-    ⟨p, h₁⟩ + ½ Σ (p − H)²/h where points yield on a slope, Σ p, and Σ v of those on the first list.
+    They are listed from the place of the first point of these rows on, and so are the free ones of them. Returns the
+    next places of both, the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ½ Σ (p − H)²/h where points yield on a slope, Σ p, and Σ v of
+    those on the first list.
     """
     line, points = Line(*line), Points(*points)
     weight = 1.0 if add else 0.0
     energy = 0.0
     load = 0.0
     total = 0.0
+    p, v = points.p, points.v
     columns = p.size // v.shape[0]
+    n = k = first * columns
     for row in range(first, end):
         start = row * columns
         vs, ps, heights, states = (
@@ -121,15 +128,15 @@ def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, line, points):
     return n, k, energy, load, total
 
 
-def add_gap_in_parts(first, end, add, n, k, p, v, *rest):
-    """`add_gap` on all rows, of which threads share the parts."""
-    points, columns = Points(*rest[-1]), p.size // end
-    # each part lists its points from the place of its first one on
-    pieces = [
-        (*part, add, part[0] * columns, part[0] * columns) for part in parts(end, PART / columns)
-    ]
-    found = over(pieces, add_gap, p, v, *rest)
-    for (*_, start), (end_near, end_free, *_) in zip(pieces, found, strict=True):
+def add_gap_in_parts(first, end, *arguments):
+    """`add_gap` of which threads share the parts."""
+    points = Points(*arguments[-1])
+    columns = points.p.size // end
+    pieces = parts(end, PART / columns)
+    found = over(pieces, add_gap, *arguments)
+    n = k = 0
+    for (row, _), (end_near, end_free, *_) in zip(pieces, found, strict=True):
+        start = row * columns
         near, free = slice(start, end_near), slice(start, end_free)
         to, to_free = slice(n, n + end_near - start), slice(k, k + end_free - start)
         points.lists[NEAR, to] = points.lists[NEAR, near]
@@ -300,20 +307,21 @@ def carry(first, end, x, shift, line, kept, listed):
 
 
 @exact_leader
-def project(n, free, c, delta, load, loaded, keep, p, line, points):
+def project(n, free, c, delta, load, keep, line, points):
     """Give every point near contact the state and value of the projection of x + cδ on the law; the load is then exact.
 
-    keep : points that stay free in their state keep the pressure that conjugate gradients gave them. The load that all
-    others leave is put on the free points by a uniform shift within the bounds. Returns the number of free points.
+    keep : points that stay free in their state keep the pressure that conjugate gradients gave them. load : 0 where the
+    approach is given; what all others leave of it is put on the free points by a uniform shift within the bounds.
+    Returns the number of free points.
     """
     line, points = Line(*line), Points(*points)
     clear(free, points)
-    k, carried = assign(n, c, delta, keep, p, line, points)
+    k, carried = assign(n, c, delta, keep, line, points)
     list_free(n, points)
     left = load - carried
-    if k > 0 and left > 0.0 and loaded:
+    if k > 0 and left > 0.0:
         uniform = root(points.near[KD], k, line, 0.0, points.lists[FREE], 1.0, left, 0.0)[0]
-        shift(k, c, uniform, p, line, points)
+        shift(k, c, uniform, line, points)
     return k
 
 
@@ -325,7 +333,7 @@ def clear(first, end, points):
 
 
 @exact_loop
-def assign(first, end, c, delta, keep, p, line, points):
+def assign(first, end, c, delta, keep, line, points):
     """Pressure and state of some points near contact; returns how many are free, and what the others carry."""
     listed, x, pn = (
         points.lists[NEAR, first:end],
@@ -345,7 +353,7 @@ def assign(first, end, c, delta, keep, p, line, points):
         else:
             carried += y
         x[j] = y
-        p[i] = y
+        points.p[i] = y
         points.state[i] = s
     return k, carried
 
@@ -363,23 +371,24 @@ def list_free(n, points):
 
 
 @exact_loop
-def shift(first, end, c, uniform, p, line, points):
+def shift(first, end, c, uniform, line, points):
     """Add a uniform pressure to some free points, within the bounds."""
     listed, x = points.lists[FREE, first:end], points.near[KD, first:end]
     for k in range(end - first):
         i = listed[k]
         h, t = _line(i, line, c)
         y = max(x[k] + uniform, 0.0)
-        p[i] = min(y, h) if t == 0.0 else y
+        points.p[i] = min(y, h) if t == 0.0 else y
 
 
 @exact
-def gap_and_deformation(first, end, p, v, delta, c, line, gap, deformation, plastic):
-    """Deformed gap on some rows of points, and plastic deformation u.
+def gap_and_deformation(first, end, p, v, delta, c, line, found):
+    """Write the deformed gap on some rows of points, their plastic deformation u and whether they are plastic.
 
     u = (p − H − c g)/(h + c), on a law without slope −g, is that of the projection of p − c g: where h is large p gives
     it better, where h is small the raw gap g does.
     """
+    gap, deformation, plastic = found
     columns = p.size // v.shape[0]
     for row in range(first, end):
         for j in range(columns):

@@ -317,8 +317,10 @@ class _Problem:
             return self._uniform(offset, self.line.hardness, None)
         sets = self._nested(offset)
         self._check(sets)
+        grid, delta, residual = sets.grid, sets.delta, sets.residual
         counted = {"iterations": sets.iterations, "fft_pairs": sets.pairs}
-        return self._result(sets.grid, offset, sets.delta, residual=sets.residual, **counted)
+        del sets  # and its lists, before the fields come
+        return self._result(grid, offset, delta, residual=residual, **counted)
 
     def _nested(self, offset: float) -> ActiveSets:
         """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
@@ -398,23 +400,11 @@ class _Problem:
         """The solution in the fields of a `Contact`."""
         grid.end()
         p = grid.pressure.copy() if grid.kept else grid.pressure
-        gap, deformation, plastic = (
-            np.empty(p.shape),
-            np.empty(p.shape),
-            np.empty(p.shape, np.bool_),
-        )
+        gap, deformation, plastic = np.empty(p.shape), np.empty(p.shape), np.empty(p.shape, bool)
         law = Line(self.line.hardness.ravel(), self.line.slope.ravel())
-        arrays = (
-            p.ravel(),
-            grid.v,
-            delta,
-            grid.stiffness,
-            law,
-            gap.ravel(),
-            deformation.ravel(),
-            plastic.ravel(),
-        )
-        over(rows(*p.shape), kernels.gap_and_deformation, *arrays)
+        found = gap.ravel(), deformation.ravel(), plastic.ravel()
+        arguments = p.ravel(), grid.v, delta, grid.stiffness, law, found
+        over(rows(*p.shape), kernels.gap_and_deformation, *arguments)
         return Contact(
             pressure=p,
             gap=gap,

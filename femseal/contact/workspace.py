@@ -80,6 +80,8 @@ class Workspace:
         self.kd = self.search.rows
         # pages of memory are used only as far as lists are long
         self.points = Points(
+            p=self.p,
+            v=self.v,
             state=np.zeros(n, np.int8),
             lists=np.empty((3, n), np.int32),
             near=np.empty((4, n)),

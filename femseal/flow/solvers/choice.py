@@ -188,7 +188,7 @@ def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
     rate, φ[1:-1], ψ[1:-1] = eliminate(
         c1, stencil.across, keep[1:-1], stencil.ring2, node[at], at // n2, link[at]
     )
-    return _checked(stencil, keep, φ, ψ, rate, 0, 0.0, "elimination")
+    return _checked(stencil, keep, (φ, ψ), (0, 0.0, "elimination"), rate)
 
 
 def _by_multigrid(
@@ -263,7 +263,7 @@ def _by_iterations(
         fill_dead_ends(ψ, dead, 0.0, 1.0)
     allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
     how = iterations, error, "multigrid"
-    flow = _checked(stencil, keep, potential, complement, None, *how, allowed)
+    flow = _checked(stencil, keep, (potential, complement), how, allowed=allowed)
     if hidden is None:
         return flow
     between = 1 - least / flow.conductance
@@ -303,14 +303,22 @@ def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | N
     φ[:n2] = ψ[-n2:] = 1.0
     φ, ψ = φ.reshape(keep.shape), ψ.reshape(keep.shape)
     how = found.iterations, found.residual, found.solver
-    return _checked(stencil, keep, φ, ψ, None, *how, allowed)
+    return _checked(stencil, keep, (φ, ψ), how, allowed=allowed)
 
 
 def _checked(
-    stencil: Stencil, keep: Flags, φ: Array, ψ: Array, rate: float | None,
-    iterations: int, residual: float, solver: str, allowed: float = MAX_IMBALANCE,
-) -> DarcyFlow:  # fmt: skip
-    """The solution φ with 1 − φ = ψ, NaN where nodes are not kept, unless inlet and outlet flow differ."""
+    stencil: Stencil,
+    keep: Flags,
+    potentials: tuple[Array, Array],
+    how: tuple[int, float, str],
+    rate: float | None = None,
+    allowed: float = MAX_IMBALANCE,
+) -> DarcyFlow:
+    """The solution φ with 1 − φ = ψ, NaN where nodes are not kept, unless inlet and outlet flow differ.
+
+    how : iterations, residual and solver. rate : conductance, the energy of φ unless given.
+    """
+    φ, ψ = potentials
     # the energy sum keeps its relative accuracy where a difference of flows would not
     rate = stencil.energy(φ) if rate is None else rate
     inlet, outlet = (stencil.along[0] * ψ[1]).sum(), (stencil.along[-1] * φ[-2]).sum()
@@ -322,4 +330,5 @@ def _checked(
             imbalance,
         )
     φ[~keep] = ψ[~keep] = np.nan
+    iterations, residual, solver = how
     return DarcyFlow(rate, φ, ψ, True, iterations, residual, imbalance, solver)

@@ -88,14 +88,14 @@ def solve_multigrid(
         drop = resistance / resistance.sum()
     asked = _Asked(rtol, field, limit, _NONE if hidden is None else hidden)
     if along.size < _LARGE:
-        x, iterations, error, done = _at_once((along, across), ring, drop, asked)
+        x, iterations, error, done = _at_once((along, across, ring), drop, asked)
     else:
         levels, coarsest = hierarchy(along, across, ring)
         b = levels[0].b
         r = b if along.dtype == np.float32 else np.zeros(b.shape)
         relative = r is not b
         x, iterations, error, done = _iterated(
-            levels, coarsest, (along, across), ring, drop, r, relative, asked
+            levels, coarsest, (along, across, ring), drop, r, relative, asked
         )
     if done:
         return x, iterations, error
@@ -124,27 +124,29 @@ class _Asked(NamedTuple):
 
 
 @compiled(**REORDERED)
-def _at_once(conductances, ring, drop, asked):
+def _at_once(network, drop, asked):
     """`_iterated` without threads."""
-    levels, coarsest = hierarchy(conductances[0], conductances[1], ring)
+    levels, coarsest = hierarchy(network[0], network[1], network[2])
     r = np.zeros(levels[0].b.shape)
-    return _iterated(levels, coarsest, conductances, ring, drop, r, YES, asked)
+    return _iterated(levels, coarsest, network, drop, r, YES, asked)
 
 
 @leader(**REORDERED)
-def _iterated(levels, coarsest, conductances, ring, drop, r, relative, asked):
+def _iterated(levels, coarsest, network, drop, r, relative, asked):
     """Potential, iterations, error in the norm of the energy, and whether it is what was asked.
 
-    drop : of the potential from row to row at first. r : zeros for the residual, or in single precision the right side
-    of the cycle. relative : whether that side is relative to the size of the residual.
+    network : conductances along and across, and whether the columns form a ring. drop : of the potential from row to
+    row at first. r : zeros for the residual, or in single precision the right side of the cycle. relative : whether
+    that side is relative to the size of the residual.
     """
-    b, z, along = levels[0].b, levels[0].r, conductances[0]
+    b, z = levels[0].b, levels[0].r
+    along, _, ring = network
     n1, n2 = b.shape
     x, p = np.zeros((n1, n2 - 2)), np.zeros((n1, n2), np.float32)
     sums, history = np.zeros((2, n1)), np.zeros((3, asked.limit + 1))
     x[0] = 1.0
     rest = np.cumsum(drop[::-1])[::-1]
-    _start(x, r, b, conductances, drop, rest, levels[0].inverse)
+    _start(x, r, b, along, (drop, rest), levels[0].inverse)
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
         cycle(levels, coarsest, ring)
@@ -155,7 +157,7 @@ def _iterated(levels, coarsest, conductances, ring, drop, r, relative, asked):
             break
         ratio = rz / history[0, iteration - 1] if iteration > 0 else 0.0
         _turn(p, z, scale, ratio)
-        _curvature(p, conductances, ring, sums)
+        _curvature(p, network, sums)
         curvature = sums[0].sum()
         if not curvature > 0.0:
             break
@@ -163,7 +165,7 @@ def _iterated(levels, coarsest, conductances, ring, drop, r, relative, asked):
         history[1, iteration], history[2, iteration] = step, ratio
         # far from the limits of single precision, however small the residual is
         scale = np.sqrt(rz) if relative else 1.0
-        _advance(x, r, b, p, conductances, step, scale, ring, sums)
+        _advance(x, (r, b, p), network, (step, scale), sums)
         unbalanced = max(abs(sums[0].sum()), abs(sums[1].sum()))
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
@@ -225,13 +227,13 @@ def cycle(levels, coarsest, ring):
     for k in range(len(levels) - 1):
         here, after = levels[k], levels[k + 1]
         _begin(here.x, here.b, here.inverse, ring)
-        _sweep(here.r, here.x, here.b, here.links, here.inverse, YES, ring)
+        _sweep(here.r, here, YES, ring)
         _restrict(after.b, here.r, here.weights)
     solve_coarsest(coarsest, levels[-1].b, ring, levels[-1].r)
     for k in range(len(levels) - 2, -1, -1):
         after, here = levels[k + 1], levels[k]
         _prolong(here.x, after.r, here.weights, ring)
-        _sweep(here.r, here.x, here.b, here.links, here.inverse, NO, ring)
+        _sweep(here.r, here, NO, ring)
 
 
 @by_rows(**REORDERED)
@@ -245,13 +247,14 @@ def _begin(first, end, x, b, inverse, ring):
 
 
 @by_rows(**REORDERED)
-def _sweep(first, end, r, x, b, links, inverse, down, ring):
+def _sweep(first, end, r, level, down, ring):
     """Write the residual of `_begin`, or on the way up what a sweep of damped Jacobi makes of x, of some rows."""
-    rights, belows, below_rights, below_lefts = links
+    rights, belows, below_rights, below_lefts = level.links
+    x = level.x
     for i in range(first, end):
         here, up, out = x[i], x[i - 1], r[i]
-        below, right, above, known = x[i + 1], rights[i], belows[i - 1], b[i]
-        to_below, own = belows[i], inverse[i]
+        below, right, above, known = x[i + 1], rights[i], belows[i - 1], level.b[i]
+        to_below, own = belows[i], level.inverse[i]
         for j in range(1, x.shape[1] - 1):
             beside = right[j] * here[j + 1] + right[j - 1] * here[j - 1]
             out[j] = known[j] + beside + to_below[j] * below[j] + above[j] * up[j]
@@ -302,13 +305,13 @@ def _prolong(first, end, x, coarse, w, ring):
 
 
 @inner(**REORDERED)
-def _flow_out(conductances, p, i, ring, beside, y):
+def _flow_out(network, p, i, beside, y):
     """Write A p of row i, of p with a border of one node that is 0 at the ends: from differences.
 
     beside : room for the flow from each node of the row to the next one. Loops over few arrays become vector
     instructions: they take a third of the time of one over all.
     """
-    along, across = conductances
+    along, across, ring = network
     n2 = along.shape[1]
     above, below, to_right = along[i - 1], along[i], across[i - 1]
     before, here, after = p[i - 1], p[i], p[i + 1]
@@ -333,12 +336,12 @@ def _turn(first, end, p, z, scale, beta):
 
 
 @by_rows(**REORDERED)
-def _curvature(first, end, p, conductances, ring, sums):
+def _curvature(first, end, p, network, sums):
     """Write p·A p of some rows."""
     n2 = p.shape[1] - 2
     y, beside = np.empty(n2 + 2), np.empty(n2 + 1)
     for i in range(first, end):
-        _flow_out(conductances, p, i, ring, beside, y)
+        _flow_out(network, p, i, beside, y)
         total = 0.0
         for j in range(1, n2 + 1):
             total += y[j] * p[i, j]
@@ -346,16 +349,18 @@ def _curvature(first, end, p, conductances, ring, sums):
 
 
 @by_rows(**REORDERED)
-def _advance(first, end, x, r, b, p, conductances, step, scale, ring, sums):
+def _advance(first, end, x, others, network, steps, sums):
     """x += step p, r −= step A p, b = r / scale on some rows, and the sums of r and of r x of each.
 
     Those of all rows are what inlet and outlet flow and the rate differ by. A p is found again, as memory limits large
     faces.
     """
+    r, b, p = others
+    step, scale = steps
     n2 = p.shape[1] - 2
     y, beside = np.empty(n2 + 2), np.empty(n2 + 1)
     for i in range(first, end):
-        _flow_out(conductances, p, i, ring, beside, y)
+        _flow_out(network, p, i, beside, y)
         xs, rs, ps, bs = x[i], r[i], p[i], b[i]
         excess = weighted = 0.0
         for j in range(1, n2 + 1):
@@ -383,9 +388,12 @@ def _product(first, end, z, r, field, hidden, sums):
 
 
 @by_rows(**{**REORDERED, "fastmath": False})
-def _start(first, end, x, r, b, conductances, drop, rest, inverse):
-    """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
-    along = conductances[0]
+def _start(first, end, x, r, b, along, potential, inverse):
+    """x of the least energy among potentials that are constant along rows, and its residual r, also as b.
+
+    potential : its drop from row to row, and what is left of it.
+    """
+    drop, rest = potential
     n2 = along.shape[1]
     for i in range(first, end):
         for j in range(n2):
