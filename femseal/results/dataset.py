@@ -34,9 +34,6 @@ from .results import Results
 from .selections import load_names
 from .variables import HEIGHT_BLOCKS
 
-#: An attribute of an HDF5 file holds at most 64 kB.
-_ATTRIBUTE_BYTES = 50_000
-
 
 @dataclass(frozen=True)
 class RunFacts:
@@ -172,7 +169,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
     wanted, leakage = leak_classes(facts.classes), results.class_leakage
     later += add_classes(data, wanted, results.class_basis, facts.nominal_diameter, *leakage, upper)
     if later:
-        data.attrs["warnings"] = _shortened([*results.warnings, *later])
+        data.attrs["warnings"] = _json([*results.warnings, *later])
     return results
 
 
@@ -248,8 +245,8 @@ def _of_studies(known: Mapping[str, StudyResult], warnings: Sequence[str]) -> di
     return {
         "counts": _json(counts),
         "solvers": _json(solvers),
-        "warnings": _shortened(list(dict.fromkeys(texts))),
-        "failures": _shortened(list(dict.fromkeys(failures))),
+        "warnings": _json([*dict.fromkeys(texts)]),
+        "failures": _json([*dict.fromkeys(failures)]),
     }
 
 
@@ -269,15 +266,3 @@ def _json(value: Any) -> str:
 
 def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
-
-
-def _shortened(texts: list[str]) -> str:
-    """The texts as JSON, as many as fit in an attribute; a last line then gives the number left out."""
-    kept, size = [], 0
-    for n, text in enumerate(texts):
-        size += len(_json(text).encode()) + 2
-        if size > _ATTRIBUTE_BYTES:
-            kept.append(f"… and {len(texts) - n} more")
-            break
-        kept.append(text)
-    return _json(kept)

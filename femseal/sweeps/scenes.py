@@ -67,12 +67,8 @@ class Process:
     def __init__(
         self, parameters: Array, points: Array, values: Array, jumps: tuple[int, ...]
     ) -> None:
-        self._jumps, self._points, self._parameters, self._mean = (
-            jumps,
-            points,
-            parameters,
-            values.mean(0),
-        )
+        self._jumps, self._points, self._parameters = jumps, points, parameters
+        self._mean = values.mean(0)
         size, scaled = _standard(values)
         _, self._whitening, weights, squares = _solved(
             _covariance(parameters, points, points, jumps), scaled
@@ -145,12 +141,7 @@ def _solved(covariance: Array, scaled: Array) -> tuple[float, Array, Array, Arra
     whitening = solve_triangular(root, np.eye(len(root)), lower=True)
     white = whitening @ scaled
     squares = np.maximum((white**2).sum(0), _ROUNDING)
-    return (
-        float(np.log(np.diag(root)).sum()),
-        whitening,
-        whitening.T @ white,
-        squares,
-    )
+    return float(np.log(np.diag(root)).sum()), whitening, whitening.T @ white, squares
 
 
 def _covariance(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> Array:
@@ -166,14 +157,11 @@ def _processes(
     parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]
 ) -> tuple[Array, Array]:
     """Covariances of the smooth process and the other (2, m, n), and their exponents along each axis (2, m, n, d)."""
-    sizes, lengths = (
-        np.exp(parameters).reshape(2, -1, 1, 1)[:, 0],
-        np.exp(parameters).reshape(2, 1, 1, -1)[..., 1:],
-    )
-    gap = np.abs(a[:, None] - b[None]) / lengths
+    both = np.exp(parameters).reshape(2, 1, 1, -1)
+    gap = np.abs(a[:, None] - b) / both[..., 1:]
     exponents = 0.5 * gap**2
     exponents[1][..., list(jumps)] = gap[1][..., list(jumps)]
-    return sizes**2 * np.exp(-exponents.sum(-1)), exponents
+    return both[..., 0] ** 2 * np.exp(-exponents.sum(-1)), exponents
 
 
 def _slopes(covariances: Array, exponents: Array, jumps: tuple[int, ...]) -> Array:

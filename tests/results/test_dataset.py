@@ -206,9 +206,7 @@ def test_many_failures_fit_into_the_file(scene, studies, tmp_path):
     )
     r = assemble(scene, many)
     save(r, tmp_path)
-    kept = open_results(tmp_path).failures
-    assert kept[0] == "cell 0: did not converge, é"
-    assert kept[-1] == f"… and {20000 - len(kept) + 1} more"
+    assert open_results(tmp_path).failures == list(many.failures)
 
 
 # --- file -------------------------------------------------------------------------------------------------
