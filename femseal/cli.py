@@ -17,7 +17,7 @@ import typer
 
 from .base import FemsealError, InputError, PartsMissing, shortened, writing
 from .base.lazy_package import loading
-from .commands import calibrate, compare, design, sweep
+from .commands import Resume, calibrate, compare, design, sweep
 from .execution.parts import parsed_part
 from .execution.terminal import (
     CasePath,
@@ -126,10 +126,7 @@ def run(
     output: Annotated[
         Path | None, option("Results folder.", "results/CASE", "-o", "--output")
     ] = None,
-    resume: Annotated[
-        bool,
-        flag("--resume", "Keep complete results of the same case, or go on where a run was ended."),
-    ] = False,
+    resume: Resume = False,
     part: PartOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -184,9 +181,12 @@ for command in (sweep, compare, design, calibrate):
     app.command()(command)
 
 
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")]
+
+
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
+    folder: Folder,
     output: Annotated[
         Path | None, option("Page to write.", "DIR/report.html", "-o", "--output")
     ] = None,
@@ -205,7 +205,7 @@ def report(
 
 @app.command()
 def export(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
+    folder: Folder,
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz or .vti.")],
     step: Annotated[
         int | None, option("Load step, counted from 0 as in the table.", "all, numbered files")
@@ -298,28 +298,10 @@ def surface(
 
     A face that a run refuses is described and drawn too, with the reason.
     """
+    options = dict(locals())
     from .preparation.survey import survey
 
-    for line in survey(
-        path,
-        picture,
-        size=size,
-        spacing=spacing,
-        height_unit=height_unit,
-        channel=channel,
-        array=array,
-        delimiter=delimiter,
-        transpose=transpose,
-        mask=mask,
-        file_mask=file_mask,
-        crop=crop,
-        tip_radius=tip_radius,
-        resolution=resolution,
-        spikes=spikes,
-        detrend=detrend,
-        shortest_wave=shortest_wave,
-        max_undefined=max_undefined,
-    ):
+    for line in survey(**options):
         typer.echo(line)
 
 

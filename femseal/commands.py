@@ -22,6 +22,10 @@ from .execution.terminal import (
     show_progress,
 )
 
+#: Options that several commands have.
+Resume = Annotated[bool, flag("--resume", "Keep what is complete, and go on with the rest.")]
+Unit = Annotated[str | None, option("Unit of leakage.", "as in the case")]
+
 
 @contextmanager
 def all_progress(quiet: bool, again: str) -> Iterator[Progress]:
@@ -50,10 +54,8 @@ def sweep(
     output: Annotated[
         Path | None, option("Folder of all cases.", "results/CASE-sweep", "-o", "--output")
     ] = None,
-    resume: Annotated[
-        bool, flag("--resume", "Keep complete cases, and go on with the others.")
-    ] = False,
-    unit: Annotated[str | None, option("Unit of leakage.", "as in the case")] = None,
+    resume: Resume = False,
+    unit: Unit = None,
     part: PartOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -93,7 +95,7 @@ def compare(
         Path | None,
         option("Folder for comparison.csv and comparison.png.", "none", "-o", "--output"),
     ] = None,
-    unit: Annotated[str | None, option("Unit of leakage.", "as in the cases")] = None,
+    unit: Unit = None,
 ) -> None:
     """Compare the leakage of several finished runs in one table and one picture."""
     from .results import compare as side_by_side
@@ -190,7 +192,7 @@ def calibrate(
     ] = (0.2, 5.0),
     error: Annotated[str, typer.Option(help="Relative error of a measured leakage.")] = "10 %",
     scenes: Annotated[int, typer.Option(help="Scenes that are solved at most.")] = 40,
-    resume: Annotated[bool, flag("--resume", "Take the scenes that the folder has.")] = False,
+    resume: Resume = False,
     part: PartOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,

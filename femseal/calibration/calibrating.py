@@ -250,15 +250,6 @@ def _explored(
         exact = np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error
         if scenes <= 0 or exact:
             return posterior, all_points, all_leakage
-        wanted = _spread(cube[:, :2], points, min(ADDED, scenes))
-
-
-def _spread(candidates: Array, points: Array, count: int) -> Array:
-    """As many candidates, each the farthest from the points and those before it, in widths of the candidates."""
-    width = candidates.std(axis=0) + 1e-6
-    chosen: list[Array] = []
-    for _ in range(count):
-        there = np.r_[points, np.reshape(chosen, (-1, 2))]
-        distance = (((candidates[:, None] - there[None]) / width) ** 2).sum(-1).min(1)
-        chosen.append(candidates[np.argmax(distance)])
-    return np.array(chosen)
+        # other samples each time
+        chosen = len(all_points) + np.arange(min(ADDED, scenes))
+        wanted = cube[chosen % len(cube), :2]

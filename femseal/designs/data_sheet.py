@@ -271,7 +271,7 @@ def sheet_sentences(answer: Design) -> list[str]:
 
 #: Columns of `design.csv`.
 _COLUMNS = ("figure", "class", "assembly_pressure_Pa", "relation", "value", "load", "computed", "low", "high",
-            "seals_low", "seals_high", "how")  # fmt: skip
+            "how")  # fmt: skip
 
 
 def rows(answer: Design) -> list[dict[str, Any]]:
@@ -289,8 +289,7 @@ def rows(answer: Design) -> list[dict[str, Any]]:
         row = dict(zip(_COLUMNS, (figure, name, peak, needed.relation, value), strict=False))
         row |= {"load": answer.load_text(value), "high": needed.value if needed.known else None}
         # None where an end lies beyond the loads or is unknown
-        names = "computed", "low", "seals_low", "seals_high"
-        ends = {key: getattr(needed, key) for key in names}
+        ends = {"computed": needed.computed, "low": needed.low}
         found.append(row | {key: p if isfinite(p) and p > 0 else None for key, p in ends.items()})
     for peak, stiffness in answer.stiffness.items():
         row = {"figure": "E_G over thickness [Pa/m]", "value": stiffness}

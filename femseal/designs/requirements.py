@@ -162,15 +162,13 @@ class NeededPressure:
     """A nominal pressure [Pa] that is enough for a fraction of the seals.
 
     value : by the upper end of the whole band of error [Pa]; inf where the loads of the run are not enough, 0 where the
-    lowest of them is. computed, low : by the leakage as computed, and by the lower end of the band. seals_low,
-    seals_high : what 5 % and 95 % of the seals as computed need. lowest, highest : loads between which it is known.
+    lowest of them is. computed, low : by the leakage as computed, and by the lower end of the band. lowest, highest :
+    loads between which it is known.
     """
 
     value: float
     computed: float
     low: float
-    seals_low: float
-    seals_high: float
     lowest: float
     highest: float
 
@@ -249,18 +247,15 @@ def _needed(
     seals: Seals, of: Callable[[Seals], Array], steps: Indices, fraction: float
 ) -> NeededPressure:
     """The pressure that a fraction of the seals needs: as computed, and by both ends of the whole band of error."""
-    each = of(seals)
-    low, high = (
-        pressure_for(of(replace(seals, leakage=end)), fraction)
-        for end in (seals.lower, seals.upper)
+    computed, low, high = (
+        pressure_for(of(replace(seals, leakage=leakage)), fraction)
+        for leakage in (seals.leakage, seals.lower, seals.upper)
     )
     pressure = seals.steps.pressures[steps]
     return NeededPressure(
         value=high,
-        computed=pressure_for(each, fraction),
+        computed=computed,
         low=low,
-        seals_low=pressure_for(each, ENDS[0]),
-        seals_high=pressure_for(each, ENDS[1]),
         lowest=float(pressure.min()),
         highest=float(pressure.max()),
     )

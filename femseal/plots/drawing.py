@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 _NEAR, _MARGIN = 5.0, 1.1
 #: Least distance of two labels of loads as a fraction of the axis.
 _LABEL = 0.12
-#: Ratios of the ends of an axis below which 2 and 5 have labels, and beyond which only powers of ten have ticks.
-_SHORT, _FINE = 100.0, 1e5
+#: Ratio of the ends of an axis below which 2 and 5 have labels.
+_SHORT = 100.0
 #: Powers of ten that are written as numbers.
 _PLAIN = range(-2, 4)
 
@@ -64,7 +64,7 @@ def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
 
 def decades(axis: Axis) -> None:
     """Label a logarithmic axis by numbers as people write them."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
     written = FuncFormatter(lambda value, _: number_text(value, plain=_PLAIN))
@@ -73,8 +73,6 @@ def decades(axis: Axis) -> None:
     if high / low < _SHORT:
         axis.set_minor_locator(LogLocator(subs=(2, 5)))
         axis.set_minor_formatter(written)
-    elif high / low > _FINE:
-        axis.set_minor_locator(NullLocator())
 
 
 #: Loading first, then unloadings: lines in colours that the colour-blind tell apart (Okabe & Ito), and markers.

@@ -140,9 +140,8 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     low, high = axes.get_ylim()
     named: dict[int, list[str]] = {}
     seen = {name: limit for name, limit in limits.items() if low < limit < high}
-    for limit in sorted({float(f"{limit:.9g}") for limit in seen.values()}):
-        axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
     for name, limit in seen.items():
+        axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
         place = np.log(limit / low) / np.log(high / low)
         named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
     for lane, names in named.items():

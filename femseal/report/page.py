@@ -26,7 +26,6 @@ from ..plots.heights import height_panel
 from ..plots.maps import (
     default_step,
     drop_steps,
-    face_leakage,
     face_size,
     has_maps,
     place_figure,
@@ -275,7 +274,6 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
         "design": design_section(results),
         "method": results.method,
         "pictures": page_pictures(results, drawings),
-        "drop_text": _drop_text(data) if has_maps(data) else "",
         "budget": report_tables.budget_table(results),
         "attempts": None if results.attempts is None else attempts_table(results.attempts),
         "times": report_tables.time_lines(results),
@@ -288,7 +286,7 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
 
 
 def _seal_text(data: xarray.Dataset) -> str:
-    """Shape and sides of the seal, on what band a seat touches, and how tiles of an uneven seal are pressed."""
+    """Shape and sides of the seal, and on what band a seat touches."""
     width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
     seal = data.attrs["seal"]
     texts = [f"The seal is {seal}, {width} wide along the leakage and {length} long."]
@@ -299,30 +297,7 @@ def _seal_text(data: xarray.Dataset) -> str:
             f"The seat touches on a band {least} to {most} broad, with at most {highest} as the "
             "mean of a row."
         )
-    name = "drawn_nominal_pressure" if "drawn_form" in data else "drawn_contact_pressure"
-    uneven = "drawn_form" in data or json.loads(data.attrs["case"]).get("load", {}).get("map")
-    if uneven and name in data:
-        loads = data["nominal_pressure"].values
-        for s in dict.fromkeys((loads.argmin(), loads.argmax())):
-            at = data[name].values[s]
-            low, high = (to_text(f(at), "Pa", 3) for f in _ENDS)
-            texts.append(
-                f"At {load_names(data)[s]} the tiles are pressed with {low} to {high}, and "
-                f"{(at == 0).mean():.0%} of them stand apart."
-            )
     return " ".join(texts)
-
-
-def _drop_text(data: xarray.Dataset) -> str:
-    """Number of pieces that carry half of the pressure drop at the step of the maps."""
-    s = default_step(data)
-    if np.nan_to_num(face_leakage(data)[s]) == 0:
-        return f"At {load_names(data)[s]} nothing flows."
-    if "piece_drop_fraction" not in data or not data["piece_drop_fraction"][s].notnull().all():
-        return ""
-    fraction = np.sort(data["piece_drop_fraction"].values[s].ravel())[::-1]
-    half = np.searchsorted(np.cumsum(fraction), 0.5) + 1
-    return f"Half of the pressure drops in {half} of {fraction.size} pieces."
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

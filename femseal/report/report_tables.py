@@ -213,14 +213,11 @@ def budget_table(results: Results) -> TextTable | None:
         (name, *(_width_text(width[s]) for s in steps), note) for name, width, note in lines
     )
     title = "Half-width of the band of error, by its source, the widest first; ×: a factor"
-    notes = [
+    note = (
         "The band of error of a leakage holds the truth in about 95 of 100 cases: the leakage of such a face on pixels "
         "as fine as one wants, with the waves that were removed, and without errors of method or draws."
-    ]
-    if name := budget.limiting():
-        loads = "Over the loads that leak more than 1e-3 of the first"
-        notes.append(f"{loads} the widest source is: {name}.")
-    return TextTable(title, heads, texts, names=len(heads), notes=tuple(notes))
+    )
+    return TextTable(title, heads, texts, names=len(heads), notes=(note,))
 
 
 def _width_text(width: float) -> str:

@@ -8,7 +8,7 @@ its pixel.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,9 +34,7 @@ from ..base.fields import (
 )
 from ..base.shared_array import give_back
 from . import vtk_files
-from .results import Results
 from .selections import piece as checked_piece
-from .variables import block_means
 
 if TYPE_CHECKING:
     import xarray
@@ -47,8 +45,6 @@ NAME = "fields"
 #: What results without fields would need: drawn seals have none.
 WITH_FIELDS = 'a run with "deterministic" or "two-scale" as method or in `compare`, with fields = true in [output]'
 FIELDS = ("gap", "contact_pressure", "fluid_pressure")
-#: Most pixels a side of an image for ParaView: larger ones are means over blocks.
-MOST_PIXELS = 2048
 #: By which a window may lie beyond a face, over its size: ends are texts.
 _ROUNDING = 1e-6
 _BYTES = np.dtype(np.float32).itemsize
@@ -88,12 +84,6 @@ def plan_fields(run: Results, limit: float) -> FieldPlan:
         numbers = ", ".join(map(str, missing))
         left_out = f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)"
     return FieldPlan(np.sort(chosen), left_out)
-
-
-def fields_size(shape: Shape, studies: Container[str]) -> int:
-    """Size of one step of the fields of the named studies, before compression [byte]."""
-    count = 3 * ("two_scale" in studies or "deterministic" in studies)
-    return count * _BYTES * shape[0] * shape[1]
 
 
 def write_fields(run: Results, plan: FieldPlan, folder: Path) -> list[Path]:
@@ -211,7 +201,7 @@ def export_field(
 
     An .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
     [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .vti is
-    for ParaView, as means over blocks from 2048 pixels a side on; a `window` has all its pixels.
+    for ParaView.
 
     Parameters
     ----------
@@ -302,18 +292,11 @@ def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) ->
 
 
 def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
-    """Write an image for ParaView, as means over blocks where there are too many pixels."""
-    (d1, d2), corner = _frame(values)
-    made = Field.of(values)
-    blocks = values.values
-    if max(values.shape) > MOST_PIXELS:
-        blocks = block_means(blocks, MOST_PIXELS)
-    (n1, n2), (m1, m2) = values.shape, blocks.shape
-    steps = vtk_files.LoadSteps.of(run.dataset, np.array([step]))
-    cells = {made.array_name: lambda _: blocks * made.scale}
-    image = vtk_files.Image(
-        str(values.name), (d1 * n1 / m1, d2 * n2 / m2), corner, (m1, m2), steps, cells
-    )
+    """Write an image for ParaView."""
+    made, steps = Field.of(values), vtk_files.LoadSteps.of(run.dataset, np.array([step]))
+    cells = {made.array_name: lambda _: values.values * made.scale}
+    n1, n2 = values.shape
+    image = vtk_files.Image(str(values.name), *_frame(values), (n1, n2), steps, cells)
     path.write_bytes(vtk_files.as_xml(image.at(0)))
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..base import (
     TextTable,
@@ -22,7 +21,7 @@ from ..base import (
     to_text,
 )
 from ..base.fields import Field, with_unit
-from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakBasis, LeakUnit
+from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
 from .pixel_fields import stored_steps
 from .results import BUDGETED, Results
@@ -120,7 +119,7 @@ def leakage_table(run: Results) -> TextTable:
 def totals_table(run: Results) -> TextTable:
     """The leakage in several units: branch, pressure, and a column for each unit."""
     basis, own = run.leak_basis, run.leak_unit
-    units = _usual_units(basis, run.leakage.values)
+    units = basis.units(USUAL_UNITS)
     units += [] if own in units else [own]
     columns = [(unit.name, leakage_texts(run, basis.factor(unit))) for unit in units]
     return TextTable.of_columns(
@@ -157,15 +156,6 @@ def leakage_of(run: Results) -> str:
 def kind_of(unit: LeakUnit) -> str:
     """What a leakage in a unit is of."""
     return "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
-
-
-def _usual_units(basis: LeakBasis, leakage: ArrayLike) -> list[LeakUnit]:
-    """Units that tables show; kilograms a year where grams are tens of thousands."""
-    many = LEAK_UNITS["kg/year"]
-    largest = np.nan_to_num(np.abs(leakage)).max(initial=0.0)
-    kilograms = basis.has(many) and largest >= 10 * basis.factor(many)
-    names = [many.name if kilograms and name == "g/year" else name for name in USUAL_UNITS]
-    return basis.units(names)
 
 
 def leakage_texts(run: Results, factor: float) -> list[str]:
@@ -244,9 +234,7 @@ def attempt_sentences(found: dict[str, Any]) -> list[str]:
             f"With the model and its input ({', '.join(model)}) it is known within {both}."
         )
     if found["half_width"] != 0:
-        # "pixels" and "realisations" are several
-        verb = "limit" if found["limit"].endswith("s") else "limits"
-        lines.append(f"The {found['limit']} {verb} it, most at {found['load']}.")
+        lines.append(f"It is limited by the {found['limit']}, most at {found['load']}.")
     if found["why"]:
         lines.append(f"No further attempt: {found['why']}.")
     if found["half_width"] != 0 and not (found["why"] and found["half_error"].startswith("cannot")):

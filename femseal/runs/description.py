@@ -22,8 +22,6 @@ from ..topography import Places
 
 #: Shortest waves that a piece should hold along each side.
 ADVISED_WAVES = 8
-#: Ratio of the hardnesses of two faces up to which both are said to be close.
-_CLOSE = 1.1
 
 
 def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
@@ -75,8 +73,6 @@ def solids_text(case: Case) -> str:
         return text
     other = to_text(high, "Pa") if high < np.inf else "no pressure"
     text += f"; the {softer} yields, at {to_text(low, 'Pa')}, and the other at {other}"
-    if high <= _CLOSE * low:
-        text += ": they are close, and the softer is taken to yield alone"
     return text
 
 
@@ -137,10 +133,7 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     shortest = report.shortest_wave
     kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
     removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
-    if removed > 0.005:
-        measured = to_text(report.shortest_measured, "m", 3)
-        kept += f", with {removed:.0%} of the rms slope, {report.lost_slope:.0%} of that above noise ({measured})"
-    yield "filter", kept
+    yield "filter", f"{kept}, with {removed:.0%} of the rms slope"
 
 
 def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
@@ -151,13 +144,7 @@ def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
     at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
     what = "times the viscous flow in a gap of the rms height"
-    if not drop.law.depends_on_pressure:
-        yield "slip", f"{at_inlet:.3g} {what}"
-        return
-    solved = (
-        f"permeability of pieces at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
-    )
-    yield "gas", f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) {what}; {solved}"
+    yield "slip", f"{at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) {what}"
 
 
 def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:

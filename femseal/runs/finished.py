@@ -38,16 +38,11 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     if _numbers(results.case) != _numbers(echo) or face_files != faces:
         return None
     prepared = prepare(case)
-    now, why = chosen(case, prepared), ""
-    if then != now:
-        changed = ", ".join(key for key in now if then.get(key) != now[key])
-        why = f"other choices now ({changed})"
-    elif results.case == echo:
+    same_choices = then == chosen(case, prepared)
+    if same_choices and results.case == echo:
         return results
-    elif lacking := _lacking(results.case["output"], echo["output"]):
-        why = f"they are not kept with what {lacking} takes"
-    if why:
-        log.info("the results in %s are computed again: %s", folder, why)
+    if not same_choices or _lacks(results.case["output"], echo["output"]):
+        log.info("computed again: the results in %s lack fields, or are of other choices", folder)
         return None
     with alone_in(folder):
         results.dataset.attrs["case"] = json.dumps(echo, ensure_ascii=False)
@@ -65,8 +60,8 @@ def _numbers(echo: dict[str, Any]) -> dict[str, Any]:
     return {**echo, "output": output}
 
 
-def _lacking(former: dict[str, Any], now: dict[str, Any]) -> str:
-    """Key of files that take the fields of the studies, which are not kept; "" if there is none."""
-    if now["fields"] and any(former.get(key) != now[key] for key in ("fields", "fields_limit")):
-        return "output.fields"
-    return "output.paraview" if now["paraview"] not in (former.get("paraview"), "none") else ""
+def _lacks(former: dict[str, Any], now: dict[str, Any]) -> bool:
+    """Whether files are asked for that take fields of the studies which are not kept."""
+    keys = ("fields", "fields_limit") if now["fields"] else ()
+    others = any(former.get(key) != now[key] for key in keys)
+    return others or now["paraview"] not in (former.get("paraview"), "none")

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass, replace
 from functools import cache
 from math import log, prod, sqrt
-from pathlib import Path
 
 import numpy as np
 import psutil
@@ -20,7 +19,6 @@ from ..base import FemsealError, InputError, counted, duration, free_memory, to_
 from ..base.shared_array import storing
 from ..budget import model_changes
 from ..case.case import Case
-from ..case.faces import FileFace
 from ..contact import Contact, HalfSpace, solve_contact
 from ..face.piece_flow import FlowSettings
 from ..flow import cell_permeability
@@ -29,11 +27,9 @@ from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filter
 from ..refinement.settings import (
     first_settings,
     first_version,
-    given_settings,
     grid_points,
     time_limit,
 )
-from ..results.pixel_fields import fields_size
 from ..studies import Scene, drop_ratio
 from ..studies.doubts import flow_warnings
 from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
@@ -48,11 +44,8 @@ from ..studies.study_registry import (
 )
 from .description import described
 
-#: Seconds of starting, of loading compiled loops and making a face; what reading and repairing a file adds, and what
-#: the compiled loops of pieces and their pictures do.
-_START_SECONDS, _READ_SECONDS, _PIECES_SECONDS = 2.0, 1.0, 0.5
-#: Seconds of pictures, report and tables, and of a byte of fields.
-_PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 2.4, 3e-8
+#: Seconds of starting, of loading compiled loops and making or reading a face, and of pictures, report and tables.
+_START_SECONDS, _PICTURES_SECONDS = 2.5, 2.4
 #: Memory of another process [byte].
 _WORKER_MEMORY = 0.25e9
 #: Load steps that are solved at most.
@@ -104,8 +97,6 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         yield "error budget", f"states again, {' and '.join(states)}"
     first = "" if case.accuracy is None else "first attempt: "
     yield "expected", first + _expected_text(forecast(case, prepared, again=again))
-    if not any((Path(__file__).parents[1] / "flow").rglob("__pycache__/*.nbi")):
-        yield "", "the first run after an installation compiles besides, for a minute or two"
     yield "disk", str(disk(case, prepared, again))
     quick = prepared.first_answer
     fast = () if quick is None else flow_warnings(prepared.scene, quick.leakage, quick.mean_gap)
@@ -147,10 +138,7 @@ def forecast(
             costs.append(
                 replace(prepared, methods=methods, scene=scene).cost(prepared.answer, known)
             )
-    drawn = case.output.pictures or case.output.report
-    own = _START_SECONDS + any(isinstance(face, FileFace) for face in case.face) * _READ_SECONDS
-    own += (prepared.methods != {"deterministic"}) * _PIECES_SECONDS
-    own += drawn * _PICTURES_SECONDS + disk(case, prepared, again).fields * _FIELD_BYTE_SECONDS
+    own = _START_SECONDS + _PICTURES_SECONDS * (case.output.pictures or case.output.report)
     seconds, memory = zip(*costs, strict=True)
     # what a study holds stays until the results are written; what it works with does not
     return Forecast(own, sum(seconds), START_MEMORY + max(memory))
@@ -162,11 +150,10 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
     most, which = case.memory, "of the key memory"
     if most is None:
         most, which = free_memory(), "that are free"
-    # usual loads take no less than those of the case may; only where that is too much, its own are tried
-    again = budget_inputs(case, prepared)
-    if forecast(case, prepared, usual_efforts(len(prepared.scene.steps)), again).memory <= most:
-        return
-    if (needed := forecast(case, prepared, again=again).memory) <= most:
+    # the efforts of loads decide on time alone
+    if (
+        needed := forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
+    ) <= most:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
@@ -191,9 +178,6 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
     limit = duration(time_limit(case))
     yield "accuracy", f"{text}; then what limits is refined, for at most {limit}"
-    if given := given_settings(case):
-        keys = ", ".join(dict.fromkeys(given.values()))
-        yield "", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"
 
 
 def _expected_text(expected: Forecast) -> str:
@@ -235,11 +219,10 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     again = budget_inputs(case, prepared) if again is None else again
     scene = prepared.scene
     steps, pixels = len(scene.steps), prod(scene.surface.shape)
-    studies = {study.key for study in prepared.studies}
-    each = fields_size(scene.surface.shape, studies)
-    fitting = (
-        int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
-    )
+    # three fields in single precision; drawn seals and blocks have none
+    each = 12.0 * pixels
+    there = case.output.fields and not {"deterministic", "two-scale"}.isdisjoint(prepared.methods)
+    fitting = there * int(min(case.output.fields_limit // each, steps))
     formats = case.output.paraview != "none"
     # pictures and report; heights for ParaView
     others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats

@@ -403,15 +403,6 @@ def test_branches_of_tables_have_the_forces_of_the_case(results):
     assert not re.search(r"from\s+700\s+MPa", text)
 
 
-@pytest.mark.parametrize(("kilograms", "shown"), [(9.99, "9990 g/year"), (140.0, "140 kg/year")])
-def test_much_a_year_is_in_kilograms(scene, studies, kilograms, shown):
-    rate = kilograms / (365.25 * 86_400 * scene.fluid.density * scene.surface.size[1])
-    study = replace(studies["deterministic"], leakage=np.full(len(scene.steps), rate))
-    table = totals_table(assemble(scene, study))
-    number, unit = shown.split()
-    assert table.lines[0][table.heads.index(unit)] == number
-
-
 def test_leakages_that_are_all_unknown_have_tables_without_warnings(scene, studies):
     unknown = replace(studies["deterministic"], leakage=np.full(len(scene.steps), nan))
     with warnings.catch_warnings():
