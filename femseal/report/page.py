@@ -21,10 +21,10 @@ import numpy as np
 from ..base import AnyPath, FemsealError, InputError, replacing, to_text, write_text, writing
 from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
 from ..plots.drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, lying, map_row, png
-from ..plots.drawn_panels import drawn_figure
 from ..plots.heights import height_panel
 from ..plots.maps import (
     default_step,
+    drawn_figure,
     drop_steps,
     face_size,
     has_maps,

@@ -29,10 +29,9 @@ from ..studies import (
 from ..studies.study_registry import contact_fraction_of
 from ..topography import Places
 from . import variables
-from .classes import add_classes, add_test_fluid, basis_attributes, fluid_text
 from .results import Results
 from .selections import load_names
-from .variables import HEIGHT_BLOCKS
+from .variables import HEIGHT_BLOCKS, add_classes, add_test_fluid, basis_attributes, fluid_text
 
 
 @dataclass(frozen=True)

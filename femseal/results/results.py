@@ -16,9 +16,8 @@ from ..base.text import room
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme, LoadStep
 from ..studies import STUDIES, FaceResult, Scene, StochasticResult, StudyResult
-from .classes import basis_of, tightest_classes
 from .selections import branches_in, piece
-from .variables import budgets_in
+from .variables import basis_of, budgets_in, tightest_classes
 
 if TYPE_CHECKING:
     import xarray

@@ -12,7 +12,7 @@ from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
 from ..materials import METALS
 from ..preparation.prepared import Prepared
-from ..results.classes import fluid_text
+from ..results.variables import fluid_text
 from ..studies import Scene
 from ..studies.blocks import blocks_of
 from ..studies.face_states import FEWEST
