@@ -244,7 +244,7 @@ def _explored(
             raise FemsealError(
                 f"calibrate: only {len(points)} of {len(wanted)} scenes could be solved"
             )
-        surrogate = Surrogate.through(points, leakage, jumps=(1,))
+        surrogate = Surrogate.through(points, leakage)
         posterior = Posterior(test, list(rows), ranges, surrogate, error)
         cube = posterior.samples(_SAMPLES[0])
         exact = np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error

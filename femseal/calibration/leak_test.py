@@ -247,16 +247,7 @@ class Posterior:
         mean, deviation, is_open = (part[:, self.rows] for part in self.surrogate.at(cube[:, :2]))
         return mean + np.log(self.quantities(cube)[:, 2:]), deviation, is_open
 
-    def log_density(self, cube: Array) -> Array:
-        """ln of the density, but for a constant (n,)."""
-        inside = ((cube >= 0) & (cube <= 1)).all(axis=1)
-        value = np.full(len(cube), -np.inf)
-        if inside.any():
-            factor = np.log(self.quantities(cube[inside])[:, 2:])
-            value[inside] = self._along_factor(cube[inside, :2])[2](factor)[:, 0]
-        return value
-
-    def _along_factor(self, plane: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
+    def along_factor(self, plane: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
         """At hardnesses and waves (n, 2): mean and deviation of ln(factor) by the rows that leak, each (n, 1), as it is
         normal; and a function that gives the ln of the density at ln(factors) (n, m).
         """
@@ -296,7 +287,7 @@ class Posterior:
         side = round(2 * count**0.5)
         plane = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side
         while True:
-            middle, width, density = self._along_factor(plane)
+            middle, width, density = self.along_factor(plane)
             first, last = (
                 np.clip(np.clip(middle, low, high) + far * width, low, high)
                 for far in (-_FAR, _FAR)

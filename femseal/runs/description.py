@@ -6,7 +6,6 @@ from math import prod
 import numpy as np
 
 from ..base import Shape, counted, to_text
-from ..budget import places_to_halve
 from ..case.case import Case
 from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
@@ -15,7 +14,6 @@ from ..preparation.prepared import Prepared
 from ..results.variables import fluid_text
 from ..studies import Scene
 from ..studies.blocks import blocks_of
-from ..studies.face_states import FEWEST
 from ..studies.sampling import describe_map
 from ..studies.study_registry import LADDER_STATES, on_ladder
 from ..topography import Places
@@ -119,9 +117,7 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         undefined = f"{report.undefined_fraction:.2%} undefined points"
         yield "", f"{undefined} and {report.spike_points} in spikes filled"
     if isinstance(surface, Places):
-        count = len(surface.widths)
-        more = f"; about {places_to_halve(count)} more would halve their part of the band of error"
-        yield "", f"{count} places{more if count >= FEWEST else ''}"
+        yield "", f"{len(surface.widths)} places"
     if overlap := prepared.overlap:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""

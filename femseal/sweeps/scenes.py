@@ -2,7 +2,7 @@
 
 The surrogate is a Gaussian process for each load. The cube root of the leakage, which is as the gap of a channel that
 closes and so errs alike near sealing and far from it, is a linear trend, plus a smooth process, plus one that jumps
-along some axes, where its covariance falls as exp(−r), as waves that are removed open and close single channels.
+along the last axis, where its covariance falls as exp(−r), as waves that are removed open and close single channels.
 Lengths and ratios of sizes are the most likely ones for all loads together, with weak priors; each load has a scale of
 its own (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2, 2.7, 5.4; Conti and
 O'Hagan, J Stat Plan Inference 140, 2010, section 2). Scenes that are sealed are left out of it: whether a scene is open
@@ -64,14 +64,11 @@ _UNKNOWN, _BLUR = 30.0, 0.2
 class Process:
     """Gaussian processes through values (n, k) at points (n, dimensions) of the unit cube, each with its own scale."""
 
-    def __init__(
-        self, parameters: Array, points: Array, values: Array, jumps: tuple[int, ...]
-    ) -> None:
-        self._jumps, self._points, self._parameters = jumps, points, parameters
-        self._mean = values.mean(0)
+    def __init__(self, parameters: Array, points: Array, values: Array) -> None:
+        self._points, self._parameters, self._mean = points, parameters, values.mean(0)
         size, scaled = _standard(values)
         _, self._whitening, weights, squares = _solved(
-            _covariance(parameters, points, points, jumps), scaled
+            _covariance(parameters, points, points), scaled
         )
         # variance of the Student distribution that an unknown scale makes of a normal one
         self._size = size * np.sqrt(squares / max(len(points) - points.shape[1] - 3, 1))
@@ -79,7 +76,7 @@ class Process:
 
     def at(self, points: Array) -> tuple[Array, Array]:
         """Mean and standard deviation (m, k) at points (m, dimensions)."""
-        between = _covariance(self._parameters, points, self._points, self._jumps)
+        between = _covariance(self._parameters, points, self._points)
         half = self._whitening @ between.T
         own = (
             _TREND * (1 + ((points - 0.5) ** 2).sum(-1))
@@ -101,7 +98,7 @@ def _standard(values: Array) -> tuple[Array, Array]:
     return size, (values - values.mean(0)) / size
 
 
-def _through(sets: list[tuple[Array, Array]], jumps: tuple[int, ...]) -> list[Process]:
+def _through(sets: list[tuple[Array, Array]]) -> list[Process]:
     """Processes through sets of points (n, dimensions) and values (n, k), with the parameters most likely for all."""
     if not sets:
         return []
@@ -114,7 +111,7 @@ def _through(sets: list[tuple[Array, Array]], jumps: tuple[int, ...]) -> list[Pr
         off = (parameters - start) / widths
         fit, slope = 0.5 * off @ off, off / widths
         for points, scaled in standard:
-            covariances, exponents = _processes(parameters, points, points, jumps)
+            covariances, exponents = _processes(parameters, points, points)
             volume, whitening, weights, squares = _solved(
                 _trend(points, points) + covariances.sum(0), scaled
             )
@@ -123,16 +120,14 @@ def _through(sets: list[tuple[Array, Array]], jumps: tuple[int, ...]) -> list[Pr
             by_covariance = (
                 len(squares) * whitening.T @ whitening - free * (weights / squares) @ weights.T
             )
-            slope = slope + 0.5 * (_slopes(covariances, exponents, jumps) * by_covariance).sum(
-                (1, 2)
-            )
+            slope = slope + 0.5 * (_slopes(covariances, exponents) * by_covariance).sum((1, 2))
         return float(fit), slope
 
     bounds = list(zip(start - 4 * widths, start + 4 * widths, strict=True))
     # to the digits that the values have: what follows from them must not depend on where a search stops
     options = {"ftol": 1e-14, "gtol": 1e-7}
     found = minimize(unlikely, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
-    return [Process(found, points, values, jumps) for points, values in sets]
+    return [Process(found, points, values) for points, values in sets]
 
 
 def _solved(covariance: Array, scaled: Array) -> tuple[float, Array, Array, Array]:
@@ -144,30 +139,28 @@ def _solved(covariance: Array, scaled: Array) -> tuple[float, Array, Array, Arra
     return float(np.log(np.diag(root)).sum()), whitening, whitening.T @ white, squares
 
 
-def _covariance(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> Array:
-    """Covariance between points a (m, d) and b (n, d): trend, smooth process, and one that jumps along some axes."""
-    return np.asarray(_trend(a, b) + _processes(parameters, a, b, jumps)[0].sum(0))
+def _covariance(parameters: Array, a: Array, b: Array) -> Array:
+    """Covariance between points a (m, d) and b (n, d): trend, smooth process, and one that jumps along an axis."""
+    return np.asarray(_trend(a, b) + _processes(parameters, a, b)[0].sum(0))
 
 
 def _trend(a: Array, b: Array) -> Array:
     return np.asarray(_TREND * (1 + (a - 0.5) @ (b - 0.5).T))
 
 
-def _processes(
-    parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]
-) -> tuple[Array, Array]:
+def _processes(parameters: Array, a: Array, b: Array) -> tuple[Array, Array]:
     """Covariances of the smooth process and the other (2, m, n), and their exponents along each axis (2, m, n, d)."""
     both = np.exp(parameters).reshape(2, 1, 1, -1)
     gap = np.abs(a[:, None] - b) / both[..., 1:]
     exponents = 0.5 * gap**2
-    exponents[1][..., list(jumps)] = gap[1][..., list(jumps)]
+    exponents[1, ..., -1] = gap[1, ..., -1]
     return both[..., 0] ** 2 * np.exp(-exponents.sum(-1)), exponents
 
 
-def _slopes(covariances: Array, exponents: Array, jumps: tuple[int, ...]) -> Array:
+def _slopes(covariances: Array, exponents: Array) -> Array:
     """Derivatives of the covariance between points by the parameters (parameters, n, n), from `_processes`."""
     orders = np.full((2, exponents.shape[-1]), 2.0)
-    orders[1, list(jumps)] = 1.0
+    orders[1, -1] = 1.0
     by_length = np.moveaxis(exponents, -1, 1) * orders[..., None, None] * covariances[:, None]
     return np.concatenate([2 * covariances[:, None], by_length], axis=1).reshape(
         -1, *covariances.shape[1:]
@@ -190,7 +183,7 @@ class Surrogate:
     correlation: Array
 
     @classmethod
-    def through(cls, points: Array, leakage: Array, jumps: tuple[int, ...]) -> Surrogate:
+    def through(cls, points: Array, leakage: Array) -> Surrogate:
         """Through scenes at points (n, dimensions) of the unit cube with leakages (n, loads) >= 0, see `Process`."""
         is_open, errors = leakage > 0, np.zeros(leakage.shape)
         sets: dict[bytes, list[int]] = {}
@@ -201,12 +194,12 @@ class Surrogate:
             (points[some], np.cbrt(leakage[some][:, loads]))
             for some, loads in zip(there, sets.values(), strict=True)
         ]
-        processes = tuple(zip(sets.values(), _through(gaps, jumps), strict=True))
+        processes = tuple(zip(sets.values(), _through(gaps), strict=True))
         for some, (loads, process) in zip(there, processes, strict=True):
             errors[some[:, None], loads] = process.left_out()
         label = np.where(is_open, 1.0, -1.0)
         mixed = np.flatnonzero(np.ptp(label, axis=0)).tolist()
-        classes = (mixed, _through([(points, label[:, mixed])], jumps)[0]) if mixed else None
+        classes = (mixed, _through([(points, label[:, mixed])])[0]) if mixed else None
         norm = np.sqrt((errors**2).sum(0)) + 1e-30
         # between 0 and 1 of what few scenes say, so that no combination of loads seems known exactly
         correlation = 0.95 * np.clip(errors.T @ errors / np.outer(norm, norm), -1, 1)

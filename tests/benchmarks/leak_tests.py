@@ -93,9 +93,9 @@ def tried(seed: int, folder: Path, workers: int) -> dict[str, Any]:
     found = fs.calibrate(case, folder / "test.csv", workers=workers)
     low, high = np.log(found.density.ranges).T
     cube = (np.log(truth) - low) / (high - low)
-    density = found.density.log_density(
-        np.vstack([cube, (np.log(found.samples) - low) / (high - low)])
-    )
+    cube = np.vstack([cube, (np.log(found.samples) - low) / (high - low)])
+    factor = np.log(found.density.quantities(cube)[:, 2:])
+    density = found.density.along_factor(cube[:, :2])[2](factor)[:, 0]
     return {
         "seed": seed,
         "kind": FACES[seed % 2]["kind"],
