@@ -41,8 +41,9 @@ from ..plots.drawing import (
     shown,
 )
 from ..plots.leakage_curves import LeakageCurves, leakage_panel
-from ..results.selections import branch_text, pressures_and_peaks
+from ..results.results import branch_text
 from ..results.tables import format_leakage
+from ..results.variables import pressures_and_peaks
 from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior
 
 if TYPE_CHECKING:

@@ -31,17 +31,16 @@ from ..plots.drawing import (
     branch_styles,
     decades,
     legend_below,
-    load_axis,
     png,
     shown,
 )
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
-from ..results.results import Results
-from ..results.results_file import FILE_NAME
-from ..results.selections import loads_as_given, pressures_and_peaks
+from ..results.dataset import FILE_NAME
+from ..results.results import Results, loads_as_given
 from ..results.tables import format_leakage, kind_of
+from ..results.variables import pressures_and_peaks
 from .requirements import ENDS, LoadText, NeededPressure, Requirement, Seals
 from .sensitivities import Sensitivity
 
@@ -68,8 +67,6 @@ def design_figure(answer: Design) -> Figure:
     sheet = Sheet([4.4 + below])
     axes = sheet.panel(0, replace(LINES, right=1.2, top=0.2, bottom=0.7 + below))
     handles = leakage_panel(axes, curves)
-    # on which lines are what marks were read off
-    load_axis(axes, curves.pressure / 1e6, logarithmic=True)
     # a named line for each class whose limit is within three decades of the leakages
     least, most = axes.get_ylim()
     limits = {need.name: need.limit / scale for need in answer.requirements}

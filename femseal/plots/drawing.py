@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-#: Ratio of loads up to which their axis is linear, and by which it reaches beyond them.
-_NEAR, _MARGIN = 5.0, 1.1
+#: Ratio by which the axis of loads reaches beyond them.
+_MARGIN = 1.1
 #: Least distance of two labels of loads as a fraction of the axis.
 _LABEL = 0.12
 #: Ratio of the ends of an axis below which 2 and 5 have labels.
@@ -32,11 +32,10 @@ _SHORT = 100.0
 _PLAIN = range(-2, 4)
 
 
-def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
+def load_axis(axes: Axes, loads: Array) -> None:
     """Scale and ticks of the x axis: all loads, those with a label that have room for it, from both ends inwards.
 
-    The scale is logarithmic where loads differ by more than `_NEAR`, with a load of 0 left of the others.
-    logarithmic : takes this one for any two loads or more.
+    The scale of several loads is logarithmic, with a load of 0 left of the others.
     """
     loads = np.unique(loads[np.isfinite(loads) & (loads >= 0)])
     if not loads.size or not loads[-1] > 0:
@@ -44,7 +43,7 @@ def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
     positive = loads[loads > 0]
     # before the scale, which would look for ends itself and warn where a single load has a value
     ends = positive[0] / _MARGIN, positive[-1] * _MARGIN
-    if loads.size == 1 or not (logarithmic or positive[-1] > _NEAR * positive[0]):
+    if loads.size == 1:
         axes.set_xlim(0, ends[1])
     elif loads[0] > 0:
         axes.set_xlim(ends)

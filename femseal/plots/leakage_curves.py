@@ -11,9 +11,9 @@ import numpy as np
 from ..base import Array, Flags, Indices, InputError
 from ..base.leak_rates import leakage_unit
 from ..flow.law import cubic_law
-from ..results.results import METHODS, Results
-from ..results.selections import branches, force_scale, pressures_and_peaks
+from ..results.results import METHODS, Results, branches, force_scale
 from ..results.tables import leakage_of
+from ..results.variables import pressures_and_peaks
 from ..studies import BlocksResult, FaceResult, StochasticResult
 from .drawing import (
     GREY,

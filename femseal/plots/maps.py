@@ -17,8 +17,8 @@ from ..base import Array, Flags, InputError, Pair
 from ..base.leak_rates import leakage_unit
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
-from ..results.results import Results
-from ..results.selections import branches, load_names, pressures_and_peaks
+from ..results.results import Results, branches, load_names
+from ..results.variables import pressures_and_peaks
 from ..seal import Leakage
 from .drawing import (
     CLOSED,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array
+from ..results.results import branches_in
 from ..results.run_comparison import RunComparison
-from ..results.selections import branches_in
 from .drawing import (
     LEGEND_LINE,
     LINES,

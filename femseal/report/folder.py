@@ -10,10 +10,10 @@ from pathlib import Path
 
 from ..base import AnyPath, FemsealError, Mapper, made_folder, read_plain, write_bytes, write_text
 from ..base.files import is_inside
+from ..results.dataset import FILE_NAME, save
 from ..results.pixel_fields import NAME as FIELDS
 from ..results.pixel_fields import plan_fields, write_fields
 from ..results.results import Results
-from ..results.results_file import FILE_NAME, save
 from ..results.tables import csv_text, write_workbook
 from ..results.vtk_files import write_vtk
 from ..studies.choices import FIELDS_LIMIT
@@ -61,13 +61,11 @@ def write_folder(
     Raises InputError: the folder cannot be made.
     FemsealError : a file could not be written; `.unfinished/results.nc` then holds the results.
     """
-    plan = plan_fields(results, fields_limit if fields else 0.0)
-    results.dataset.attrs["left_out"] = json.dumps(
-        [plan.left_out] if fields and plan.left_out else []
-    )
+    steps, left_out = plan_fields(results, fields_limit if fields else 0.0)
+    results.dataset.attrs["left_out"] = json.dumps(left_out if fields else [])
 
     def write(unfinished: Path) -> list[Path]:
-        written = write_fields(results, plan, unfinished) if plan.steps.size else []
+        written = write_fields(results, steps, unfinished) if steps.size else []
         if paraview != "none":
             written += write_vtk(results, surface, unfinished / VIEWS, mapper)
         return written + _write_for_people(results, surface, pictures, report, unfinished)

@@ -31,9 +31,8 @@ from ..plots.maps import (
     place_figure,
     row_panel,
 )
-from ..results.results import Results
-from ..results.results_file import FILE_NAME, open_results, unfit
-from ..results.selections import load_names
+from ..results.dataset import FILE_NAME, open_results, unfit
+from ..results.results import Results, load_names
 from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
 from ..topography import Topography
 from . import report_tables

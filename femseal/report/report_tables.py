@@ -14,8 +14,7 @@ import numpy as np
 from ..base import TextTable, format_deviation, number_text, read_plain, to_text
 from ..base.leak_rates import LEAK_UNITS, leak_classes, within
 from ..loads import first_known, least_counted
-from ..results.results import Results
-from ..results.selections import branches_in, load_names, loads_as_given
+from ..results.results import Results, branches_in, load_names, loads_as_given
 from ..results.tables import (
     class_unit,
     format_error_band,

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .dataset import RunFacts, assemble
+    from .dataset import RunFacts, assemble, open_results, save
     from .pixel_fields import export_field, read_pixels, stored_steps
     from .results import Results
-    from .results_file import open_results, save
     from .run_comparison import RunComparison, compare
     from .tables import attempts_table, leakage_table, rows, summary_html, summary_text
     from .vtk_files import write_vtk

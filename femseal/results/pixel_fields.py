@@ -9,7 +9,6 @@ its pixel.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +33,7 @@ from ..base.fields import (
 )
 from ..base.shared_array import give_back
 from . import vtk_files
-from .selections import piece as checked_piece
+from .results import piece as checked_piece
 
 if TYPE_CHECKING:
     import xarray
@@ -50,49 +49,39 @@ _ROUNDING = 1e-6
 _BYTES = np.dtype(np.float32).itemsize
 
 
-@dataclass(frozen=True)
-class FieldPlan:
-    """Steps of the fields that are written, and a text on those left out for their size; "" if there are none."""
-
-    steps: Indices
-    left_out: str = ""
-
-
 def _in_memory(run: Results) -> Iterator[tuple[Field, Any]]:
     """Fields over all pixels (steps, n1, n2) of a study in memory."""
     if (study := run.two_scale or run.deterministic) is not None:
         yield from (pair for pair in fields_of(study) if pair[0].place == PIXEL)
 
 
-def plan_fields(run: Results, limit: float) -> FieldPlan:
-    """Steps whose fields together are not larger than `limit` [byte] before compression.
+def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
+    """Steps whose fields together are not larger than `limit` [byte] before compression, and a text on the others.
 
     Where not all of them fit: evenly over the programme, with the highest load.
     """
     each = sum(_BYTES * values[0].size for _, values in _in_memory(run))
     if not each:
-        return FieldPlan(np.arange(0))
+        return np.arange(0), []
     count = run.dataset.sizes["step"]
     fitting = int(min(limit // each, count))
     # the middles of equal parts of the programme
     chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
     if fitting and run.peak not in chosen:
         chosen[np.argmin(np.abs(chosen - run.peak))] = run.peak
-    missing, left_out = np.setdiff1d(np.arange(count), chosen), ""
-    if missing.size:
-        sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
-        numbers = ", ".join(map(str, missing))
-        left_out = f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)"
-    return FieldPlan(np.sort(chosen), left_out)
+    missing = np.setdiff1d(np.arange(count), chosen)
+    sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
+    text = f"fields over all pixels at steps {', '.join(map(str, missing))}: {sizes} (fields_limit)"
+    return np.sort(chosen), [text] if missing.size else []
 
 
-def write_fields(run: Results, plan: FieldPlan, folder: Path) -> list[Path]:
-    """Write the fields of the studies in memory at the steps of a plan."""
+def write_fields(run: Results, chosen: Indices, folder: Path) -> list[Path]:
+    """Write the fields of the studies in memory at some steps."""
     assert run.scene is not None
     cells = {
-        made.array_name: _scaled(values, made.scale, plan.steps) for made, values in _in_memory(run)
+        made.array_name: _scaled(values, made.scale, chosen) for made, values in _in_memory(run)
     }
-    surface, steps = run.scene.surface, vtk_files.LoadSteps.of(run.dataset, plan.steps)
+    surface, steps = run.scene.surface, vtk_files.LoadSteps.of(run.dataset, chosen)
     image = vtk_files.Image(NAME, surface.spacing, (0.0, 0.0), surface.shape, steps, cells)
     return vtk_files.write_series(image, folder)
 

@@ -26,8 +26,8 @@ from ..base.fields import with_unit
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..loads import LoadStep
+from .dataset import open_results
 from .results import Results
-from .results_file import open_results
 from .tables import kind_of, leakage_texts
 
 #: Ends of the band of realisations, where a run has them.

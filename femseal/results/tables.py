@@ -24,8 +24,7 @@ from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
 from .pixel_fields import stored_steps
-from .results import BUDGETED, Results
-from .selections import branch_text, force_scale, loads_as_given
+from .results import BUDGETED, Results, branch_text, force_scale, loads_as_given
 
 if TYPE_CHECKING:
     import xarray

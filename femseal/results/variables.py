@@ -45,7 +45,6 @@ from ..studies.other_fluid import OtherLeakage, limit_factors
 from ..studies.piece_states import FacePieces
 from ..studies.scene import FluidState
 from ..topography import Places, Topography
-from .selections import pressures_and_peaks
 
 if TYPE_CHECKING:
     import xarray
@@ -91,6 +90,12 @@ def add_declared(data: xarray.Dataset, result: Any) -> None:
     for made, values in fields_of(result):
         if made.place != PIXEL and np.size(values):
             add(data, made, values)
+
+
+def pressures_and_peaks(steps: Sequence[Any]) -> tuple[Array, Array]:
+    """Nominal pressures and peaks of load steps as `branches` takes them [Pa]."""
+    peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
+    return np.array([s.pressure for s in steps], dtype=float), np.array(peaks, dtype=float)
 
 
 def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[str, Any]:

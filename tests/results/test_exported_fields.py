@@ -172,9 +172,9 @@ def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, t
         (each, (2,)),
         (each - 1, ()),
     ):
-        plan = plan_fields(results, limit)
-        assert list(plan.steps) == list(kept)
-        assert bool(plan.left_out) == (len(kept) < 6)
+        steps, left_out = plan_fields(results, limit)
+        assert list(steps) == list(kept)
+        assert bool(left_out) == (len(kept) < 6)
     write_folder(results, tmp_path, scene.surface, fields_limit=3.5 * each)
     back = open_results(tmp_path)
     (text,) = back.left_out
