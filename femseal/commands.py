@@ -164,9 +164,7 @@ def design(
         )
     if not quiet:
         print_table(answer.table())
-        written = [f"design.{kind}" for kind in ("csv", "json", "png")]
-        written += ["report.html"] if (folder / "report.html").is_file() else []
-        typer.echo(f"{', '.join(written[:-1])} and {written[-1]} in {folder}")
+        typer.echo(f"design.csv, design.json and design.png in {folder}")
 
 
 def calibrate(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
@@ -38,10 +39,10 @@ from ..store import unfinished
 from ..store.store import Store
 from ..studies.compiling import compile_ahead
 from ..studies.study_registry import usual_efforts
-from ..sweeps.scenes import Surrogate, leakage_of
 from ..topography import resolved_wave
 from .calibration import FILE, Array, Calibration, calibrated_text
 from .leak_test import UNITS, LeakTest, Posterior, read_leak_test
+from .surrogate import Surrogate
 
 Range = tuple[float | str, float | str]
 #: Scenes that fill the ranges, and those that are then added at a time where the posterior is; least number in all.
@@ -75,7 +76,7 @@ def calibrate(
     """Hardness, shortest wave that counts and a factor between model and test, from a measured curve of leakage.
 
     The case is solved at the loads of the test for up to `scenes` pairs of hardness and shortest wave: a Sobol sequence
-    over their ranges, then where the posterior is, see `sweeps.scenes` and `calibration.leak_test`.
+    over their ranges, then where the posterior is, see `calibration.surrogate` and `calibration.leak_test`.
 
     Parameters
     ----------
@@ -210,10 +211,22 @@ def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
 
 
 def _leakage(
-    case: Case, unit: LeakUnit, steps: Array, hardness: float, shortest_wave: float
+    case: Case, unit: LeakUnit, steps: Any, hardness: float, shortest_wave: float
 ) -> list[float]:
-    """Leakage of a scene at some load steps in a unit; NaN where it could not be solved."""
-    return leakage_of(with_values(case, hardness, shortest_wave), unit, steps)
+    """Leakage of a scene that decides on classes, at some load steps in a unit; NaN where it could not be solved."""
+    log = logging.getLogger("femseal")
+    level = log.level
+    log.setLevel(logging.ERROR)  # warnings of the case are not said again for each scene
+    try:
+        results = job.run(with_values(case, hardness, shortest_wave), workers=1)
+    except InputError:
+        raise
+    except FemsealError:
+        return [np.nan] * len(steps)
+    finally:
+        log.setLevel(level)
+    values = np.abs(results.class_leakage[0][steps]) / results.class_basis.factor(unit)
+    return values.tolist()
 
 
 def _explored(

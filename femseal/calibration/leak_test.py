@@ -24,7 +24,7 @@ from ..case.case import Case
 from ..case.values import Amount
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
-from ..sweeps.scenes import Surrogate, alone
+from .surrogate import Surrogate
 
 COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"
 BRANCHES = ("loading", "unloading")
@@ -62,7 +62,9 @@ class LeakTest:
             name: tuple(Amount(load, unit) for load in values) for name, values in loads.items()
         }
         load = case.load.model_copy(update=changed | {"relaxation": 0.0})
-        return alone(case).model_copy(update={"load": load})
+        left_out = dict.fromkeys(("budget", "pictures", "report", "fields"), False)
+        output = case.output.model_copy(update={**left_out, "paraview": "none"})
+        return case.model_copy(update={"output": output, "compare": (), "load": load})
 
     def rows_of(self, case: Case) -> list[int]:
         """Load step of each row in a run of `of_case`."""

@@ -8,13 +8,22 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from ..base import AnyPath, FemsealError, Mapper, made_folder, read_plain, write_bytes, write_text
+from ..base import (
+    AnyPath,
+    FemsealError,
+    Mapper,
+    comma_separated,
+    made_folder,
+    read_plain,
+    write_bytes,
+    write_text,
+)
 from ..base.files import is_inside
 from ..results.dataset import FILE_NAME, save
 from ..results.pixel_fields import NAME as FIELDS
 from ..results.pixel_fields import plan_fields, write_fields
 from ..results.results import Results
-from ..results.tables import csv_text, write_workbook
+from ..results.tables import rows, write_workbook
 from ..results.vtk_files import write_vtk
 from ..studies.choices import FIELDS_LIMIT
 from ..topography import Topography
@@ -159,7 +168,7 @@ def _write_for_people(
 ) -> list[Path]:
     """Tables, pictures and report."""
     written = [
-        write_text(folder / "table.csv", csv_text(results)),
+        write_text(folder / "table.csv", comma_separated(rows(results))),
         write_workbook(results, folder / "table.xlsx"),
     ]
     drawings = draw_all(results, surface) if pictures or report else {}

@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REPORT_NAME = "report.html"
-_ENDS = np.nanmin, np.nanmax
 #: Browsers that print a page by `--headless --print-to-pdf`, by the names of their commands.
 BROWSERS = (
     "chromium",
@@ -285,18 +284,11 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
 
 
 def _seal_text(data: xarray.Dataset) -> str:
-    """Shape and sides of the seal, and on what band a seat touches."""
+    """Shape and sides of the seal."""
     width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
     seal = data.attrs["seal"]
-    texts = [f"The seal is {seal}, {width} wide along the leakage and {length} long."]
-    if data.attrs.get("seat") and "band_breadth" in data:
-        least, most = (to_text(f(data["band_breadth"].values), "m", 3) for f in _ENDS)
-        highest = to_text(np.nanmax(data["largest_row_pressure"].values), "Pa", 3)
-        texts.append(
-            f"The seat touches on a band {least} to {most} broad, with at most {highest} as the "
-            "mean of a row."
-        )
-    return " ".join(texts)
+    text = f"The seal is {seal}, {width} wide along the leakage and {length} long."
+    return text
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

@@ -318,6 +318,15 @@ def pressure_text(p: float) -> str:
     return to_text(p, "Pa")
 
 
+def cycle_text(steps: LoadProgramme) -> str:
+    """How many steps a load programme has on loading, and how many on unloading from what peaks."""
+    up, down = len(steps.loading), ""
+    if steps.unload_from:
+        peaks = " and ".join(to_text(p, "Pa", 3) for p in steps.unload_from)
+        down = f", {len(steps) - up} unloading from {peaks}"
+    return f"{counted(len(steps), 'step')}: {up} loading{down}"
+
+
 def branch_text(unloaded_from: float | None, text: Callable[[float], str] = pressure_text) -> str:
     """Name of a branch: "loading", or "unloading from 900 MPa"; `unloaded_from` [Pa], NaN or None on loading."""
     if unloaded_from is None or np.isnan(unloaded_from):

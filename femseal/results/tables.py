@@ -12,7 +12,6 @@ import numpy as np
 
 from ..base import (
     TextTable,
-    comma_separated,
     counted,
     duration,
     format_deviation,
@@ -24,7 +23,7 @@ from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
 from .pixel_fields import stored_steps
-from .results import BUDGETED, Results, branch_text, force_scale, loads_as_given
+from .results import BUDGETED, Results, branch_text, cycle_text, force_scale, loads_as_given
 
 if TYPE_CHECKING:
     import xarray
@@ -49,11 +48,6 @@ def rows(run: Results) -> list[dict[str, Any]]:
     branch = [branch_text(peak) for peak in data["unloaded_from"].values]
     reals = {name: values.values.astype(float) for name, values in numbers.items()}
     return rows_of({"step": data["step"], "branch": branch} | reals)
-
-
-def csv_text(run: Results) -> str:
-    """The rows as comma-separated values, with one line of column names."""
-    return comma_separated(rows(run))
 
 
 def write_workbook(run: Results, path: Path) -> Path:
@@ -302,11 +296,7 @@ def contents(run: Results) -> dict[str, str]:
     text = format_leakage(leakage, factor)
     text += f" {unit.name}" if np.isfinite(leakage) and leakage else ""
     found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})"}
-    up, down = len(steps.loading), ""
-    if steps.unload_from:
-        peaks = ", ".join(to_text(p, "Pa") for p in steps.unload_from)
-        down = f", {len(steps) - up} unloading from {peaks}"
-    found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}"
+    found["load"] = cycle_text(steps)
     if stored := stored_steps(run):
         found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
     for name, texts in (("warnings", run.warnings), ("failures", run.failures)):

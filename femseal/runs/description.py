@@ -11,6 +11,7 @@ from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
 from ..materials import METALS
 from ..preparation.prepared import Prepared
+from ..results.results import cycle_text
 from ..results.variables import fluid_text
 from ..studies import Scene
 from ..studies.blocks import blocks_of
@@ -87,14 +88,8 @@ def _solid_text(solid: SolidTable) -> str:
 
 
 def _load_text(case: Case, scene: Scene) -> str:
-    """The states of the cycle, and its highest load."""
-    pressures, steps = scene.steps.pressures, len(scene.steps)
-    down = steps - scene.steps.on_loading.sum()
-    text = f"{counted(steps, 'state')}: {steps - down} loading"
-    if down:
-        peaks = " and ".join(to_text(peak, "Pa", 3) for peak in scene.unload_from)
-        text += f", {down} unloading from {peaks}"
-    text += f", up to {to_text(pressures.max(), 'Pa', 3)}"
+    """The steps of the cycle, and its highest load."""
+    text = f"{cycle_text(scene.steps)}, up to {to_text(scene.steps.pressures.max(), 'Pa', 3)}"
     if case.load.unit != "Pa":
         text += f", from {to_text(case.load.highest, case.load.unit)}"
     return text

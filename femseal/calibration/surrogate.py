@@ -1,6 +1,6 @@
-"""Scenes: a case solved at many values of a few of its keys, each only for its leakage, and a surrogate of that.
+"""A surrogate of the leakage of scenes: a case solved at many values of a few of its keys.
 
-The surrogate is a Gaussian process for each load. The cube root of the leakage, which is as the gap of a channel that
+It is a Gaussian process for each load. The cube root of the leakage, which is as the gap of a channel that
 closes and so errs alike near sealing and far from it, is a linear trend, plus a smooth process, plus one that jumps
 along the last axis, where its covariance falls as exp(−r), as waves that are removed open and close single channels.
 Lengths and ratios of sizes are the most likely ones for all loads together, with weak priors; each load has a scale of
@@ -11,45 +11,14 @@ is a process of its own, of −1 and 1, by least squares (section 6.5 of the boo
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr, ndtri_exp
 
-from ..base import Array, FemsealError, InputError
-from ..base.leak_rates import LeakUnit
-from ..case.case import Case
-from ..runs import job
-
-
-def alone(case: Case) -> Case:
-    """The case without all that its leakage does not need."""
-    left_out = dict.fromkeys(("budget", "pictures", "report", "fields"), False)
-    output = case.output.model_copy(update={**left_out, "paraview": "none"})
-    return case.model_copy(update={"output": output, "compare": ()})
-
-
-def leakage_of(case: Case, unit: LeakUnit, steps: NDArray[Any]) -> list[float]:
-    """Leakage of a case that decides on classes, at some load steps in a unit; NaN where it could not be solved."""
-    log = logging.getLogger("femseal")
-    level = log.level
-    log.setLevel(logging.ERROR)  # warnings of the case are not said again for each scene
-    try:
-        results = job.run(case, workers=1)
-    except InputError:
-        raise
-    except FemsealError:
-        return [np.nan] * len(steps)
-    finally:
-        log.setLevel(level)
-    values = np.abs(results.class_leakage[0][steps]) / results.class_basis.factor(unit)
-    return values.tolist()
-
+from ..base import Array
 
 #: Variance of the linear trend in variances of the values, and part of that variance that rounding may be.
 _TREND, _ROUNDING = 25.0, 1e-8
