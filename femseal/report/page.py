@@ -254,6 +254,7 @@ def page_template() -> Template:
 def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
     """What the template of the page takes."""
     data = results.dataset
+    width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
     return {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
@@ -262,7 +263,7 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
         "digests": json.loads(data.attrs.get("face_files", "{}")),
         "limiting": report_tables.limiting_text(results),
         "description": json.loads(data.attrs.get("description", "[]")),
-        "seal": _seal_text(data),
+        "seal": f"The seal is {data.attrs['seal']}, {width} wide along the leakage and {length} long.",
         "gas_state": report_tables.gas_state_text(results),
         # the page has a table of classes
         "leakage_table": leakage_table(results).without(["class"]),
@@ -281,14 +282,6 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
         "machine": flat(json.loads(data.attrs["machine"])),
         "case": flat(as_chosen(results.case, results.attempts)),
     }
-
-
-def _seal_text(data: xarray.Dataset) -> str:
-    """Shape and sides of the seal."""
-    width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
-    seal = data.attrs["seal"]
-    text = f"The seal is {seal}, {width} wide along the leakage and {length} long."
-    return text
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

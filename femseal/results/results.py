@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import AnyPath, Array, Indices, InputError, Plotted, Shape, TextTable, to_si, to_text
+from ..base import (
+    AnyPath,
+    Array,
+    Indices,
+    InputError,
+    Plotted,
+    Shape,
+    TextTable,
+    counted,
+    to_si,
+    to_text,
+)
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..budget import ErrorBudget
