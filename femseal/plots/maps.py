@@ -52,8 +52,6 @@ if TYPE_CHECKING:
 _DECADES = 4
 #: Side of the detail in breadths of the seal, and largest ratio of the sides of a seal that keeps its proportions.
 _DETAIL, _LONGEST = 2.5, 8.0
-#: Most parts that are shown as a whole.
-_MOST = 200_000
 
 
 def default_step(data: xarray.Dataset) -> int:
@@ -257,8 +255,7 @@ class DrawnSeal:
     """Corners (parts, corners, 2) of the parts of a drawn seal, and the ends of each (parts, 2) [mm].
 
     strip : whether it is a straight seal; lies : a high one, with x2 to the right. detail : around the largest flow at
-    a step. all : the seal. whole : the same, or its detail where it is too fine. Each is a lower left and an upper
-    right corner.
+    a step. all : the seal. Both are a lower left and an upper right corner.
     """
 
     def __init__(self, data: xarray.Dataset, s: int) -> None:
@@ -275,7 +272,6 @@ class DrawnSeal:
         place = self.corners[np.argmax(flux)].mean(axis=0)
         start = np.maximum(low, np.minimum(place - side / 2, high - side))
         self.detail = start, np.minimum(start + side, high)
-        self.whole = self.all if len(self.corners) <= _MOST else self.detail
 
     def seen(self, low: Array, high: Array) -> Flags:
         """Parts that lie between two corners, if only with a corner of theirs."""
@@ -289,7 +285,7 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     leaves. A long seal is shown without its proportions.
     """
     seal = DrawnSeal(data, s)
-    panels = [(seal.whole, draw) for draw in _whole_panels(data, s)]
+    panels = [(seal.all, draw) for draw in _whole_panels(data, s)]
     flow = np.nan_to_num(np.hypot(*data["drawn_flux"].values[s].T))
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
     around = "" if np.array_equal(seal.detail, seal.all) else " around the largest"

@@ -47,7 +47,7 @@ FILE_NAME = "results.nc"
 _OURS = "a file that femseal wrote"
 #: Attributes that hold JSON, and what each of them is.
 _ATTRIBUTES: dict[str, type] = {
-    "case": dict, "surface": dict, "timings": dict, "counts": dict, "warnings": list, "failures": list,
+    "case": dict, "surface": dict, "timings": dict, "warnings": list, "failures": list,
     "versions": dict, "machine": dict,
 }  # fmt: skip
 
@@ -106,9 +106,8 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
     by their centres [m]; state, state_piece1, state_piece2, states of the face, and the pieces that seals draw; place1,
     place2, blocks of the measured place that leaks most; part, corner, plane, parts of the drawn seal nearest to the
     median; budget_part, sources of error. Attributes hold the case, the surface, versions, machine, wall times, peak
-    memory of the main process, numbers of flows solved or known without solving (`counts`), number of linear systems by
-    solver with the worst imbalance of inlet and outlet flow (`solvers`), how the errors were estimated
-    (`error_budget`), warnings and failures.
+    memory of the main process, numbers of linear systems by solver with the worst imbalance of inlet and outlet flow,
+    and of flows through pieces (`solvers`), how the errors were estimated (`error_budget`), warnings and failures.
 
     Raises InputError: no study, a study of another load programme, a unit or a class that does not exist or is not for
     the fluid.
@@ -249,18 +248,14 @@ def _add_studies(
 
 def _of_studies(known: Mapping[str, StudyResult], warnings: Sequence[str]) -> dict[str, str]:
     """Attributes that count what the studies have solved, with their warnings and failures."""
-    counts, solvers = {}, {}
-    for key, study in known.items():
-        if study.pieces is not None:
-            pieces = study.pieces.counts
-            counts[key] = {"solved": pieces.solved, "closed": pieces.closed}
-        found = study.solvers
-        solvers[key] = {"systems": dict(found.systems), "worst_imbalance": found.worst_imbalance}
+    solvers = {
+        key: vars(study.solvers) | {"systems": dict(study.solvers.systems)}
+        for key, study in known.items()
+    }
     # every study warns of what is odd in the scene
     texts = [*warnings, *(text for study in known.values() for text in study.warnings)]
     failures = [text for study in known.values() for text in study.failures]
     return {
-        "counts": _json(counts),
         "solvers": _json(solvers),
         "warnings": _json([*dict.fromkeys(texts)]),
         "failures": _json([*dict.fromkeys(failures)]),
