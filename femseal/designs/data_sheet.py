@@ -170,8 +170,29 @@ class Design:
         return shown(design_figure(self))
 
     def write(self, folder: AnyPath) -> list[Path]:
-        """Write the data sheet, see `write_sheet`."""
-        return write_sheet(self, folder)
+        """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
+        target = made_folder(folder)
+        table, (unit, scale) = rows(self), self.leak_scale
+        content = {
+            "case": self.results.case,
+            "probability": self.probability,
+            "seals": self.seals.count,
+            "limits": {need.name: need.limit / scale for need in self.requirements},
+            "limits_unit": unit.name,
+            "figures": table,
+            "sentences": sheet_sentences(self),
+            "tables": [
+                {"title": table.title, "heads": table.heads, "lines": table.lines}
+                for table in sheet_tables(self)
+            ],
+        }
+        with writing("output", target, "a folder"):
+            written = [
+                write_bytes(target / DESIGN_PICTURE, png(design_figure(self))),
+                write_text(target / TABLE_FILE, comma_separated(table)),
+                write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False)),
+            ]
+            return [*written, *([write_report(target)] if (target / FILE_NAME).is_file() else [])]
 
     def __repr__(self) -> str:
         needs = "; ".join(
@@ -299,29 +320,3 @@ def rows(answer: Design) -> list[dict[str, Any]]:
             row |= {"assembly_pressure_Pa": answer.at[1], "relation": "=", "value": known}
             found.append(row | {"how": one.how})
     return [dict.fromkeys(_COLUMNS) | row for row in found]
-
-
-def write_sheet(answer: Design, folder: AnyPath) -> list[Path]:
-    """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
-    target = made_folder(folder)
-    table, (unit, scale) = rows(answer), answer.leak_scale
-    content = {
-        "case": answer.results.case,
-        "probability": answer.probability,
-        "seals": answer.seals.count,
-        "limits": {need.name: need.limit / scale for need in answer.requirements},
-        "limits_unit": unit.name,
-        "figures": table,
-        "sentences": sheet_sentences(answer),
-        "tables": [
-            {"title": table.title, "heads": table.heads, "lines": table.lines}
-            for table in sheet_tables(answer)
-        ],
-    }
-    with writing("output", target, "a folder"):
-        written = [
-            write_bytes(target / DESIGN_PICTURE, png(design_figure(answer))),
-            write_text(target / TABLE_FILE, comma_separated(table)),
-            write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False)),
-        ]
-        return [*written, *([write_report(target)] if (target / FILE_NAME).is_file() else [])]

@@ -110,10 +110,6 @@ class RunComparison(Plotted):
             rows += rows_of(columns)
         return rows
 
-    def csv_text(self) -> str:
-        """The rows as comma-separated values, with one line of column names."""
-        return comma_separated(self.rows())
-
     def table(self) -> TextTable:
         """The table for people, one line for each run, to be given to `rich.print`.
 
@@ -153,7 +149,7 @@ class RunComparison(Plotted):
         target = made_folder(folder)
         picture = room("plots").png(room("plots").comparison_figure(self))
         return [
-            write_text(target / f"{stem}.csv", self.csv_text()),
+            write_text(target / f"{stem}.csv", comma_separated(self.rows())),
             write_bytes(target / f"{stem}.png", picture),
         ]
 

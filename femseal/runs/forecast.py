@@ -296,10 +296,7 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
     surface = scene.surface
     scale = min(1.0, sqrt(PILOT_PIXELS / surface.heights.size))
     # lengths whose transforms are fast: without prime factors above 5
-    n1, n2 = (
-        fft.prev_fast_len(max(16, int(n * scale)), real=True) if n > 16 else n
-        for n in surface.shape
-    )
+    n1, n2 = (fft.prev_fast_len(min(n, max(16, int(n * scale))), real=True) for n in surface.shape)
     start = (surface.shape[0] - n1) // 2, (surface.shape[1] - n2) // 2
     part = surface.crop((n1, n2), start).detrend()
     half_space = HalfSpace(part.shape, part.spacing, scene.modulus, ("mirror", "mirror"))
