@@ -149,9 +149,8 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
     if most is None:
         most, which = free_memory(), "that are free"
     # the efforts of loads decide on time alone
-    if (
-        needed := forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
-    ) <= most:
+    needed = forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
+    if needed <= most:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
