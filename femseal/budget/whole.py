@@ -31,7 +31,7 @@ def error_budget(
     Parameters
     ----------
     scene : input of the study. study : its result; of a stochastic study the budget is that of the median.
-    coarse : the same scene solved on fewer points, the finest first; one or two. Without any the pixels have no part.
+    coarse : the same scene solved on fewer points; of several the first counts. Without any the pixels have no part.
     filtered : the scene solved without waves up to twice the shortest one. octaves : of waves that were removed from
         the face before; without any, as of a generated face, the filter has no part.
     kept_slope : rms slope over that with the waves that were removed. Where these may open what is sealed, and no load
@@ -58,7 +58,7 @@ def error_budget(
     in_contact = contact_fraction_of(study, scene.steps)
     parts: list[ErrorPart] = [solver_part(scene, leakage)]
     if coarse:
-        parts.append(pixels_part(scene, leakage, coarse, wave_pixels))
+        parts.append(pixels_part(scene, leakage, coarse[0], wave_pixels))
     else:
         parts += one_grid_part(leakage, in_contact)
     if filtered is not None and octaves > 0:

@@ -9,20 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from ..base import FemsealError, Mapper, NotKept, duration, format_deviation, free_memory
-from ..budget import MODEL_PARTS, CoarserSolution, ErrorBudget, widest_band
+from ..base import FemsealError, NotKept, duration, format_deviation, free_memory
+from ..budget import MODEL_PARTS, ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.prepared import START_MEMORY, Prepared
-from .budgets import against, budget_of, budgets_of, leakage_of
-from .coarser import carries_quarter, without_filtered_waves
+from .budgets import budgets_of
 from .settings import (
     Settings,
     apply_settings,
     expected_cost,
     first_settings,
-    grid_points,
-    has_pieces,
     refined,
     time_limit,
 )
@@ -153,7 +150,7 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
 
 @dataclass(eq=False)
 class _Attempts:
-    """The attempts of a case so far, and all settings that were solved, whose results the store of the run has.
+    """The attempts of a case so far.
 
     memory : that an attempt may take [byte].
     """
@@ -163,7 +160,6 @@ class _Attempts:
     run: Run
     memory: float
     done: list[Attempt] = field(default_factory=list)
-    solved: set[Settings] = field(default_factory=set)
 
     def attempt(self, settings: Settings) -> tuple[Prepared, Any, ErrorBudget]:
         """Solve the case with these settings, and estimate its error."""
@@ -173,9 +169,10 @@ class _Attempts:
         with self.run.timed(name) as mapper:
             result = prepared.solve(prepared.answer, mapper)
         times = {"study": time.perf_counter() - start}
-        self.solved.add(settings)
         with self.run.timed(f"{name}, error budget") as mapper:
-            budget = self._budget(prepared, settings, result, mapper)
+            alone = replace(prepared, methods=frozenset({prepared.answer.name}))
+            key = prepared.answer.key
+            budget = budgets_of(alone, {key: result}, mapper)[key]
         times["with coarse"] = time.perf_counter() - start
         times = self.run.decided("time of the attempt", self._so_far, times)
         found = widest_band(budget)
@@ -241,37 +238,6 @@ class _Attempts:
             expected_cost(apply_settings(self.made, s))[0] for s in (settings, last.settings)
         )
         return last.seconds * seconds / before
-
-    def _budget(
-        self, prepared: Prepared, settings: Settings, result: Any, mapper: Mapper
-    ) -> ErrorBudget:
-        """The budget of the answer; versions on coarser grids that are known already are not solved again."""
-        answer = prepared.answer
-        # these are compared with more than themselves
-        if answer.name == "stochastic":
-            alone = replace(prepared, methods=frozenset({answer.name}))
-            return budgets_of(alone, {answer.key: result}, mapper)[answer.key]
-        smooth = without_filtered_waves(prepared, leakage_of(result))
-        filtered = (
-            None if smooth is None else against(result, smooth, smooth.solve(smooth.answer, mapper))
-        )
-        return budget_of(prepared, result, self._coarser(prepared, settings, mapper), filtered)
-
-    def _coarser(
-        self, prepared: Prepared, settings: Settings, mapper: Mapper
-    ) -> list[CoarserSolution]:
-        """The answer on half the points a side, and on a quarter where that carries the waves and is known."""
-        found: list[CoarserSolution] = []
-        for halvings in range(1, 2 + carries_quarter(prepared)):
-            coarse = replace(settings, grid=settings.grid - halvings)
-            if coarse not in self.solved and (found or not has_pieces(self.made, coarse)):
-                break
-            version = apply_settings(self.made, coarse)
-            leakage = leakage_of(version.solve(version.answer, mapper))
-            self.solved.add(coarse)
-            points = grid_points(self.made, coarse.grid)
-            found.append(CoarserSolution(points, prepared.scene.steps, leakage))
-        return found
 
 
 def with_ends(data: Any) -> Any:

@@ -23,7 +23,7 @@ from ..contact import Contact, HalfSpace, solve_contact
 from ..face.piece_flow import FlowSettings
 from ..flow import cell_permeability
 from ..preparation.prepared import START_MEMORY, Prepared
-from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
+from ..refinement.budgets import CONTINUED_SCENES, coarser_grid, without_filtered_waves
 from ..refinement.settings import (
     first_settings,
     first_version,
@@ -240,8 +240,8 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     """What the error budget of a run solves besides."""
     if not case.output.budget:
         return []
-    again = list(coarser_grids(prepared))
-    grid = (*again[:1], prepared)[0]
+    coarser = coarser_grid(prepared)
+    grid, again = coarser or prepared, [coarser] if coarser else []
     if (smooth := without_filtered_waves(prepared)) is not None:
         again.append(smooth)
     parts = case.output.model_parts

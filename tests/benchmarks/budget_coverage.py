@@ -27,7 +27,7 @@ from common import machine, print_report, table
 from drawn_scenes import FINER, HELD_OUT, KINDS, PIXEL, Drawn
 from femseal import Sampling, Topography, deterministic, error_budget, stochastic
 from femseal.budget import CoarserSolution, effective_pressure_part
-from femseal.refinement.coarser import at_some_steps
+from femseal.refinement.budgets import at_some_steps
 
 #: Length of the long faces in breadths, and realisations of the seals drawn from one breadth.
 LENGTH, REALISATIONS = 4, 24

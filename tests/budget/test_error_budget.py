@@ -13,10 +13,10 @@ import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
 from femseal.budget.error_parts import on_all_steps, scale_of_changes
 from femseal.budget.estimates import median_interval
-from femseal.budget.resolution import filter_part, observed_order, pixels_part
+from femseal.budget.resolution import filter_part, pixels_part
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
-from femseal.refinement.coarser import at_some_steps, coarser_points
+from femseal.refinement.budgets import at_some_steps, coarser_points
 from femseal.runs.forecast import describe, forecast
 from femseal.studies.drawn_error import (
     CALIBRATION,
@@ -33,21 +33,6 @@ def part(name, below, above, upper_sealed=0.0):
     made = ErrorPart.of(name, Q, np.array(below, float), np.array(above, float), "")
     upper = np.where(Q == 0, upper_sealed, made.upper)
     return ErrorPart(name, made.lower, upper, "")
-
-
-def test_the_published_example_of_three_grids():
-    """Celik et al. (2008) as pyGCS computes it: 18000, 8000 and 4500 cells in the plane."""
-    order = observed_order(6.063 - 5.972, 5.972 - 5.863, (18 / 8) ** 0.5, (8 / 4.5) ** 0.5)
-    assert_allclose(order, 1.53, atol=5e-3)  # published to these digits
-
-
-@pytest.mark.parametrize("order", [0.7, 1.0, 2.0])
-def test_the_order_of_a_manufactured_sequence_is_observed(order):
-    first, second = 1.4**order - 1.0, 2.3**order - 1.4**order
-    assert_allclose(observed_order(first, second, 1.4, 2.3 / 1.4), order, rtol=1e-9)
-    # changes that do not fall have none
-    assert np.isnan(observed_order(1.0, 1.0, 2.0, 2.0))
-    assert observed_order(0.0, 1.0, 2.0, 2.0) > 2.0  # the finest change is 0 by chance
 
 
 def test_parts_combine_as_the_root_of_the_sum_of_squares_of_logarithms():
@@ -129,25 +114,11 @@ def test_half_of_the_steps_hold_ends_peaks_and_both_sides_of_closing(scene):
 def test_a_step_that_is_open_on_one_grid_only_may_be_sealed_or_open(scene):
     q = np.array([1.0, 0.5, 0.2, 1e-3, 0.0, 1e-2, 0.1])
     other = np.array([1.1, 0.4, 0.1, 0.0, 1e-4, 1e-2, 0.1])
-    part = pixels_part(scene, q, [CoarserSolution((32, 32), scene.steps, other)])
+    part = pixels_part(scene, q, CoarserSolution((32, 32), scene.steps, other))
     assert_array_equal(part.lower[3:5], 0)
     assert part.upper[3] > q[3]
     assert part.upper[4] >= 1e-4
     assert (part.lower[:3] > 0).all()
-
-
-def test_a_third_grid_says_which_order_it_shows(scene):
-    q = np.array([1.0, 0.5, 0.2, 0.1, 0.05, 0.1, 0.3])
-    slopes = np.array([0.01, 0.02, 0.04, 0.05, 0.06, 0.05, 0.03])
-    half, quarter = (
-        CoarserSolution((n, n), scene.steps, q * np.exp(f * slopes)) for n, f in ((32, 3), (16, 15))
-    )
-    part = pixels_part(scene, q, [half, quarter])
-    assert "observed order 2, oscillating at 0%" in part.note
-    off = CoarserSolution((16, 16), scene.steps, q * np.exp(3.5 * slopes))
-    wider = pixels_part(scene, q, [half, off])
-    assert "the changes do not fall" in wider.note
-    assert (wider.upper > part.upper).any()
 
 
 def test_removed_waves_are_carried_on_from_the_shortest_octave(scene):
@@ -167,7 +138,7 @@ def test_loads_that_leak_very_little_have_wider_bands(scene, first):
     q = np.array([*first, 0.2, 0.9e-3, 0.8e-3, 1e-2, 0.1])
     half = CoarserSolution((32, 32), scene.steps, 1.1 * q)
     widths = error_budget_of(scene, q, coarse=[half])["pixels"]
-    plain = np.log(pixels_part(scene, q, [half]).upper / q)
+    plain = np.log(pixels_part(scene, q, half).upper / q)
     assert_allclose(widths, plain * np.where(q < 1e-3, 3.0, 1.0))
 
 
@@ -187,7 +158,7 @@ def test_the_part_of_the_pixels_holds_the_truth_of_twice_the_points():
             fs.deterministic(replace(scene, surface=face.resample((points, points)))).leakage
             for points in (64, 32, 128)
         )
-        part = pixels_part(scene, own, [CoarserSolution((32, 32), scene.steps, half)])
+        part = pixels_part(scene, own, CoarserSolution((32, 32), scene.steps, half))
         s = seed % 5
         held.append(part.lower[s] <= truth[s] <= part.upper[s])
     assert sum(held) >= binom.ppf(0.01, len(held), 0.95)

@@ -8,7 +8,7 @@ from small_cases import HARDENED
 import femseal as fs
 from femseal.case import parse_case
 from femseal.preparation import face, preparation, prepare
-from femseal.refinement.coarser import without_filtered_waves
+from femseal.refinement.budgets import without_filtered_waves
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from femseal.budget import CoarserSolution, continuation_part
 from femseal.budget.resolution import filter_part
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.refinement.coarser import continued_scenes
+from femseal.refinement.budgets import continued_scenes
 from femseal.runs.forecast import describe
 from femseal.topography import continuation_of, spectrum
 
