@@ -139,7 +139,6 @@ def continuation_part(
     others: Sequence[CoarserSolution],
     shorter: CoarserSolution,
     octaves: float,
-    note: str,
 ) -> ErrorPart:
     """Part of the continued waves: scatter between realisations and trend with the cut-off, as a root of squares.
 
@@ -147,7 +146,6 @@ def continuation_part(
     of the shortest octave, carried on beyond the cut-off.
 
     others : with other phases. shorter : without the shortest octave of waves. octaves : beyond the cut-off that count.
-    note : a sentence that goes before how it was estimated.
     """
     steps, n = scene.steps, len(others) + 1
     changes = np.array([on_all_steps(steps, other, leakage) for other in others])
@@ -168,9 +166,9 @@ def continuation_part(
     below = np.where(np.isneginf(changes).any(axis=0), np.inf, below)
     opened = np.where(np.isposinf(changes).any(axis=0), np.inf, changes.sum(axis=0))
     leakiest = max(others, key=lambda other: float(np.nansum(np.abs(other.leakage))))
-    text = f"{note}; {n} realisations by Student's interval, and the last octave carried on over {octaves:.2g} more"
+    note = f"{n} realisations by Student's interval, and the last octave carried on over {octaves:.2g} more"
     return part_of_changes(
-        "continuation", steps, leakage, below, above, text, change=opened, coarse=leakiest
+        "continuation", steps, leakage, below, above, note, change=opened, coarse=leakiest
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, FemsealError, Mapper, NotKept, to_text
+from ..base import Array, FemsealError, Mapper, NotKept
 from ..budget import (
     CoarserSolution,
     ErrorBudget,
@@ -25,11 +25,9 @@ from ..budget import (
     thin_gap_part,
 )
 from ..budget.whole import error_budget
-from ..loads import first_known
 from ..preparation.prepared import Pair, Prepared
 from ..studies import STUDIES, Scene, StochasticResult, Study, study_of_result
 from ..studies.sampling import FEWEST_SEALS
-from ..studies.study_registry import contact_fraction_of
 
 #: Points a side of the coarser grid over those of the scene.
 COARSENING = 0.5
@@ -47,8 +45,8 @@ SEALS_AGAIN, FACES_AGAIN = 5, 40
 LEAST_OCTAVES = 0.05
 #: Draws of the phases of continued waves besides that of a run.
 OTHER_PHASES = 3
-#: Scenes that measure what continued waves may change: with these, with fewer waves, and as measured.
-CONTINUED_SCENES = OTHER_PHASES + 2
+#: Scenes that measure what continued waves may change: with these, and with fewer waves.
+CONTINUED_SCENES = OTHER_PHASES + 1
 
 
 def coarser_points(points: Pair, least: Pair = (1, 1), divide_by: Pair = (1, 1)) -> Pair | None:
@@ -101,7 +99,7 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
 
 
 def continued_scenes(grid: Prepared) -> list[Scene]:
-    """The scene with other phases of its continued waves, without its shortest octave of waves, and as measured.
+    """The scene with other phases of its continued waves, and without its shortest octave of waves.
 
     Other phases come first, `OTHER_PHASES` times; no scenes where nothing is continued.
     """
@@ -110,7 +108,7 @@ def continued_scenes(grid: Prepared) -> list[Scene]:
     surface = grid.scene.surface
     measured = continued.added_to(surface, factor=-1.0)
     others = [continued.added_to(measured, number) for number in range(1, OTHER_PHASES + 1)]
-    faces = [*others, surface.low_pass(2 * continued.cut_off), measured]
+    faces = [*others, surface.low_pass(2 * continued.cut_off)]
     return [replace(grid.scene, surface=face) for face in faces]
 
 
@@ -244,29 +242,24 @@ def _unsolved_parts(
 def _of_continued(
     prepared: Prepared, grid: Prepared, result: Any, own: Any, moved: Sequence[Any]
 ) -> ErrorPart:
-    """Part of the continued waves, with what slope, area and leakage do with the cut-off.
+    """Part of the continued waves.
 
     own : result on the coarser grid. moved : those of `continued_scenes`, None where one failed.
     """
     scene, continued, q = grid.scene, prepared.continuation, leakage_of(own)
     assert continued is not None
-    nothing, at, wave = np.full(len(scene.steps), np.nan), first_known(q), continued.cut_off
-    leakages = [nothing if one is None else leakage_of(one) for one in moved]
     *others, shorter = (
-        CoarserSolution(scene.surface.shape, scene.steps, one, q) for one in leakages[:-1]
-    )
-    # as measured, to twice the cut-off where that is below the measured waves, and to the cut-off
-    versions = [(continued.longest, moved[-1]), (2 * wave, moved[-2]), (wave, own)]
-    note = "; ".join(
-        f"cut-off {to_text(cut, 'm', 3)}: rms slope {continued.slope_to(cut):.3g}, at the first load "
-        f"{contact_fraction_of(one, scene.steps)[at]:.2%} in contact and "
-        f"{leakage_of(one)[at] / q[at]:.3g} times the leakage"
-        for cut, one in versions
-        if one is not None and q[at] != 0 and cut <= continued.longest
+        CoarserSolution(
+            scene.surface.shape,
+            scene.steps,
+            np.full(len(scene.steps), np.nan) if one is None else leakage_of(one),
+            q,
+        )
+        for one in moved
     )
     last = continued.last_that_counts(scene.law.mean_hardness, scene.modulus)
-    octaves = max(1.0, log2(wave / last)) if last else inf
-    return continuation_part(prepared.scene, leakage_of(result), others, shorter, octaves, note)
+    octaves = max(1.0, log2(continued.cut_off / last)) if last else inf
+    return continuation_part(prepared.scene, leakage_of(result), others, shorter, octaves)
 
 
 def leakage_of(result: Any) -> Array:

@@ -88,14 +88,6 @@ def compile_ahead(
         done.touch()
 
 
-def load_compiled() -> None:
-    """Load the loops that `compile_ahead` has compiled on this machine, so that the first problem finds them."""
-    done = _record()
-    if done is not None and done.exists():
-        for part in _PARTS:
-            _compile(part)
-
-
 def _record() -> Path | None:
     """File beside the compiled loops that says that they are there, for this code, machine and numba; None without."""
     if not hasattr(energy_of, "stats"):  # a plain function, as NUMBA_DISABLE_JIT leaves it

@@ -1,9 +1,6 @@
-"""What worker processes load before their first item: the solvers, and their compiled loops where there are any."""
-
-from __future__ import annotations
+"""What worker processes load before their first item: the solvers."""
 
 import os
-from contextlib import suppress
 
 from ..base.lazy_package import loading
 
@@ -14,7 +11,3 @@ os.environ.update(
 
 with loading():
     from . import study_registry  # noqa: F401
-    from .compiling import load_compiled
-
-    with suppress(Exception):  # an item would meet it again, and say so
-        load_compiled()
