@@ -266,51 +266,34 @@ def _largest(widths: Array) -> float:
 class CoarserSolution:
     """Leakage of a scene that was solved otherwise: on fewer points, or without its shortest waves.
 
-    points : of the face. steps : at which it was solved, some of those of the scene. leakage : at these steps [m²/s].
-    against : leakage of the same study at these steps on the points of the scene; None: that of which the budget is.
+    points : of the face. leakage : at every step of the scene [m²/s].
+    against : leakage of the same study on the points of the scene; None: that of which the budget is.
     """
 
     points: Shape
-    steps: LoadProgramme
     leakage: Array
     against: Array | None = None
 
+    def change(self, leakage: Array) -> Array:
+        """Change of ln(leakage) to this solution at every step (steps,), unless `against` says otherwise.
 
-def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) -> Array:
-    """Change of ln(leakage) to a coarser solution at every step of the scene (steps,).
-
-    Between the steps of the coarser solution it is straight in ln(load) on each branch, a peak being the first step of
-    its unloading; beyond them it keeps the last value. It is inf or -inf where one of the two is sealed, 0 where both
-    are, NaN where one is unknown.
-    """
-    places, pressure = [steps.index(step) for step in coarse.steps], steps.pressures
-    own = np.abs(np.asarray(leakage, float)[places] if coarse.against is None else coarse.against)
-    other = np.abs(np.asarray(coarse.leakage, float))
-    # that of no pressure at all is that of a very small one
-    at = np.log(np.maximum(pressure, 1e-300))
-    found = np.full(len(steps), np.nan)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found[places] = np.where((own == 0) & (other == 0), 0.0, np.log(other / own))
-        for branch in steps.branches:
-            known = np.intersect1d(np.union1d(branch, steps.peak_indices[branch]), places)
-            known, others = known[np.argsort(pressure[known])], np.setdiff1d(branch, places)
-            if known.size:
-                between = np.interp(at[others], at[known], np.arange(known.size))
-                lower, weight = between.astype(int), between % 1
-                a, b = found[known[lower]], found[known[np.ceil(between).astype(int)]]
-                found[others] = np.where(weight > 0, (1 - weight) * a + weight * b, a)
-    return found
+        It is inf or -inf where one of the two is sealed, 0 where both are, NaN where one is unknown.
+        """
+        own = np.abs(np.asarray(leakage if self.against is None else self.against, float))
+        other = np.abs(np.asarray(self.leakage, float))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where((own == 0) & (other == 0), 0.0, np.log(other / own))
 
 
-def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: list[int]) -> Array:
-    """Size of the changes of ln(leakage) at every step (steps,), from the solved steps near it and from all of them.
+def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array:
+    """Size of the changes of ln(leakage) at every step (steps,), from those of the steps near it and of all of them.
 
     It is made of the rms change of the nearest two or more steps, and of the mean shift of the load over the cycle.
 
-    change : of ln(leakage) at every step. slope : see `load_sensitivity`, > 0. known : numbers of the steps solved.
+    change : of ln(leakage) at every step. slope : see `load_sensitivity`, > 0.
     """
-    finite = [s for s in known if np.isfinite(change[s])]
-    if not finite:
+    finite = np.flatnonzero(np.isfinite(change))
+    if not finite.size:
         return np.zeros(len(steps))
     shift = mean_shift(change[finite], slope[finite])
     beside = np.zeros((len(steps), len(steps)))
@@ -349,7 +332,7 @@ def sealed_upper(
     shift = float(np.max(distance[chosen] / np.maximum(slope[chosen], LEAST_SLOPE), initial=0.0))
     change, other = np.zeros(q.size) if change is None else change, np.zeros(q.size)
     if coarse is not None:
-        other[[steps.index(step) for step in coarse.steps]] = np.nan_to_num(np.abs(coarse.leakage))
+        other = np.nan_to_num(np.abs(coarse.leakage))
     pressure, loading, peaks = steps.pressures, steps.on_loading, steps.peak_indices
     for s in np.flatnonzero((q == 0) & ~np.isnan(change)):
         found[s] = other[s]

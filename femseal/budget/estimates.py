@@ -24,7 +24,6 @@ from .error_parts import (
     CoarserSolution,
     ErrorPart,
     load_sensitivity,
-    on_all_steps,
     part_of_changes,
     scale_of_changes,
 )
@@ -211,10 +210,10 @@ def model_part(
 
     solution : leakage of the changed scene against that of the scene itself, both on the same points.
     """
-    moved = on_all_steps(steps, solution, leakage)
+    moved = solution.change(leakage)
     slope = np.maximum(load_sensitivity(steps, leakage), LEAST_SLOPE)
     # beside a sealed step the nearest ones tell
-    near = scale_of_changes(steps, moved, slope, [steps.index(step) for step in solution.steps])
+    near = scale_of_changes(steps, moved, slope)
     size = np.where(np.isfinite(moved), np.abs(moved), near)
     rises = float(np.nansum(np.where(np.isfinite(moved), moved, 0.0))) >= 0
     below, above = size * (change.both or not rises), size * (change.both or rises)

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import erf, erfinv, stdtrit
 
-from ..base import Array, Flags, counted
+from ..base import Array, Flags
 from ..loads import LoadProgramme, least_counted
 from ..studies import Scene
 from ..studies.drawn_error import COVERAGE
@@ -27,7 +27,6 @@ from .error_parts import (
     ErrorPart,
     load_sensitivity,
     mean_shift,
-    on_all_steps,
     part_of_changes,
     scale_of_changes,
 )
@@ -76,20 +75,18 @@ def pixels_part(
     """
     q, steps = np.abs(np.asarray(leakage, dtype=float)), scene.steps
     coarsening = float(np.sqrt(np.prod(scene.surface.shape) / np.prod(coarse.points)))
-    change = on_all_steps(steps, coarse, leakage)
+    change = coarse.change(leakage)
     slope = np.maximum(load_sensitivity(steps, leakage), _LEAST_SLOPE)
     # as if the change were that to half the points a side, by the order of the leakage
     scaled = change * (2.0**ORDER - 1) / (coarsening**ORDER - 1)
-    known = [steps.index(step) for step in coarse.steps]
     least = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)
-    scale = np.hypot(scale_of_changes(steps, scaled, slope, known), least * slope)
-    loads = sum(1 for s in known if np.isfinite(change[s]) and steps[s].unloaded_from is None)
+    scale = np.hypot(scale_of_changes(steps, scaled, slope), least * slope)
+    loads = int((np.isfinite(change) & steps.on_loading).sum())
     distance = PER_CHANGE * FEW_LOADS.get(loads, 1.0) * scale
     may_close = (q < least_counted(q)) & (distance > _MAY_CLOSE)
     below = np.where(may_close | np.isneginf(change), np.inf, distance)
     grid = " × ".join(map(str, coarse.points))
-    beside = f"{counted(len(coarse.steps), 'step')} and their neighbours"
-    note = f"change of ln(leakage) to {grid} points at {beside}; order {ORDER:g} expected"
+    note = f"change of ln(leakage) to {grid} points, at a load and its neighbours; order {ORDER:g} expected"
     return part_of_changes(
         "pixels", steps, leakage, below, distance, note, change=change, coarse=coarse
     )
@@ -114,14 +111,13 @@ def filter_part(
     filtered : without the shortest octave of waves. octaves : of waves that were removed from the face.
     """
     steps = scene.steps
-    change = on_all_steps(steps, filtered, leakage)
+    change = filtered.change(leakage)
     slope = np.maximum(load_sensitivity(steps, leakage), _LEAST_SHIFT_SLOPE)
-    known = [steps.index(step) for step in filtered.steps]
-    finite = [s for s in known if np.isfinite(change[s])]
+    finite = np.isfinite(change)
     # as many terms of a geometric series as there are octaves, and parts of one
     terms = (1 - DECAY**octaves) / (1 - DECAY)
     scale = terms * np.hypot(change, mean_shift(change[finite], slope[finite]) * slope)
-    lowers = np.isneginf(change[known]).any() or float(np.sum(change[finite] / slope[finite])) <= 0
+    lowers = np.isneginf(change).any() or float(np.sum(change[finite] / slope[finite])) <= 0
     below, above = (AGAINST * scale, ALONG * scale) if lowers else (ALONG * scale, AGAINST * scale)
     below = np.where(np.isposinf(change), np.inf, below)
     note = (
@@ -148,7 +144,7 @@ def continuation_part(
     others : with other phases. shorter : without the shortest octave of waves. octaves : beyond the cut-off that count.
     """
     steps, n = scene.steps, len(others) + 1
-    changes = np.array([on_all_steps(steps, other, leakage) for other in others])
+    changes = np.array([other.change(leakage) for other in others])
     finite = np.where(np.isinf(changes), 0.0, changes)
     every = np.vstack([np.zeros(len(steps)), finite])
     mean, scatter = every.mean(axis=0), every.std(axis=0, ddof=1)

@@ -28,16 +28,12 @@ from ..budget.whole import error_budget
 from ..preparation.prepared import Pair, Prepared
 from ..studies import STUDIES, Scene, StochasticResult, Study, study_of_result
 from ..studies.sampling import FEWEST_SEALS
+from ..topography import Topography
 
 #: Points a side of the coarser grid over those of the scene.
 COARSENING = 0.5
 #: A coarser grid of more than this fraction of the points shows nothing.
 MOST_POINTS_FRACTION = 0.6
-#: Loading steps that tell the error of pixels well. Measured on 160 faces with 3 to 5 of them, for the same coverage:
-#: all of them give bands of 4.2 times the error in the median, every other 5.2 times.
-LEAST_LOADS = 5
-#: One of so many steps is solved on a coarser grid, and one of so many without the shortest waves.
-GRID_STRIDE, FILTER_STRIDE = 2, 4
 #: Seals that are drawn again from a changed face, at most, and as long as how many faces they are together; each is
 #: compared with that of the same pieces.
 SEALS_AGAIN, FACES_AGAIN = 5, 40
@@ -65,23 +61,15 @@ def route(study: Study) -> Study:
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 
 
-def coarser_grid(prepared: Prepared, leakage: Array | None = None) -> Prepared | None:
-    """The version on half of the points a side, at some of the steps; None where that shows nothing.
-
-    leakage : of the answer, which shows what steps are near closing.
-    """
+def coarser_grid(prepared: Prepared) -> Prepared | None:
+    """The version on half of the points a side; None where that shows nothing."""
     surface = prepared.scene.surface
     points = coarser_points(surface.shape, prepared.least_points, prepared.points_divide_by)
-    if points is None:
-        return None
-    # where the filter takes its part of the time too, no more steps than every other
-    least = 0 if _lacks_waves(prepared) else LEAST_LOADS
-    some = at_some_steps(prepared.scene, leakage, GRID_STRIDE, least=least)
-    return _reduced(prepared, replace(some, surface=surface.resample(points)))
+    return None if points is None else _reduced(prepared, surface.resample(points))
 
 
-def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> Prepared | None:
-    """The version without waves up to twice the shortest one, at some of the steps; None where none were removed."""
+def without_filtered_waves(prepared: Prepared) -> Prepared | None:
+    """The version without waves up to twice the shortest one; None where none were removed."""
     if not _lacks_waves(prepared):
         return None
     surface, wave = prepared.scene.surface, 2 * prepared.conditioning.shortest_wave
@@ -94,8 +82,7 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
             "error budget: the face or its pieces are too small to do without the shortest waves"
         )
         return None
-    some = at_some_steps(prepared.scene, leakage, FILTER_STRIDE, least=0)
-    return _reduced(prepared, replace(some, surface=surface.low_pass(wave).resample((n1, n2))))
+    return _reduced(prepared, surface.low_pass(wave).resample((n1, n2)))
 
 
 def continued_scenes(grid: Prepared) -> list[Scene]:
@@ -122,33 +109,8 @@ def _lacks_waves(prepared: Prepared) -> bool:
     return prepared.conditioning.removed_octaves >= LEAST_OCTAVES
 
 
-def at_some_steps(
-    scene: Scene, leakage: Array | None, stride: int = 2, *, least: int = LEAST_LOADS
-) -> Scene:
-    """The scene at some of its steps: ends, peaks, both sides of closing, and one of `stride` of the rest.
-
-    leakage : of the scene at every step (steps,); None: it leaks at all of them.
-    least : number of open loading steps below which the stride would not fall: it is shorter then.
-    """
-    q = np.ones(len(scene.steps)) if leakage is None else np.abs(np.asarray(leakage, dtype=float))
-    loading = scene.steps.loading
-    first_shut = next((n for n in range(len(loading)) if q[n] == 0), len(loading))
-    if least:
-        stride = min(stride, max(1, first_shut // least))
-    kept = {0, first_shut - 1, first_shut, *range(0, first_shut, stride)}
-    peaks = set(scene.unload_from)
-    if not peaks:  # beyond closing there is nothing to compare
-        kept.add(min(first_shut, len(loading) - 1))
-    chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
-    stops = scene.steps.unloading  # falling
-    ends = {0, len(stops) - 1, *range(0, len(stops), stride)}
-    return replace(
-        scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends)
-    )
-
-
-def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
-    """The version for a coarser scene: each study by its route, with the same pieces and few of the same seals."""
+def _reduced(prepared: Prepared, surface: Topography) -> Prepared:
+    """The version for a coarser face: each study by its route, with the same pieces and few of the same seals."""
     sampling = prepared.sampling
     if sampling is not None:
         cut, tiles = prepared.cut_and_tiles
@@ -156,6 +118,7 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
         few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN, enough)
         sampling = replace(sampling, realisations=few, median_fields=False)
     methods = frozenset(route(study).name for study in prepared.studies)
+    scene = replace(prepared.scene, surface=surface)
     return replace(prepared, scene=scene, sampling=sampling, methods=methods)
 
 
@@ -179,12 +142,11 @@ def budgets_of(
     """
     budgets = dict(known or {})
     left = {key: result for key, result in studies.items() if key not in budgets}
-    answer = leakage_of(studies[prepared.answer.key])
-    coarser = coarser_grid(prepared, answer)
+    coarser = coarser_grid(prepared)
     # without one, as of pieces of too few pixels to be halved, nothing is known
     grid = coarser or prepared
     solved = _solved(grid, mapper) if coarser and left else {}
-    smooth = without_filtered_waves(prepared, answer) if left else None
+    smooth = without_filtered_waves(prepared) if left else None
     again = {} if smooth is None else _solved(smooth, mapper)
     for key, result in left.items():
         other = route(study_of_result(result)).key
@@ -214,7 +176,7 @@ def budgets_of(
         for change, leakages in moved:
             if other in own and other in leakages:
                 both = leakages[other], leakage_of(own[other])
-                solution = CoarserSolution(grid.scene.surface.shape, grid.scene.steps, *both)
+                solution = CoarserSolution(grid.scene.surface.shape, *both)
                 parts.append(model_part(change, result.steps, leakage_of(result), solution))
         budgets[key] = replace(budgets[key], parts=tuple(filter(None, parts)))
     return budgets
@@ -251,7 +213,6 @@ def _of_continued(
     *others, shorter = (
         CoarserSolution(
             scene.surface.shape,
-            scene.steps,
             np.full(len(scene.steps), np.nan) if one is None else leakage_of(one),
             q,
         )
@@ -269,15 +230,14 @@ def leakage_of(result: Any) -> Array:
 
 def against(result: Any, coarse: Prepared, found: Any) -> CoarserSolution:
     """A coarser solution beside the result of a study; unknown leakage where it failed."""
-    points, steps = coarse.scene.surface.shape, coarse.scene.steps
+    points = coarse.scene.surface.shape
     if found is None:
-        return CoarserSolution(points, steps, np.full(len(steps), np.nan))
+        return CoarserSolution(points, np.full(len(coarse.scene.steps), np.nan))
     if not isinstance(result, StochasticResult):
-        return CoarserSolution(points, steps, leakage_of(found))
+        return CoarserSolution(points, leakage_of(found))
     # the same pieces in the same tiles: the first seals of both are compared
-    places, few = [result.steps.index(step) for step in steps], len(found.leakage)
-    own = replace(result, leakage=result.leakage[:few])
-    return CoarserSolution(points, steps, leakage_of(found), leakage_of(own)[places])
+    own = replace(result, leakage=result.leakage[: len(found.leakage)])
+    return CoarserSolution(points, leakage_of(found), leakage_of(own))
 
 
 def _solved(coarse: Prepared, mapper: Mapper) -> dict[str, Any]:

@@ -126,9 +126,7 @@ def forecast(
     with storing(None, case.memory):
         costs = [prepared.cost(study, known) for study in prepared.solved_studies]
         for coarse in again:
-            of_steps = (known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
-            fewer = tuple(effort.on_fewer_points for effort in of_steps)
-            costs += [coarse.cost(study, fewer) for study in coarse.solved_studies]
+            costs += [coarse.cost(study, known) for study in coarse.solved_studies]
         test = case.output.test_fluid
         if test is not None and drop_ratio(test.state, prepared.scene) is None:
             scene = test.state.in_scene(prepared.scene)

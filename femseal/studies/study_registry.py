@@ -7,7 +7,7 @@ measured, see docs/evidence/forecast.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import log1p, log2
 from operator import attrgetter, methodcaller
 from statistics import mean
@@ -42,8 +42,6 @@ _FLOW_SECONDS, _FLOW_PIXEL_SECONDS, FEW_ITERATIONS = 1.5e-4, (1.2e-7, 2e-8), 6.0
 #: Iterations that the side of a grid beyond that of `PILOT_PIXELS` adds, times the square of the fraction in contact: a
 #: larger face has narrower paths.
 _NARROW_ITERATIONS = 150.0
-#: Transforms of contact, and iterations beyond these, on half the points a side over those on as many finer points.
-_COARSER = 1.2, 3.0
 #: Seconds for each pixel where the pilot is closed, and what the square of the open fraction adds: there may be a path.
 _CLOSED_SECONDS = 2e-8, 1.5e-6
 #: Seconds that the fluid pressure takes for each pixel in a round of contact and flow.
@@ -102,17 +100,6 @@ class Effort:
         side = (pixels / PILOT_PIXELS) ** 0.5
         narrow = _NARROW_ITERATIONS * self.contact_fraction**2 * max(0.0, side - 1)
         return FEW_ITERATIONS + max(0.0, self.iterations - FEW_ITERATIONS) * side + narrow
-
-    @property
-    def on_fewer_points(self) -> Effort:
-        """That of half the points a side, whose gaps differ more from point to point."""
-        pairs, iterations = _COARSER
-        more = (
-            FEW_ITERATIONS + iterations * (self.iterations - FEW_ITERATIONS)
-            if self.iterations
-            else 0.0
-        )
-        return replace(self, pairs=pairs * self.pairs, iterations=more)
 
 
 @dataclass(frozen=True)

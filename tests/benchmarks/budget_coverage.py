@@ -27,7 +27,6 @@ from common import machine, print_report, table
 from drawn_scenes import FINER, HELD_OUT, KINDS, PIXEL, Drawn
 from femseal import Sampling, Topography, deterministic, error_budget, stochastic
 from femseal.budget import CoarserSolution, effective_pressure_part
-from femseal.refinement.budgets import at_some_steps
 
 #: Length of the long faces in breadths, and realisations of the seals drawn from one breadth.
 LENGTH, REALISATIONS = 4, 24
@@ -38,11 +37,9 @@ FLOOR = 1e-3
 
 
 def coarser(scene, surface, leakage):
-    """The solution on another surface at the steps that a run takes, beside the own leakage."""
-    some = at_some_steps(scene, leakage)
-    found = deterministic(replace(some, surface=surface)).leakage
-    own = leakage[[scene.steps.index(step) for step in some.steps]]
-    return CoarserSolution(surface.shape, some.steps, found, own)
+    """The solution on another surface beside the own leakage."""
+    found = deterministic(replace(scene, surface=surface)).leakage
+    return CoarserSolution(surface.shape, found, leakage)
 
 
 def whole_face(drawn):

@@ -11,12 +11,12 @@ from small_cases import SWEPT, steel_scene
 
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
-from femseal.budget.error_parts import on_all_steps, scale_of_changes
+from femseal.budget.error_parts import scale_of_changes
 from femseal.budget.estimates import median_interval
 from femseal.budget.resolution import filter_part, pixels_part
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
-from femseal.refinement.budgets import at_some_steps, coarser_points
+from femseal.refinement.budgets import coarser_points
 from femseal.runs.forecast import describe, forecast
 from femseal.studies.drawn_error import (
     CALIBRATION,
@@ -72,21 +72,10 @@ STEPS = LoadProgramme.of([1e7, 1e8, 2e8, 4e8], [4e8], [2e8, 1e8])
 UNLOADING = {"unload_from": (1e9,), "unloading": (6e8, 1e8)}
 
 
-def test_changes_are_interpolated_in_the_logarithm_of_the_load_on_each_branch():
-    some = LoadProgramme.of([1e7, 2e8, 4e8], [4e8], [1e8])
-    q = np.array([8.0, 5.0, 4.0, 1.0, 1.5, 2.0])
-    change = on_all_steps(
-        STEPS, CoarserSolution((8, 8), some, q[[0, 2, 3, 5]] * np.exp([0.1, 0.4, 0.2, 0.6])), q
-    )
-    assert_allclose(change[[0, 2, 3, 5]], [0.1, 0.4, 0.2, 0.6])
-    assert_allclose(change[1], 0.1 + 0.3 * np.log(10) / np.log(20))
-    assert_allclose(change[4], 0.4)  # half way in ln(load) from the peak, 400 MPa, to 100 MPa
-
-
 def test_changes_where_one_or_both_are_sealed():
     q = np.array([8.0, 5.0, 0.0, 0.0, 0.0, 1.0])
     other = np.array([8.0, 0.0, 2.0, 0.0, 0.0, np.nan])
-    change = on_all_steps(STEPS, CoarserSolution((8, 8), STEPS, other), q)
+    change = CoarserSolution((8, 8), other).change(q)
     assert change[:5].tolist() == [0.0, -np.inf, np.inf, 0.0, 0.0]
     assert np.isnan(change[5])
 
@@ -101,20 +90,10 @@ def rough(n, seed=3):
     return fs.self_affine((n, n), (n * 1e-6,) * 2, **waves)
 
 
-def test_half_of_the_steps_hold_ends_peaks_and_both_sides_of_closing(scene):
-    q = np.array([4.0, 3.0, 2.0, 1.0, 0.0, 1.0, 1.5])
-    longer = replace(scene, loading=(*scene.loading, 1.8e9, 2e9)), np.insert(q, 5, [0.0, 0.0])
-    some = at_some_steps(*longer, least=0)
-    assert some.loading == (1e8, 6e8, 1e9, 1.5e9)
-    assert some.unloading == (6e8, 1e8)
-    # few loads tell little: all open ones and the first that is sealed
-    assert at_some_steps(*longer).loading == scene.loading
-
-
 def test_a_step_that_is_open_on_one_grid_only_may_be_sealed_or_open(scene):
     q = np.array([1.0, 0.5, 0.2, 1e-3, 0.0, 1e-2, 0.1])
     other = np.array([1.1, 0.4, 0.1, 0.0, 1e-4, 1e-2, 0.1])
-    part = pixels_part(scene, q, CoarserSolution((32, 32), scene.steps, other))
+    part = pixels_part(scene, q, CoarserSolution((32, 32), other))
     assert_array_equal(part.lower[3:5], 0)
     assert part.upper[3] > q[3]
     assert part.upper[4] >= 1e-4
@@ -123,7 +102,7 @@ def test_a_step_that_is_open_on_one_grid_only_may_be_sealed_or_open(scene):
 
 def test_removed_waves_are_carried_on_from_the_shortest_octave(scene):
     q = np.full(7, 0.5)
-    filtered = CoarserSolution((32, 32), scene.steps, 0.8 * q)
+    filtered = CoarserSolution((32, 32), 0.8 * q)
     one, two = (filter_part(scene, q, filtered, octaves) for octaves in (1.0, 2.0))
     assert (one.upper > 0.5).all()
     assert_allclose(np.log(two.upper / q), 1.4 * np.log(one.upper / q))
@@ -136,7 +115,7 @@ def test_removed_waves_are_carried_on_from_the_shortest_octave(scene):
 def test_loads_that_leak_very_little_have_wider_bands(scene, first):
     """The first load that tells counts: the fluid may carry all of those before."""
     q = np.array([*first, 0.2, 0.9e-3, 0.8e-3, 1e-2, 0.1])
-    half = CoarserSolution((32, 32), scene.steps, 1.1 * q)
+    half = CoarserSolution((32, 32), 1.1 * q)
     widths = error_budget_of(scene, q, coarse=[half])["pixels"]
     plain = np.log(pixels_part(scene, q, half).upper / q)
     assert_allclose(widths, plain * np.where(q < 1e-3, 3.0, 1.0))
@@ -158,7 +137,7 @@ def test_the_part_of_the_pixels_holds_the_truth_of_twice_the_points():
             fs.deterministic(replace(scene, surface=face.resample((points, points)))).leakage
             for points in (64, 32, 128)
         )
-        part = pixels_part(scene, own, CoarserSolution((32, 32), scene.steps, half))
+        part = pixels_part(scene, own, CoarserSolution((32, 32), half))
         s = seed % 5
         held.append(part.lower[s] <= truth[s] <= part.upper[s])
     assert sum(held) >= binom.ppf(0.01, len(held), 0.95)
@@ -350,5 +329,5 @@ def test_an_unknown_change_is_that_of_the_nearest_steps_and_a_shift_of_the_load(
     steps = LoadProgramme.of([1e8, 2e8, 3e8, 4e8])
     change, slope = np.array([0.2, 0.4, np.nan, np.nan]), np.array([1.0, 2.0, 3.0, 4.0])
     nearest, shift = np.sqrt((0.2**2 + 0.4**2) / 2), 0.2
-    found = scale_of_changes(steps, change, slope, [0, 1])
+    found = scale_of_changes(steps, change, slope)
     assert_allclose(found, np.hypot(nearest, slope * shift))

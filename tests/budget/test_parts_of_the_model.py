@@ -82,13 +82,13 @@ def test_a_part_is_the_change_of_ln_leakage(scene):
     q = fs.deterministic(scene).leakage
     (harder,) = model_changes(scene)
     moved = fs.deterministic(harder.scene).leakage
-    part = model_part(harder, scene.steps, q, CoarserSolution((48, 48), scene.steps, moved, q))
+    part = model_part(harder, scene.steps, q, CoarserSolution((48, 48), moved, q))
     assert_allclose(np.log(part.upper / q), np.abs(np.log(moved / q)))
     assert_allclose(np.log(q / part.lower), np.abs(np.log(moved / q)))
     acting = replace(scene, fluid_pressure="ignored")
     (change,) = model_changes(acting, ["fluid pressure"])
     dry = fs.deterministic(acting).leakage
-    part = model_part(change, scene.steps, dry, CoarserSolution((48, 48), scene.steps, q, dry))
+    part = model_part(change, scene.steps, dry, CoarserSolution((48, 48), q, dry))
     assert_allclose(part.upper, q)  # the truth is on that side alone
     assert_allclose(part.lower, dry)
 

@@ -221,7 +221,7 @@ def test_the_part_of_the_continuation_is_scatter_and_trend():
 
     def solution(first, second, closed=0.0):
         changed = [q[0] * np.exp(first), q[1] * np.exp(second), closed]
-        return CoarserSolution((8, 8), scene.steps, np.array(changed), q)
+        return CoarserSolution((8, 8), np.array(changed), q)
 
     def part(others, shorter):
         found = continuation_part(scene, q, others, shorter, 1.0)
