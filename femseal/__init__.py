@@ -36,7 +36,7 @@ __version__ = "0.2.0"
 if TYPE_CHECKING:
     from .base.errors import FemsealError, InputError, NotConverged
     from .budget import ErrorBudget
-    from .budget.whole import error_budget
+    from .budget.estimates import error_budget
     from .calibration.calibrating import calibrate
     from .calibration.calibration import Calibration
     from .case.case import Case, load_case

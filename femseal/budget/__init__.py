@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         FormTolerance,
         ModelChange,
         effective_pressure_part,
+        error_budget,
         longer_waves_part,
         model_changes,
         model_part,
@@ -32,6 +33,5 @@ if TYPE_CHECKING:
         thin_gap_part,
     )
     from .resolution import continuation_part
-    from .whole import error_budget
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -1,4 +1,4 @@
-"""Estimates of the single sources of error of a leakage, each a part of the budget.
+"""The error budget of a study of a scene: estimates of the single sources of error of its leakage, each a part.
 
 Also for what a method leaves out of a face, by the calibration set, and for what the model does.
 """
@@ -12,21 +12,24 @@ import numpy as np
 from scipy.special import bdtr, stdtrit
 
 from ..base import Array, Pair, counted
-from ..face.patch_form import FormEffect
-from ..loads import LoadProgramme, first_known
+from ..loads import LoadProgramme, first_known, least_counted
 from ..seal.form import ScaledForm, SealForm
-from ..studies import Scene, StochasticResult
+from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
+from ..studies.doubts import FormEffect
 from ..studies.drawn_error import COVERAGE, FLOOR_DECADES, count_scenes, decades, half_width
+from ..studies.study_registry import contact_fraction_of
 from ..topography.seat import Seat
 from .error_parts import (
     LEAST_SLOPE,
     MODEL_PARTS,
     CoarserSolution,
+    ErrorBudget,
     ErrorPart,
     load_sensitivity,
     part_of_changes,
     scale_of_changes,
 )
+from .resolution import USUAL_PIXELS, filter_part, one_grid_part, pixels_part, raised_by_slope
 
 #: Change of ln(leakage) by the residual of the contact, over this and the slope of ln(leakage) over ln(load), at least
 #: 1. Measured on 24 faces at residuals of 1e-2 to 1e-6: 0.04 holds 95 of 100 changes, and 0.5 all of them.
@@ -41,6 +44,16 @@ _LEAST_SLOPE_ERROR = 0.02
 #: as so many degrees of freedom. Chosen on 24 faces of four kinds, places as long as broad with 3 of the longest waves:
 #: bands of 3 to 8 places held 97 to 99 of 100 down to 1/100 of the first leakage, without this 92 to 99.
 _PLACE_SCATTER, _PLACE_FREEDOM = (0.25, 0.2), 2
+#: What is solved, by its kind.
+_WHAT = {
+    "in place": "seals as broad as the face, drawn from one patch",
+    "anywhere": "seals of another breadth or shape than the face, drawn from one patch",
+    "with form": "seals whose form is known at points, drawn from one patch",
+    "by blocks": "a face by blocks",
+}
+#: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where
+#: curves are steep. Measured on 216 faces of six kinds: with it the bands held 93 of 100 there, without it 83.
+_NEAR_CLOSING = 3.0
 
 
 def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
@@ -302,15 +315,6 @@ def longer_waves_part(
     return part_of_changes("longer waves", steps, leakage, below, above, note)
 
 
-#: What is solved, by its kind.
-_WHAT = {
-    "in place": "seals as broad as the face, drawn from one patch",
-    "anywhere": "seals of another breadth or shape than the face, drawn from one patch",
-    "with form": "seals whose form is known at points, drawn from one patch",
-    "by blocks": "a face by blocks",
-}
-
-
 def calibrated_part(name: str, kind: str, steps: LoadProgramme, leakage: Array) -> ErrorPart:
     """What one measured patch does not know of a drawn seal, or blocks of a face, by the scenes of a calibration set.
 
@@ -322,3 +326,74 @@ def calibrated_part(name: str, kind: str, steps: LoadProgramme, leakage: Array) 
     part = part_of_changes(name, steps, leakage, distance, distance, note)
     floor = abs(float(leakage[first_known(leakage)])) / 10 ** FLOOR_DECADES[kind]
     return replace(part, lower=np.where(part.lower < floor, 0.0, part.lower))
+
+
+def error_budget(
+    scene: Scene,
+    study: StudyResult,
+    *,
+    coarse: Sequence[CoarserSolution] = (),
+    filtered: CoarserSolution | None = None,
+    octaves: float = 0.0,
+    kept_slope: float = 1.0,
+    wave_pixels: float = USUAL_PIXELS,
+) -> ErrorBudget:
+    """What is known of the error of a leakage: a band for each source, and all of them together.
+
+    Parameters
+    ----------
+    scene : input of the study. study : its result; of a stochastic study the budget is that of the median.
+    coarse : the same scene solved on fewer points; of several the first counts. Without any the pixels have no part.
+    filtered : the scene solved without waves up to twice the shortest one. octaves : of waves that were removed from
+        the face before; without any, as of a generated face, the filter has no part.
+    kept_slope : rms slope over that with the waves that were removed. Where these may open what is sealed, and no load
+        shows what it then leaks, the upper end is inf: unknown. So it is of what is sealed where no coarser solution is
+        given.
+    wave_pixels : pixels to the shortest wave of the scene: with more than 8 the least error of the pixels is less.
+
+    Returns
+    -------
+    Bands that hold the truth in about 95 of 100 cases; that of the whole is the root of the sum of squares of the
+    distances of ln(leakage).
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
+    >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
+    >>> budget = error_budget(scene, fs.deterministic(scene))  # without a coarser grid: of the solver alone
+    >>> [part.name for part in budget.parts]
+    ['solver']
+    """
+    own = study_of_result(study)
+    leakage = own.leakage(study)
+    in_contact = contact_fraction_of(study, scene.steps)
+    parts: list[ErrorPart] = [solver_part(scene, leakage)]
+    if coarse:
+        parts.append(pixels_part(scene, leakage, coarse[0], wave_pixels))
+    else:
+        parts += one_grid_part(leakage, in_contact)
+    if filtered is not None and octaves > 0:
+        parts.append(filter_part(scene, leakage, filtered, octaves))
+    elif kept_slope < 1:
+        parts.append(
+            ErrorPart("filter", leakage, leakage, "no solution without the shortest waves")
+        )
+    q = np.abs(leakage)
+    steeper = np.where(q < least_counted(q), _NEAR_CLOSING, 1.0)
+    parts = [part.widened(leakage, steeper) for part in parts]
+    if kept_slope < 1:
+        parts[-1] = raised_by_slope(parts[-1], scene.steps, leakage, in_contact, kept_slope)
+    if isinstance(study, StochasticResult):
+        parts.append(realisations_part(study))
+        # the scatter of places shows what one patch cannot
+        without = None if study.places is None else study.places.without
+        parts.append(
+            calibrated_part("patch", study.kind, study.steps, leakage)
+            if without is None
+            else places_part(leakage, without)
+        )
+    elif isinstance(study, BlocksResult):
+        parts.append(calibrated_part("blocks", study.kind, study.steps, leakage))
+    parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
+    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, parted)

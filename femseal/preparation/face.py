@@ -15,7 +15,6 @@ from ..base import InputError, NotConverged, Shape, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
 from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
-from ..face.patch_form import FormEffect, form_effect
 from ..face.pieces import Cut, usual_pieces
 from ..flow.law import cubic_law
 from ..seal import RectangularSeal
@@ -23,6 +22,7 @@ from ..seal.lay import Lay
 from ..seal.layouts import AnnularLayout, Layout, RectangularLayout
 from ..studies import Scene
 from ..studies.blocks import PIECES, usual_blocks
+from ..studies.doubts import FormEffect, form_effect
 from ..topography import (
     MOST_POINTS,
     Conditioning,

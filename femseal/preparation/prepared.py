@@ -15,12 +15,11 @@ import numpy as np
 
 from ..base import Array, InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
-from ..face.patch_form import FormEffect
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
-from ..studies.doubts import FirstAnswer, of_scene
+from ..studies.doubts import FirstAnswer, FormEffect, of_scene
 from ..studies.longer_waves import longer_waves
 from ..studies.study_registry import Effort, usual_efforts
 from ..topography import (

@@ -16,9 +16,8 @@ from ..case.faces import SurfaceTable
 from ..case.faults import with_keys
 from ..case.template import as_toml, table_to_paste
 from ..contact.law import PerfectlyPlastic
-from ..face.patch_form import FormEffect, form_effect
 from ..plots import survey_figure
-from ..studies.doubts import first_answer
+from ..studies.doubts import FormEffect, first_answer, form_effect
 from ..topography import (
     Conditioning,
     Instrument,

@@ -24,7 +24,7 @@ from ..budget import (
     patch_form_part,
     thin_gap_part,
 )
-from ..budget.whole import error_budget
+from ..budget.estimates import error_budget
 from ..preparation.prepared import Pair, Prepared
 from ..studies import STUDIES, Scene, StochasticResult, Study, study_of_result
 from ..studies.sampling import FEWEST_SEALS
@@ -43,6 +43,7 @@ LEAST_OCTAVES = 0.05
 OTHER_PHASES = 3
 #: Scenes that measure what continued waves may change: with these, and with fewer waves.
 CONTINUED_SCENES = OTHER_PHASES + 1
+log = logging.getLogger("femseal")
 
 
 def coarser_points(points: Pair, least: Pair = (1, 1), divide_by: Pair = (1, 1)) -> Pair | None:
@@ -120,9 +121,6 @@ def _reduced(prepared: Prepared, surface: Topography) -> Prepared:
     methods = frozenset(route(study).name for study in prepared.studies)
     scene = replace(prepared.scene, surface=surface)
     return replace(prepared, scene=scene, sampling=sampling, methods=methods)
-
-
-log = logging.getLogger("femseal")
 
 
 def budgets_of(

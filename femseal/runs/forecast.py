@@ -24,7 +24,7 @@ from ..face.piece_flow import FlowSettings
 from ..flow import cell_permeability
 from ..preparation.prepared import START_MEMORY, Prepared
 from ..refinement.budgets import CONTINUED_SCENES, coarser_grid, without_filtered_waves
-from ..refinement.settings import (
+from ..refinement.refine_to_accuracy import (
     first_settings,
     first_version,
     grid_points,

@@ -39,8 +39,7 @@ from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared
 from ..refinement.budgets import budgets_of
-from ..refinement.refine_to_accuracy import refine_to_accuracy
-from ..refinement.settings import chosen, last_version
+from ..refinement.refine_to_accuracy import chosen, last_version, refine_to_accuracy
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
 from ..store import unfinished

@@ -23,9 +23,9 @@ import femseal as fs
 from common import BAND_HEAD, band_cells, table
 from drawn_seals import commands
 from femseal.budget import error_budget, longer_waves_part, patch_form_part
-from femseal.face.patch_form import form_effect
 from femseal.seal import MeasuredForm
 from femseal.studies import drawn_error
+from femseal.studies.doubts import form_effect
 from femseal.studies.longer_waves import longer_waves
 from femseal.topography import representative
 

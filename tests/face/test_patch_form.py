@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.budget import patch_form_part
 from femseal.contact import PerfectlyPlastic
-from femseal.face.patch_form import FormEffect, form_effect
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
+from femseal.studies.doubts import FormEffect, form_effect
 from femseal.topography import representative
 
 N, D = 192, 1e-6

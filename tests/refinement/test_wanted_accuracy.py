@@ -13,7 +13,12 @@ import femseal as fs
 from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_band
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.refinement.settings import first_settings, first_version, last_version, refined
+from femseal.refinement.refine_to_accuracy import (
+    first_settings,
+    first_version,
+    last_version,
+    refined,
+)
 from femseal.results.tables import attempt_sentences
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
