@@ -27,8 +27,8 @@ from .stochastic_result import StochasticResult
 
 #: Pixels of the contact by which the effort of a load step is given.
 PILOT_PIXELS = 200**2
-#: Seconds of a pair of transforms of contact, and least number of pairs.
-_PAIR_SECONDS, _LEAST_PAIRS = 5e-5, 6
+#: Least number of pairs of transforms of contact.
+_LEAST_PAIRS = 6
 #: For each pixel, seconds of a pair of transforms of rows of 2ⁿ points, of each doubling from `PILOT_PIXELS` on; and
 #: what rows of another length, of odd length, and each prime factor above 13 times itself add. Measured on 30 grids.
 _TRANSFORM_SECONDS, _OF_LENGTH = (6.5e-9, 1.5e-9), (4e-9, 8e-9, 2e-10)
@@ -44,8 +44,6 @@ _FLOW_SECONDS, _FLOW_PIXEL_SECONDS, FEW_ITERATIONS = 1.5e-4, (1.2e-7, 2e-8), 6.0
 _NARROW_ITERATIONS = 150.0
 #: Seconds for each pixel where the pilot is closed, and what the square of the open fraction adds: there may be a path.
 _CLOSED_SECONDS = 2e-8, 1.5e-6
-#: Seconds that the fluid pressure takes for each pixel in a round of contact and flow.
-_ROUND_PIXEL_SECONDS = 1.7e-7
 #: Seconds of a drawn seal at a step, and for each element; solutions where permeabilities depend on the pressure, and
 #: memory for each element [byte].
 _SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 1e-3, 7e-6, 2.0, 4e3
@@ -55,18 +53,10 @@ _SUCCESSIVE = 4.5
 LADDER_STATES = 25.0
 #: Memory of a point of a face that is split into blocks [byte]: as it is, and split.
 _SPLIT_BYTES = 16
-#: Tolerance of the contact, and the largest error of ln(leakage) measured with it on six faces, elastic and plastic,
-#: from open to a hundredth of the leakage, see docs/evidence/only_what_is_needed.md.
-MEASURED_TOLERANCES = (
-    (1e-2, 1.1e-2),
-    (1e-3, 6.2e-4),
-    (1e-4, 5.6e-5),
-    (1e-5, 5.7e-6),
-    (1e-6, 4.8e-7),
-    (1e-7, 9.5e-8),
-)
-#: Fraction of the error wanted that the tolerance may cause; factor on the measured error, for scenes that are worse.
-TOLERANCE_FRACTION, TOLERANCE_SAFETY = 0.1, 3.0
+#: Largest error of ln(leakage) over the tolerance of the contact, for any from 1e-3 to 1e-7: three times that measured
+#: on six faces, elastic and plastic, from open to a hundredth of the leakage, see docs/evidence/only_what_is_needed.md;
+#: and the fraction of the error wanted that the tolerance may cause.
+TOLERANCE_ERROR, TOLERANCE_FRACTION = 1.9, 0.1
 
 
 @dataclass(frozen=True)
@@ -130,7 +120,7 @@ def contact_seconds(points: Shape, effort: Effort) -> float:
     pixels = points[0] * points[1]
     about, contact = _POINT_SECONDS
     each = _transform_seconds(points) + about + contact * effort.contact_fraction
-    return effort.pairs_on(pixels) * (_PAIR_SECONDS + pixels * each)
+    return effort.pairs_on(pixels) * pixels * each
 
 
 def _transform_seconds(points: Shape) -> float:
@@ -162,9 +152,7 @@ def _face_seconds(scene: Scene, effort: Effort, acts: bool) -> float:
     """Expected time of contact and flow of a whole face at a step [s]."""
     pixels, again = scene.surface.heights.size, _SUCCESSIVE if count_pressures(scene) > 1 else 1.0
     seconds = contact_seconds(scene.surface.shape, effort) + again * flow_seconds(pixels, effort)
-    if acts:
-        return effort.rounds * (seconds + _ROUND_PIXEL_SECONDS * pixels)
-    return seconds
+    return effort.rounds * seconds if acts else seconds
 
 
 def deterministic_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
@@ -245,8 +233,8 @@ def contact_tolerance(accuracy: float) -> float:
     (0.001, 0.0001, 1e-07)
     """
     wanted = TOLERANCE_FRACTION * log1p(validate.number("accuracy", accuracy))
-    allowed = (rtol for rtol, error in MEASURED_TOLERANCES if TOLERANCE_SAFETY * error <= wanted)
-    return next(allowed, MEASURED_TOLERANCES[-1][0])
+    allowed = (10.0**n for n in range(-3, -7, -1) if TOLERANCE_ERROR * 10.0**n <= wanted)
+    return next(allowed, 1e-7)
 
 
 StudyResult = FaceResult | BlocksResult | StochasticResult

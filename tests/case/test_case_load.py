@@ -221,11 +221,10 @@ class TestFieldOfACase:
 
         assert warnings([1, 2], "1 MPa") == ()
         (open_,) = warnings([0, 2], "1 MPa")
-        assert open_.startswith("the map is 0 over 50% of the seal: tiles just touch there")
+        text = "of the seal the map presses no more than the fluid carries, "
+        assert open_.startswith(f"over 50% {text}")
         (lifted,) = warnings([0.01, 2], "2 MPa")
-        assert lifted.startswith(
-            "the fluid carries all of the 498 kPa where the map presses least: tiles just touch"
-        )
+        assert text in lifted
 
     @pytest.mark.parametrize(
         ("given", "words"),
