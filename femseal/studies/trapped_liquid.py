@@ -17,10 +17,6 @@ from ..contact import HalfSpace
 _DAMPING, _LARGEST_STEP = 0.7, 0.3
 #: The metal around a pocket flows under a liquid at its hardness. What would need more than this fraction escapes.
 _MOST_OF_HARDNESS = 0.9
-#: Distance of the pressure at which a pocket opens from one at which it is closed, at which it is known, over itself.
-_BRACKET = 0.02
-#: Rounds of a load in which pockets may join and part again.
-_FREE_ROUNDS = 6
 #: Rounds after which pressures only fall.
 _RELEASE_ROUNDS = 25
 
@@ -75,11 +71,7 @@ class PocketPressures:
             load,
         )
         self.most = _MOST_OF_HARDNESS * hardness
-        count = 0 if former is None else former.amount.size
-        # pressures at which points of pockets of the load before were open and closed
-        self.opens, self.closed = np.array(np.inf), np.array(0.0)
-        # which of them are joined, once they have found about their pressures
-        self.same, self.rounds = np.arange(count), 0
+        self.rounds = 0
 
     def first(self, around: Array) -> Array:
         """Fluid pressures (n1, n2) [Pa] to begin with: a load moves pockets as if they carried all of it."""
@@ -95,11 +87,10 @@ class PocketPressures:
 
         Notes
         -----
-        Slope of the volume: that of the elastic face where the same pressure in all pockets takes load off the contact,
-        and at least that of a circle of the same area A, 16 A √(A/π) / (3π E*). A pocket that opens is bracketed:
-        halfway to the least pressure at which it opened. Parts of a pocket that divides have one pressure at this load,
-        and so have pockets that join.
+        Slope of the volume: that of a circle of the same area A in a half-space, 16 A √(A/π) / (3π E*). Parts of a
+        pocket that divides have one pressure at this load, and so have pockets that join.
         """
+        self.rounds += 1
         pocket, n = label_pockets(is_pocket)
         point = float(np.prod(self.half_space.spacing))
         group, count = self._groups(pocket, n)
@@ -108,7 +99,7 @@ class PocketPressures:
         total, area = _sums(of_point, count, gap) * point, points * point
         p, outside = (_sums(of_point, count, field) / points for field in (given, around))
         amount = gap * np.exp(around / self.bulk_modulus)
-        known, opens, closed = np.zeros(count, bool), np.full(count, np.inf), np.zeros(count)
+        known = np.zeros(count, bool)
         if self.former is not None:
             old = np.maximum(self.former.pocket, 0)
             former = self.former.amount / point
@@ -118,37 +109,19 @@ class PocketPressures:
             amount += gap * np.r_[0.0, density][old]
             both = (pocket > 0) & (old > 0)
             known = np.bincount(of_point[both] - 1, minlength=count) > 0
-            is_open = (
-                (gap > 0)
-                & ~is_pocket
-                & (given > 1.01 * np.maximum(around, 0.0))
-                & (self.rounds > _FREE_ROUNDS)
-            )
-            self.opens = np.where(is_open, np.minimum(self.opens, given), self.opens)
-            self.closed = np.where(
-                both & (given < self.opens), np.maximum(self.closed, given), self.closed
-            )
-            self.closed = np.minimum(self.closed, 0.9 * self.opens)
-            np.minimum.at(opens, of_point[both] - 1, self.opens[both])
-            np.maximum.at(closed, of_point[both] - 1, self.closed[both])
         wanted = _sums(of_point, count, amount) * point
         miss = wanted * np.exp(-p / self.bulk_modulus) - total
         slope = 16 * area * np.sqrt(area / np.pi) / (3 * np.pi * self.half_space.modulus)
-        slope = np.maximum(slope, _sums(of_point, count, self._rise(is_pocket, gap == 0)) * point)
         slope += total / self.bulk_modulus
         largest = _LARGEST_STEP * self.load
         step = np.clip(_DAMPING * miss / slope, -largest, largest)
         # no tension: vapour takes what the liquid does not fill
         least = np.minimum(outside, 0.0)
-        most = np.minimum(
-            self.most, np.where(np.isfinite(opens), 0.5 * (np.maximum(p, closed) + opens), np.inf)
-        )
-        new = np.clip(p + step, least, np.maximum(most, least))
+        new = np.clip(p + step, least, np.maximum(self.most, least))
         late = self.rounds > _RELEASE_ROUNDS
         if late:  # what lifts its rim again and again loses liquid
             new = np.minimum(new, p)
-        near_open = np.isfinite(opens) & (p >= (1 - _BRACKET) * opens)
-        escapes = (new >= self.most) | ((miss > 0) & (near_open | late))
+        escapes = (new >= self.most) | ((miss > 0) & late)
         counted = known & ~escapes & (new > least)
         error = float(np.abs(miss[counted]).sum() / total.sum()) if count else 0.0
         left = np.where(
@@ -163,25 +136,13 @@ class PocketPressures:
             pocket, own[group], left[group] * volumes, self.load, step[group], error
         )
 
-    def _rise(self, is_pocket: Flags, touches: Flags) -> Array:
-        """By how much a pressure of 1 Pa in all pockets widens the gap (n1, n2) [m/Pa], contact carrying less."""
-        pressure = is_pocket.astype(float)
-        if not touches.any():
-            return pressure * 0.0
-        pressure[touches] -= is_pocket.sum() / touches.sum()
-        rise = self.half_space.displacement(pressure)
-        return rise - rise[touches].mean()
-
     def _groups(self, pocket: NDArray[np.int32], n: int) -> tuple[Indices, int]:
         """Number of the group of each of n pockets, which has one pressure, and how many groups there are."""
         if self.former is None or n == 0:
             return np.arange(n), n
         both = (pocket > 0) & (self.former.pocket > 0)
-        a, b = pocket[both] - 1, n + self.same[self.former.pocket[both] - 1]
-        group = _components(a, b, n + self.same.size)
-        self.rounds += 1
-        if self.rounds > _FREE_ROUNDS:
-            self.same = np.unique(group[n + self.same], return_inverse=True)[1]
+        a, b = pocket[both] - 1, n + self.former.pocket[both] - 1
+        group = _components(a, b, n + self.former.amount.size)
         numbers, of_pocket = np.unique(group[:n], return_inverse=True)
         return of_pocket, numbers.size
 
