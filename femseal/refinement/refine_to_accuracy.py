@@ -80,7 +80,8 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     settings = Settings(made.answer.name, 0, rtol, seals)
     coarse = replace(settings, grid=FIRST_GRID)
     # the coarser grid that shows the error needs pieces too
-    fits = has_pieces(made, replace(coarse, grid=FIRST_GRID - 1))
+    points, pieces = grid_points(made, FIRST_GRID - 1), made.cells or (1, 1)
+    fits = all(n // m >= FEWEST_POINTS for n, m in zip(points, pieces, strict=True))
     return coarse if fits and "grid" not in given else settings
 
 
@@ -96,12 +97,6 @@ def grid_points(made: Prepared, grid: int) -> Pair:
         for n, m in zip(made.scene.surface.shape, made.points_divide_by, strict=True)
     )
     return n1, n2
-
-
-def has_pieces(made: Prepared, settings: Settings) -> bool:
-    """Whether the pieces have enough pixels on a grid, and the face a few of them."""
-    points = grid_points(made, settings.grid)
-    return all(n // m >= FEWEST_POINTS for n, m in zip(points, made.cells or (1, 1), strict=True))
 
 
 def apply_settings(made: Prepared, settings: Settings) -> Prepared:
@@ -208,9 +203,9 @@ def refined(
 class Attempt:
     """One attempt at an accuracy.
 
-    settings : with which it was computed. points : of the face. seconds : wall time of its study;
-    with_coarse : with that of the coarser one that shows the error of its pixels, where no earlier attempt was that
-    one. half_width : largest half-width of ln(leakage) of the budget at the loads that count, inf where it has no end.
+    settings : with which it was computed. points : of the face. seconds : wall time with the coarser solution that
+    shows the error of its pixels. half_width : largest half-width of ln(leakage) of the budget at the loads that count,
+    inf where it has no end.
     limit : the source of error that is widest there. parts : half-widths of the sources there. load : name of the load
     where it is largest.
     """
@@ -218,7 +213,6 @@ class Attempt:
     settings: Settings
     points: tuple[int, int]
     seconds: float
-    with_coarse: float
     half_width: float
     limit: str
     load: str
@@ -228,7 +222,7 @@ class Attempt:
         """The attempt as a line of the log."""
         points = " × ".join(map(str, self.points))
         return (
-            f"{self.settings.method} on {points} points in {self.with_coarse:.3g} s, within "
+            f"{self.settings.method} on {points} points in {self.seconds:.3g} s, within "
             f"{format_deviation(self.half_width)} at {self.load}, limited by {self.limit}"
         )
 
@@ -345,20 +339,18 @@ class _Attempts:
         start = time.perf_counter()
         with self.run.timed(name) as mapper:
             result = prepared.solve(prepared.answer, mapper)
-        times = {"study": time.perf_counter() - start}
         with self.run.timed(f"{name}, error budget") as mapper:
             alone = replace(prepared, methods=frozenset({prepared.answer.name}))
             key = prepared.answer.key
             budget = budgets_of(alone, {key: result}, mapper)[key]
-        times["with coarse"] = time.perf_counter() - start
-        times = self.run.decided("time of the attempt", self._so_far, times)
+        seconds = time.perf_counter() - start
+        seconds = self.run.decided("time of the attempt", self._so_far, seconds)
         found = widest_band(budget)
         self.done.append(
             Attempt(
                 settings=settings,
                 points=prepared.scene.surface.shape,
-                seconds=times["study"],
-                with_coarse=times["with coarse"],
+                seconds=seconds,
                 half_width=found.half_width,
                 limit=found.limit,
                 load=prepared.scene.steps[found.step].name,
@@ -387,7 +379,7 @@ class _Attempts:
         else:
             text = f"{change}, for the error of {part}"
             expected = self._expected_seconds(finer)
-            spent = sum(attempt.with_coarse for attempt in self.done)
+            spent = sum(attempt.seconds for attempt in self.done)
             if spent + expected > most:
                 late = f"{change} would take about {duration(expected)}, after {duration(spent)}"
                 reasons.append(f"{part}: {late}, and the time limit is {duration(most)}")

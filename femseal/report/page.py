@@ -155,7 +155,7 @@ def _attempts_figure(found: dict[str, Any]) -> Figure:
     axes.axhline(100 * found["wanted"], color=GREY, ls="--", lw=1)
     for number, attempt in enumerate(found["attempts"], start=1):
         if attempt["half_width"] is not None:
-            at = attempt["with_coarse"], 100 * np.expm1(attempt["half_width"])
+            at = attempt["seconds"], 100 * np.expm1(attempt["half_width"])
             axes.plot(*at, "o", color=STYLES[0]["color"])
             axes.annotate(str(number), at, xytext=(6, 4), textcoords="offset points")
     axes.set_xlim(left=0)

@@ -245,7 +245,7 @@ def attempts_table(found: dict[str, Any]) -> TextTable:
         "points": [" × ".join(map(str, attempt["points"])) for attempt in attempts],
         "residual": [f"{each['rtol']:.0e}" for each in settings],
         "seals": [str(each["realisations"] or "–") for each in settings],
-        "time": [duration(attempt["with_coarse"]) for attempt in attempts],
+        "time": [duration(attempt["seconds"]) for attempt in attempts],
         "error": [_half_width(attempt) for attempt in attempts],
         "limited by": [attempt["limit"] for attempt in attempts],
     }

@@ -166,7 +166,7 @@ class StochasticResult(Shown):
     def quantile(self, q: float) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
 
-        Between two values of one sign it is interpolated in log space; beside a 0 it is 0.
+        Between two values it is interpolated in log space; beside a 0, or two signs, it is 0.
         """
         return at_every_step(self.leakage, partial(_quantile, q=q))
 
@@ -200,10 +200,8 @@ def at_every_step(leakage: Array, statistic: Callable[[Array], Any]) -> Array:
 def _quantile(values: Array, q: float) -> float:
     low, high = (float(np.quantile(values, q, method=end)) for end in ("lower", "higher"))
     weight = (values.size - 1) * q % 1
-    if low == high or low * high == 0:
+    if low == high or low * high <= 0:
         return low if low == high else 0.0
-    if (low > 0) != (high > 0):
-        return low + weight * (high - low)
     return float(np.sign(low)) * abs(low) ** (1 - weight) * abs(high) ** weight
 
 

@@ -213,7 +213,7 @@ def without_times(dataset):
     """The results without the times of the attempts."""
     told = json.loads(dataset.attrs["accuracy"])
     for attempt in told["attempts"]:
-        del attempt["seconds"], attempt["with_coarse"]
+        del attempt["seconds"]
     told["half_error"] = told["half_error"].split(", about")[0]
     return dataset.assign_attrs(accuracy=json.dumps(told))
 
