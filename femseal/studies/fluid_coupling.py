@@ -31,8 +31,6 @@ from .trapped_liquid import PocketPressures, TrappedLiquid
 RTOL, MOST_ROUNDS, MOST_TRAPPED_ROUNDS = 1e-3, 40, 60
 #: Mean fluid pressure over the nominal pressure below which it changes leakage by less than 0.5 % and is left out.
 LEAST_FRACTION = 1e-4
-#: −d ln k/d ln p̄ of any rough face is larger.
-_LEAST_STEEPNESS = 2.0
 _POINTS = 201
 #: Part of the nominal pressure that the fluid carries at most in the first round; part left to the contact where the
 #: rounds end and the load is sought at which the faces part.
@@ -159,7 +157,7 @@ class FluidPressure:
                 load=pressure,
             )
             p_f = pockets.first(p_f)
-        last, moved, change, error = np.nan, np.nan, np.inf, np.inf
+        last, error = np.nan, np.inf
         scale = max(abs(self.inlet), abs(self.outlet))
         given, gave, closed, part = p_f, p_f, 0, 1.0
         for n in range(1, most + 1):
@@ -200,21 +198,12 @@ class FluidPressure:
                 part = 0.5 * room / more  # half of the way to where the contact carries nothing
             if part < 1:
                 p_f = last_p_f + part * (p_f - last_p_f)
-            k, before = flow.permeability, moved
-            moved = float(np.abs((found - last_p_f).mean(axis=1)).max()) / scale
-            # closed faces have to stay as they are
-            changed = change
+            k = flow.permeability
             if last:
-                change = abs(k / last - 1) / taken
-            else:
-                change = moved if k == 0 else np.inf
-            # the next change of k is to this one as the moves of p_f; two equal k by chance end nothing
-            error = change
-            if before > 0:
-                steepness = max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0))
-                error = steepness * moved / (1 - min(moved / before, 0.5))
-            # where single points take turns; NaN until two changes are known
-            error = min(error, max(changed, change))
+                error = abs(k / last - 1) / taken
+            else:  # closed faces have to stay as they are
+                moved = float(np.abs((found - last_p_f).mean(axis=1)).max()) / scale
+                error = moved if k == 0 else np.inf
             if trapped is not None:  # of closed faces only the volumes have to stay
                 closed = closed + 1 if k == 0 else 0
                 error = max(error if closed < _CLOSED_ROUNDS else 0.0, trapped.error)
