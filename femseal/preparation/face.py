@@ -45,7 +45,7 @@ from ..topography import (
     shortest_place,
     smooth,
     spectrum,
-    spike_effect,
+    spikes_extreme,
 )
 from .prepared import check_memory_of_points
 
@@ -174,16 +174,10 @@ def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditi
 
 def _found(parts: Repaired, wavelength: float) -> dict[str, Any]:
     """What the report says of maps that were repaired by themselves."""
-    effects: list[dict[str, Any]] = [
-        spike_effect(face, repair.removed, wavelength) for face, repair in parts
-    ]
     return {
         "undefined_fraction": sum(r.undefined_fraction for _, r in parts) / len(parts),
         "spike_points": sum(r.spike_points for _, r in parts),
-        **{
-            name: max((e[name] for e in effects if e[name] is not None), default=None)
-            for name in effects[0]
-        },
+        "spikes_extreme": max(spikes_extreme(face, r.removed, wavelength) for face, r in parts),
     }
 
 

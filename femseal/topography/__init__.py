@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         resolved_wave,
         resolving_shape,
         smooth,
-        spike_effect,
+        spikes_extreme,
     )
     from .defects import SPIKES, TooManyUndefined
     from .describe import SurfaceReport, describe_surface

@@ -1,25 +1,22 @@
 """Condition a measured map for contact and flow: without spikes, flat, filled, and smooth at the scale of a pixel.
 
 The form is fitted to the defined points alone, before anything is filled: filled points would bend it. Points called
-spikes may be part of the face. Where they follow the lay they come with the marks of machining, or with steps that an
-instrument makes there; and heights and depths that a face has only by them would decide contact and leakage. Neither is
-decided here: `spike_effect` measures it.
+spikes may be part of the face: heights and depths that a face has only by them would decide contact and leakage.
+`spikes_extreme` measures that.
 Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate
 in Fourier space so that the shortest wave is resolved by at least 8 pixels.
 """
 
 import warnings
 from dataclasses import dataclass, field
-from math import atan, ceil, hypot, inf, isnan, log2, prod, sqrt
+from math import atan, ceil, hypot, inf, log2, prod, sqrt
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from ..base import (
     Array,
-    Flags,
     InputError,
     Labelled,
     Pair,
@@ -29,23 +26,16 @@ from ..base import (
     to_text,
     validate,
 )
-from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
+from .defects import SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
 from .spectral import SLACK
-from .texture import UNKNOWN, UNSEEN, Instrument, spectrum, texture
+from .texture import UNKNOWN, UNSEEN, Instrument, spectrum
 from .topography import Topography
 
-#: Spikes are neighbours up to this distance [pixels].
-_NEAR = 30.0
-#: Fewer spikes show no direction.
-_FEWEST = 20
-#: Clear deviation from scattering, in standard deviations of as many independent directions as there are spikes.
-_CLEAR = 5.0
 #: Fractions of a face, from its highest and from its lowest points, that contact and the last open paths are made of.
 _EXTREMES = (0.01, 0.03, 0.1)
 #: Fraction of the extreme points from which on leakage may hang on the spikes.
 _NOTABLE = 0.01
-_ADVICE = "surface.spikes = inf leaves them: compare both leakages, or mark what is no part of the face by face.mask"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,24 +80,18 @@ def repair(
     return flat, Repair(topography.undefined_fraction, count, form, removed)
 
 
-def spike_effect(flat: Topography, removed: Array, wavelength: float) -> dict[str, float | None]:
-    """Measures of spikes that were filled, by their names in `Conditioning`; None where there is nothing to tell.
-
-    spikes_along_lay : fraction of neighbouring spikes that lie rather along the lay than across, of scattered ones
-    half; None also where it is not clearly more than that. spikes_extreme : largest fraction of the highest or lowest
-    points, after the low-pass, that are others where spikes are left.
+def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float:
+    """Largest fraction of the highest or lowest points, after the low-pass, that are others where spikes are left.
 
     flat : the map with spikes filled.
     removed : heights of the spikes above what they were filled with (n1, n2) [m], 0 elsewhere.
     wavelength : shortest one [m] that is kept of the map.
     """
-    spikes, along_lay, extreme = removed != 0, None, None
-    if spikes.any():
-        smooth = flat.low_pass(wavelength).heights
-        spiky = Topography(removed, flat.spacing, flat.periodic).low_pass(wavelength).heights
-        extreme = max(_exchanged(sign * smooth, sign * (smooth + spiky)) for sign in (1, -1))
-        along_lay = _along_lay(spikes, flat)
-    return {"spikes_along_lay": along_lay, "spikes_extreme": extreme}
+    if not removed.any():
+        return 0.0
+    smooth = flat.low_pass(wavelength).heights
+    spiky = Topography(removed, flat.spacing, flat.periodic).low_pass(wavelength).heights
+    return max(_exchanged(sign * smooth, sign * (smooth + spiky)) for sign in (1, -1))
 
 
 def _exchanged(before: NDArray, after: NDArray) -> float:
@@ -118,23 +102,6 @@ def _exchanged(before: NDArray, after: NDArray) -> float:
         others = high & ~(before > np.quantile(before, 1 - fraction))
         fractions.append(int(np.count_nonzero(others)) / max(int(np.count_nonzero(high)), 1))
     return max(fractions)
-
-
-def _along_lay(spikes: Flags, flat: Topography) -> float | None:
-    """Fraction of pairs of neighbouring spikes that lie rather along the lay, if it is clearly more than half."""
-    groups, count = scipy.ndimage.label(spikes, ALL_NEIGHBOURS)
-    if count < _FEWEST or isnan(lay := texture(flat).lay_direction):
-        return None
-    places = np.array(scipy.ndimage.center_of_mass(spikes, groups, np.arange(1, count + 1)))
-    pairs = scipy.spatial.KDTree(places).query_pairs(_NEAR, output_type="ndarray")
-    if len(pairs) < _FEWEST:
-        return None
-    # in pixels, so that scattered pairs lie along the lay by half on oblong pixels too
-    direction = np.array([-np.sin(lay) / flat.spacing[0], np.cos(lay) / flat.spacing[1]])
-    steps = places[pairs[:, 0]] - places[pairs[:, 1]]
-    cosine = np.abs(steps @ direction) / (np.hypot(*steps.T) * np.hypot(*direction))
-    fraction = float(np.mean(cosine > np.sqrt(0.5)))
-    return fraction if 2 * (fraction - 0.5) * np.sqrt(count) > _CLEAR else None
 
 
 #: Most points of a grid that nobody asked for. It does not depend on the machine, so that results do not either; a
@@ -148,8 +115,7 @@ class Conditioning(Labelled):
 
     undefined_fraction: float = labelled("undefined points, filled", percent=True)
     spike_points: int = labelled("points in spikes, filled")
-    spikes_along_lay: float | None = labelled("neighbouring spikes along the lay", percent=True)
-    spikes_extreme: float | None = labelled("extremes hanging on spikes", percent=True)
+    spikes_extreme: float = labelled("extremes hanging on spikes", percent=True)
     removed_tilt: Pair = labelled("tilt removed along x1, x2", "rad")
     removed_curvature: tuple[float, float, float] = labelled("curvature removed: 11, 12, 22", "1/m")
     shortest_seen: float | None = labelled("shortest wave that the instrument sees", "m")
@@ -191,19 +157,14 @@ class Conditioning(Labelled):
 
     @property
     def spike_doubts(self) -> list[str]:
-        """One sentence for each reason to look at the spikes."""
-        points, found = counted(self.spike_points, "point"), []
-        if self.spikes_along_lay is not None:
-            found.append(
-                f"spikes ({points}) are filled although they follow the lay ({self.spikes_along_lay:.0%} of "
-                "neighbours lie along it, scattered ones would by half): they may be part of the marks of machining"
-            )
-        if (self.spikes_extreme or 0.0) > _NOTABLE:
-            found.append(
-                f"{self.spikes_extreme:.0%} of the highest or deepest points of the face hang on "
-                f"spikes ({points}), which are filled: so may contact and leakage"
-            )
-        return [f"{text}; {_ADVICE}" for text in found]
+        """A sentence where contact and leakage may hang on the spikes."""
+        if not self.spikes_extreme > _NOTABLE:
+            return []
+        return [
+            f"{self.spikes_extreme:.0%} of the highest or deepest points of the face hang on spikes "
+            f"({counted(self.spike_points, 'point')}), which are filled: so may contact and leakage; surface.spikes = "
+            "inf leaves them: compare both leakages, or mark what is no part of the face by face.mask"
+        ]
 
     @property
     def unseen(self) -> str:
@@ -300,7 +261,7 @@ def smooth(
     return kept, Conditioning(
         undefined_fraction=repaired.undefined_fraction,
         spike_points=repaired.spike_points,
-        **spike_effect(flat, repaired.removed, shortest),
+        spikes_extreme=spikes_extreme(flat, repaired.removed, shortest),
         removed_tilt=(atan(tilt1), atan(tilt2)),
         removed_curvature=repaired.form.curvatures,
         shortest_seen=seen or None,
