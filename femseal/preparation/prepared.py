@@ -228,18 +228,5 @@ class Prepared:
             {} if self.overlap is None else {"overlap": asdict(self.overlap)}
         )
         if self.continuation is not None:
-            found["continuation"] = asdict(self.continuation) | {"text": self.continuation_text}
+            found["continuation"] = asdict(self.continuation) | {"text": str(self.continuation)}
         return found
-
-    @property
-    def continuation_text(self) -> str:
-        """How the spectrum of the face is continued, and the wave at which hardness ends its effect; "" without."""
-        if self.continuation is None:
-            return ""
-        wave = self.continuation.last_that_counts(self.scene.law.mean_hardness, self.scene.modulus)
-        ends = (
-            f"sets the area from {to_text(wave, 'm', 3)} on"
-            if wave
-            else "does not end what these waves do to the area"
-        )
-        return f"{self.continuation}; by Persson's theory hardness {ends}"

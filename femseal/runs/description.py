@@ -117,8 +117,8 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
-    known = (one for one in (prepared.holds, prepared.form_effect) if one and not one.doubts)
-    for text in (*map(str, known), prepared.continuation_text, report.unseen):
+    known = [one for one in (prepared.holds, prepared.form_effect) if one and not one.doubts]
+    for text in (*map(str, known), str(prepared.continuation or ""), report.unseen):
         if text:
             yield "", text
     shortest = report.shortest_wave

@@ -6,15 +6,13 @@ Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the text export of Gwyddion.
 
 import os
 import re
-import sys
 from array import array
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any, TextIO
-from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +32,10 @@ from ..base.machine import within_free_memory
 from .texture import UNKNOWN, Instrument
 
 _HEADER = re.compile(r"^\W*(width|height|value units)\s*[:=]\s*(.+?)\s*$", re.IGNORECASE)
-#: Words of the same header in German, which are not read.
-_GERMAN = re.compile(r"^\W*(breite|höhe|werteeinheit|einheit der werte)\w*\s*[:=]", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 #: Suffixes of matrices as text.
 TEXT = (".csv", ".asc", ".txt")
-#: Memory that reading takes about, in sizes of the file unpacked: of numbers that take as many bytes as they have.
+#: Memory that reading takes about, in sizes of the file: of numbers that take as many bytes as they have.
 _MEMORY_FACTOR = 3
 #: Channels that a message lists.
 _MOST_LISTED = 12
@@ -88,19 +84,15 @@ def bad_file(path: Path, given: object, allowed: str) -> InputError:
 
 
 @contextmanager
-def reading(path: Path, smaller: str) -> Iterator[None]:
+def reading(path: Path) -> Iterator[None]:
     """Context in which a file is read: whatever is found in its bytes, an InputError about it names the file.
 
-    One that cannot be read in the free memory is refused, by its size, or by what it unpacks to if it is a zip. Of
-    others that unpack to more than the free memory a `smaller` one is asked for.
+    One that cannot be read in the free memory is refused: by its size, or when it unpacks to more.
     """
-    length, verb = path.stat().st_size, "of"
-    with suppress(OSError, ValueError, RuntimeError, BadZipFile), ZipFile(path) as archive:
-        if (unpacked := sum(part.file_size for part in archive.infolist())) > length:
-            length, verb = unpacked, "that unpacks to"
-    if _MEMORY_FACTOR * length > (free := free_memory()):
+    length, free = path.stat().st_size, free_memory()
+    if _MEMORY_FACTOR * length > free:
         allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise bad_file(path, f"a file {verb} {length / 1e9:.3g} GB", allowed)
+        raise bad_file(path, f"a file of {length / 1e9:.3g} GB", allowed)
     try:
         with within_free_memory():
             yield
@@ -109,7 +101,7 @@ def reading(path: Path, smaller: str) -> Iterator[None]:
     except OSError as error:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None
     except MemoryError:
-        raise bad_file(path, "more points than fit into memory", smaller) from None
+        raise bad_file(path, "more points than fit into memory", "a smaller file") from None
     except Exception as error:  # a damaged head makes libraries raise errors of any kind
         allowed = f"an intact {path.suffix.lower()} file"
         raise bad_file(path, f"a damaged one ({type(error).__name__}: {error})", allowed) from error
@@ -185,11 +177,6 @@ def _rows(file: TextIO, header: dict[str, str]) -> Iterator[tuple[int, str]]:
             name = match[1].lower()
             # the library of units takes a decimal comma for nothing
             header[name] = ("1 " if name == "value units" else "") + match[2].replace(",", ".")
-        elif _GERMAN.match(text):
-            allowed = (
-                "the header in English, '# Width: 1 mm', '# Height: 2 mm', '# Value units: nm'"
-            )
-            raise InputError("file", f"{text!r} in line {at}", allowed)
 
 
 def _triplets(z: NDArray) -> tuple[NDArray, Pair] | None:
@@ -339,18 +326,12 @@ def _instrument(parameters: dict[str, Any]) -> Instrument:
 
 @contextmanager
 def unprinted() -> Iterator[None]:
-    """Context in which nothing is printed, from Python or below it: readers print what they find in damaged files."""
-    with ExitStack() as stack, open(os.devnull, "w", encoding="utf-8") as nothing:
-        for stream, number in ((sys.stdout, 1), (sys.stderr, 2)):
-            with suppress(OSError, ValueError, AttributeError):  # closed, or none at all
-                stream.flush()
-            with suppress(OSError):
-                kept = os.dup(number)
-                stack.callback(os.close, kept)
-                stack.callback(os.dup2, kept, number)
-                os.dup2(nothing.fileno(), number)
-        stack.enter_context(redirect_stdout(nothing))
-        stack.enter_context(redirect_stderr(nothing))
+    """Context in which Python prints nothing: readers print what they find in damaged files."""
+    with (
+        open(os.devnull, "w", encoding="utf-8") as nothing,
+        redirect_stdout(nothing),
+        redirect_stderr(nothing),
+    ):
         yield
 
 

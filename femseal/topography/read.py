@@ -105,7 +105,7 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     """
     path, given = Path(path), Reading(**said)
     _check_options(path, given)
-    with reading(path, "a smaller file, or a part of it"):
+    with reading(path):
         raw = READERS.get(path.suffix.lower(), read_instrument)(path, given)
     heights, file_mask = raw.heights, raw.mask if given.file_mask else None
     pixel = raw.spacing[::-1] if raw.spacing and given.transpose else raw.spacing
@@ -231,7 +231,7 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
         raise InputError("mask", f"'{path}', no such file", "a file")
     if suffix not in (*_IMAGES, *_ARRAYS):
         raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
-    with reading(path, "a mask of the map's size"):
+    with reading(path):
         found = (_read_image if suffix in _IMAGES else READERS[suffix])(path, Reading()).heights
     if found.shape != shape:
         turned = "; turned by its diagonal it would fit" if found.shape == shape[::-1] else ""

@@ -182,10 +182,6 @@ def test_triplets_are_a_grid_in_any_order(tmp_path):
         (b"\xff\xfe\x00\x01", "bytes that are not UTF-8 text"),
         ("1 inf\n2 3\n", r"face\.asc: heights: given 1 point not finite"),
         ("# Width: 9 apples\n1 2\n3 4", "a header with width: given '9 apples'"),
-        ("# Breite: 9,0 um\n1 2\n3 4\n", "in line 1, expected the header in English, '# Width: 1"),
-        ("# z\n#Höhe = 4 µm\n1 2\n3 4\n", "in line 2, expected the header in English"),
-        ("# Werteeinheiten: nm\n1 2\n3 4\n", "in line 1, expected .*units: nm'"),
-        ("# Einheit der Werte: m\n1 2\n3 4\n", "in line 1, expected the header in English"),
         ("ncols 2\nNROWS 2\n1 2\n3 4\n", "given 'ncols' in line 1, .* put # before the lines of"),
     ],
 )
@@ -271,13 +267,9 @@ def test_other_formats_need_the_extra(tmp_path, monkeypatch):
 
 
 def test_what_readers_print_of_damaged_files_is_not_seen(tmp_path, monkeypatch, capfd):
-    """From Python, and from below it; what is printed later is."""
-
     def printing(path):
         print("bytes of the file")
         print("and more of them", file=sys.stderr)
-        os.write(1, b"\x00\x01")
-        os.write(2, b"\x02\x03")
         raise ValueError
 
     library = type(sys)("SurfaceTopography")
