@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ..base import InputError, NotConverged, Shape, to_text
+from ..base import InputError, Shape, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
 from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
 from ..face.pieces import Cut, usual_pieces
-from ..flow.law import cubic_law
-from ..seal import RectangularSeal
 from ..seal.lay import Lay
 from ..seal.layouts import AnnularLayout, Layout, RectangularLayout
 from ..studies import Scene
@@ -207,20 +205,16 @@ def default_grid(flat: Topography, shortest_wave: float | None, instrument: Inst
     flat : without undefined points.
     shortest_wave : the low-pass, which decides if it is given [m]. instrument : what is known of it.
     """
-    own, few = resolved_wave(flat.size, flat.shape), flat.heights.size <= MOST_POINTS
-    if shortest_wave is None:
+    own, wave = resolved_wave(flat.size, flat.shape), shortest_wave
+    if wave is None:
         measured = max(spectrum(flat).shortest_wave, instrument.shortest_wave(flat))
         enough = flat.low_pass(own).rms_slope >= KEPT_SLOPE * flat.low_pass(measured).rms_slope
-        return (
-            flat.shape
-            if enough and few
-            else resolving_shape(flat.size, own if enough else measured, most=MOST_POINTS)
-        )
-    if shortest_wave >= own and few:
+        wave = own if enough else measured
+    if wave >= own and flat.heights.size <= MOST_POINTS:
         return flat.shape
-    shape = resolving_shape(flat.size, min(shortest_wave, own), most=MOST_POINTS)
-    wide = resolved_wave(flat.size, shape) > shortest_wave
-    return resolving_shape(flat.size, shortest_wave) if wide else shape
+    shape = resolving_shape(flat.size, min(wave, own), most=MOST_POINTS)
+    too_wide = shortest_wave is not None and resolved_wave(flat.size, shape) > wave
+    return resolving_shape(flat.size, wave) if too_wide else shape
 
 
 def _pieces(case: Case, place: Topography, shape: Shape, wave: float) -> Shape | None:
@@ -297,30 +291,19 @@ def wound_layout(case: Case) -> Layout:
     return replace(layout, lay=lay)
 
 
-def groove_question(case: Case, scene: Scene) -> Iterator[str]:
-    """Ask of a measured face with grooves along x2 whether they wind, and say what they would leak."""
+def groove_question(case: Case, surface: Topography) -> Iterator[str]:
+    """Ask of a measured face with grooves along x2 whether they wind."""
     measured = all(isinstance(face, FileFace) for face in case.face)
-    circumference = _circumference(case)
-    if not measured or "lay" in case.seal.model_fields_set or circumference is None:
+    if not measured or "lay" in case.seal.model_fields_set or _circumference(case) is None:
         return
-    if (
-        not isinstance(case.layout, RectangularLayout | AnnularLayout)
-        or (pitch := groove_pitch(scene.surface)) is None
-    ):
-        return
-    # lands are closed where half of the face is in contact, and grooves are about as deep as then
-    depth = np.maximum(np.median(scene.surface.heights) - scene.surface.heights.mean(axis=1), 0.0)
-    k = float(cubic_law(depth).mean()) * (pitch / circumference) ** 2
-    try:
-        leakage = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), k).per_length
-    except NotConverged:
-        return
-    lead = to_text(pitch, "m", 2)
-    yield (
-        f"the face has grooves along x2, {lead} apart. Where they wind once around the seal, as turned ones do, they "
-        f"leak about {leakage:.2g} m²/s per length past closed lands: is the face turned? Then set lay = {{kind = "
-        f"'spiral', lead = '{lead}'}} in [seal], or 'x2' where they are rings"
-    )
+    winds = isinstance(case.layout, RectangularLayout | AnnularLayout)
+    if winds and (pitch := groove_pitch(surface)) is not None:
+        lead = to_text(pitch, "m", 2)
+        yield (
+            f"the face has grooves along x2, {lead} apart. Where they wind once around the seal, as turned ones do, "
+            "they leak past closed lands: is the face turned? Then set lay = "
+            f"{{kind = 'spiral', lead = '{lead}'}} in [seal], or 'x2' where they are rings"
+        )
 
 
 def groove_pitch(surface: Topography) -> float | None:
@@ -329,13 +312,8 @@ def groove_pitch(surface: Topography) -> float | None:
     profile = z.mean(axis=1)
     if not profile.var() > _GROOVED * z.var():
         return None
-    n = profile.size
-    power = (
-        np.abs(
-            np.fft.rfft(profile - np.polyval(np.polyfit(np.arange(n), profile, 2), np.arange(n)))
-        )
-        ** 2
-    )
+    n = np.arange(profile.size)
+    power = np.abs(np.fft.rfft(profile - np.polyval(np.polyfit(n, profile, 2), n))) ** 2
     power[:_LEAST_GROOVES] = 0.0
     waves = int(power.argmax())
     around = np.arange(waves - 1, min(waves + 2, power.size))

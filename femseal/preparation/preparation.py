@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from math import prod
 from typing import Any
 
 from ..base import InputError, to_text
@@ -18,7 +17,6 @@ from ..studies.doubts import gas_warnings, scene_warnings
 from ..studies.sampling import check_map
 from ..studies.seal_contact import form_on_grid
 from ..topography import (
-    MOST_POINTS,
     Conditioning,
     Topography,
     resolving_shape,
@@ -28,10 +26,9 @@ from ..topography.seat import Seat
 from .face import conditioned_face, groove_question, measured_patch, wound_layout
 from .prepared import Pair, Prepared, check_memory, check_memory_of_tiles, refused_if_too_large
 
-#: Fraction of the rms slope from which on a case is warned that the low-pass removes it: by itself, and where the
-#: grid of a measured face is limited for its cost. Measured: with 49 % of it gone a turned face leaks 10 to 700 times
-#: less.
-_LOST_SLOPE, _LOST_TO_COST = 0.1, 0.02
+#: Fraction of the rms slope from which on a case is warned that the low-pass removes it. Measured: with 49 % of it gone
+#: a turned face leaks 10 to 700 times less.
+_LOST_SLOPE = 0.1
 #: Fraction of the rms slope from which on a case is warned that it is of noise.
 _NOISE_SLOPE = 0.25
 
@@ -75,7 +72,7 @@ def prepare(case: Case) -> Prepared:
             flatness=case.seal.flatness,
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
-                *groove_question(case, scene),
+                *groove_question(case, surface),
                 *conditioning.spike_doubts,
                 *(holds.doubts if holds else ()),
                 *(effect.doubts if effect else ()),
@@ -241,18 +238,13 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
     measured, kept = (
         to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wave)
     )
-    asked = [name for name in ("shortest_wave", "points") if getattr(case.surface, name)]
-    place = shortest_place(scene.surface)
-    points = resolving_shape(place.size, surface.shortest_measured)
-    wanted = len(scene.surface.each) * prod(points)
-    limited = not asked and surface.shape != surface.shape_before and wanted > MOST_POINTS
     unseen = surface.shortest_wave == surface.shortest_seen  # as `femseal check` says
-    if not unseen and surface.lost_slope > (_LOST_TO_COST if limited else _LOST_SLOPE):
-        remedy = f"set surface.points = {list(points)}"
-        if "shortest_wave" in asked:
-            remedy = f"leave out {' and '.join(f'surface.{name}' for name in asked)}"
-        elif limited:
-            remedy += f" (unasked no more than {place.shape[0]} × {place.shape[1]} are taken)"
+    if not unseen and surface.lost_slope > _LOST_SLOPE:
+        size = shortest_place(scene.surface).size
+        remedy = f"set surface.points = {list(resolving_shape(size, surface.shortest_measured))}"
+        if case.surface.shortest_wave is not None:
+            also = " and surface.points" if case.surface.points else ""
+            remedy = f"leave out surface.shortest_wave{also}"
         yield (
             f"the low-pass at {kept} removes {surface.lost_slope:.0%} of the rms slope of the face, whose waves down "
             f"to {measured} stand above noise: leakage may be off by factors; to keep them {remedy}"
