@@ -78,9 +78,9 @@ def test_a_key_left_from_another_fluid_is_warned_of(tmp_path, table, said):
     ):
         path.write_text(text)
         case = fs.load_case(path)
-        warned = [re.search(rf"^{place}\.{said}", text) for text in case.fluid_warnings]
+        warned = [re.search(rf"^{place}\.{said}", text) for text in case.named_warnings]
         assert [bool(found) for found in warned] == ([] if said is None else [True])
-        assert "fluid_warnings" not in case.echo()
-    path.write_text(f"fluid_warnings = []\n{CASE}")
-    with pytest.raises(fs.InputError, match="fluid_warnings"):
+        assert "named_warnings" not in case.echo()
+    path.write_text(f"named_warnings = []\n{CASE}")
+    with pytest.raises(fs.InputError, match="named_warnings"):
         fs.load_case(path)

@@ -109,8 +109,7 @@ class Case(Table):
     stochastic: StochasticTable | None = key("seals that are drawn", None)
     output: OutputTable = key("what is written, and how", OutputTable())
     folder: Path = Field(default=Path(), exclude=True)
-    fluid_warnings: tuple[str, ...] = Field(default=(), exclude=True)
-    solid_warnings: tuple[str, ...] = Field(default=(), exclude=True)
+    named_warnings: tuple[str, ...] = Field(default=(), exclude=True)
 
     @model_validator(mode="before")
     @classmethod
@@ -118,7 +117,9 @@ class Case(Table):
         # what is no table has a fault of its own
         odd = {name: data[name] for name in _FILLED if not isinstance(data.get(name, {}), dict)}
         data = with_absolute_pressures(_with_what_is_open(data | {name: {} for name in odd}))
-        data = with_named_solids(with_named_fluids(with_inlet_pressure(data)))
+        warnings: list[str] = []
+        data = with_named_fluids(with_inlet_pressure(data), warnings)
+        data = with_named_solids(data, warnings) | {"named_warnings": tuple(warnings)}
         if "face" in data:
             data["face"] = listed(data["face"])
         return _with_detrending(data) | odd
@@ -392,23 +393,18 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
             raise InputError("case", f"'{path}', which is no file", "a TOML file")
         with path.open("rb") as file:
             content = file.read(_LARGEST_FILE + 1)
-        if len(content) > _LARGEST_FILE:
-            given = f"'{path}' of more than {_LARGEST_FILE:.0e} bytes"
-            raise InputError("case", given, "a TOML file of a case")
-        return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n")), path.parent
-    except InputError:
-        raise
     except OSError as error:
-        kind = ""
         expected = f"a file that can be read ({error.strerror}: {shortened(abspath(path))})"
-    except UnicodeDecodeError:
-        kind, expected = ", which is not text", "a TOML file in UTF-8"
-    except RecursionError:
-        kind, expected = " with lists or tables too deep in each other", "a TOML file"
-    except ValueError as error:  # of TOML, or of a number with thousands of digits
-        meant = meant_in(content.decode("utf-8-sig"), str(error))
-        kind, expected = ", which is not TOML", f"a TOML file ({shortened(error, 120)}){meant}"
-    raise InputError("case", f"'{path}'{kind}", expected)
+        raise InputError("case", f"'{path}'", expected) from None
+    if len(content) > _LARGEST_FILE:
+        given = f"'{path}' of more than {_LARGEST_FILE:.0e} bytes"
+        raise InputError("case", given, "a TOML file of a case")
+    try:
+        return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n")), path.parent
+    except (ValueError, RecursionError) as error:  # also of a number with thousands of digits
+        meant = meant_in(content.decode("utf-8-sig", "replace"), str(error))
+        expected = f"a TOML file in UTF-8 ({shortened(error, 120)}){meant}"
+        raise InputError("case", f"'{path}', which is not TOML", expected) from None
 
 
 def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:

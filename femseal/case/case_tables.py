@@ -346,18 +346,14 @@ class SolidTable(Table):
         )
 
 
-def with_named_solids(data: dict[str, Any]) -> dict[str, Any]:
+def with_named_solids(data: dict[str, Any], odd: list[str]) -> dict[str, Any]:
     """The data of a case with the properties of solids that are given by their name, and tables of hardness from files.
 
-    `solid_warnings` says which given keys differ much from what the name stands for.
+    odd : gets sentences on given keys that differ much from what the name stands for.
     """
-    odd: list[str] = []
     folder = Path(data.get("folder", "."))
-    found = dict(data)
-    for place in ("material", "counter_material"):
-        if place in data:
-            found[place] = _filled(data[place], place, folder, odd)
-    return {**found, "solid_warnings": tuple(odd)}
+    places = [place for place in ("material", "counter_material") if place in data]
+    return data | {place: _filled(data[place], place, folder, odd) for place in places}
 
 
 def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> dict[str, Any]:

@@ -150,8 +150,6 @@ def meant_in(text: str, message: str) -> str:
     if at is None:
         return ""
     written = text.splitlines()[int(at[1]) - 1]
-    if (straight := re.sub("[“”„]", '"', written)) != written:
-        return shortened(f"; perhaps meant: {straight.strip()}")
     if (
         "overwrite" in message or (line := _UNQUOTED.match(written)) is None
     ):  # a key that is there twice

@@ -11,7 +11,7 @@ from ..base import InputError, shortened
 #: Longest text of what is expected, in characters; a longer one loses its middle.
 _LONGEST = 300
 #: Fields of a case that are no keys of its file.
-INTERNAL = ("folder", "fluid_warnings", "solid_warnings")
+INTERNAL = ("folder", "named_warnings")
 #: Arguments of `topography` by their key in a case.
 SURFACE_KEYS = {
     "shortest_wave": "surface.shortest_wave",

@@ -7,7 +7,7 @@ Fluids are not named here: whatever is registered in `fluids.FLUIDS` has a table
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -94,19 +94,34 @@ def with_absolute_pressures(data: dict[str, Any]) -> dict[str, Any]:
     They are above `ambient_pressure` of [fluid], of a test fluid above its own if it has one. Beside them, or with an
     ambient pressure, an outlet without a pressure is at the ambient one.
     """
-    found = dict(data)
-    fluid, seal, output = (data.get(key, {}) for key in ("fluid", "seal", "output"))
-    ambient = value_of(fluid, "ambient_pressure", "Pa")
-    gauge = ambient is not None
+    seal, gauge = data.get("seal", {}), False
+    ambient = value_of(data.get("fluid", {}), "ambient_pressure", "Pa")
     if isinstance(inlets := seal.get("inlet"), dict):
         own = {name: _absolute(p, ambient, f"seal.inlet.{name}") for name, p in inlets.items()}
-        found["seal"], gauge = {**seal, "inlet": own}, gauge or own != inlets
+        data, gauge = data | {"seal": {**seal, "inlet": own}}, own != inlets
+
+    def with_absolute_ends(table: dict[str, Any], place: str) -> dict[str, Any]:
+        around = value_of(table, "ambient_pressure", "Pa", ambient)
+        keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in table]
+        given: dict[str, Any] = {key: table[key] for key in keys}
+        ends = {key: _absolute(value, around, f"{place}.{key}") for key, value in given.items()}
+        if around is None and not gauge and ends == given:
+            return table
+        surroundings = Amount(STANDARD_PRESSURE if around is None else around, "Pa")
+        return {"ambient_pressure": surroundings, "outlet_pressure": surroundings, **table, **ends}
+
+    return _with_fluids(data, with_absolute_ends)
+
+
+def _with_fluids(
+    data: dict[str, Any], changed: Callable[[dict[str, Any], str], dict[str, Any]]
+) -> dict[str, Any]:
+    """The data of a case with the tables of its fluid and test fluid changed by a function of table and place."""
+    found, output = dict(data), data.get("output", {})
     if "fluid" in data:
-        found["fluid"] = _with_absolute_ends(fluid, "fluid", ambient, gauge)
+        found["fluid"] = changed(data["fluid"], "fluid")
     if isinstance(test := output.get("test_fluid"), dict):
-        around = value_of(test, "ambient_pressure", "Pa", ambient)
-        test = _with_absolute_ends(test, "output.test_fluid", around, around is not None)
-        found["output"] = {**output, "test_fluid": test}
+        found["output"] = {**output, "test_fluid": changed(test, "output.test_fluid")}
     return found
 
 
@@ -116,18 +131,6 @@ def _absolute(value: Any, ambient: float | None, place: str) -> Any:
     with faults_of():
         pressure = absolute_pressure(value, around, place)
     return value if pressure is None else Amount(pressure, "Pa")
-
-
-def _with_absolute_ends(
-    table: dict[str, Any], place: str, ambient: float | None, gauge: bool
-) -> dict[str, Any]:
-    """The table of a fluid with absolute pressures; `gauge` : whether an outlet without one is at the ambient one."""
-    keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in table]
-    ends: dict[str, Any] = {key: _absolute(table[key], ambient, f"{place}.{key}") for key in keys}
-    if gauge or any(ends[key] is not table[key] for key in keys):
-        around = Amount(STANDARD_PRESSURE if ambient is None else ambient, "Pa")
-        return {"ambient_pressure": around, "outlet_pressure": around, **table, **ends}
-    return table
 
 
 def _with_dynamic_viscosity(
@@ -150,19 +153,12 @@ def _with_dynamic_viscosity(
     return {**table, "viscosity": Amount(dynamic, "Pa*s")} if dynamic > 0 else table
 
 
-def with_named_fluids(data: dict[str, Any]) -> dict[str, Any]:
+def with_named_fluids(data: dict[str, Any], odd: list[str]) -> dict[str, Any]:
     """The data of a case with the properties of fluids that are given by their name.
 
-    `fluid_warnings` says which given keys differ much from what the name stands for.
+    odd : gets sentences on given keys that differ much from what the name stands for.
     """
-    odd: list[str] = []
-    found = dict(data)
-    if "fluid" in data:
-        found["fluid"] = _filled(data["fluid"], "fluid", odd)
-    output = data.get("output", {})
-    if isinstance(test := output.get("test_fluid"), dict):
-        found["output"] = {**output, "test_fluid": _filled(test, "output.test_fluid", odd)}
-    return {**found, "fluid_warnings": tuple(odd)}
+    return _with_fluids(data, lambda table, place: _filled(table, place, odd))
 
 
 def _filled(table: dict[str, Any], place: str, odd: list[str]) -> dict[str, Any]:

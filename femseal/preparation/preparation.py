@@ -223,8 +223,7 @@ def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tu
         tested = gas_warnings("output.test_fluid", test.fluid, *ends)
     return (
         *unusual(case),
-        *case.fluid_warnings,
-        *case.solid_warnings,
+        *case.named_warnings,
         *scene_warnings(scene),
         *tested,
         *_odd_filter(case, scene, surface),

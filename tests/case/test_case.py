@@ -138,7 +138,6 @@ def test_face_material_load_and_fluid_are_a_case(data, method):
         ('"1 mPa*s"', "1 mPa*s  # water", '; perhaps meant: viscosity = "1 mPa*s"'),
         ("poisson = 0.3", "poisson = 0,3", "; perhaps meant: poisson = 0.3"),
         ("poisson = 0.3", "poisson = .3", "; perhaps meant: poisson = 0.3"),
-        ("poisson = 0.3", "poisson = “0.3”  # a", '; perhaps meant: poisson = "0.3"  # a'),
         ("poisson = 0.3", "poisson = 0.3\npoisson = 0.3", "Cannot overwrite a value.*"),
         ('pitch = "60 um"\n', "", 'pitch: given nothing, .* such as pitch = "60 um".*'),
         ("[fluid]", "[test_fluid]", 'fluid: missing, .* such as\n[fluid]\nkind = "liquid".*'),

@@ -49,7 +49,7 @@ def test_a_name_fills_in_what_is_not_given():
     assert case({"name": "Inconel 718, aged"}).solids[0] == named_solid("Inconel 718, aged")
     own = case({"name": "Inconel 718, aged", "young": "190 GPa", "hardness": "4 GPa"})
     assert own.solids[0] == fs.Solid(190e9, 0.29, hardness=4e9)
-    assert own.solid_warnings == ()
+    assert own.named_warnings == ()
 
 
 def test_a_value_far_from_that_of_the_name_is_warned_of():
@@ -57,10 +57,10 @@ def test_a_value_far_from_that_of_the_name_is_warned_of():
         {"name": "Inconel 718, aged", "hardness": "9 GPa"},
         {"name": "steel 1.4571, annealed", "young": "2.4 TPa"},
     )
-    one, two = odd.solid_warnings
+    one, two = odd.named_warnings
     assert one.startswith("material.hardness 9 GPa is 3.1 times that of Inconel 718, aged, 2.895")
     assert two.startswith("counter_material.young 2400 GPa is 12 times that of steel")
-    assert "solid_warnings" not in {*odd.echo(), *case_schema()["properties"]}
+    assert "named_warnings" not in {*odd.echo(), *case_schema()["properties"]}
 
 
 @each(
