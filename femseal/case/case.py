@@ -32,9 +32,15 @@ from .case_tables import (
 from .faces import Face, FileFace, SurfaceTable
 from .fault_report import case_faults, meant_in, with_lines
 from .faults import INTERNAL, fault, faults_of
-from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
+from .kinds import (
+    AnyFluid,
+    AnySeal,
+    AnySeat,
+    with_absolute_pressures,
+    with_inlet_pressure,
+    with_named_fluids,
+)
 from .load import LoadTable
-from .seal import AnySeal, AnySeat, with_inlet_pressure
 from .values import Accuracy, Duration, FileSize, Number, Table, key, listed
 
 #: No case is larger [byte].

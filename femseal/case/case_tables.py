@@ -20,7 +20,7 @@ from ..materials import HARDNESS_FACTOR, Solid, named_solid
 from ..seal.seal_files import columns_of, read_columns
 from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
 from .faults import fault, faults_of, refusal
-from .fluid import AnyFluid, overriding
+from .kinds import AnyFluid, overriding
 from .values import (
     Amount,
     Both,

@@ -150,8 +150,7 @@ def test_of_inlets_of_a_mesh():
         "seal": {"kind": "mesh", "path": "seal.msh", "unit": "mm", "outlet": "rim"},
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "ambient_pressure": "1 bar"},
     }
-    from femseal.case.fluid import with_absolute_pressures
-    from femseal.case.seal import with_inlet_pressure
+    from femseal.case.kinds import with_absolute_pressures, with_inlet_pressure
 
     data["seal"]["inlet"] = {"bore": "10 bar(g)", "port": "4 bar"}
     found = with_inlet_pressure(with_absolute_pressures(data))
