@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .preparation import prepare
-    from .prepared import Prepared
+    from .preparation import Prepared, prepare
 else:
     __getattr__, __dir__ = lazy(__name__)

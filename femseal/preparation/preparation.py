@@ -1,36 +1,235 @@
-"""From a case to the input of the studies: its face, the pieces of it, the seals that are drawn, the scene."""
+"""From a case to the input of the studies, its scene, pieces and drawn seals, and what each study gives and costs.
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+Sizes of a case are checked against the free memory before anything is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from ..base import InputError, to_text
-from ..budget import FormTolerance
+import numpy as np
+
+from ..base import Array, InputError, Mapper, to_text
+from ..budget import FormTolerance, ModelChange
 from ..case.case import Case
 from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..case.values import unusual
+from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.form import SealForm
-from ..seal.layouts import Layout
-from ..studies import Sampling, Scene, cut_and_tiles, laid_out
+from ..seal.layouts import AnnularLayout, Layout
+from ..seal.tiles import MOST_ROWS, SealTiles
+from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, cut_and_tiles, laid_out
 from ..studies.blocks import blocks_of, check_blocks
-from ..studies.doubts import gas_warnings, scene_warnings
+from ..studies.doubts import FirstAnswer, FormEffect, gas_warnings, of_scene, scene_warnings
+from ..studies.longer_waves import longer_waves
 from ..studies.sampling import check_map
 from ..studies.seal_contact import form_on_grid
+from ..studies.study_registry import Effort, usual_efforts
 from ..topography import (
     Conditioning,
+    Continuation,
+    Overlap,
+    Representative,
     Topography,
-    resolving_shape,
-    shortest_place,
+    representative,
 )
 from ..topography.seat import Seat
-from .face import conditioned_face, groove_question, measured_patch, wound_layout
-from .prepared import Pair, Prepared, check_memory, check_memory_of_tiles, refused_if_too_large
+from .face import (
+    check_memory,
+    conditioned_face,
+    filter_doubts,
+    groove_question,
+    measured_patch,
+    wound_layout,
+)
 
-#: Fraction of the rms slope from which on a case is warned that the low-pass removes it. Measured: with 49 % of it gone
-#: a turned face leaks 10 to 700 times less.
-_LOST_SLOPE = 0.1
-#: Fraction of the rms slope from which on a case is warned that it is of noise.
-_NOISE_SLOPE = 0.25
+#: Memory of the libraries that a run imports [byte].
+START_MEMORY = 0.5e9
+#: Memory of a tile of a drawn seal, with its element and a row of the solver [byte].
+_TILE_BYTES = 4000
+
+
+def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topography) -> None:
+    """Raise InputError if the tiles of a strip or a ring, as large as pieces of a face, do not fit into memory."""
+    side1, side2 = Cut.of(surface, usual_pieces(surface)).size
+    if isinstance(layout, AnnularLayout):
+        key, breadth, length = (
+            "seal",
+            layout.outer_radius - layout.inner_radius,
+            layout.circumference,
+        )
+    elif sampling.length is not None:
+        key, breadth, length = (
+            "stochastic.length",
+            sampling.breadth or surface.size[0],
+            sampling.length,
+        )
+    else:
+        return
+    rows, columns = breadth / side1, length / side2
+    if rows > MOST_ROWS:  # refused when it is laid out
+        return
+    hint = "; is its unit of length right?" if key == "seal" else ""
+    given, tiles = f"a seal {to_text(length, 'm', 3)} long", rows * columns
+    check_memory(key, f"{given}, of {tiles:.3g} tiles", tiles * _TILE_BYTES, hint)
+
+
+@contextmanager
+def refused_if_too_large() -> Iterator[None]:
+    """Sizes that no array can have, or numbers that no float can hold, are bad input."""
+    try:
+        yield
+    except (MemoryError, OverflowError, RecursionError) as error:
+        expected = f"sizes that fit into memory and numbers of usual size ({str(error) or type(error).__name__})"
+        raise InputError("case", "a size or number that is too large", expected) from error
+
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Input of the studies: the scene, its pieces, the sampling of seals; and the history of the surface.
+
+    cells : number of pieces along x1 and x2; None where there are none. continuation : of the spectrum of the face,
+    None without. methods : to be run. seat : its form, "" where it is flat; form : that and its error. holds : what a
+    measured face holds of its long waves. form_effect : of what is form in it, where nothing says that; None
+    elsewhere. flatness : of the seal [m], None where it is not given. warnings : what is not plausible in the case.
+    """
+
+    scene: Scene
+    cells: Pair | None
+    sampling: Sampling | None
+    conditioning: Conditioning
+    overlap: Overlap | None
+    continuation: Continuation | None
+    methods: frozenset[str]
+    seat: str = ""
+    form: FormTolerance | None = None
+    holds: Representative | None = None
+    form_effect: FormEffect | None = None
+    flatness: float | None = None
+    warnings: tuple[str, ...] = ()
+
+    def longer_waves(self, surface: Topography, mapper: Mapper) -> Array | None:
+        """Changes of ln(leakage) of drawn seals by waves longer than the patch, see `studies.longer_waves`.
+
+        surface : the face, also on fewer points. None where nothing is to be expected.
+        """
+        sampling = self.sampling
+        if sampling is None or (self.holds is None and self.flatness is None):
+            return None
+        holds = self.holds or representative(surface)
+        scene = replace(self.scene, surface=surface)
+        return longer_waves(
+            scene,
+            sampling.breadth,
+            sampling.length,
+            holds,
+            flatness=self.flatness,
+            seed=sampling.seed,
+            forms=sampling.form,
+            mapper=mapper,
+        )
+
+    @property
+    def first_answer(self) -> FirstAnswer | None:
+        """Contact and leakage by the spectrum of the face alone; None where a form, a map or a spiral decides."""
+        sampling, scene = self.sampling, self.scene
+        uneven = sampling is not None and not sampling.presses_evenly
+        if self.seat or uneven or scene.flow.spiral is not None or not scene.surface.rms_slope:
+            return None
+        found = of_scene(scene, None if sampling is None else self.cut_and_tiles[1])
+        return found if np.isfinite(found.area).any() else None
+
+    @property
+    def studies(self) -> list[Study]:
+        """The studies to be run, in the order in which they are solved."""
+        return [study for study in STUDIES.values() if study.name in self.methods]
+
+    @property
+    def solved_studies(self) -> list[Study]:
+        """Those of them that are solved: two scales have what the deterministic study has."""
+        names = self.methods - ({"deterministic"} if "two-scale" in self.methods else set())
+        return [study for study in self.studies if study.name in names]
+
+    @property
+    def answer(self) -> Study:
+        """The study whose leakage is the answer: the one farthest from the face itself."""
+        return self.studies[-1]
+
+    def options(self, study: Study) -> StudyOptions:
+        """The options of a study."""
+        return StudyOptions(
+            self.cells, self.sampling, knows_face=study.name != self.solved_studies[0].name
+        )
+
+    @property
+    def least_points(self) -> Pair:
+        """Fewest points of the face along x1 and x2 for pieces of drawn seals."""
+        m1, m2 = self.cells if self.cells is not None and "stochastic" in self.methods else (1, 1)
+        return FEWEST_POINTS * m1, FEWEST_POINTS * m2
+
+    @property
+    def points_divide_by(self) -> Pair:
+        """Numbers along x1 and x2 that divide those of the points: of the pieces of blocks."""
+        return self.cells if self.cells is not None and "blocks" in self.methods else (1, 1)
+
+    @property
+    def cut_and_tiles(self) -> tuple[Cut, SealTiles]:
+        """The cut of the face, and the tiles of the drawn seals."""
+        assert self.sampling is not None
+        return laid_out(self.scene.surface, self.scene.layout, self.cells, self.sampling)
+
+    def changed(self, change: ModelChange) -> Prepared:
+        """The input with a change of the model."""
+        sampling = self.sampling
+        if change.forms and sampling is not None:
+            sampling = replace(sampling, form=change.forms)
+        return replace(self, scene=change.scene, sampling=sampling)
+
+    def solve(self, study: Study, mapper: Mapper) -> Any:
+        """Result of a study."""
+        options = self.options(study)
+        return study.solve(
+            self.scene, *(getattr(options, name) for name in study.takes), mapper=mapper
+        )
+
+    def cost(self, study: Study, efforts: Sequence[Effort] | None = None) -> tuple[float, float]:
+        """Expected time on one core [s] and memory [byte] of a study.
+
+        efforts : of each load step; usual ones unless given.
+        """
+        known = usual_efforts(len(self.scene.steps)) if efforts is None else efforts
+        return study.cost(self.scene, self.options(study), known)
+
+    @property
+    def chosen(self) -> dict[str, Any]:
+        """What is computed, and how, whether the case says so or leaves it to the program, as plain data."""
+        scene = self.scene
+        found: dict[str, Any] = {
+            "methods": sorted(self.methods),
+            "points": list(scene.surface.shape),
+            "shortest wave": self.conditioning.shortest_wave,
+            **({"seat": self.seat} if self.seat else {}),
+            "solver": scene.solver,
+        }
+        if self.cells is not None:
+            found["cells"] = list(self.cells)
+        return found
+
+    @property
+    def surface_report(self) -> dict[str, Any]:
+        """The repair and conditioning of the surface, as plain data."""
+        found = asdict(self.conditioning) | (
+            {} if self.overlap is None else {"overlap": asdict(self.overlap)}
+        )
+        if self.continuation is not None:
+            found["continuation"] = asdict(self.continuation) | {"text": str(self.continuation)}
+        return found
 
 
 def prepare(case: Case) -> Prepared:
@@ -40,8 +239,7 @@ def prepare(case: Case) -> Prepared:
     """
     with refused_if_too_large(), with_tables(SCENE_TABLES):
         face = conditioned_face(case)
-        surface, conditioning, layout = face.surface, face.conditioning, wound_layout(case)
-        _check_pieces(surface, conditioning, cells := face.cells)
+        surface, cells, layout = face.surface, face.cells, wound_layout(case)
         sampling, size, broader = _seals(case, surface, layout, cells)
         seat = None if case.seat.kind == "flat" else case.seat.make(case.folder)
         scene = _scene(case, _with_seat(case, seat, surface, broader), layout, size)
@@ -61,7 +259,7 @@ def prepare(case: Case) -> Prepared:
             scene=scene,
             cells=cells,
             sampling=sampling,
-            conditioning=conditioning,
+            conditioning=face.conditioning,
             overlap=face.overlap,
             continuation=face.continuation,
             methods=methods,
@@ -71,9 +269,10 @@ def prepare(case: Case) -> Prepared:
             form_effect=effect,
             flatness=case.seal.flatness,
             warnings=(
-                *plausibility_warnings(case, scene, conditioning),
+                *plausibility_warnings(case, scene),
+                *filter_doubts(case, surface, face.conditioning),
                 *groove_question(case, surface),
-                *conditioning.spike_doubts,
+                *face.conditioning.spike_doubts,
                 *(holds.doubts if holds else ()),
                 *(effect.doubts if effect else ()),
                 *doubts,
@@ -89,16 +288,6 @@ def _form_tolerance(
         tables: list[Any] = [*(case.seal.form or ()), *([] if seat is None else [case.seat])]
         return FormTolerance(sampling.form, tuple(table.tolerance for table in tables))
     return None if seat is None else FormTolerance(seat=seat, tolerance=case.seat.tolerance)
-
-
-def _check_pieces(surface: Topography, conditioning: Conditioning, cells: Pair | None) -> None:
-    """Refuse pieces of fewer than two shortest waves a side."""
-    least = 2 * conditioning.shortest_wave
-    sides = [side / m for side, m in zip(surface.size, cells or (1, 1), strict=True)]
-    if cells is not None and min(sides) < least * (1 - 1e-9):
-        given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
-        allowed = f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}"
-        raise InputError("cells", given, allowed)
 
 
 def _seals(
@@ -215,7 +404,7 @@ def _under_map(
         return sampling, cut.shape, doubts
 
 
-def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
+def plausibility_warnings(case: Case, scene: Scene) -> tuple[str, ...]:
     """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
     tested: Iterable[str] = ()
     if (test := case.output.test_fluid) is not None:
@@ -226,31 +415,4 @@ def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tu
         *case.named_warnings,
         *scene_warnings(scene),
         *tested,
-        *_odd_filter(case, scene, surface),
     )
-
-
-def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str]:
-    """Warn where the low-pass removes much of the measured slope, and say what keeps it."""
-    if case.surface.continue_spectrum is not None:
-        return
-    measured, kept = (
-        to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wave)
-    )
-    unseen = surface.shortest_wave == surface.shortest_seen  # as `femseal check` says
-    if not unseen and surface.lost_slope > _LOST_SLOPE:
-        size = shortest_place(scene.surface).size
-        remedy = f"set surface.points = {list(resolving_shape(size, surface.shortest_measured))}"
-        if case.surface.shortest_wave is not None:
-            also = " and surface.points" if case.surface.points else ""
-            remedy = f"leave out surface.shortest_wave{also}"
-        yield (
-            f"the low-pass at {kept} removes {surface.lost_slope:.0%} of the rms slope of the face, whose waves down "
-            f"to {measured} stand above noise: leakage may be off by factors; to keep them {remedy}"
-        )
-    noise = 1 - surface.rms_slope_measured / surface.rms_slope if surface.rms_slope else 0.0
-    if noise > _NOISE_SLOPE:
-        yield (
-            f"{noise:.0%} of the rms slope is of waves from {kept} to {measured}, which are noise or beyond the "
-            f"instrument: surface.shortest_wave = '{measured}' removes them"
-        )

@@ -25,7 +25,7 @@ from ..budget import (
     thin_gap_part,
 )
 from ..budget.estimates import error_budget
-from ..preparation.prepared import Pair, Prepared
+from ..preparation.preparation import Pair, Prepared
 from ..studies import STUDIES, Scene, StochasticResult, Study, study_of_result
 from ..studies.sampling import FEWEST_SEALS
 from ..topography import Topography

@@ -14,7 +14,7 @@ from ..budget import MODEL_PARTS, ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
 from ..face.pieces import FEWEST_POINTS
-from ..preparation.prepared import START_MEMORY, Pair, Prepared, refused_if_too_large
+from ..preparation.preparation import START_MEMORY, Pair, Prepared, refused_if_too_large
 from ..studies.study_registry import contact_tolerance
 from .budgets import budgets_of
 

@@ -10,7 +10,7 @@ from ..case.case import Case
 from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
 from ..materials import METALS
-from ..preparation.prepared import Prepared
+from ..preparation.preparation import Prepared
 from ..results.results import cycle_text
 from ..results.variables import fluid_text
 from ..studies import Scene

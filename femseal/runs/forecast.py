@@ -22,7 +22,7 @@ from ..case.case import Case
 from ..contact import Contact, HalfSpace, solve_contact
 from ..face.piece_flow import FlowSettings
 from ..flow import cell_permeability
-from ..preparation.prepared import START_MEMORY, Prepared
+from ..preparation.preparation import START_MEMORY, Prepared
 from ..refinement.budgets import CONTINUED_SCENES, coarser_grid, without_filtered_waves
 from ..refinement.refine_to_accuracy import (
     first_settings,

@@ -36,8 +36,7 @@ from ..execution.parts import Part, checked_part
 from ..execution.resuming import alone_in, over_store, writing_in
 from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map
 from ..materials import LINE_CONTACT_YIELD
-from ..preparation.preparation import prepare
-from ..preparation.prepared import Prepared
+from ..preparation.preparation import Prepared, prepare
 from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import chosen, last_version, refine_to_accuracy
 from ..report import write_again, write_folder

@@ -12,8 +12,8 @@ import pytest
 from case_fuzz import CaseFuzz, spare_files
 
 import femseal as fs
+from femseal.preparation import face as sizes
 from femseal.preparation import prepare
-from femseal.preparation import prepared as sizes
 from femseal.runs.forecast import describe, refuse_too_large
 
 #: CPU time that checking a case may take [s], and memory that it may ask for [byte].
