@@ -22,7 +22,7 @@ from ..face.piece_flow import (
 )
 from ..loads import least_counted
 from ..topography import Places
-from ..topography.places import divided
+from ..topography.combined import divided
 from .fluid_coupling import CoupledContact
 from .scene import Scene
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .combined import Overlap, combine
+    from .combined import Overlap, Places, combine, of_all_places, shortest_place
     from .conditioning import (
         MOST_POINTS,
         Conditioning,
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from .defects import SPIKES, TooManyUndefined
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
-    from .places import Places, of_all_places, shortest_place
     from .read import Look, read_for_a_look, read_measured, read_topography
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
     from .texture import Instrument, spectrum

@@ -28,9 +28,8 @@ from ..base import (
 )
 from .defects import SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
-from .spectral import SLACK
 from .texture import UNKNOWN, UNSEEN, Instrument, spectrum
-from .topography import Topography
+from .topography import SLACK, Topography
 
 #: Fractions of a face, from its highest and from its lowest points, that contact and the last open paths are made of.
 _EXTREMES = (0.01, 0.03, 0.1)

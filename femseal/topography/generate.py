@@ -13,8 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..base import InputError, Lengths, Pair, Shape, to_text, validate
-from .spectral import SLACK
-from .topography import Topography
+from .topography import SLACK, Topography
 
 #: Pixels of the coarser spacing per shortest wave, unless given: enough to resolve contact and flow.
 PIXELS_PER_WAVE = 8

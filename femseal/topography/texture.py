@@ -21,8 +21,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..base import Array
-from .spectral import SLACK
-from .topography import Topography
+from .topography import SLACK, Topography
 
 _BINS_PER_DECADE = 12
 #: A power law holds where C stays within this of it, rms, in decades, over no less than a factor of 5 in wavelength.

@@ -1,8 +1,12 @@
-"""A map of heights of a seal face, with its properties and operations.
+"""A map of heights of a seal face, with its properties and operations, and the waves that it is made of.
 
 Conventions: x1 = axis 0 = leakage direction, x2 = axis 1 = along the seal; heights are cell-centred samples,
 pixel (i, j) covers [iΔ1,(i+1)Δ1]×[jΔ2,(j+1)Δ2]; SI units.
-Symbols: z heights [m], q angular wavenumber [rad/m], Sq rms height about the mean [m], C spectral density.
+Waves: Fourier on periodic axes, even (mirror) extension on others, which for cell-centred samples is the cosine
+transform DCT-II, on the same n points. A wave of number k along a periodic axis of length L is exp(i q x), q = 2πk/L,
+k = −n/2 … n/2; along a mirror axis cos(q x), q = πk/L, k = 0 … n−1. x = 0 is the edge of the first pixel.
+Symbols: z heights (n1, n2) [m], d spacing [m], q angular wavenumber [rad/m], Sq rms height about the mean [m], C
+spectral density.
 Source of the definitions: ISO 25178-2 (Sq), Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017)
 013001 (spectral densities).
 """
@@ -14,6 +18,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from ..base import (
@@ -28,8 +33,79 @@ from ..base import (
     to_text,
     validate,
 )
-from . import spectral
 from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes, fit_form
+
+#: Relative slack on a limit of wavenumber, so that rounding does not decide on the wave exactly at the limit.
+SLACK = 1e-9
+
+
+def power(z: NDArray, periodic: Periodic) -> NDArray:
+    """Fraction (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
+    mirrored, wrapped = _axes(periodic)
+    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    c = scipy.fft.fftn(c, axes=wrapped, norm="ortho") if wrapped else c
+    return (c * c.conj()).real / z.size
+
+
+def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
+    """Wavenumbers q (n,) [rad/m] of an axis in the order of transforms; signed on a periodic axis."""
+    return 2 * np.pi * scipy.fft.fftfreq(n, d) if periodic else np.pi * np.arange(n) / (n * d)
+
+
+def wavenumber_grids(shape: Shape, spacing: Pair, periodic: Periodic) -> tuple[NDArray, NDArray]:
+    """q1 (n1, 1) and q2 (1, n2) [rad/m]."""
+    q1, q2 = (wavenumbers(*axis) for axis in zip(shape, spacing, periodic, strict=True))
+    return q1[:, None], q2[None, :]
+
+
+def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDArray:
+    """Waves of `z` with |q| <= `limit` [rad/m]."""
+    mirrored, wrapped = _axes(periodic)
+    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    # of the last periodic axis waves k >= 0 alone
+    c = scipy.fft.rfftn(c, axes=wrapped, norm="ortho") if wrapped else c
+    q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
+    c[q1[: c.shape[0]] ** 2 + q2[:, : c.shape[1]] ** 2 > (limit * (1 + SLACK)) ** 2] = 0
+    if wrapped:
+        c = scipy.fft.irfftn(
+            c, [z.shape[axis] for axis in wrapped], axes=wrapped, norm="ortho", overwrite_x=True
+        )
+    return scipy.fft.idctn(c, axes=mirrored, norm="ortho", overwrite_x=True) if mirrored else c
+
+
+def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
+    """Interpolant of `z` at the centres of `n` pixels along `axis`, without waves too short for them.
+
+    Exact for band-limited data. With m points before and n after, coefficient k turns by the phase
+    exp(iπk(1/n − 1/m)), because the first pixel centre moves from d_m/2 to d_n/2.
+    """
+    m = z.shape[axis]
+    if m == n:
+        return z
+    if not periodic:
+        return scipy.fft.idct(_fit(scipy.fft.dct(z, axis=axis), n, axis), axis=axis) * (n / m)
+    k = np.arange(min(m, n) // 2 + 1)
+    weight = np.exp(1j * np.pi * k * (1 / n - 1 / m)) * (n / m)
+    # The sampled Nyquist wave stands for a pair ±k: going up it is shared between both, going down it
+    # collects both.
+    if min(m, n) % 2 == 0:
+        weight[-1] *= 0.5 if m < n else 2.0
+    shape = [1, 1]
+    shape[axis] = k.size
+    kept = _fit(scipy.fft.rfft(z, axis=axis), k.size, axis) * weight.reshape(shape)
+    return scipy.fft.irfft(kept, n, axis=axis)
+
+
+def _axes(periodic: Periodic) -> tuple[list[int], list[int]]:
+    """Mirror axes and periodic ones."""
+    return [k for k in (0, 1) if not periodic[k]], [k for k in (0, 1) if periodic[k]]
+
+
+def _fit(c: NDArray, n: int, axis: int) -> NDArray:
+    """First `n` coefficients along `axis`, zeros behind where there are fewer."""
+    kept = np.moveaxis(c, axis, 0)[:n]
+    missing = np.zeros((n - len(kept), kept.shape[1]), c.dtype)
+    return np.moveaxis(np.concatenate((kept, missing)), 0, axis)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,8 +177,8 @@ class Topography(Plotted):
         Exact for band-limited data. An axis that is not periodic goes by the mirrored map, so a tilt counts
         fully.
         """
-        powers = spectral.power(self._defined("rms_slope"), self.periodic)
-        q1, q2 = spectral.wavenumber_grids(self.shape, self.spacing, self.periodic)
+        powers = power(self._defined("rms_slope"), self.periodic)
+        q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
         return float(np.sqrt(np.sum(q1**2 * powers))), float(np.sqrt(np.sum(q2**2 * powers)))
 
     @property
@@ -128,7 +204,7 @@ class Topography(Plotted):
         """
         limit = 2 * np.pi / validate.number("wavelength", wavelength, unit="m")
         return self.with_heights(
-            spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit)
+            truncate(self._defined("low_pass"), self.spacing, self.periodic, limit)
         )
 
     def high_pass(self, wavelength: float) -> Topography:
@@ -146,7 +222,7 @@ class Topography(Plotted):
         new = validate.grid("shape", shape)
         z = self._defined("resample")
         for axis in (0, 1):
-            z = spectral.resample_axis(z, new[axis], axis, self.periodic[axis])
+            z = resample_axis(z, new[axis], axis, self.periodic[axis])
         return Topography(z, (self.size[0] / new[0], self.size[1] / new[1]), self.periodic)
 
     def without_spikes(self, threshold: float = SPIKES) -> Topography:
@@ -275,7 +351,7 @@ class Topography(Plotted):
         q [rad/m] and C2D [m⁴], rings without waves left out.
         """
         powers = self._centred_power("radial_psd")
-        q = np.hypot(*spectral.wavenumber_grids(self.shape, self.spacing, self.periodic))
+        q = np.hypot(*wavenumber_grids(self.shape, self.spacing, self.periodic))
         # A wave along a mirror axis stands for itself and its mirror image in the plane of wave vectors.
         first, second = (
             np.where(wraps | (np.arange(n) == 0), 1.0, 2.0)
@@ -301,7 +377,7 @@ class Topography(Plotted):
 
     def _centred_power(self, purpose: str) -> Array:
         z = self._defined(purpose)
-        return spectral.power(z - z.mean(), self.periodic)
+        return power(z - z.mean(), self.periodic)
 
     def with_heights(self, heights: NDArray) -> Topography:
         """The map with other heights at the same points."""
