@@ -382,8 +382,8 @@ def check_memory_of_points(key: str, shape: tuple[int, int], places: int = 1) ->
     check_memory(key, f"{shape[0]} × {shape[1]} points{together}", prod(shape) * _POINT_BYTES)
 
 
-def check_memory(key: str, given: object, needed: float, hint: str = "") -> None:
-    """Raise InputError, which names a key and its value and ends with a hint, if so many bytes are not free."""
+def check_memory(key: str, given: object, needed: float) -> None:
+    """Raise InputError, which names a key and its value, if so many bytes are not free."""
     if needed > (free := free_memory()):
-        expected = f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about {needed / 1e9:.3g} GB{hint}"
+        expected = f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about {needed / 1e9:.3g} GB"
         raise InputError(key, given, expected)

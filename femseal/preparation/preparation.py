@@ -70,11 +70,9 @@ def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topograph
     else:
         return
     rows, columns = breadth / side1, length / side2
-    if rows > MOST_ROWS:  # refused when it is laid out
-        return
-    hint = "; is its unit of length right?" if key == "seal" else ""
-    given, tiles = f"a seal {to_text(length, 'm', 3)} long", rows * columns
-    check_memory(key, f"{given}, of {tiles:.3g} tiles", tiles * _TILE_BYTES, hint)
+    if rows <= MOST_ROWS:  # others are refused when they are laid out
+        given, tiles = f"a seal {to_text(length, 'm', 3)} long", rows * columns
+        check_memory(key, f"{given}, of {tiles:.3g} tiles", tiles * _TILE_BYTES)
 
 
 @contextmanager

@@ -188,13 +188,7 @@ def look(
 def _description(face: Topography, look: _Look) -> list[str]:
     """Numbers of the face and of what a run does to it, as far as they are known."""
     if look.report is None:
-        facts = {
-            "points": as_text(face.shape),
-            "size": as_text(face.size, "m"),
-            "pixel": as_text(face.spacing, "m"),
-            "undefined points": as_text(face.undefined_fraction, percent=True),
-        }
-        return [f"  {name:16}  {text}" for name, text in facts.items()]
+        return [f"  {name:16}  {text}" for name, text in face.facts().items()]
     lines = indent(str(look.report), "  ").splitlines()
     if look.conditioning is not None:
         done = indent(str(look.conditioning), "  ").splitlines()

@@ -173,14 +173,9 @@ class Conditioning(Labelled):
         text = f"the instrument sees no wave below {to_text(self.shortest_seen, 'm', 3)}"
         if self.unseen_slope is None:
             return f"{text}; without a power law in the spectrum only what the map has of such waves counts as removed"
-        first, last = (
-            to_text(wave, "m", 3)
-            for wave in (self.shortest_measured, self.shortest_measured / UNSEEN)
-        )
         return (
-            f"{text}; by the power law of the spectrum those from {first} to {last} have a rms slope of "
-            f"{self.unseen_slope:.3g}, beside {self.rms_slope_measured:.3g} of those measured; the error budget "
-            "counts them as removed"
+            f"{text}; by the power law of the spectrum the next decade has a rms slope of {self.unseen_slope:.3g}, "
+            f"beside {self.rms_slope_measured:.3g} of those measured; the error budget counts it as removed"
         )
 
 

@@ -37,8 +37,8 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 TEXT = (".csv", ".asc", ".txt")
 #: Memory that reading takes about, in sizes of the file: of numbers that take as many bytes as they have.
 _MEMORY_FACTOR = 3
-#: Channels that a message lists.
-_MOST_LISTED = 12
+#: Longest list of channels in a message, in characters.
+_LONGEST_LIST = 300
 #: Kinds of arrays of numbers.
 _NUMBERS = "bfiu"
 #: Words that instruments write for an undefined point, beside nan.
@@ -279,11 +279,9 @@ def read_instrument(path: Path, said: Reading) -> Raw:
             channels = list(open_topography(str(path)).channels)
     except Exception as error:
         ends = {f".{end}" for reader in readers for end in reader.file_extensions()}
-        known = sorted({*READERS, *ends})
-        which = f"not a damaged {suffix}" if suffix in known else " ".join(known)
         allowed = (
-            f"a file of one of the formats known to SurfaceTopography, {which}; "
-            "programs of instruments export .x3p too"
+            "a file of one of the formats known to SurfaceTopography, not a damaged one: "
+            f"{' '.join(sorted({*READERS, *ends}))}; programs of instruments export .x3p too"
         )
         given = f"a file without a known format ({type(error).__name__})"
         raise InputError("file", given, allowed) from error
@@ -347,11 +345,8 @@ def _pick(choices: list[Any], channel: int | str, kind: str, names: Sequence[str
 
 
 def _listed(numbers: Sequence[int], names: Sequence[str]) -> str:
-    """Numbers of channels with their names, not more than a line of them."""
-    shown = [
-        f"{n} ({shortened(names[n], 40)})" if names[n] else str(n) for n in numbers[:_MOST_LISTED]
-    ]
-    return ", ".join(shown + ["…"] * (len(numbers) > len(shown)))
+    """Numbers of channels with their names."""
+    return shortened(", ".join(f"{n} ({names[n]})" for n in numbers), _LONGEST_LIST)
 
 
 def _numbers(found: NDArray) -> NDArray:

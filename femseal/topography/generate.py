@@ -201,8 +201,7 @@ def _grooves(
     # A pass further away than this cannot be the lowest: the nearest is within pitch/2 + shift.
     off = np.abs(shift).max()
     far = np.sqrt((pitch / 2 + off) ** 2 + 2 * radius * np.ptp(drop))
-    # No further than the same groove comes again, at least as far away.
-    reach = int(min(np.ceil((far + off) / pitch), passes + np.ceil(2 * off / pitch)))
+    reach = int(np.ceil((far + off) / pitch))
     nearest = np.floor(x1[:, 0] / pitch).astype(int)
     z = np.full((x1.size, turn.size), np.inf)
     for k in range(-reach, reach + 1):

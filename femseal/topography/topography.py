@@ -272,19 +272,16 @@ class Topography(Plotted):
 
         Raises InputError: not four lengths, of no pixel, or beyond the map.
         """
-        sides = " and ".join(to_text(length, "m") for length in self.size)
-        allowed = f"x1 from, x1 to, x2 from, x2 to, each pair rising, within {sides}"
         try:
-            ends = [validate.number("crop", length, inclusive=True) for length in part]
-            begin, end = (
-                tuple(round(x / d) for x, d in zip(ends[k::2], self.spacing, strict=True))
-                for k in (0, 1)
+            begin1, end1, begin2, end2 = (
+                round(validate.number("crop", length, inclusive=True) / self.spacing[n // 2])
+                for n, length in enumerate(part)
             )
-        except (TypeError, ValueError):
+            return self.crop((end1 - begin1, end2 - begin2), (begin1, begin2))
+        except (TypeError, ValueError, IndexError):
+            sides = " and ".join(to_text(length, "m") for length in self.size)
+            allowed = f"x1 from, x1 to, x2 from, x2 to [m], each pair rising, within {sides}"
             raise InputError("crop", repr(part), allowed) from None
-        if not all(0 <= b < e <= n for b, e, n in zip(begin, end, self.shape, strict=True)):
-            raise InputError("crop", ", ".join(to_text(length, "m") for length in ends), allowed)
-        return self.crop((end[0] - begin[0], end[1] - begin[1]), (begin[0], begin[1]))
 
     def flip(self, axis: int) -> Topography:
         """Map reversed along an axis, as the upper of two faces must be before they are added."""
@@ -392,7 +389,8 @@ class Topography(Plotted):
             )
         return self.heights
 
-    def _facts(self) -> dict[str, str]:
+    def facts(self) -> dict[str, str]:
+        """Points, size, pixel and heights as text."""
         size, pixel = as_text(self.size, "m"), as_text(self.spacing, "m")
         facts = {"points": as_text(self.shape), "size": size, "pixel": pixel}
         facts["periodic"] = str(self.periodic)
@@ -401,10 +399,10 @@ class Topography(Plotted):
         return facts | {"Sq": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
 
     def _repr_html_(self) -> str:
-        return TextTable(type(self).__name__, (), tuple(self._facts().items()))._repr_html_()
+        return TextTable(type(self).__name__, (), tuple(self.facts().items()))._repr_html_()
 
     def __repr__(self) -> str:
-        return f"Topography({', '.join(f'{name} {text}' for name, text in self._facts().items())})"
+        return f"Topography({', '.join(f'{name} {text}' for name, text in self.facts().items())})"
 
 
 def _clean(heights: Any) -> Array:

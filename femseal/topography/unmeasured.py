@@ -9,7 +9,7 @@ roll-off, where the spectrum has a plateau; else Sal / 0.27, as measured on self
 which Sal is 0.25 to 0.30 where they hold 3 to 5 of them.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import exp, inf, isfinite, log1p, nan, pi, sqrt
 from typing import Any
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..base import InputError, Pair, Periodic, Shape, to_text, validate
 from .conditioning import resolved_wave, resolving_shape
 from .generate import random_waves, wave_numbers
-from .texture import ISOTROPIC, PowerLaw, spectrum, texture
+from .texture import PowerLaw, spectrum, texture
 from .topography import Topography
 
 
@@ -28,14 +28,13 @@ class Continuation:
     """Continuation of a spectrum below its power law.
 
     law : of the measured spectrum. longest, cut_off : waves that are added [m]. rms_slope : of the waves measured, to
-    `longest`. aspect_ratio, periodic : Str and borders of the map. seed : whole numbers, of the phases.
+    `longest`. periodic : borders of the map. seed : whole numbers, of the phases.
     """
 
     law: PowerLaw
     longest: float
     cut_off: float
     rms_slope: float
-    aspect_ratio: float
     periodic: Periodic
     seed: tuple[int, ...]
 
@@ -100,8 +99,6 @@ class Continuation:
             f"q^({-2 - 2 * law.hurst:.2f} ± {2 * law.hurst_error:.2f}) fitted from {wave(law.longest, 'm', 3)} to "
             f"{wave(law.shortest, 'm', 3)}; rms slope {self.rms_slope:.3g} of the measured, "
             f"{self.slope_to(self.cut_off):.3g} of all waves"
-        ) + (
-            "; the face has a lay, these waves have none" if self.aspect_ratio <= ISOTROPIC else ""
         )
 
 
@@ -127,8 +124,7 @@ def continuation_of(
         expected = f"less than {to_text(first, 'm', 3)}: longer waves are measured"
         raise InputError("continue_spectrum", to_text(shortest, "m"), expected)
     seeds = tuple(int(n) for n in np.atleast_1d(rng))
-    slope, lay = flat.low_pass(first).rms_slope, texture(flat).aspect_ratio
-    return Continuation(law, first, shortest, slope, lay, flat.periodic, seeds)
+    return Continuation(law, first, shortest, flat.low_pass(first).rms_slope, flat.periodic, seeds)
 
 
 def continue_spectrum(
@@ -195,7 +191,6 @@ class Representative:
     rises : whether the spectrum rises up to the side of the patch, so that longer waves are to be expected.
     octave, density : middle of the octave of longest waves [m], and C there [m⁴]. hurst : H from that octave and the
         one below, by which the spectrum goes on to longer waves where it rises, 0 to 1.
-    places : of which this is the one that holds fewest waves.
     """
 
     longest: float
@@ -205,7 +200,6 @@ class Representative:
     octave: float
     density: float
     hurst: float
-    places: int = 1
 
     @property
     def is_enough(self) -> bool:
@@ -213,36 +207,27 @@ class Representative:
         return not min(self.waves) < LEAST_WAVES and not self.rises
 
     def __str__(self) -> str:
-        which = (
-            "the patch holds" if self.places == 1 else f"the least of {self.places} places holds"
-        )
         across, along = self.waves
-        origin = (
-            "where its spectrum rolls off" if self.roll_off else "by its autocorrelation length"
-        )
-        text = f"{which} {across:.2g} × {along:.2g} of its long waves of {to_text(self.longest, 'm', 3)}, {origin}"
+        rises = "; its spectrum rises up to its side, and longer waves are not in it"
         return (
-            f"{text}; its spectrum rises up to its side, and longer waves are not in it"
-            if self.rises
-            else text
+            f"the patch holds {across:.2g} × {along:.2g} of its long waves of "
+            f"{to_text(self.longest, 'm', 3)}{rises if self.rises else ''}"
         )
 
     @property
     def doubts(self) -> list[str]:
         """A sentence where another patch may leak otherwise."""
-        scatter = ""
-        if min(self.waves) < LEAST_WAVES:
-            scatter = f"others leak more or less, by a factor of about 2 with {LEAST_WAVES} waves and 1.3 with 8: "
-        return (
-            [] if self.is_enough else [f"{self}; {scatter}measure a larger patch or several places"]
+        advice = (
+            f"others leak more or less, by a factor of about 2 with {LEAST_WAVES} waves and 1.3 with 8: "
+            "measure a larger patch or several places"
         )
+        return [] if self.is_enough else [f"{self}; {advice}"]
 
 
 def representative(patch: Topography) -> Representative:
     """Longest waves of a flat patch without undefined points; of several places those of the one that holds fewest."""
     if len(patch.each) > 1:
-        least = min(map(representative, patch.each), key=lambda found: min(found.waves))
-        return replace(least, places=len(patch.each))
+        return min(map(representative, patch.each), key=lambda found: min(found.waves))
     law = spectrum(patch).law
     roll_off = law.roll_off if law and isfinite(law.roll_off) else None
     longest = roll_off or texture(patch).correlation_length / _SAL_OF_WAVE
