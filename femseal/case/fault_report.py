@@ -13,7 +13,6 @@ from ..base.errors import MISSING
 from .template import as_toml, example, keys_of, kind_of, table_to_paste, tables_in
 from .values import Table
 
-_UNKNOWN, _NOTHING, _MEANT = "an unknown key", "nothing", "; perhaps meant: "
 #: Longest key of a user in a message, in characters.
 _LONGEST_KEY = 40
 #: Keys that are gone, and what does now what they did.
@@ -64,13 +63,7 @@ def case_faults(case: type[Table], error: ValidationError) -> list[InputError]:
     """The faults in a case that was given to the model."""
     # pydantic also reports a list with faulty items as too short
     faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
-    found = {str(one): one for one in (_fault(case, each) for each in faults)}.values()
-    # a key that is written wrong is not missing too
-    unknown = (one for one in found if one.given == _UNKNOWN)
-    meant = {
-        ".".join([*one.what.split(".")[:-1], one.expected.rpartition(_MEANT)[2]]) for one in unknown
-    }
-    return [one for one in found if one.given != _NOTHING or one.what not in meant]
+    return list({str(one): one for one in (_fault(case, each) for each in faults)}.values())
 
 
 def _fault(case: type[Table], error: dict[str, Any]) -> InputError:
@@ -84,7 +77,7 @@ def _fault(case: type[Table], error: dict[str, Any]) -> InputError:
     if kind == "extra_forbidden":
         if key in REMOVED:
             return InputError(key, shown(given), REMOVED[key])
-        return InputError(key, _UNKNOWN, _known(case, place, tables[0]))
+        return InputError(key, "an unknown key", _known(case, place, tables[0]))
     if kind.startswith("union_tag"):
         given = given.get("kind") if isinstance(given, dict) else given
         expected = f"one of {', '.join(repr(kind_of(table)) for table in tables)}"
@@ -102,7 +95,7 @@ def _missing(case: type[Table], place: list[str], table: type[Table]) -> InputEr
     field = table.model_fields.get(place[-1])
     value = "" if field is None else example(field)
     such = f", such as {place[-1]} = {as_toml(value)}" if value != "" else ""
-    return InputError(key, _NOTHING, f"a value for this key{such}")
+    return InputError(key, "nothing", f"a value for this key{such}")
 
 
 def _known(case: type[Table], place: list[str], table: type[Table]) -> str:
@@ -121,7 +114,7 @@ def _known(case: type[Table], place: list[str], table: type[Table]) -> str:
         if any(key in one.model_fields for one in tables_in(field))
     ]
     near += get_close_matches(key, known, 1)
-    return f"{keys}{_MEANT}{near[0]}" if near else keys
+    return f"{keys}; perhaps meant: {near[0]}" if near else keys
 
 
 def _place(case: type[Table], loc: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:

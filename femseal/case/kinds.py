@@ -213,12 +213,9 @@ def overriding(
         if value > 0 and not 1 / _ODD_RATIO <= (ratio := value / known[name]) <= _ODD_RATIO:
             unit = units[name].replace("*", "·")
             times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
-            # machining hardens a soft metal
-            measured = "right if it was measured, else leave out the key"
-            advice = measured if name == "hardness" else "leave out the key, or the name"
             yield (
                 f"{place}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
-                f"{to_text(known[name], unit)}: {advice}"
+                f"{to_text(known[name], unit)}: right if it was measured, else leave out the key, or the name"
             )
 
 

@@ -201,11 +201,8 @@ class LoadTable(Table):
     @model_validator(mode="after")
     def _programme(self) -> LoadTable:
         """Raise a fault if the loads are no programme: they rise, and are unloaded from peaks that they reach."""
-        peaks = self.peaks
-        stops = len(self.unloading) + (len(peaks) if self.relaxation else 0)
-        steps = len(self.loading) + len(peaks) * (1 + stops)
-        if steps > _MOST_STEPS:
-            raise fault("load", f"{steps} steps", f"at most {_MOST_STEPS} steps")
+        if self.steps > _MOST_STEPS:
+            raise fault("load", f"{self.steps} steps", f"at most {_MOST_STEPS} steps")
         with faults_of("load"):
             LoadProgramme.of(**self.pressures(1.0, 1.0))
         return self
@@ -226,6 +223,12 @@ class LoadTable(Table):
         return self.unload_from or (
             tuple(p for p in self.loading if p > 0) if self.relaxation else ()
         )
+
+    @property
+    def steps(self) -> int:
+        """Number of load steps, at most."""
+        stops = len(self.unloading) + (len(self.peaks) if self.relaxation else 0)
+        return len(self.loading) + len(self.peaks) * (1 + stops)
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from .faults import INTERNAL
-from .values import Quantity, Table
+from .values import Quantity, Table, parts
 
 _HEAD = """\
 # A femseal case. Quantities are text with their unit; lines that start with # are optional and show the default
@@ -84,13 +84,6 @@ def example(field: FieldInfo) -> Any:
     if field.is_required():
         return next(iter(choices(field)), "")
     return "" if field.default is None else field.default
-
-
-def parts(annotation: Any) -> Iterator[Any]:
-    """What an annotation is made of, itself first."""
-    yield annotation
-    for inner in () if get_origin(annotation) is Literal else get_args(annotation):
-        yield from parts(inner)
 
 
 def choices(field: FieldInfo) -> list[Any]:

@@ -10,14 +10,12 @@ from dataclasses import MISSING, dataclass, fields
 from functools import reduce
 from operator import or_
 from pathlib import Path
-from types import UnionType
 from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
     ClassVar,
     Literal,
-    Union,
     get_args,
     get_origin,
     get_type_hints,
@@ -153,7 +151,8 @@ class Quantity:
 class Usual:
     """Annotation of a quantity: the range in SI out of which a value is possible, but may be a slip of its unit.
 
-    The last one counts, so that a key may have another one than its kind. Of a kind with several units, each has one.
+    The last one counts, so that a key may have another one than its kind. Of a kind with several units, each has one;
+    numbers of a key with several that do not say theirs have none.
     """
 
     low: float
@@ -350,41 +349,35 @@ class MadeTable(Table):
 def unusual(table: Table, place: str = "") -> Iterator[str]:
     """A sentence for each key of a table, and of those in it, with a value out of its `Usual` range; 0 is in any."""
     for name, info in type(table).model_fields.items():
-        value, key = getattr(table, name), f"{place}.{name}".lstrip(".")
-        tables = [
-            one
-            for one in (value if isinstance(value, tuple) else (value,))
-            if isinstance(one, Table)
-        ]
+        values, key = list(_single(getattr(table, name))), f"{place}.{name}".lstrip(".")
+        tables = [one for one in values if isinstance(one, Table)]
         for n, one in enumerate(tables):
             yield from unusual(one, f"{key}.{n}" if len(tables) > 1 else key)
-        odd = list(_out_of_range(Annotated[(info.annotation, *info.metadata, "")], value))
+        said = (*parts(info.annotation), *info.metadata)
+        usual: dict[Any, Usual] = {one.unit: one for one in said if isinstance(one, Usual)}
+        only = next(iter(usual)) if len(usual) == 1 else None
+        known = [(one, usual.get(getattr(one, "unit", only))) for one in values]
+        odd = [(one, of) for one, of in known if of and one and not of.low <= one <= of.high]
         more = f" (and {len(odd) - 1} more)" if len(odd) > 1 else ""
-        for number, ends in odd[:1]:
-            yield f"{key} {number}{more} is not in the usual range, {ends}: is its unit meant?"
+        for number, of in odd[:1]:
+            given, *ends = (with_its_unit(x, of.unit) for x in (number, of.low, of.high))
+            yield f"{key} {given}{more} is not in the usual range, {' to '.join(ends)}: is its unit meant?"
 
 
-def _out_of_range(kind: Any, value: Any) -> Iterator[tuple[str, str]]:
-    """Each number in a value of a kind that is out of its range, and the range, as text."""
-    origin, args = get_origin(kind), get_args(kind)
-    if ranges := [m for m in getattr(kind, "__metadata__", ()) if isinstance(m, Usual)]:
-        for one in value if isinstance(value, tuple) else (value,):
-            usual = next((u for u in ranges if u.unit == getattr(one, "unit", None)), ranges[-1])
-            if one and not usual.low <= one <= usual.high:
-                ends = " to ".join(
-                    with_its_unit(end, usual.unit) for end in (usual.low, usual.high)
-                )
-                yield with_its_unit(one, usual.unit), ends
-    elif origin is Annotated:
-        yield from _out_of_range(args[0], value)
-    elif origin in (Union, UnionType):
-        for each in args:
-            yield from _out_of_range(each, value)
-    elif origin is tuple and isinstance(value, tuple):
-        for each, one in zip(
-            args[:1] * len(value) if Ellipsis in args else args, value, strict=True
-        ):
-            yield from _out_of_range(each, one)
+def _single(value: Any) -> Iterator[Any]:
+    """The values in tuples of them."""
+    if isinstance(value, tuple):
+        for one in value:
+            yield from _single(one)
+    else:
+        yield value
+
+
+def parts(annotation: Any) -> Iterator[Any]:
+    """What an annotation is made of, itself first."""
+    yield annotation
+    for inner in () if get_origin(annotation) is Literal else get_args(annotation):
+        yield from parts(inner)
 
 
 def table_of_any(

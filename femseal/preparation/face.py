@@ -323,14 +323,10 @@ def wound_layout(case: Case) -> Layout:
     if not isinstance(layout, RectangularLayout | AnnularLayout):
         return layout
     lay = layout.lay
-    pitches = [
-        face.pitch
-        for face in case.face
-        if isinstance(face, TurnedFace) and face.pitch < face.size[0]
-    ]
-    is_given = "lay" in case.seal.model_fields_set
-    if len(case.face) == len(pitches) == 1 and circumference is not None and not is_given:
-        lay = Lay(name="spiral", lead=pitches[0])
+    face, *others = case.face
+    may_wind = not (others or circumference is None or "lay" in case.seal.model_fields_set)
+    if may_wind and isinstance(face, TurnedFace) and face.pitch < face.size[0]:
+        lay = Lay(name="spiral", lead=face.pitch)
     if lay.name == "spiral" and isinstance(layout, RectangularLayout) and lay.circumference is None:
         lay = replace(lay, circumference=circumference)
     return replace(layout, lay=lay)

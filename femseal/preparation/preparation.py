@@ -303,8 +303,8 @@ def _seals(
     sampling = Sampling(length, table.realisations, seed=case.seed, breadth=table.breadth)
     check_memory_of_tiles(layout, sampling, surface)
     if table.realisations is not None:
-        steps = len(case.load.loading) + len(case.load.peaks) * (1 + len(case.load.unloading))
-        check_memory("stochastic.realisations", table.realisations, 16 * steps * table.realisations)
+        needed = 16 * case.load.steps * table.realisations
+        check_memory("stochastic.realisations", table.realisations, needed)
     with with_tables(SEAL_TABLES):
         cut, tiles = laid_out(surface, layout, cells, sampling)
     broader = not tiles.in_place or bool(case.seal.form)

@@ -253,10 +253,9 @@ def case_of_face(
         questions += [text for text in texts if "shortest_wave" not in text]
         questions += [text for one in found.patch for text in one.doubts]
         measured, kept = found.report.shortest_wave, found.conditioning.shortest_wave
-        text, why = to_text(max(measured, kept), "m", 3), "the shortest one above noise"
-        if text != (shortest := to_text(measured, "m", 3)):
-            why = f"8 pixels of the grid of a run; waves down to {shortest} stand above noise"
-        surface = ["", "[surface]", f'shortest_wave = "{text}"  # {why}']
+        wave = to_text(max(measured, kept), "m", 3)
+        why = "the shortest one above noise, of 8 pixels or more"
+        surface = ["", "[surface]", f'shortest_wave = "{wave}"  # {why}']
     lines += [f"# ? {question}" for question in questions] + surface
     for table, question in _OPEN.items():
         lines += ["", f"# ? {question}", *table_to_paste(Case, table).splitlines()]

@@ -236,21 +236,20 @@ def smooth(
     flat: Topography,
     repaired: Repair,
     *,
-    shortest_wave: float | None = None,
-    shape: Shape | None = None,
-    instrument: Instrument = UNKNOWN,
+    shortest_wave: float | None,
+    shape: Shape,
+    instrument: Instrument,
 ) -> tuple[Topography, Conditioning]:
     """Low-pass and resample what `repair` returned; other arguments, results and errors are those of `condition`."""
-    final = flat.shape if shape is None else shape
     waves, seen = spectrum(flat), instrument.shortest_wave(flat)
     # without a law what the map shows of waves that are not seen is the least that is there
     measured = max(waves.shortest_wave, seen if waves.law else 0.0)
     unseen = (
         sqrt(waves.law.slope_power(measured, measured / UNSEEN)) if waves.law and seen else None
     )
-    wave = default_wave(flat, final, instrument) if shortest_wave is None else shortest_wave
-    shortest = check_wave(wave, flat.size, final)
-    kept = flat.low_pass(shortest).resample(final)
+    wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
+    shortest = check_wave(wave, flat.size, shape)
+    kept = flat.low_pass(shortest).resample(shape)
     tilt1, tilt2 = repaired.form.slopes
     return kept, Conditioning(
         undefined_fraction=repaired.undefined_fraction,
@@ -274,7 +273,7 @@ def smooth(
     )
 
 
-def default_wave(flat: Topography, shape: Shape, instrument: Instrument = UNKNOWN) -> float:
+def default_wave(flat: Topography, shape: Shape, instrument: Instrument) -> float:
     """Shortest wave that is kept on a grid unless given [m], see `condition`.
 
     A longer one than 8 pixels of the map would be a guess where the instrument is not known: noise is removed on demand
