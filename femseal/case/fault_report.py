@@ -16,21 +16,16 @@ from .values import Table
 #: Longest key of a user in a message, in characters.
 _LONGEST_KEY = 40
 #: Keys that are gone, and what does now what they did.
-_IN_WHOLE_FACE = (
-    "none: removed; pieces lie in the contact of the whole face, each at its own pressure"
-)
-_BY_BAND = "none: removed; seals are drawn until the band of error has no more from their number"
-_PIECES = "none: removed; seals are drawn from all pieces of the face, see [cells]"
 REMOVED = {
     "load.interpolate": "none: removed; every load is solved, so give fewer loads where the leakage changes little",
     "cells.flow": "none: removed; the flow of a face is always at full resolution",
     "cells.contact": "none: removed; the contact is always that of the whole face",
     "flow.discretisation": "none: removed; the flow of a grid always takes the gap at the midpoints of edges",
-    "stochastic.pressure": _IN_WHOLE_FACE,
+    "stochastic.pressure": "none: removed; pieces lie in the contact of the whole face, each at its own pressure",
     "stochastic.sampler": "none: removed; each tile of the seal draws a piece, in its row where that is known",
     "stochastic.library": "none: removed; the states of a face are kept with the run",
-    "stochastic.library_cells": _PIECES,
-    "stochastic.width": _BY_BAND,
+    "stochastic.library_cells": "none: removed; seals are drawn from all pieces of the face, see [cells]",
+    "stochastic.width": "none: removed; seals are drawn until the band of error has no more from their number",
     "stochastic.bounds": "none: removed; the band of error stands beside the leakage, see output.budget",
     "surface.filter_sensitivity": 'none: removed; the row "filter" of the budget says what the filter may change',
     "stochastic.profile": 'map = { kind = "profile", fractions = [...] } in the table load, in its place',

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf, prod
-from typing import Any
 
 import numpy as np
 
@@ -81,11 +80,8 @@ def conditioned_face(case: Case) -> ConditionedFace:
     if len(flat_places) > 1:
         with with_keys({"places": "face.places"}):
             flat = Places([face for face, _ in flat_places])
-    one, cut_off, asked = (
-        shortest_place(flat),
-        case.surface.continue_spectrum,
-        case.surface.shortest_wave,
-    )
+    one, cut_off = shortest_place(flat), case.surface.continue_spectrum
+    asked = case.surface.shortest_wave
     continued = None
     if cut_off is not None:
         longest = asked or instrument.resolution
@@ -103,7 +99,12 @@ def conditioned_face(case: Case) -> ConditionedFace:
     if pieces is not None:
         Cut.of(shortest_place(surface), pieces)  # refuses pieces of too few points
         pieces = of_all_places(flat, pieces)
-    report = _of_generated(case, flat, replace(report, **_found(parts, wave)))
+    report = replace(
+        _of_generated(case, flat, report),
+        undefined_fraction=sum(r.undefined_fraction for _, r in parts) / len(parts),
+        spike_points=sum(r.spike_points for _, r in parts),
+        spikes_extreme=max(spikes_extreme(face, r.removed, wave) for face, r in parts),
+    )
     if continued is not None:
         surface = continued.added_to(surface)
         report = replace(
@@ -171,15 +172,6 @@ def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditi
         return report
     slope = flat.low_pass(min(made)).rms_slope
     return replace(report, shortest_measured=min(made), rms_slope_measured=slope)
-
-
-def _found(parts: Repaired, wavelength: float) -> dict[str, Any]:
-    """What the report says of maps that were repaired by themselves."""
-    return {
-        "undefined_fraction": sum(r.undefined_fraction for _, r in parts) / len(parts),
-        "spike_points": sum(r.spike_points for _, r in parts),
-        "spikes_extreme": max(spikes_extreme(face, r.removed, wavelength) for face, r in parts),
-    }
 
 
 def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:

@@ -265,12 +265,8 @@ def _cut_off(cut_off: float | None, spacing: Pair, size: Pair) -> float:
             "cut_off", to_text(given, "m"), f"a wavelength >= 2 pixels = {to_text(shortest, 'm')}"
         )
     if given >= max(size) * (1 - SLACK):
-        origin = "" if cut_off is not None else f" = {PIXELS_PER_WAVE} pixels, as none is given"
-        raise InputError(
-            "cut_off",
-            to_text(given, "m") + origin,
-            f"a wavelength < the larger side = {to_text(max(size), 'm')}",
-        )
+        expected = f"a wavelength < the larger side = {to_text(max(size), 'm')}"
+        raise InputError("cut_off", to_text(given, "m"), expected)
     return given
 
 

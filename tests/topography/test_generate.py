@@ -77,10 +77,7 @@ def test_isotropic_on_pixels_that_are_not_square():
         ({"rms_height": -1e-7}, "rms_height: given -1e-07"),
         ({"cut_off": 1e-6}, "cut_off: given 1 µm, expected a wavelength >= 2 pixels"),
         ({"cut_off": 2e-3}, "cut_off: given 2 mm, expected a wavelength < the larger side = 1 mm"),
-        (
-            {"shape": (4, 4)},
-            "cut_off: given 2 mm = 8 pixels, as none is given, expected a wavelength < the larger",
-        ),
+        ({"shape": (4, 4)}, "cut_off: given 2 mm, expected a wavelength < the larger side = 1 mm"),
         ({"roll_off": 1e-5}, "roll_off: given 10 µm, expected a wavelength > cut_off"),
         ({"shape": (0, 4)}, "shape: given"),
         ({"size": (1e-3, -1.0)}, "size: given"),
