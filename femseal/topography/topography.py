@@ -280,8 +280,8 @@ class Topography(Plotted):
             return self.crop((end1 - begin1, end2 - begin2), (begin1, begin2))
         except (TypeError, ValueError, IndexError):
             sides = " and ".join(to_text(length, "m") for length in self.size)
-            allowed = f"x1 from, x1 to, x2 from, x2 to [m], each pair rising, within {sides}"
-            raise InputError("crop", repr(part), allowed) from None
+            allowed = f"x1 from, x1 to, x2 from, x2 to, each pair rising, within {sides}"
+            raise InputError("crop", f"{part} m", allowed) from None
 
     def flip(self, axis: int) -> Topography:
         """Map reversed along an axis, as the upper of two faces must be before they are added."""
