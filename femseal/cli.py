@@ -18,7 +18,7 @@ import typer
 from .base import FemsealError, InputError, PartsMissing, shortened, writing
 from .base.lazy_package import loading
 from .commands import Resume, calibrate, compare, design, sweep
-from .execution.parts import parsed_part
+from .execution.resuming import parsed_part
 from .execution.terminal import (
     CasePath,
     PartOption,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .base import FemsealError
-from .execution.parts import parsed_part
+from .execution.resuming import parsed_part
 from .execution.run import Progress
 from .execution.terminal import (
     CasePath,

@@ -38,25 +38,12 @@ _FACTORS = np.transpose(
 )
 
 
-def _formula(inverse_knudsen: ArrayLike) -> tuple[Array, ...]:
-    """D, its factors, and of free molecules 1 and ln D, else 0."""
-    d = np.maximum(reals(inverse_knudsen), _LEAST)
-    factors = _FACTORS[:, np.digitize(d, (FREE_MOLECULAR, TRANSITION, SLIP))]
-    free = d < FREE_MOLECULAR
-    return d, *factors, free, np.log(np.where(free, d, 1.0))
-
-
 def flow_rate(inverse_knudsen: ArrayLike) -> Array:
     """Q(D), the flow rate of a gas between plates over h²/√(2R_sT) times the pressure gradient.
 
     inverse_knudsen : D >= 0, √π/2 over the ratio of mean free path and gap. Below 1e-30 it is taken for 1e-30.
     """
-    d, a, b, c, e, _, ln = _formula(inverse_knudsen)
+    d = np.maximum(reals(inverse_knudsen), _LEAST)
+    a, b, c, e = _FACTORS[:, np.digitize(d, (FREE_MOLECULAR, TRANSITION, SLIP))]
+    ln = np.log(np.where(d < FREE_MOLECULAR, d, 1.0))
     return np.asarray(a * d + b + c / d + e / d**2 - ln / sqrt(pi) + _EXCESS * d * ln**2)
-
-
-def flow_rate_exponent(inverse_knudsen: ArrayLike) -> Array:
-    """d ln Q/d ln D of `flow_rate`, formula by formula; it rises to 1 of a viscous gas."""
-    d, a, _, c, e, free, ln = _formula(inverse_knudsen)
-    slope = a * d - c / d - 2 * e / d**2 - free / sqrt(pi) + _EXCESS * d * (ln + 2) * ln
-    return np.asarray(slope / flow_rate(d))

@@ -46,10 +46,6 @@ class DenseGasSlip(FukuiKaneko):
         """D = h ρ √(2R_sT)/2η."""
         return 0.5 * self.speed * reals(gap) * self.gas.slope(pressure)
 
-    def pressure_derivative(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """By central differences."""
-        return FlowLaw.pressure_derivative(self, gap, pressure)
-
 
 def temperature_of_gas(**more: Any) -> Any:
     """The parameter `temperature` of a gas; more : as `parameter` takes it."""

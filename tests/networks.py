@@ -6,7 +6,7 @@ import numpy as np
 from skfem import MeshQuad
 
 from femseal.flow import Stencil, solve_flow
-from femseal.flow.edge_flow import cell_stencil
+from femseal.flow.cell import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
 from femseal.flow.mesh import darcy_conductance

@@ -29,8 +29,7 @@ from ..base import (
 )
 from ..base.leak_rates import LeakUnit
 from ..case.case import Case, load_case, read_case
-from ..execution.parts import Part
-from ..execution.resuming import over_store, writing_in
+from ..execution.resuming import Part, over_store, writing_in
 from ..execution.run import Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import prepare
 from ..runs import job

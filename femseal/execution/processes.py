@@ -22,7 +22,7 @@ import numpy as np
 import psutil
 
 from ..base import FemsealError, Mapper, Stage, free_memory
-from ..base.shared_array import sharing
+from ..base.arrays import sharing
 from ..base.threads import using
 
 log = logging.getLogger("femseal.execution.processes")

@@ -6,12 +6,12 @@ from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from .cell import Permeability, cell_permeability
-    from .constriction import Constriction, critical_constriction
+    from .grid import Stencil
     from .law import CubicLaw, FlowLaw, FukuiKaneko, SlipLength
+    from .percolation import Constriction, critical_constriction
     from .solution import SOLVERS, DarcyFlow
     from .solvers.choice import solve_flow
     from .spiral import Spiral
-    from .stencil import Stencil
     from .tensor import permeability_tensor
 else:
     __getattr__, __dir__ = lazy(__name__)

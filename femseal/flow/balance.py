@@ -12,8 +12,8 @@ import numpy as np
 
 from ..base.arrays import Array
 from ..base.compiled import compiled, inner
+from .grid import Stencil
 from .percolation import union
-from .stencil import Stencil
 
 
 def balanced_link_fluxes(

@@ -11,13 +11,11 @@ from skfem import ElementQuadRT0
 
 from ..base import Array
 from . import forms
-from .assembly import Sample, assemble_on_links, elemental
 from .balance import balanced_link_fluxes
-from .grid import Grid
+from .grid import Grid, Sample, Stencil, assemble_on_links, elemental
 from .law import cubic_law
 from .solution import FIELD_RTOL
 from .solvers.choice import solve_flow
-from .stencil import Stencil
 
 #: What the upper bound may exceed the least energy by, relative to it.
 _RTOL = 1e-9

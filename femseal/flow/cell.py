@@ -12,23 +12,47 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base import Lengths, Shown, validate
+from ..base import Array, Lengths, Shown, validate
+from ..base.compiled import compiled
 from ..base.threads import number, over, rows, using
-from .assembly import edge_weights
 from .bounds import pixel_bounds
-from .coefficient import unit_spacing, validated_cell
-from .edge_flow import cell_stencil, edge_conductances, edge_flow
-from .grid import Grid
+from .coefficient import links_of_rows, unit_spacing, validated_cell
+from .grid import EdgeWeights, Grid, Stencil, edge_weights, weighted
 from .law import CUBIC_LAW, FlowLaw, gap_by_law
+from .percolation import ready
 from .solution import DarcyFlow, check_solver
-
-Array = NDArray[np.float64]
-
+from .solvers.choice import solve_ready
 
 #: Pixels from which conductances are in single precision, as memory is what limits such faces. Those err by 6e-8, and
 #: the flow by no more (Rayleigh's principle), unless it is so small beside the widest link that links at the end of
 #: single precision may carry it: then, and where smaller errors are asked for, they are in double precision.
 SINGLE_NODES, _SINGLE_RTOL, _SINGLE_FLOW = 3000**2, 1e-6, 1e-28
+
+
+def edge_conductances(
+    gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any = np.float64
+) -> tuple[Array, Array]:
+    """Conductances along and across of a gap at the pixels of a cell, with the `edge_weights` of its grid."""
+    n1, n2 = gap.shape
+    along, across = np.empty((n1 + 1, n2), dtype), np.empty((n1, n2 if ring2 else n2 - 1), dtype)
+    over(rows(n1, n2), _conductances, gap, ring2, *weights, along, across)
+    return along, across
+
+
+@compiled()
+def _conductances(
+    first, end, gap, ring2, rows1, columns1, kinds1, rows2, columns2, kinds2, along, across
+):
+    """Write `edge_conductances` of some rows, with the last one those to the outlet."""
+    links_of_rows(first, end, gap, False, ring2, True, along, across)
+    weighted(first, end + 1 if end == gap.shape[0] else end, along, rows1, columns1, kinds1, along)
+    weighted(first, end, across, rows2, columns2, kinds2, across)
+
+
+def cell_stencil(gap: Array, grid: Grid) -> Stencil:
+    """Operator of the flow through a cell on a grid of nodes at its pixels, from the gap [m] (n1, n2) there."""
+    along, across = edge_conductances(gap, grid.ring2, edge_weights(grid))
+    return Stencil(along, across, ring2=grid.ring2)
 
 
 @dataclass(frozen=True, repr=False)
@@ -185,7 +209,9 @@ def cell_flow(
         grid = Grid.of_pixel_centres(h.shape, (d1, d2), sides)
         links = edge_conductances(h, grid.ring2, edge_weights(grid), precision)
         del h  # large faces need its memory
-        flow = edge_flow(*links, grid.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+        flow = solve_ready(
+            *ready(*links), links, grid.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol
+        )
         if flow.conductance > _SINGLE_FLOW:
             break
     return CellFlow(scale**3 * (shape[0] * d1) / (shape[1] * d2), flow)

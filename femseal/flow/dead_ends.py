@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Flags
 from ..base.compiled import compiled, inner
-from .stencil import Stencil
+from .grid import Stencil
 
 Indices = NDArray[np.int32]
 #: Links of a node, in the order in which they are tried: along a row first, as its nodes are neighbours in memory. The

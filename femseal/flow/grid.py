@@ -1,14 +1,26 @@
-"""Structured grids of nodes: coordinates of their lines, and the degrees of freedom of each line."""
+"""Structured grids of nodes, and the operator of the flow on them: from the weak form to conductances of neighbours.
+
+scikit-fem evaluates the form on the unit square, once for each sample of the coefficient: `elemental`. All elements of
+a grid are stretched unit squares, so that these few local matrices, weighted with the coefficient and the stretch, are
+summed to a `Stencil`. It equals scikit-fem's own assembly of the whole mesh, which takes longer than the solver.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 
-from ..base.arrays import Array, Indices
+from ..base import Array, Indices, InputError
+from ..base.compiled import compiled
+from ..base.threads import over, rows
+from . import forms
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,3 +119,285 @@ def _ring(n: int, spacing: float) -> tuple[Array, Indices]:
 def _ring_last(lines1: Array, n2: int, width: float) -> tuple[Array, Indices, Indices]:
     lines2, columns = _ring(n2, width)
     return lines2, np.arange(lines1.size), columns
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Conductances of neighbouring nodes: minus the entries of a symmetric matrix with zero row sums, in any one unit.
+
+    A conductance c > 0 is that of a link between two nodes, so that a stencil, of five points, is a network of links.
+
+    along (n1, n2) : nodes (i, j) and (i + 1, j) of n1 + 1 rows. Row 0 is the inlet, row n1 the outlet; in a `ring1`
+        the rows form a ring, row n1 being row 0.
+    across (n1 − 1, m2) : nodes (i, j) and (i, j + 1) of rows 1 … n1 − 1 (in a `ring1` of all n1 rows); m2 is n2 if the
+        columns form a ring (`ring2`), else n2 − 1. Nodes of one end have one pressure: their conductances drop out.
+    """
+
+    along: Array
+    across: Array
+    ring2: bool = True
+    ring1: bool = False
+
+    @classmethod
+    def network(cls, along: ArrayLike, across: ArrayLike, *, ring: bool = True) -> Stencil:
+        """A network of links of given conductances, checked.
+
+        along (n1, n2), across (n1 − 1, n2) : conductances >= 0; across has n2 − 1 columns if these form no `ring`.
+
+        Raises InputError: shapes that do not match, conductances that are negative or not finite.
+        """
+        try:
+            if np.iscomplexobj(along) or np.iscomplexobj(across):
+                raise TypeError
+            c1, c2 = (np.ascontiguousarray(c, dtype=float) for c in (along, across))
+        except (TypeError, ValueError):
+            raise InputError(
+                "along, across",
+                "no arrays of real numbers",
+                "arrays of shapes (n1, n2) and (n1 - 1, n2)",
+            ) from None
+        if c1.ndim != 2 or c1.size == 0:
+            raise InputError("along", f"shape {c1.shape}", "a shape (n1, n2)")
+        expected = (c1.shape[0] - 1, c1.shape[1] - (not ring))
+        if c2.shape != expected:
+            raise InputError("across", f"shape {c2.shape}", f"shape {expected}")
+        for name, c in (("along", c1), ("across", c2)):
+            if not (np.isfinite(c).all() and c.min(initial=0.0) >= 0):
+                raise InputError(name, "negative or undefined values", "finite conductances >= 0")
+        if ring and c1.shape[1] == 1:  # the only node of a row is not its own neighbour
+            c2 = np.zeros_like(c2)
+        return cls(c1, c2, ring2=ring)
+
+    @property
+    def nodes(self) -> tuple[int, int]:
+        """Rows and columns of nodes, the ends among the rows."""
+        n1, n2 = self.along.shape
+        return (n1 if self.ring1 else n1 + 1), n2
+
+    def conductances(
+        self,
+    ) -> Iterator[tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[int, int]]]:
+        """Arrays of conductances, numbers (row · n2 + column) of their two nodes, and steps from one to the other."""
+        rows, n2 = self.nodes
+        node = np.arange(rows * n2).reshape(rows, n2)
+        below = np.roll(node, -1, axis=0) if self.ring1 else node[1:]
+        here = node if self.ring1 else node[:-1]
+        inner = node if self.ring1 else node[1:-1]
+        m2 = self.across.shape[1]
+
+        yield self.along, here, below, (1, 0)
+        yield self.across, inner[:, :m2], np.roll(inner, -1, axis=1)[:, :m2], (0, 1)
+
+    def energy(self, pressure: Array) -> float:
+        """Σ c (Δp)² over all conductances for a pressure at the nodes, from differences, so that nothing cancels.
+
+        Rows must not form a ring.
+        """
+        return float(
+            sum(over(rows(*self.along.shape), energy_of, self.along, self.across, pressure))
+        )
+
+    def dissipation(self, potential: Array) -> tuple[Array, Array]:
+        """Dissipation c (Δφ)² of the conductances along both axes .
+
+        `potential` (n1 + 1, n2) is NaN in pockets, where nothing flows.
+        """
+        φ = np.nan_to_num(potential)
+        across = (np.roll(φ, -1, axis=1) - φ)[1:-1, : self.across.shape[1]]
+        return self.along * np.diff(φ, axis=0) ** 2, self.across * across**2
+
+    def to_csr(self) -> sp.csr_array:
+        """The matrix of all nodes, those of the ends among them; conductances between nodes of one end are left out."""
+        rows, n2 = self.nodes
+        size = rows * n2
+        parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in self.conductances()]
+        c, a, b = (np.concatenate(part) for part in zip(*parts, strict=True))
+        chosen = (c != 0) & (a != b)
+        c, a, b = c[chosen], a[chosen], b[chosen]
+        entries = np.concatenate([-c, -c, c, c])
+        i, j = np.concatenate([a, b, a, b]), np.concatenate([b, a, a, b])
+        return sp.coo_array((entries, (i, j)), shape=(size, size)).tocsr()
+
+
+@compiled()
+def energy_of(begin, end, along, across, p):
+    """`Stencil.energy` of a pressure p, of some rows of conductances."""
+    n2 = along.shape[1]
+    m2 = across.shape[1]
+    total = 0.0
+    for i in range(begin, end):
+        here, below = p[i], p[i + 1]
+        of_row = 0.0
+        for j in range(n2):
+            of_row += along[i, j] * (here[j] - below[j]) ** 2
+        total += of_row
+    for i in range(begin, min(end, across.shape[0])):
+        here = p[i + 1]
+        of_row = 0.0
+        for j in range(n2 - 1):
+            of_row += across[i, j] * (here[j] - here[j + 1]) ** 2
+        if m2 == n2:
+            of_row += across[i, n2 - 1] * (here[n2 - 1] - here[0]) ** 2
+        total += of_row
+    return total
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A point (ξ1, ξ2) of the unit square at which the coefficient along an axis is taken, and its weight."""
+
+    point: tuple[float, float]
+    weight: float
+    axis: int
+
+
+def _edges(first: float, last: float) -> tuple[Sample, ...]:
+    """Edge midpoints: K11 on both edges along x1, K22 on the two along x2 with the weights given."""
+    along = [Sample((0.5, side), 0.5, 0) for side in (0.0, 1.0)]
+    return (*along, Sample((0.0, 0.5), first, 1), Sample((1.0, 0.5), last, 1))
+
+
+#: With these samples, Q1 joins no nodes across corners: every sample joins the two nodes of its own edge.
+EDGES = _edges(0.5, 0.5)
+#: Half elements at the ends take K22 at the row of pixel centres only; along an end the pressure is constant.
+EDGES_AT_INLET, EDGES_AT_OUTLET = _edges(0.0, 1.0), _edges(1.0, 0.0)
+#: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that each of its six conductances joins.
+_PAIRS = ((0, 2), (1, 3), (0, 1), (2, 3), (0, 3), (1, 2))
+
+
+def elemental(
+    form: BilinearForm, element: type, samples: tuple[Sample, ...], coefficient: str = "k"
+) -> Array:
+    """Local matrices of a form on the unit square, one for each sample, from scikit-fem.
+
+    form : bilinear form whose coefficient, a tensor of the name `coefficient`, is 1 along the axis of the sample.
+    element : class of a scikit-fem element of quadrilaterals.
+    samples : where the coefficient is taken.
+
+    Returns (samples, n, n), the n degrees of freedom in the order of their coordinates: Q1 corners as (0, 0), (0, 1),
+    (1, 0), (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of axis a is
+    Δ1Δ2/Δa² times as large for gradients, Δa²/Δ1Δ2 times for total fluxes through the facets.
+    """
+    return _elemental(form, form.form, element, samples, coefficient)
+
+
+@lru_cache(maxsize=32)
+def _elemental(
+    form: BilinearForm,
+    _: Callable[..., Any],
+    element: type,
+    samples: tuple[Sample, ...],
+    coefficient: str,
+) -> Array:
+    """The cache key has the form and its function, so that a changed form is evaluated again."""
+    square = MeshQuad()  # the unit square, its first axis x1
+    matrices = []
+    for s in samples:
+        basis = Basis(
+            square, element(), quadrature=(np.array(s.point)[:, None], np.array([s.weight]))
+        )
+        tensor = np.zeros((2, 2, 1, 1))
+        tensor[s.axis, s.axis] = 1.0
+        order = np.lexsort(basis.doflocs[::-1])
+        matrices.append(
+            form.assemble(basis, **{coefficient: tensor}).toarray()[np.ix_(order, order)]
+        )
+    local = np.array(matrices)
+    local.flags.writeable = False
+    return local
+
+
+def conductances_of(local: Array) -> Array:
+    """Conductances (…, 6) of local Q1 matrices (…, 4, 4), minus their entries off the diagonal; row sums must be 0."""
+    size = float(np.abs(local).max())
+    if not np.abs(local.sum(axis=-1)).max() <= 1e-12 * size:
+        raise ValueError(
+            "the form has local matrices whose rows do not add up to 0: it is no flow of a pressure drop"
+        )
+    return np.stack([-(local[..., a, b] + local[..., b, a]) / 2 for a, b in _PAIRS], axis=-1)
+
+
+def assemble_on_links(grid: Grid, k1: Array, k2: Array) -> Stencil:
+    """Operator ∫ K∇p·∇q of Q1 with quadrature at the midpoints of edges: a five-point stencil.
+
+    grid : of the nodes.
+    k1, k2 : permeability on the edges along x1, (m1, n2), and on those along x2 between different nodes of the rows
+    that are no end, for instance (m1 − 1, n2) on a strip [m³].
+
+    Notes
+    -----
+    The elements on both sides of an edge have the same K there, so their parts are summed before they are weighted.
+    """
+    w = edge_weights(grid)
+    along, across = np.empty(k1.shape), np.empty(k2.shape)
+    weighted(0, len(k1), k1, w.rows1, w.columns1, w.kinds1, along)
+    weighted(0, len(k2), k2, w.rows2, w.columns2, w.kinds2, across)
+    return Stencil(along, across, ring1=grid.ring1, ring2=grid.ring2)
+
+
+class EdgeWeights(NamedTuple):
+    """Factors of the conductances of edges for K = 1: that of the row, times that of the column for the row's kind."""
+
+    rows1: Array
+    columns1: Array
+    kinds1: NDArray[np.int64]
+    rows2: Array
+    columns2: Array
+    kinds2: NDArray[np.int64]
+
+
+def edge_weights(grid: Grid) -> EdgeWeights:
+    """Weights of the edges of a grid by `forms.darcy_flow`, with quadrature at their midpoints."""
+    return _edge_weights(grid, forms.darcy_flow, forms.darcy_flow.form)
+
+
+@lru_cache(maxsize=64)
+def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> EdgeWeights:
+    """The weights of a form; the cache key has the form and its function, so that a changed form is evaluated again."""
+    m1, m2 = grid.elements
+    d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
+    quadratures = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3
+    conductances = np.array(
+        [_own_conductances(elemental(form, ElementQuad1, samples)) for samples in quadratures]
+    )
+    kinds = np.ones(m1, np.int64)
+    kinds[0], kinds[-1] = 0, 2
+    columns, rows = np.zeros((3, grid.nodes[1])), np.zeros(grid.nodes[0])
+    for side in (0, 1):  # an edge has an element on either side
+        for kind in range(3):
+            columns[kind] += np.bincount(
+                grid.columns[side : m2 + side], d2 * conductances[kind, side], grid.nodes[1]
+            )
+        rows += np.bincount(
+            grid.rows[side : m1 + side], d1 * conductances[kinds, 2 + side], grid.nodes[0]
+        )
+    inner = rows if grid.ring1 else rows[1:-1]
+    # the links of a ring are all there, even that of an only column to itself
+    apart = (grid.columns[:-1] != grid.columns[1:]) | grid.ring2
+    columns2 = (1 / d2[apart])[None]
+    if (
+        columns2.size == 1 and grid.ring2 and not grid.ring1
+    ):  # what an only column drives around it is nothing
+        columns2[:] = 0.0
+    return EdgeWeights(1 / d1, columns, kinds, inner, columns2, np.zeros(inner.size, np.int64))
+
+
+def _own_conductances(local: Array) -> Array:
+    """Conductance of the edge on which each sample lies; a sample must have no other."""
+    conductances = conductances_of(local)
+    own = conductances[[0, 1, 2, 3], [0, 1, 2, 3]]
+    conductances[[0, 1, 2, 3], [0, 1, 2, 3]] = 0.0
+    if np.any(conductances):
+        raise ValueError(
+            "the form joins nodes beyond the edge at whose midpoint its coefficient is taken"
+        )
+    return own
+
+
+@compiled()
+def weighted(first, end, k, by_row, by_column, kind, out):
+    """Write some rows of k times the weight of the row and, by the kind of the row, of the column."""
+    for i in range(first, end):
+        of_row, of_column = by_row[i], by_column[kind[i]]
+        for j in range(k.shape[1]):
+            out[i, j] = k[i, j] * (of_row * of_column[j])

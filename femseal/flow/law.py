@@ -46,20 +46,6 @@ class FlowLaw(ABC):
         """K(h, p) [m³], 0 where the gap is 0."""
         return np.asarray(cubic_law(self.equivalent_gap(gap, pressure)))
 
-    def exponent(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """d ln K/d ln h of gaps > 0; by central differences unless a law defines it."""
-        h, step = np.asarray(gap, dtype=float), 1e-4
-        above, below = (self.factor(h * np.exp(sign * step), pressure) for sign in (1, -1))
-        return 3 + np.log(above / below) / (2 * step)
-
-    def pressure_derivative(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """dK/dp [m³/Pa] at pressures > 0; by central differences unless a law defines it."""
-        if not self.depends_on_pressure:
-            return np.zeros(np.broadcast_shapes(np.shape(gap), np.shape(pressure)))
-        p, step = np.asarray(pressure, dtype=float), 1e-4
-        above, below = (self.permeability(gap, p * (1 + sign * step)) for sign in (1, -1))
-        return (above - below) / (2 * step * p)
-
     def equivalent_gap(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """Gap [m] whose permeability by the cubic law is K(h, p); 0 where the gap is 0.
 
@@ -71,16 +57,14 @@ class FlowLaw(ABC):
         return widened(h, self.factor(h, p))
 
     def gap(self, permeability: float, pressure: float = 0.0) -> float:
-        """Gap [m] with a permeability > 0 [m³], by Newton's method in ln h."""
-        h = np.cbrt(12 * permeability)
-        for _ in range(100):
-            step = float(
-                np.log(permeability / self.permeability(h, pressure)) / self.exponent(h, pressure)
-            )
-            h *= np.exp(step)
-            if abs(step) <= 1e-14:
-                break
-        return float(h)
+        """Gap [m] with a permeability > 0 [m³], by the secant method in ln h."""
+        from scipy.optimize import newton
+
+        def excess(x: float) -> float:
+            return float(np.log(self.permeability(np.exp(x), pressure) / permeability))
+
+        start = np.log(np.cbrt(12 * permeability))
+        return float(np.exp(newton(excess, start, tol=1e-14, disp=False)))
 
 
 @dataclass(frozen=True)
@@ -95,10 +79,6 @@ class CubicLaw(FlowLaw):
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """Ones."""
         return np.ones(np.broadcast_shapes(np.shape(gap), np.shape(pressure)))
-
-    def exponent(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """3."""
-        return 3 * self.factor(gap, pressure)
 
     def equivalent_gap(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """The gap as it is."""
@@ -120,11 +100,6 @@ class SlipLength(FlowLaw):
         """1 + 6b/h."""
         h = np.broadcast_arrays(np.asarray(gap, dtype=float), pressure)[0]
         return 1 + np.divide(6 * self.slip_length, h, out=np.full(h.shape, np.inf), where=h > 0)
-
-    def exponent(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """3 − 6b/(h + 6b)."""
-        wide = np.asarray(gap, dtype=float) + 6 * self.slip_length
-        return 3 - 6 * self.slip_length / np.broadcast_arrays(wide, pressure)[0]
 
 
 @dataclass(frozen=True)
@@ -153,21 +128,6 @@ class FukuiKaneko(FlowLaw):
 
         d = self.inverse_knudsen(gap, pressure)
         return np.divide(6 * flow_rate(d), d, out=np.full(d.shape, np.inf), where=d > 0)
-
-    def exponent(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """2 + d ln Q/d ln D."""
-        return 2 + self._rate_exponent(gap, pressure)
-
-    def _rate_exponent(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
-        """D ln Q/d ln D."""
-        from ..rarefied import flow_rate_exponent
-
-        return flow_rate_exponent(self.inverse_knudsen(gap, pressure))
-
-    def pressure_derivative(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """(K/p)(d ln Q/d ln D − 1)."""
-        slope = self._rate_exponent(gap, pressure) - 1
-        return self.permeability(gap, pressure) * slope / np.asarray(pressure, dtype=float)
 
 
 CUBIC_LAW = CubicLaw()

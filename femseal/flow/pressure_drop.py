@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arrays import Array
 from ..base.fixed_point import fixed_point
-from .constriction import critical_constriction
 from .law import CUBIC_LAW, FlowLaw, law_of, widened
+from .percolation import critical_constriction
 from .permeability_table import Mobility, table_pressures
 
 Found = TypeVar("Found")
@@ -26,8 +26,6 @@ Found = TypeVar("Found")
 _INTERVALS, _POINTS = 2000, np.polynomial.legendre.leggauss(3)
 #: Least pressure at which a factor is taken, as a fraction of the higher end.
 _LEAST_PRESSURE = 1e-9
-#: A factor nearer to 1 does not count.
-_COUNTS = 1e-6
 
 
 class FlowingFluid(Protocol):
@@ -147,19 +145,12 @@ class PressureDrop:
     def at_constriction(self, gap: Array, spacing: tuple[float, float]) -> PressureDrop:
         """The same drop in the potential of the critical constriction of a face (n1, n2) [m], periodic along x2.
 
-        That of a viscous fluid where the face is closed, or the factor of the law is within 1e-6 of 1 everywhere.
+        That of a viscous fluid where the face is closed.
         """
         if not self.law.depends_on_pressure:
             return self
-        viscous, is_open = PressureDrop(), gap > 0
-        ends = np.min(gap, where=is_open, initial=np.inf), np.max(gap, where=is_open, initial=0.0)
-        pressures = [max(p, self.least_pressure) for p in (self.inlet, self.outlet)]
-        if not ends[1] > 0 or np.all(
-            np.abs(self.law.factor(np.array(ends)[:, None], pressures) - 1) <= _COUNTS
-        ):
-            return viscous
         constriction = critical_constriction(gap, spacing, sides="periodic")
-        return viscous if constriction is None else replace(self, gap=constriction.gap)
+        return PressureDrop() if constriction is None else replace(self, gap=constriction.gap)
 
     @cached_property
     def _table(self) -> tuple[Array, Array, Array]:

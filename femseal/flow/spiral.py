@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from ..base import Array, Indices, InputError, NotConverged, to_text
+from .cell import cell_stencil
 from .coefficient import unit_spacing
-from .edge_flow import cell_stencil
-from .grid import Grid
+from .grid import Grid, Stencil
 from .law import cubic_law
 from .solvers.amg import solve_spd
-from .stencil import Stencil
 
 #: Least fraction w that is solved: below it rounding decides, and the flow changes by w².
 _LEAST_WEIGHT = 3e-5

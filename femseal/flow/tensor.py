@@ -10,13 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from ..base import Array, Indices, InputError, Lengths, NotConverged
-from .assembly import assemble_on_links
 from .coefficient import permeability_on_links, unit_spacing, validated_gap
-from .grid import Grid
+from .grid import Grid, Stencil, assemble_on_links
 from .law import CUBIC_LAW, FlowLaw, gap_by_law
 from .solution import MAX_IMBALANCE
 from .solvers.amg import solve_spd
-from .stencil import Stencil
 
 #: Relative error of the energy of the correction that is allowed to a solver; of what the first solution left over.
 _RTOLS = 1e-9, 1e-2

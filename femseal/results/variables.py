@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, to_text
+from ..base.arrays import one_at_a_time
 from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,
@@ -34,7 +35,6 @@ from ..base.fields import (
 )
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakClass, leak_classes, within
 from ..base.quantities import with_its_unit
-from ..base.shared_array import one_at_a_time
 from ..budget import ErrorBudget, ErrorPart
 from ..face.pieces import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis

@@ -26,14 +26,13 @@ from ..base import (
     to_text,
     writing,
 )
+from ..base.arrays import storing
 from ..base.files import remove_foreign
-from ..base.shared_array import storing
 from ..budget import ErrorBudget
 from ..case.case import Case, load_case
 from ..case.case_tables import FILE_KEYS
 from ..case.faces import FileFace
-from ..execution.parts import Part, checked_part
-from ..execution.resuming import alone_in, over_store, writing_in
+from ..execution.resuming import Part, alone_in, checked_part, over_store, writing_in
 from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map
 from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import Prepared, prepare

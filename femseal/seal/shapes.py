@@ -21,10 +21,9 @@ from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, Pair, Shape, counted, validate
 from ..flow import DarcyFlow, Stencil, solve_flow
-from ..flow.assembly import assemble_on_links
 from ..flow.balance import balanced_link_fluxes
 from ..flow.bounds import outward
-from ..flow.grid import Grid
+from ..flow.grid import Grid, assemble_on_links
 from .lay import check_ring
 
 _RTOL = 1e-8

@@ -21,10 +21,10 @@ from .. import contact, flow
 from ..base import Array
 from ..base.stage import Mapper, Stage
 from ..face.piece_flow import FlowSettings, piece_permeability
+from ..flow.grid import energy_of
 from ..flow.harmonic import harmonic_fill
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import hierarchy
-from ..flow.stencil import energy_of
 
 log = logging.getLogger("femseal")
 #: What is said while loops are compiled.

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, InputError, Mapper, Shape, Shown, Singles
+from ..base.arrays import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..base.fields import PIXEL, ROW, STEP, declared
-from ..base.shared_array import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact.workspace import KEPT_POINTS
 from ..face.piece_flow import SolveCounts
 from ..face.pieces import Cut
@@ -121,7 +121,7 @@ class FaceResult(Shown):
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     """Solve contact and flow of the whole face at full resolution, at every step of the load programme.
 
-    Where the states are large they lie on disk, see `shared_array`, and one takes memory.
+    Where the states are large they lie on disk, see `shared_empty`, and one takes memory.
 
     Parameters
     ----------

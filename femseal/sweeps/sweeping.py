@@ -23,8 +23,7 @@ from ..base import (
     shown,
 )
 from ..case.case import Case, parse_case, read_case
-from ..execution.parts import Part, own_items
-from ..execution.resuming import alone_in
+from ..execution.resuming import Part, alone_in, own_items
 from ..execution.run import no_progress
 from ..preparation.preparation import prepare
 from ..results.results import Results

@@ -17,8 +17,7 @@ from test_checkpoint import assert_same
 
 import femseal as fs
 from femseal.base import PartsMissing, Stage
-from femseal.execution.parts import parsed_part
-from femseal.execution.resuming import alone_in, over_store
+from femseal.execution.resuming import alone_in, over_store, parsed_part
 from femseal.execution.run import no_progress
 from femseal.store.store import Store
 

@@ -14,13 +14,13 @@ from skfem.helpers import grad
 
 from femseal.base import InputError
 from femseal.flow import permeability_tensor
-from femseal.flow.assembly import (
+from femseal.flow.grid import (
     EDGES,
+    Grid,
     assemble_on_links,
     conductances_of,
     elemental,
 )
-from femseal.flow.grid import Grid
 
 D = 1e-6
 UNEVEN = np.array([0.0, 0.4, 1.0, 2.5, 2.8, 4.0])

@@ -57,15 +57,8 @@ LAWS = [CUBIC_LAW, SlipLength(SLIP), HELIUM.law, Swelling(1e6)]
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
-def test_derivatives_and_inverse(law):
+def test_inverse(law):
     gap, p = np.geomspace(1e-9, 1e-4, 40), 1.3e5
-    near = 1e-6 * gap
-    slope = np.log(law.permeability(gap + near, p) / law.permeability(gap - near, p)) / np.log(
-        (1 + 1e-6) / (1 - 1e-6)
-    )
-    assert_allclose(law.exponent(gap, p), slope, rtol=1e-6)
-    rise = (law.permeability(gap, p + 1.0) - law.permeability(gap, p - 1.0)) / 2.0
-    assert_allclose(law.pressure_derivative(gap, p), rise, rtol=1e-5)
     assert_allclose([law.gap(k, p) for k in law.permeability(gap, p)], gap, rtol=1e-12)
     assert_allclose(
         parallel_plates(law.equivalent_gap(gap, p)), law.permeability(gap, p), rtol=1e-12

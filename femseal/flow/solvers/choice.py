@@ -19,9 +19,9 @@ from ...base.compiled import compiled
 from ...base.threads import number, on_threads
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
+from ..grid import Stencil
 from ..percolation import closed, nodes_reached, ready
 from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
-from ..stencil import Stencil
 from .amg import solve_amg
 from .link_network import eliminate, island_potentials
 from .multigrid import COARSEST_NODES, coarsest_nodes, solve_multigrid
@@ -92,11 +92,9 @@ def solve_flow(
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
     conductances = stencil.along.copy(), stencil.across.copy()
-    reached, exponent = ready(*conductances)
     return solve_ready(
-        reached,
+        *ready(*conductances),
         conductances,
-        exponent,
         stencil.ring2,
         rtol=rtol,
         solver=solver,
@@ -106,8 +104,8 @@ def solve_flow(
 
 def solve_ready(
     reached: NDArray[np.int8],
-    conductances: tuple[Array, Array],
     exponent: int,
+    conductances: tuple[Array, Array],
     ring2: bool,
     *,
     rtol: float,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...base.arrays import Array, Flags, Indices
 from ...base.compiled import compiled, inner
-from ..stencil import Stencil
+from ..grid import Stencil
 from .elimination import Links, Order, factored, find_potentials
 
 #: Boxes of about so many nodes are not cut any further; deepest nesting of boxes.

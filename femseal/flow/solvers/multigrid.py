@@ -16,7 +16,7 @@ from ...base.arrays import Array
 from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
 from ...base.errors import NotConverged
 from ...base.threads import NO, YES
-from ..stencil import Stencil
+from ..grid import Stencil
 from .hierarchy import FEWEST, close_ring, coarser, hierarchy, solve_coarsest
 
 #: Largest level that no coarser one could follow, in nodes, for which multigrid pays; only slender grids have more.
