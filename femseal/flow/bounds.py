@@ -26,8 +26,6 @@ _GAUSS = tuple(Sample((0.5 + side / np.sqrt(12), 0.5), 0.5, 0) for side in (-1, 
 #: Component K11 at the two ends of a pixel: the mixed form then decouples the two fluxes, and a link
 #: between two pixels has their harmonic mean.
 _LUMPED = (Sample((0.0, 0.5), 0.5, 0), Sample((1.0, 0.5), 0.5, 0))
-#: Facets of a pixel at its two ends along x1, in the order of `elemental`.
-_ENDS = np.ix_([0, 3], [0, 3])
 
 
 def pixel_bounds(
@@ -47,32 +45,19 @@ def outward(lower: float, upper: float) -> tuple[float, float]:
     return lower * (1 - _ROUNDING), upper * (1 + _ROUNDING)
 
 
-def flux_energy() -> Array:
+def flux_energy(samples: tuple[Sample, ...]) -> Array:
     """Energy (2, 2) of unit fluxes along x1 through the two ends of a unit pixel of K = 1: from the mixed form."""
-    local = elemental(forms.flux_resistance, ElementQuadRT0, _GAUSS, "resistance").sum(axis=0)[
-        _ENDS
-    ]
-    return _along(local)
-
-
-def half_resistance() -> float:
-    """Resistance of a unit pixel of K = 1 from its centre to one end: from the mixed form, lumped."""
-    local = _along(
-        elemental(forms.flux_resistance, ElementQuadRT0, _LUMPED, "resistance").sum(axis=0)[_ENDS]
-    )
-    return float(local[0, 0])
-
-
-def _along(local: Array) -> Array:
-    """Orient both basis functions along +x1: a uniform flux then has more energy than one that changes its sign."""
-    return local if local.sum() > np.trace(local) else local * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    local = elemental(forms.flux_resistance, ElementQuadRT0, samples, "resistance").sum(axis=0)
+    ends = local[np.ix_([0, 3], [0, 3])]
+    # both along +x1: a uniform flux then has more energy than one that changes its sign
+    return ends if ends.sum() > np.trace(ends) else ends * np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
 def lower_bound(k: Array, spacing: tuple[float, float], ring: bool, solver: str = "auto") -> float:
     """The lower bound for a permeability k (n1, n2) constant on each pixel."""
     d1, d2 = spacing
     with np.errstate(divide="ignore"):
-        half = half_resistance() / k
+        half = flux_energy(_LUMPED)[0, 0] / k  # resistance from the centre to one end
     neighbour = np.roll(half, -1, axis=1) if ring else half[:, 1:]
     here = half if ring else half[:, :-1]
     c1 = 1 / np.concatenate([half[:1], half[:-1] + half[1:], half[-1:]]) * (d2 / d1)
@@ -90,7 +75,7 @@ def lower_bound(k: Array, spacing: tuple[float, float], ring: bool, solver: str 
     west, east = np.hstack([closed, q2]), np.hstack([q2, closed])
     if ring:
         west = np.roll(q2, 1, axis=1)
-    (same, other), _ = flux_energy()
+    (same, other), _ = flux_energy(_GAUSS)
 
     def energy(before: Array, after: Array, ratio: float) -> Array:
         return (same * (before**2 + after**2) + 2 * other * before * after) * ratio

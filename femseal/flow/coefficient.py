@@ -82,19 +82,9 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     Along an axis that forms a ring n pixels have n links, from each to the next; otherwise the first axis has n + 1
     links, one to each end, beyond which the gap is mirrored, and the second n − 1.
     """
-    return _on_links(gap, ring1, ring2, False)
-
-
-def permeability_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
-    """Permeability [m³] of `gap_on_links`."""
-    return _on_links(gap, ring1, ring2, True)
-
-
-def _on_links(gap: Array, ring1: bool, ring2: bool, as_permeability: bool) -> tuple[Array, Array]:
-    """`gap_on_links` or `permeability_on_links`, by threads where they are large."""
     n1, n2 = gap.shape
     on1, on2 = np.empty((n1 if ring1 else n1 + 1, n2)), np.empty((n1, n2 if ring2 else n2 - 1))
-    over(rows(n1, n2), links_of_rows, gap, ring1, ring2, as_permeability, on1, on2)
+    over(rows(n1, n2), links_of_rows, gap, ring1, ring2, False, on1, on2)
     return on1, on2
 
 

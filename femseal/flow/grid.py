@@ -7,10 +7,10 @@ summed to a `Stencil`. It equals scikit-fem's own assembly of the whole mesh, wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -45,40 +45,42 @@ class Grid:
     ring2: bool = True
     half_ends: bool = False
 
-    @classmethod
-    def of_pixel_centres(
-        cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str
-    ) -> Grid:
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def of_pixel_centres(shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
         """Nodes at the centres of a cell's pixels and on its ends; the same object for the same cell.
 
         Half elements reach from the ends, and from mirrored sides, to the first nodes.
         """
-        return _of_pixel_centres(shape, spacing, sides)
+        (n1, n2), (d1, d2) = shape, spacing
+        lines1 = np.concatenate([[0.0], _centres(n1, d1), [n1 * d1]])
+        if sides == "periodic":
+            return replace(Grid.of_strip(lines1, d2, n2), half_ends=True)
+        lines2 = np.concatenate([[0.0], _centres(n2, d2), [n2 * d2]])
+        columns = np.clip(np.arange(-1, n2 + 1), 0, n2 - 1)
+        return Grid(lines1, lines2, np.arange(n1 + 2), columns, ring2=False, half_ends=True)
 
     @classmethod
     def of_pixel_corners(
         cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str
     ) -> Grid:
         """Nodes at the corners of a cell's pixels, which are the elements."""
-        lines1 = _borders(shape[0], spacing[0])
+        lines1, lines2 = (np.arange(n + 1.0) * d for n, d in zip(shape, spacing, strict=True))
         if sides == "periodic":
-            return cls(lines1, *_ring_last(lines1, shape[1], spacing[1]))
-        lines2 = _borders(shape[1], spacing[1])
+            return cls.of_strip(lines1, spacing[1], shape[1])
         return cls(lines1, lines2, np.arange(lines1.size), np.arange(lines2.size), ring2=False)
 
     @classmethod
     def of_torus(cls, shape: tuple[int, int], spacing: tuple[float, float]) -> Grid:
         """Nodes at the centres of the pixels of a cell that is periodic along both axes."""
-        (lines1, rows), (lines2, columns) = (
-            _ring(n, d) for n, d in zip(shape, spacing, strict=True)
-        )
-        return cls(lines1, lines2, rows, columns, ring1=True)
+        n1, n2 = shape
+        strip = cls.of_strip(_centres(n1 + 1, spacing[0]), spacing[1], n2)
+        return replace(strip, rows=strip.rows % n1, ring1=True)
 
     @classmethod
-    def of_strip(cls, lines1: ArrayLike, width: float, n2: int) -> Grid:
+    def of_strip(cls, lines1: Array, width: float, n2: int) -> Grid:
         """Rows of nodes at given coordinates from the inlet to the outlet, and a ring of n2 columns `width` apart."""
-        lines1 = np.asarray(lines1, dtype=float)
-        return cls(lines1, *_ring_last(lines1, n2, width))
+        return cls(lines1, _centres(n2 + 1, width), np.arange(lines1.size), np.arange(n2 + 1) % n2)
 
     @property
     def elements(self) -> tuple[int, int]:
@@ -91,34 +93,8 @@ class Grid:
         return int(self.rows.max()) + 1, int(self.columns.max()) + 1
 
 
-@lru_cache(maxsize=64)
-def _of_pixel_centres(shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
-    (n1, n2), (d1, d2) = shape, spacing
-    lines1 = np.concatenate([[0.0], _centres(n1, d1), [n1 * d1]])
-    rows = np.arange(lines1.size)
-    if sides == "periodic":
-        lines2, columns = _ring(n2, d2)
-        return Grid(lines1, lines2, rows, columns, half_ends=True)
-    lines2 = np.concatenate([[0.0], _centres(n2, d2), [n2 * d2]])
-    columns = np.concatenate([[0], np.arange(n2), [n2 - 1]])
-    return Grid(lines1, lines2, rows, columns, ring2=False, half_ends=True)
-
-
 def _centres(n: int, spacing: float) -> Array:
-    return np.asarray((np.arange(n) + 0.5) * spacing, dtype=np.float64)
-
-
-def _borders(n: int, spacing: float) -> Array:
-    return np.asarray(np.arange(n + 1) * spacing, dtype=np.float64)
-
-
-def _ring(n: int, spacing: float) -> tuple[Array, Indices]:
-    return _centres(n + 1, spacing), np.arange(n + 1, dtype=np.int64) % n
-
-
-def _ring_last(lines1: Array, n2: int, width: float) -> tuple[Array, Indices, Indices]:
-    lines2, columns = _ring(n2, width)
-    return lines2, np.arange(lines1.size), columns
+    return np.asarray((np.arange(n) + 0.5) * spacing)
 
 
 @dataclass(frozen=True)
@@ -261,10 +237,11 @@ def _edges(first: float, last: float) -> tuple[Sample, ...]:
 EDGES = _edges(0.5, 0.5)
 #: Half elements at the ends take K22 at the row of pixel centres only; along an end the pressure is constant.
 EDGES_AT_INLET, EDGES_AT_OUTLET = _edges(0.0, 1.0), _edges(1.0, 0.0)
-#: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that each of its six conductances joins.
-_PAIRS = ((0, 2), (1, 3), (0, 1), (2, 3), (0, 3), (1, 2))
+#: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that the edge of each sample joins.
+_PAIRS = (0, 2), (1, 3), (0, 1), (2, 3)
 
 
+@lru_cache(maxsize=32)
 def elemental(
     form: BilinearForm, element: type, samples: tuple[Sample, ...], coefficient: str = "k"
 ) -> Array:
@@ -278,18 +255,6 @@ def elemental(
     (1, 0), (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of axis a is
     Δ1Δ2/Δa² times as large for gradients, Δa²/Δ1Δ2 times for total fluxes through the facets.
     """
-    return _elemental(form, form.form, element, samples, coefficient)
-
-
-@lru_cache(maxsize=32)
-def _elemental(
-    form: BilinearForm,
-    _: Callable[..., Any],
-    element: type,
-    samples: tuple[Sample, ...],
-    coefficient: str,
-) -> Array:
-    """The cache key has the form and its function, so that a changed form is evaluated again."""
     square = MeshQuad()  # the unit square, its first axis x1
     matrices = []
     for s in samples:
@@ -307,14 +272,16 @@ def _elemental(
     return local
 
 
-def conductances_of(local: Array) -> Array:
-    """Conductances (…, 6) of local Q1 matrices (…, 4, 4), minus their entries off the diagonal; row sums must be 0."""
-    size = float(np.abs(local).max())
-    if not np.abs(local.sum(axis=-1)).max() <= 1e-12 * size:
-        raise ValueError(
-            "the form has local matrices whose rows do not add up to 0: it is no flow of a pressure drop"
-        )
-    return np.stack([-(local[..., a, b] + local[..., b, a]) / 2 for a, b in _PAIRS], axis=-1)
+def own_conductances(local: Array) -> Array:
+    """Conductance of the edge on which each sample lies, of local Q1 matrices (4, 4, 4), which have no other."""
+    drops = np.zeros((4, 4))
+    for sample, (first, last) in enumerate(_PAIRS):
+        drops[sample, [first, last]] = 1.0, -1.0
+    own = np.einsum("si,sij,sj->s", drops, local, drops) / 4
+    others = local - np.einsum("s,si,sj->sij", own, drops, drops)
+    if not np.abs(others).max() <= 1e-12 * np.abs(local).max():
+        raise ValueError("the form is no flow that a drop of pressure along the edge drives")
+    return own
 
 
 def assemble_on_links(grid: Grid, k1: Array, k2: Array) -> Stencil:
@@ -346,19 +313,14 @@ class EdgeWeights(NamedTuple):
     kinds2: NDArray[np.int64]
 
 
+@lru_cache(maxsize=64)
 def edge_weights(grid: Grid) -> EdgeWeights:
     """Weights of the edges of a grid by `forms.darcy_flow`, with quadrature at their midpoints."""
-    return _edge_weights(grid, forms.darcy_flow, forms.darcy_flow.form)
-
-
-@lru_cache(maxsize=64)
-def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> EdgeWeights:
-    """The weights of a form; the cache key has the form and its function, so that a changed form is evaluated again."""
     m1, m2 = grid.elements
     d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
     quadratures = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3
     conductances = np.array(
-        [_own_conductances(elemental(form, ElementQuad1, samples)) for samples in quadratures]
+        [own_conductances(elemental(forms.darcy_flow, ElementQuad1, each)) for each in quadratures]
     )
     kinds = np.ones(m1, np.int64)
     kinds[0], kinds[-1] = 0, 2
@@ -375,23 +337,9 @@ def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> Edge
     # the links of a ring are all there, even that of an only column to itself
     apart = (grid.columns[:-1] != grid.columns[1:]) | grid.ring2
     columns2 = (1 / d2[apart])[None]
-    if (
-        columns2.size == 1 and grid.ring2 and not grid.ring1
-    ):  # what an only column drives around it is nothing
-        columns2[:] = 0.0
+    if columns2.size == 1 and grid.ring2 and not grid.ring1:
+        columns2[:] = 0.0  # what an only column drives around it is nothing
     return EdgeWeights(1 / d1, columns, kinds, inner, columns2, np.zeros(inner.size, np.int64))
-
-
-def _own_conductances(local: Array) -> Array:
-    """Conductance of the edge on which each sample lies; a sample must have no other."""
-    conductances = conductances_of(local)
-    own = conductances[[0, 1, 2, 3], [0, 1, 2, 3]]
-    conductances[[0, 1, 2, 3], [0, 1, 2, 3]] = 0.0
-    if np.any(conductances):
-        raise ValueError(
-            "the form joins nodes beyond the edge at whose midpoint its coefficient is taken"
-        )
-    return own
 
 
 @compiled()

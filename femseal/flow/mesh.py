@@ -39,7 +39,6 @@ from .mesh_input import (
     connected_elements,
     ends_of,
     invertible,
-    is_open,
     open_facets,
     permeability_tensors,
 )
@@ -311,18 +310,7 @@ class MeshOperators:
         return potential
 
     def _system(self, tensor: Array, *, of_vertices: bool) -> tuple[Connected, MeshSystem]:
-        """What open elements connect, and their potentials; those of a mesh that is all open are found once."""
-        if is_open(tensor):
-            return self._open_systems[of_vertices]
-        return self._made(tensor, of_vertices=of_vertices)
-
-    @cached_property
-    def _open_systems(self) -> tuple[tuple[Connected, MeshSystem], ...]:
-        unit = np.broadcast_to(np.eye(2), (self.mesh.nelements, 2, 2))
-        return tuple(self._made(unit, of_vertices=of_vertices) for of_vertices in (False, True))
-
-    def _made(self, tensor: Array, *, of_vertices: bool) -> tuple[Connected, MeshSystem]:
-        """The potentials are those of vertices, where elements also meet in corners, or of facets."""
+        """What open elements connect; potentials of vertices, where they also meet in corners, or of facets."""
         mesh = self.mesh
         connected = connected_elements(mesh, tensor, self.boundaries, through_corners=of_vertices)
         facets = [

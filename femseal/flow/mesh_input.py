@@ -168,8 +168,8 @@ def _labels(
 
 def _open_ways(mesh: Mesh, tensor: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Elements open in every direction, and which facets (facets of an element, elements) they carry flow across."""
-    if not np.any(tensor[:, 0, 1]) and np.array_equal(tensor[:, 0, 0], tensor[:, 1, 1]):
-        full = tensor[:, 0, 0] > 0
+    if is_open(tensor):
+        full = np.ones(len(tensor), bool)
         return full, np.broadcast_to(full, mesh.t2f.shape)
     values = np.linalg.eigvalsh(tensor)
     # normals of the chords of each element: vertices of periodic meshes have no single place

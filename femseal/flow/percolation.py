@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import frexp, ldexp
 
@@ -56,17 +56,11 @@ def nodes_reached(along: Array, across: Array, least: float = 0.0) -> NDArray[np
     parent[:2] = 0, 1
     parts = rows(n1 + 1, n2)
     links = along, across, least
-    counts = over(parts, _label_rows, *links, label, parent)
+    over(parts, _label_rows, *links, label, parent)
     for first, _ in parts[1:]:
         _join_rows(first, along, least, label, parent)
     reached = np.empty(label.shape, np.int8)
-    over(
-        [(*part, count) for part, count in zip(parts, counts, strict=True)],
-        _reached_rows,
-        label,
-        parent,
-        reached,
-    )
+    over(parts, _reached_rows, label, parent, reached)
     return reached
 
 
@@ -77,7 +71,7 @@ def _is_open(c, least):
 
 @compiled()
 def _label_rows(begin, end, along, across, least, label, parent):
-    """Label some rows of nodes; returns the label after the last. Those of inlet and outlet are 0 and 1.
+    """Label some rows of nodes. Those of inlet and outlet are 0 and 1.
 
     Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one. Labels
     are few against nodes.
@@ -112,7 +106,6 @@ def _label_rows(begin, end, along, across, least, label, parent):
         around = not last and m2 == n2 and n2 > 1
         if around and _is_open(across[i - 1, n2 - 1], least) and label[i, n2 - 1] != label[i, 0]:
             union(parent, label[i, n2 - 1], label[i, 0])
-    return count
 
 
 @compiled()
@@ -124,21 +117,11 @@ def _join_rows(i, along, least, label, parent):
 
 
 @compiled()
-def _reached_rows(begin, end, count, label, parent, reached):
-    """Write which ends some rows of nodes are joined to, `count` being the label after the last of them."""
-    n2 = label.shape[1]
-    least = begin * n2 + 2 if begin > 0 else 0
-    ends = np.empty(count - least, np.int8)
-    for a in range(least, count):
-        up = parent[a]
-        if least <= up < a:  # the root of a component is the lowest of its labels
-            ends[a - least] = ends[up - least]
-        else:
-            ends[a - least] = _ends(parent, a)
+def _reached_rows(begin, end, label, parent, reached):
+    """Write which ends some rows of nodes are joined to."""
     for i in range(begin, end):
-        for j in range(n2):
-            a = label[i, j]
-            reached[i, j] = ends[a - least] if a >= least else _ends(parent, a)
+        for j in range(label.shape[1]):
+            reached[i, j] = _ends(parent, label[i, j])
 
 
 @inner()
@@ -153,56 +136,29 @@ def _ends(parent, a):
     return a + 1
 
 
-def closed(
-    stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0
-) -> AbstractContextManager[None]:
+@contextmanager
+def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> Iterator[None]:
     """Meanwhile close the links of nodes (n1 + 1, n2) that are not kept and those below `least`; none without `keep`.
 
     It is in the arrays of the stencil: only the few links that are closed are copied.
     """
-    return nullcontext() if keep is None else _closed(stencil, keep, least)
-
-
-@contextmanager
-def _closed(stencil: Stencil, keep: NDArray[np.bool_], least: float) -> Iterator[None]:
-    """`closed` where some may be."""
     aside = []
-    parts = over(rows(*stencil.along.shape), _closing, stencil.along, stencil.across, keep, least)
-    for c, of_parts in zip((stencil.along, stencil.across), zip(*parts, strict=True), strict=True):
-        links, at = c.reshape(-1), np.concatenate(of_parts)
-        aside.append((links, at, links[at]))
-        links[at] = 0.0
+    if keep is not None:
+        inner = keep[1:-1]
+        both = np.roll(inner, -1, axis=1)
+        both &= inner
+        for c, kept in (
+            (stencil.along, keep[:-1] & keep[1:]),
+            (stencil.across, both[:, : stencil.across.shape[1]]),
+        ):
+            links, at = c.reshape(-1), np.flatnonzero((c > 0) & ~(kept & (c >= least)))
+            aside.append((links, at, links[at]))
+            links[at] = 0.0
     try:
         yield
     finally:
         for links, at, conductances in aside:
             links[at] = conductances
-
-
-@compiled()
-def _closing(begin, end, along, across, keep, least):
-    """Places of the open links along and across of some rows that `closed` closes."""
-    n2, m2 = along.shape[1], across.shape[1]
-    found = np.empty(0, np.int64), np.empty(0, np.int64)
-    for written in range(2):
-        first = second = 0
-        for i in range(begin, end):
-            for j in range(n2):
-                c = along[i, j]
-                if c > 0.0 and not (keep[i, j] and keep[i + 1, j] and c >= least):
-                    if written == 1:
-                        found[0][first] = i * n2 + j
-                    first += 1
-        for i in range(begin, min(end, across.shape[0])):
-            for j in range(m2):
-                c = across[i, j]
-                if c > 0.0 and not (keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and c >= least):
-                    if written == 1:
-                        found[1][second] = i * m2 + j
-                    second += 1
-        if written == 0:
-            found = np.empty(first, np.int64), np.empty(second, np.int64)
-    return found
 
 
 @compiled()

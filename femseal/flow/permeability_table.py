@@ -27,8 +27,6 @@ _ONE_DECADE, _FEW, _MANY = 12.0, 4, 6
 #: Points of the mean over a link, in the root of the distance from its lower pressure.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _ROOTS = 0.5 * (1 + _POINTS)
-#: Drop, as a fraction of the pressure, up to which one point in the middle will do, as mobilities are nearly straight.
-_SMALL, _HALF = 0.05, np.array([0.5])
 #: A mobility that varies less than this is the same at all pressures.
 _EVEN = 1e-9
 
@@ -171,17 +169,10 @@ class PressureCurve:
         if self._piecewise and mobility.even:
             mean = self._exact_mean(least, most)
         else:
-            mean = np.empty(least.size)
-            small = most - least <= _SMALL * most
-            for chosen, at, weight in (
-                (small, _HALF, _HALF),
-                (~small, _ROOTS**2, _WEIGHTS * _ROOTS),
-            ):
-                parts = np.flatnonzero(chosen)
-                low, high = least[parts], most[parts]
-                p = low + (high - low) * at[:, None]
-                viscous, own = mobility.at(p)
-                mean[parts] = weight @ (viscous * self._at(p, parts)) / (weight @ own)
+            p = least + (most - least) * (_ROOTS**2)[:, None]
+            viscous, own = mobility.at(p)
+            weight = _WEIGHTS * _ROOTS
+            mean = weight @ (viscous * self._at(p, np.arange(least.size))) / (weight @ own)
         return np.where(self._open, mean, 0.0).reshape(self.shape)
 
     def _at(self, p: Array, parts: Indices) -> Array:
@@ -203,8 +194,6 @@ class PressureCurve:
         weight = np.clip((p - low) / (high - low), 0.0, 1.0)
         a, b = self._log_k[after - 1, parts], self._log_k[after, parts]
         linear = np.isinf(np.minimum(a, b))
-        if not linear.any():
-            return a + weight * (b - a), linear
         with np.errstate(divide="ignore", invalid="ignore"):
             of_linear = np.log((1 - weight) * np.exp(a) + weight * np.exp(b))
             return np.where(linear, of_linear, a + weight * (b - a)), linear
@@ -223,8 +212,7 @@ class PressureCurve:
             mean = np.exp(a)
             with np.errstate(divide="ignore", invalid="ignore"):
                 mean = np.where(a == b, mean, mean * np.expm1(b - a) / (b - a))
-            if linear.any():
-                mean = np.where(linear, (np.exp(a) + np.exp(b)) / 2, mean)
+            mean = np.where(linear, (np.exp(a) + np.exp(b)) / 2, mean)
             total[parts] += mean * (ends[1] - ends[0]) / (most - least)[parts]
         same = np.flatnonzero(most == least)
         total[same] = self._at(least[same], same)

@@ -192,10 +192,6 @@ class PressureDrop:
 
     def pressure(self, fraction: ArrayLike) -> Array:
         """Pressure [Pa] where ψ has a fraction of its drop."""
-        if self.mobility.even:  # ψ is straight in p
-            return self.outlet + (self.inlet - self.outlet) * np.clip(
-                np.asarray(fraction, dtype=float), 0.0, 1.0
-            )
         ψ, _, p = self._table
         if ψ[-1] == 0:
             return np.full(np.shape(fraction), self.inlet)

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from ..base import Array, Indices, InputError, Lengths, NotConverged
-from .coefficient import permeability_on_links, unit_spacing, validated_gap
+from .coefficient import gap_on_links, unit_spacing, validated_gap
 from .grid import Grid, Stencil, assemble_on_links
-from .law import CUBIC_LAW, FlowLaw, gap_by_law
+from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
 from .solution import MAX_IMBALANCE
 from .solvers.amg import solve_spd
 
@@ -59,7 +59,7 @@ def permeability_tensor(
     n1, n2 = h.shape
     scale = float(h.max()) or 1.0
     d1, d2 = unit_spacing((d1, d2))
-    k1, k2 = permeability_on_links(h / scale, True, True)
+    k1, k2 = map(cubic_law, gap_on_links(h / scale, True, True))
     label, winds = _winding_components(k1, k2)
     winds = winds[label].reshape(n1, n2, 2)
     carrying = winds.any(axis=2)
