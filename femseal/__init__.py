@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     )
     from .fluids import IdealGas, Liquid, RoelandsLiquid
     from .materials import Solid, contact_modulus, named_solid
-    from .real_gas import RealGas
+    from .named_fluids import RealGas
     from .report import write_report
     from .results import Results, RunComparison, compare, open_results
     from .runs.job import run

@@ -20,7 +20,7 @@ from .base import Array, InputError, Pair, reals
 from .base.leak_rates import GAS_CONSTANT, LeakBasis
 from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
-from .real_gas import Gas, RealGas, slip_of_gas, temperature_of_gas, with_potential
+from .named_fluids import Gas, RealGas, slip_of_gas, temperature_of_gas, with_potential
 
 #: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] common to all liquids.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
@@ -300,7 +300,8 @@ class IdealGas(Gas):
 
         Notes
         -----
-        See `femseal.rarefied` for Q(D), its source and its errors. Helium of 1 bar at 20 °C: 2.5 at 1 µm, 21 at 100 nm.
+        See `femseal.flow.law.flow_rate` for Q(D), its source and its errors. Helium of 1 bar at 20 °C: 2.5 at 1 µm, 21
+        at 100 nm.
 
         Examples
         --------

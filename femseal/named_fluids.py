@@ -1,20 +1,44 @@
-"""Fluids by name: ten common ones at 20 °C from a table, all that CoolProp knows at any temperature.
+"""Fluids by name: ten common ones at 20 °C from a table, all that CoolProp knows at any temperature; and real gases.
 
-Gases are ideal, with the viscosity of the mean pressure; liquids have the density and viscosity of the mean pressure.
+Named gases are ideal, with the viscosity of the mean pressure; liquids have the density and viscosity of the mean
+pressure. A real gas is a change of variable as every fluid is, dφ = (ρ/η) dp, from a table of CoolProp's density and
+viscosity that is made once for a gas and its temperature. In narrow gaps it flows by Fukui and Kaneko's law with its
+own mean free path, which goes with η/ρ.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from math import sqrt
+from typing import Any, ClassVar, NamedTuple
 
-from .base import InputError, Pair, shown
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .base import Array, InputError, Pair, reals, shown, to_text
+from .base.leak_rates import GAS_CONSTANT, STANDARD_PRESSURE
+from .base.validate import check_parameters, described, parameter
+from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko
 
 #: Temperature of the table, and of named fluids unless given [K].
 TABLE_TEMPERATURE = 293.15
 #: Pressure of the table [Pa].
 TABLE_PRESSURE = 101_325.0
+#: Relative error of the cubic in the middle of two points of the table up to which no more points are sought; the
+#: middle is a point then, so that the error left is a sixteenth of it.
+_ERROR = 1e-7
+#: First pressure of the table above 0 [Pa]; those that follow are twice as high.
+_FIRST_PRESSURE = 1e5
+#: Highest pressure of tables [Pa]: no seal carries more, and equations of state are extrapolated there.
+_HIGHEST = 1e9
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+#: Largest relative distance of a molar mass by which a gas is known; ethylene is at 1.5e-3 of nitrogen.
+_SAME_MASS = 1.3e-3
+#: The slope of a potential is 0 at no pressure, where it does not count [s/m²].
+_LEAST_SLOPE = 1e-200
 
 
 @dataclass(frozen=True)
@@ -75,45 +99,37 @@ def named_fluid(
     known = _BY_NAME.get(str(name).casefold())
     if known and abs(temperature - TABLE_TEMPERATURE) < 0.01:
         return known
-    properties = known_to_coolprop(name, temperature)
+    properties = _known_to_coolprop(name, temperature)
+    _check_temperature(name, temperature)
     try:
-        low, high = (float(properties.PropsSI(limit, name)) for limit in ("Tmin", "Tmax"))
-        if not low <= temperature <= high:
-            refuse(
-                name,
-                temperature,
-                f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C",
-            )
         phases = {properties.PhaseSI("T", temperature, "P", max(p, 1.0), name) for p in pressures}
         state = ("T", temperature, "P", max(sum(pressures) / 2, 1.0), name)
         viscosity, density = (float(properties.PropsSI(letter, *state)) for letter in "VD")
         molar_mass = float(properties.PropsSI("M", name))
-    except InputError:
-        raise
     except ValueError as error:
-        refuse(
+        _refuse(
             name, temperature, f"a fluid and a temperature that CoolProp knows: {shown(str(error))}"
         )
     is_gas = {"gas" in phase or phase == "supercritical" for phase in phases}
     if len(is_gas) > 1 or "twophase" in phases:
-        refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
+        _refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
     if is_gas == {True}:
         return _gas(viscosity, molar_mass, temperature)
     return _liquid(viscosity, density)
 
 
-def known_to_coolprop(name: Any, temperature: float, without: str = "") -> Any:
+def _known_to_coolprop(name: Any, temperature: float) -> Any:
     """The module CoolProp, where it is there and knows the fluid; InputError otherwise."""
     table = ", ".join(TABLE)
     try:
         from CoolProp import CoolProp
     except ImportError:
-        allowed = f"one of {table} at 20 °C; any temperature and more fluids after: pip install 'femseal[fluids]'"
-        refuse(name, temperature, without or allowed)
-    aliases = names_in_coolprop()
+        allowed = f"one of {table} at 20 °C; others, and real gases, after: pip install 'femseal[fluids]'"
+        _refuse(name, temperature, allowed)
+    aliases = _names_in_coolprop()
     if str(name).casefold() not in aliases:
         if str(name).casefold() in _BY_NAME:
-            refuse(
+            _refuse(
                 name,
                 temperature,
                 "20 °C for a fluid that CoolProp does not know; or its viscosity and density",
@@ -127,7 +143,7 @@ def known_to_coolprop(name: Any, temperature: float, without: str = "") -> Any:
 
 
 @cache
-def names_in_coolprop() -> dict[str, str]:
+def _names_in_coolprop() -> dict[str, str]:
     """Fluids of CoolProp by all their names in lower case."""
     from CoolProp import CoolProp
 
@@ -139,6 +155,266 @@ def names_in_coolprop() -> dict[str, str]:
     }
 
 
-def refuse(name: Any, temperature: float, allowed: str) -> Any:
+def _check_temperature(name: str, temperature: float) -> None:
+    """Raise InputError for a temperature [K] outside of those that CoolProp knows of a fluid."""
+    state = _state(name)
+    low, high = state.Tmin(), state.Tmax()
+    if not low <= temperature <= high:
+        known = f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C"
+        _refuse(name, temperature, known)
+
+
+def _refuse(name: Any, temperature: float, allowed: str) -> Any:
     """Raise InputError for a fluid at a temperature [K]."""
     raise InputError("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)
+
+
+@dataclass(frozen=True)
+class DenseGasSlip(FukuiKaneko):
+    """Fukui and Kaneko's law with the mean free path of a real gas: D = h ρ √(2R_sT)/2η.
+
+    viscosity : η of the thin gas [Pa s]. speed : √(2R_sT) [m/s]. gas : whose ρ/η counts at every pressure.
+    """
+
+    gas: RealGas
+
+    def inverse_knudsen(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
+        """D = h ρ √(2R_sT)/2η."""
+        return 0.5 * self.speed * reals(gap) * self.gas.slope(pressure)
+
+
+def temperature_of_gas(**more: Any) -> Any:
+    """The parameter `temperature` of a gas; more : as `parameter` takes it."""
+    allowed = "a temperature above absolute zero, such as '20 °C'"
+    return parameter("K", allowed, "of the gas", usual=(2.0, 2000.0), **more)
+
+
+def slip_of_gas() -> Any:
+    """The parameter `slip` of a gas."""
+    meaning = "slip and free molecular flow in narrow gaps"
+    return described(meaning, default=True)
+
+
+class Gas:
+    """What gases of a temperature, a molar mass and a choice of slip have in common."""
+
+    #: Outlet pressure of a case that gives none [Pa], absolute.
+    outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
+    #: Pressure at which volumes are stated [Pa], absolute; their temperature is the gas's own.
+    reference_pressure: ClassVar[float] = STANDARD_PRESSURE
+
+    def __post_init__(self: Any) -> None:
+        check_parameters(self)
+        if not isinstance(self.slip, bool):
+            raise InputError("slip", repr(self.slip), "True or False")
+
+    @property
+    def speed(self: Any) -> float:
+        """√(2R_sT) of the molecules [m/s]."""
+        return sqrt(2 * GAS_CONSTANT * self.temperature / self.molar_mass)
+
+    @property
+    def reference_density(self: Any) -> float:
+        """Density of the ideal gas at 101 325 Pa [kg/m³]."""
+        return STANDARD_PRESSURE * float(self.molar_mass) / (GAS_CONSTANT * float(self.temperature))
+
+
+@dataclass(frozen=True)
+class RealGas(Gas):
+    """A gas by its name, isothermal, with density and viscosity of CoolProp: φ = ∫ρ/η dp within 1e-6.
+
+    Volume rates are stated as those of an ideal gas of its molar mass at 101 325 Pa and its own temperature, so that
+    pressure × volume and standard volumes count molecules. Needs `pip install 'femseal[fluids]'`.
+
+    Parameters
+    ----------
+    name : as CoolProp knows it, such as "nitrogen"; upper and lower case are the same.
+    temperature : T [K].
+    slip : whether the flow factor of rarefied gases counts; it tends to 1 at high pressure.
+
+    Raises
+    ------
+    InputError : CoolProp is not installed, or does not know the gas, its viscosity, or the temperature.
+    """
+
+    kind: ClassVar[str] = "real-gas"
+    name: str = described("a gas as CoolProp knows it", example="nitrogen")
+    temperature: float = temperature_of_gas(default=TABLE_TEMPERATURE)
+    slip: bool = slip_of_gas()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _known_to_coolprop(self.name, self.temperature)
+        _table(self.name, self.temperature)
+
+    @property
+    def molar_mass(self) -> float:
+        """M [kg/mol]."""
+        return _table(self.name, self.temperature).molar_mass
+
+    @property
+    def law(self) -> FlowLaw:
+        """Fukui and Kaneko's law with the mean free path of the gas, or the cubic one without slip."""
+        if not self.slip:
+            return CUBIC_LAW
+        return DenseGasSlip(float(self.viscosity_at(1.0)), self.speed, self)
+
+    @property
+    def highest_pressure(self) -> float:
+        """Pressure [Pa] of saturation, or up to which CoolProp knows the gas, at most 1 GPa."""
+        return float(_table(self.name, self.temperature).pressures[-1])
+
+    def density_at(self, pressure: ArrayLike) -> Array:
+        """Density ρ(p) [kg/m³] by CoolProp, at pressures > 0."""
+        return _properties(self.name, self.temperature, pressure)[0]
+
+    def viscosity_at(self, pressure: ArrayLike) -> Array:
+        """Viscosity η(p) [Pa s] by CoolProp, at pressures > 0."""
+        return _properties(self.name, self.temperature, pressure)[1]
+
+    def slope(self, pressure: ArrayLike) -> Array:
+        """dφ/dp = ρ/η [s/m²] of the table; p is absolute."""
+        return _table(self.name, self.temperature).slope(pressure)
+
+    def potential(self, pressure: ArrayLike) -> Array:
+        """Pressure potential φ(p) of the viscous flow [kg/(m³ s)]; p is absolute, see `check_pressure`."""
+        return _table(self.name, self.temperature).potential(pressure)
+
+    def pressure(self, potential: ArrayLike) -> Array:
+        """Inverse of `potential` [Pa], absolute, by Newton's method."""
+        table, φ = _table(self.name, self.temperature), reals(potential)
+        # φ goes with p² in a thin gas
+        start = np.interp(np.sqrt(φ), np.sqrt(table.potentials), table.pressures)
+        return with_potential(
+            φ, start, table.potential, lambda p: np.maximum(table.slope(p), _LEAST_SLOPE)
+        )
+
+    def check_pressure(self, name: str, pressure: float) -> None:
+        """Raise InputError if it is no gas at a pressure [Pa] that is called `name`, or CoolProp does not know it."""
+        if not 0 <= pressure <= self.highest_pressure:
+            table = _table(self.name, self.temperature)
+            at, limit = f"{self.temperature - 273.15:.4g} °C", to_text(self.highest_pressure, "Pa")
+            expected = f"at most {limit}, absolute, up to which CoolProp knows {self.name} at {at}"
+            if table.saturates:
+                expected = f"less than {limit}, absolute, at which {self.name} condenses at {at}"
+            raise InputError(name, to_text(pressure, "Pa"), expected)
+
+
+def with_potential(
+    potentials: Array, start: Array, potential: Callable[..., Any], slope: Callable[..., Any]
+) -> Array:
+    """Pressures [Pa] that have potentials, by Newton's method; inf where no pressure has one."""
+    p = start
+    with np.errstate(all="ignore"):  # a potential beyond the limit
+        for _ in range(100):
+            step = (potentials - potential(p)) / slope(p)
+            p = p + step
+            if not np.any(np.abs(step) > 1e-13 * np.abs(p)):
+                break
+    return p
+
+
+class _Table(NamedTuple):
+    """Potentials [kg/(m³ s)] at rising pressures [Pa] from 0 on, cubics between them and their slopes; M [kg/mol]."""
+
+    pressures: Array
+    potentials: Array
+    potential: Any
+    slope: Any
+    saturates: bool
+    molar_mass: float
+
+
+def _state(name: str) -> Any:
+    """The gas in CoolProp; it is not kept, as CoolProp complains of what is left when the interpreter ends."""
+    from CoolProp.CoolProp import AbstractState
+
+    return AbstractState("HEOS", _names_in_coolprop()[name.casefold()])
+
+
+def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Array, Array]:
+    """Density [kg/m³] and viscosity [Pa s] of the gas at pressures > 0 [Pa]; ValueError where CoolProp has none."""
+    import CoolProp
+
+    state, p = _state(name), reals(pressure)
+    found = np.empty((2, p.size))
+    for n, each in enumerate(p.ravel()):
+        state.update(CoolProp.PT_INPUTS, float(each), temperature)
+        found[:, n] = state.rhomass(), state.viscosity()
+    return found[0].reshape(p.shape), found[1].reshape(p.shape)
+
+
+@cache
+def _table(name: str, temperature: float) -> _Table:
+    """The potential of a gas at a temperature [K], by quadrature of 12 points between two pressures of the table.
+
+    Points are added until the cubics between them are right; it ends at saturation, or where CoolProp knows no more.
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
+    limit, saturates = _limit(name, temperature)
+
+    def slopes(pressure: Array) -> Array:
+        density, viscosity = _properties(name, temperature, pressure)
+        return density / viscosity
+
+    points = [(0.0, 0.0, 0.0)]  # pressure, potential, slope
+    edges = [limit]
+    while edges[-1] > _FIRST_PRESSURE:
+        edges.append(max(0.5 * edges[-1], _FIRST_PRESSURE))
+    while edges:
+        (a, φ, slope), b = points[-1], edges[-1]
+        half = 0.5 * (b - a)
+        try:
+            within = slopes(a + half * np.array([0.5 * (1 + _POINTS), 0.5 * (3 + _POINTS)]))
+            middle, end = slopes(np.array([a + half, b]))
+        except ValueError as error:
+            if len(points) == 1:
+                _refuse(
+                    name,
+                    temperature,
+                    f"a gas whose density and viscosity CoolProp knows: {shown(str(error))}",
+                )
+            break
+        parts = 0.5 * half * (within @ _WEIGHTS)
+        by_cubic = φ + 0.5 * parts.sum() + 0.25 * half * (slope - end)
+        if abs(by_cubic - (φ + parts[0])) > _ERROR * (φ + parts[0]):
+            edges.append(a + half)
+            continue
+        points += [(a + half, φ + parts[0], middle), (b, φ + parts.sum(), end)]
+        edges.pop()
+    pressures, potentials, known = (np.array(column) for column in zip(*points, strict=True))
+    potential = CubicHermiteSpline(pressures, potentials, known)
+    slope, molar_mass = potential.derivative(), float(_state(name).molar_mass())
+    return _Table(pressures, potentials, potential, slope, saturates and not edges, molar_mass)
+
+
+def _limit(name: str, temperature: float) -> tuple[float, bool]:
+    """Pressure up to which a table goes [Pa], and whether the gas saturates there.
+
+    Raises InputError: a temperature outside of those that CoolProp knows.
+    """
+    import CoolProp
+
+    state = _state(name)
+    _check_temperature(name, temperature)
+    if temperature >= state.T_critical():
+        return min(state.pmax(), _HIGHEST), False
+    state.update(CoolProp.QT_INPUTS, 1.0, temperature)
+    return (1 - 1e-6) * state.p(), True
+
+
+def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> tuple[str, float] | None:
+    """Name of an ideal gas of the table and relative error of its leakage between two pressures [Pa], by CoolProp.
+
+    The gas is known by its molar mass; None of another, without a drop of pressure, and where CoolProp knows no more.
+    """
+    for name, known in TABLE.items():
+        mass = known.parameters.get("molar_mass", 0.0)
+        if abs(gas.molar_mass - mass) <= _SAME_MASS * mass and inlet != outlet:
+            with suppress(InputError):
+                real = RealGas(name, gas.temperature)
+                real.check_pressure("inlet", inlet)
+                ideal, drop = (g.potential(inlet) - g.potential(outlet) for g in (gas, real))
+                return name, float(ideal / drop - 1)
+    return None

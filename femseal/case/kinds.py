@@ -18,8 +18,7 @@ from ..base import InputError, shortened, shown, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS, Fluid
-from ..named_fluids import TABLE_TEMPERATURE, named_fluid
-from ..real_gas import RealGas
+from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
 from ..seal.form import FORMS
 from ..seal.lay import NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout

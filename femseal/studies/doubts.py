@@ -24,7 +24,7 @@ from ..contact.law import ContactLaw
 from ..flow import cell_permeability
 from ..fluids import Fluid, IdealGas, leak_basis
 from ..materials import YOUNG_LIMITS
-from ..real_gas import ideal_gas_error
+from ..named_fluids import ideal_gas_error
 from ..seal.tiles import SealTiles
 from ..topography import Topography, shortest_place
 from ..topography.defects import fit_form
@@ -239,10 +239,10 @@ def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[
     """An ideal gas, that the case gives by a key, at a pressure at which none is, with the error of its leakage."""
     if not isinstance(fluid, IdealGas) or inlet <= _IDEAL_UP_TO:
         return
-    error = "an error that is not known for this gas"
+    error = "an error that is not known, as CoolProp is not installed or does not know the gas"
     if (found := ideal_gas_error(fluid, inlet, outlet)) is not None:
-        name, value, how = found
-        error = f"{1 + value:.3g} times the leakage that {name} has by {how}"
+        name, value = found
+        error = f"{1 + value:.3g} times the leakage that {name} has by CoolProp"
     yield (
         f"{key} is an ideal gas from {to_text(inlet, 'Pa')}, above {to_text(_IDEAL_UP_TO, 'Pa')}, with {error}: "
         "kind = 'real-gas' with its name takes density and viscosity as they are (pip install 'femseal[fluids]')"

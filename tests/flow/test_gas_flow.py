@@ -13,9 +13,9 @@ import femseal as fs
 from femseal.face.piece_flow import FlowSettings, piece_permeability, resolved_flow
 from femseal.flow import CubicLaw, FlowLaw
 from femseal.flow.coefficient import gap_on_links
+from femseal.flow.law import flow_rate
 from femseal.flow.permeability_table import PermeabilityTable, PressureCurve, table_pressures
 from femseal.flow.pressure_drop import PressureDrop
-from femseal.rarefied import flow_rate
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 ENDS = [(1e6, 1e5), (1e5, 0.0), (1e7, 1e5)]
