@@ -124,7 +124,9 @@ def _known_to_coolprop(name: Any, temperature: float) -> Any:
     try:
         from CoolProp import CoolProp
     except ImportError:
-        allowed = f"one of {table} at 20 °C; others, and real gases, after: pip install 'femseal[fluids]'"
+        allowed = (
+            f"one of {table} at 20 °C; others, and real gases, after: pip install 'femseal[fluids]'"
+        )
         _refuse(name, temperature, allowed)
     aliases = _names_in_coolprop()
     if str(name).casefold() not in aliases:

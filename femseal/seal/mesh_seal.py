@@ -1,8 +1,7 @@
 """Seals of any plan shape on a mesh, whose inlets have one pressure or each its own, and checks of the mesh.
 
-A mesh may cover a place twice although no element lies on its neighbour, such as two parts on each other. It has
-outlines that cross, or an edge of an outline with elements on both of its sides. Outlines are walked with the mesh on
-their left: the number of times that they run round a place is the number of elements there.
+A mesh may cover a place twice although no element lies on its neighbour, such as two parts on each other: an element
+at the outline of one then lies on one of the other.
 """
 
 from __future__ import annotations
@@ -23,86 +22,36 @@ from ..flow.mesh import MeshFlow, MeshOperators
 from ..flow.mesh_input import is_connected, permeability_tensors
 from ..flow.solution import LINEAR
 from .seal_files import read_mesh
-from .triangulation import cross, polygon_areas
+from .triangulation import polygon_areas
 
-#: Depth in fractions of the shorter edge, and of an element, to which parts that touch may lie on each other:
-#: coordinates are rounded, and edges are chords of arcs.
-_EDGE_FRACTION, _ELEMENT_FRACTION = 0.05, 0.1
-#: Pairs that are looked at together.
-_CHUNK = 1_000_000
+#: Part of the extent of the smaller element to which parts that touch may lie on each other: coordinates are rounded,
+#: and edges are chords of arcs.
+_DEPTH = 0.1
 
 
 def first_overlap(mesh: Mesh) -> tuple[int, ...]:
-    """One or two elements that lie on others; empty without any.
+    """Two elements that lie on each other, one of them at an outline; empty without any.
 
-    mesh : triangles or quadrilaterals, none of which is tangled or lies on its neighbour.
+    mesh : triangles or quadrilaterals, none of which is tangled or lies on its neighbour. Convex polygons are apart
+    where their extents along the normal of an edge are (separating axis).
     """
-    # along an outline of the usual kind, the edges follow each other in both coordinates when it is turned
-    c, s = np.cos(1.0), np.sin(1.0)
-    points = (np.array([[c, -s], [s, c]]) @ mesh.p).T
-    corners = mesh.t.T
-    element, side = np.nonzero(np.bincount(mesh.t2f.ravel())[mesh.t2f.T] == 1)
-    ends = np.stack([corners, np.roll(corners, -1, axis=1)])[:, element, side]
-    clockwise = polygon_areas(points[corners[element]]) < 0
-    start, end = points[np.where(clockwise, ends[::-1], ends)]
-    crossing = _crossing(start, end)
-    if crossing is not None:
-        return int(element[crossing[0]]), int(element[crossing[1]])
-    # outlines that do not cross have as many elements on them all along: one place beside each is enough
-    for edge in np.unique(_joined(mesh, ends)[ends[0]], return_index=True)[1]:
-        middle, centre = (start[edge] + end[edge]) / 2, points[corners[element[edge]]].mean(axis=0)
-        if _rounds(start, end, middle + _ELEMENT_FRACTION * (centre - middle)) > 1:
-            return (int(element[edge]),)
+    corners = mesh.p.T[mesh.t.T]
+    along = np.roll(corners, -1, axis=1) - corners
+    normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
+    (x0, y0), (x1, y1) = corners.min(axis=1).T, corners.max(axis=1).T
+    for one in np.unique(mesh.f2t[0, mesh.boundary_facets()]):
+        near = (x0 < x1[one]) & (x1 > x0[one]) & (y0 < y1[one]) & (y1 > y0[one])
+        near[one] = False
+        others = np.flatnonzero(near)
+        own = np.broadcast_to(normals[one], (others.size, *normals[one].shape))
+        axes = np.concatenate([own, normals[others]], axis=1)
+        a, b = axes @ corners[one].T, axes @ corners[others].transpose(0, 2, 1)
+        shared = np.minimum(a.max(axis=2), b.max(axis=2)) - np.maximum(a.min(axis=2), b.min(axis=2))
+        smaller = np.minimum(np.ptp(a, axis=2), np.ptp(b, axis=2))
+        found = others[(shared > _DEPTH * smaller).all(axis=1)]
+        if found.size:
+            return int(one), int(found[0])
     return ()
-
-
-def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
-    """Two edges that cross; None without any."""
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    order = np.argsort(low[:, 1], kind="stable")
-    last = np.searchsorted(low[order, 1], high[order, 1])
-    for i, j in _pairs(last):
-        a, b = order[i], order[j]
-        near = (low[a, 0] <= high[b, 0]) & (low[b, 0] <= high[a, 0])
-        a, b = a[near], b[near]
-        along_a, along_b = end[a] - start[a], end[b] - start[b]
-        length_a, length_b = np.hypot(*along_a.T), np.hypot(*along_b.T)
-        depth = _EDGE_FRACTION * np.minimum(length_a, length_b)
-        found = np.ones(len(a), bool)
-        for origin, along, length, ends in (
-            (start[a], along_a, length_a, (start[b], end[b])),
-            (start[b], along_b, length_b, (start[a], end[a])),
-        ):
-            one, other = (cross(along, place - origin) / length for place in ends)
-            found &= (one * other < 0) & (np.minimum(np.abs(one), np.abs(other)) > depth)
-        if found.any():
-            at = int(np.argmax(found))
-            return int(a[at]), int(b[at])
-    return None
-
-
-def _rounds(start: Array, end: Array, place: Array) -> int:
-    """How often the outlines run round a place, by the edges that a ray to the right of it meets."""
-    before, behind = start[:, 1] > place[1], end[:, 1] > place[1]
-    right = (cross(end - start, place - start) > 0) == behind
-    return int(np.sum(behind[right].astype(int) - before[right]))
-
-
-def _pairs(last: Indices) -> Iterator[tuple[Indices, Indices]]:
-    """Pairs of n and every number from n + 1 to last[n], without it; not too many at a time."""
-    first = np.arange(len(last)) + 1
-    count = np.maximum(last - first, 0)
-    total = np.cumsum(count)
-    begin = 0
-    while begin < len(count):
-        before = total[begin - 1] if begin else 0
-        stop = max(begin + 1, int(np.searchsorted(total, before + _CHUNK, side="right")))
-        n = np.repeat(np.arange(begin, stop), count[begin:stop])
-        offset = np.arange(len(n)) - np.repeat(
-            total[begin:stop] - count[begin:stop] - before, count[begin:stop]
-        )
-        yield n, first[n] + offset
-        begin = stop
 
 
 #: Names of inlets, one or several at one pressure, or pressures [Pa] of inlets by their names.
@@ -326,13 +275,9 @@ def _check_sides(mesh: Mesh) -> None:
     walked = np.bincount(edge.ravel(), direction.ravel())
     overlapping = (count > 2) | ((count == 2) & (walked != 0))
     bad = np.flatnonzero(overlapping[edge].any(axis=1))
-    if bad.size:
-        given = f"a mesh whose elements {' and '.join(map(str, bad[:2]))} overlap"
+    if found := tuple(bad[:2]) or first_overlap(mesh):
+        given = f"a mesh whose elements {' and '.join(map(str, found))} overlap"
         raise InputError("path", given, "elements that lie beside each other")
-    if found := first_overlap(mesh):
-        named = " and ".join(map(str, found))
-        given = f"elements {named} overlap" if len(found) > 1 else f"element {named} lies on others"
-        raise InputError("path", f"a mesh whose {given}", "elements that lie beside each other")
 
 
 def _names(given: Inlet) -> tuple[str, ...]:
