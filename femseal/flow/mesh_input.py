@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import connected_components
 from skfem import Mesh
 
-from ..base import Array, Indices, InputError, counted
+from ..base import Array, Indices, InputError, counted, shown
 
 #: A tensor closed along one principal axis keeps this fraction of its other value there, so that K⁻¹ exists.
 CLOSED_AXIS = 1e-10
@@ -19,28 +19,27 @@ CLOSED_AXIS = 1e-10
 _OPEN = 1e-12
 
 
-def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
-    """K as (elements, 2, 2) positive semidefinite tensors, from any allowed shape; or an InputError."""
+def checked(name: str, permeability: ArrayLike, *shapes: tuple[int, ...]) -> Array:
+    """Permeability as a finite number, or numbers of one of the shapes, >= 0 but for tensors; else InputError."""
     try:
         k = np.asarray(permeability, dtype=float)
     except (TypeError, ValueError):
-        raise InputError("permeability", type(permeability).__name__, "numbers [m³]") from None
+        raise InputError(name, shown(permeability), "numbers [m³]") from None
+    if k.shape not in ((), *shapes):
+        allowed = f"a number or shape {' or '.join(map(str, shapes))}"
+        raise InputError(name, f"shape {k.shape}", allowed)
+    if undefined := np.count_nonzero(~np.isfinite(k)):
+        raise InputError(name, f"{counted(undefined, 'value')} not finite", "numbers >= 0 [m³]")
+    if k.ndim < 3 and k.min(initial=0.0) < 0:
+        raise InputError(name, f"{k.min():g}", "numbers >= 0 [m³]")
+    return k
+
+
+def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
+    """K as (elements, 2, 2) positive semidefinite tensors, from any allowed shape; or an InputError."""
     n = elements
-    if k.shape not in ((), (n,), (n, 2), (n, 2, 2)):
-        raise InputError(
-            "permeability",
-            f"shape {k.shape}",
-            f"a number, or shape ({n},), ({n}, 2) or ({n}, 2, 2) for {n} elements",
-        )
-    if not np.all(np.isfinite(k)):
-        raise InputError(
-            "permeability",
-            f"{counted(np.count_nonzero(~np.isfinite(k)), 'value')} not finite",
-            "numbers >= 0 [m³]",
-        )
+    k = checked("permeability", permeability, (n,), (n, 2), (n, 2, 2))
     if k.ndim < 3:
-        if k.min(initial=0.0) < 0:
-            raise InputError("permeability", f"{k.min():g}", "numbers >= 0 [m³]")
         principal = np.broadcast_to(k if k.ndim == 2 else k.reshape(-1, 1), (n, 2))
         return principal[:, :, None] * np.eye(2)
     size = np.abs(k).max(axis=(1, 2))

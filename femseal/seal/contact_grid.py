@@ -58,17 +58,12 @@ class ContactGrid:
             )
         row, column = (x1 * rows).astype(np.int64), (x2 * columns).astype(np.int64)
         tile = row[:, None] * columns + column
-        without = np.setdiff1d(np.arange(rows * columns), tile)
-        nearest1 = ((without // columns + 0.5) / rows * n1).astype(np.int64)
-        nearest2 = ((without % columns + 0.5) / columns * n2).astype(np.int64)
-        spacing = (breadth / n1, length / n2)
-        return cls(points, spacing, ("free", "periodic"), tile, (without, nearest1 * n2 + nearest2))
+        return cls._of(points, (breadth / n1, length / n2), ("free", "periodic"), tile, tiles)
 
     @classmethod
     def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
         """Squares of about half the side of a tile, as far as there are not too many or too few."""
         import pyvista
-        from scipy.spatial import cKDTree
 
         mesh = tiles.seal.mesh
         low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
@@ -89,10 +84,24 @@ class ContactGrid:
             surface.find_containing_cell(in_space(points.reshape(-1, 2))), (n1, n2)
         )
         tile = np.where(element >= 0, tiles.tile[element], -1)
+        return cls._of(points, spacing, ("free", "free"), tile, tiles)
+
+    @classmethod
+    def _of(
+        cls,
+        points: Array,
+        spacing: Pair,
+        boundary: tuple[str, str],
+        tile: Indices,
+        tiles: SealTiles,
+    ) -> ContactGrid:
+        """The grid, with the cell nearest to the middle of each tile that has none of its own."""
+        from scipy.spatial import cKDTree
+
         inside = np.flatnonzero(tile >= 0)
         without = np.setdiff1d(np.arange(tiles.count), tile)
         near = cKDTree(points.reshape(-1, 2)[inside]).query(tiles.middles[without])[1]
-        return cls(points, spacing, ("free", "free"), tile, (without, inside[near]))
+        return cls(points, spacing, boundary, tile, (without, inside[near]))
 
     @property
     def has_rows(self) -> bool:

@@ -284,8 +284,6 @@ def read_form(
     from ..topography import read_topography
 
     file = Path(path)
-    if not file.is_file():
-        raise InputError("path", f"'{file}'", "an existing file with heights of the seal")
     names = columns_of(file) if file.suffix.lower() in TEXTS else []
     wanted = next((names_ for names_ in (_PLANE, _POLAR) if {*names_} <= {*names}), None)
     if wanted is None:

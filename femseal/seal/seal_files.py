@@ -210,11 +210,7 @@ def read_pressure_field(
     if file.suffix.lower() in TEXTS:
         numbers = read_columns(file, ("x", "y", name))
         return PressureField.of(length * numbers[:, :2], unit * numbers[:, 2])
-    try:
-        points, values, triangles = _of_mesh(file, name)
-    except InputError as error:
-        columns = f"; or a {' or '.join(TEXTS)} with the columns x, y and {name}"
-        raise InputError(error.what, error.given, f"{error.expected}{columns}") from None
+    points, values, triangles = _of_mesh(file, name)
     return PressureField.of(length * points, unit * values, triangles)
 
 

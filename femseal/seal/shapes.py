@@ -17,13 +17,13 @@ from math import pi
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, Pair, Shape, counted, validate
 from ..flow import DarcyFlow, Stencil, solve_flow
 from ..flow.balance import balanced_link_fluxes
 from ..flow.bounds import outward
 from ..flow.grid import Grid, assemble_on_links
+from ..flow.mesh_input import checked
 from .lay import check_ring
 
 _RTOL = 1e-8
@@ -59,41 +59,17 @@ def link_permeabilities(permeability: Any, cells: Shape) -> tuple[Array, Array]:
     """k1 (n1, n2) and k2 (n1 − 1, n2) [m³] from a number, or a pair of numbers or arrays; or InputError."""
     n1, n2 = cells
     shapes = (n1, n2), (n1 - 1, n2)
-    pair = permeability if isinstance(permeability, (tuple, list)) else None
-    if pair is None and np.ndim(permeability) == 0:
+    pair = permeability if isinstance(permeability, (tuple, list)) else (permeability,)
+    if len(pair) == 1 and np.ndim(permeability) == 0:
         pair = (permeability, permeability)
-    if pair is None or len(pair) != 2:
-        given = (
-            counted(len(pair), "item")
-            if pair is not None
-            else f"one array of shape {np.shape(permeability)}"
-        )
-        raise InputError(
-            "permeability",
-            given,
-            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}",
-        )
-    k1, k2 = (_checked(n, k, s) for n, k, s in zip(("k1", "k2"), pair, shapes, strict=True))
+    if len(pair) != 2:
+        allowed = f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}"
+        raise InputError("permeability", counted(len(pair), "array"), allowed)
+    k1, k2 = (
+        np.broadcast_to(checked(f"permeability {name}", k, shape), shape)
+        for name, k, shape in zip(("k1", "k2"), pair, shapes, strict=True)
+    )
     return k1, k2
-
-
-def _checked(name: str, value: ArrayLike, shape: Shape) -> Array:
-    """Permeability of the links along an axis, a number or an array of that shape; InputError of anything else."""
-    try:
-        k = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"permeability {name}", repr(value), "numbers [m³]") from None
-    if k.shape not in ((), shape):
-        raise InputError(f"permeability {name}", f"shape {k.shape}", f"a number or shape {shape}")
-    if not np.all(np.isfinite(k)):
-        raise InputError(
-            f"permeability {name}",
-            f"{counted(np.count_nonzero(~np.isfinite(k)), 'value')} not finite",
-            "numbers >= 0 [m³]",
-        )
-    if k.min(initial=0.0) < 0:
-        raise InputError(f"permeability {name}", f"{k.min():g}", "numbers >= 0 [m³]")
-    return np.broadcast_to(k, shape)
 
 
 def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:

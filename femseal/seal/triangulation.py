@@ -96,7 +96,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def _delaunay(points: Array) -> Indices:
-    """Corners of the triangles between points; InputError where these lie on a line."""
+    """Corners of the triangles between points; none where these lie on a line."""
     from scipy.spatial import Delaunay, QhullError
 
     try:
@@ -105,9 +105,7 @@ def _delaunay(points: Array) -> Indices:
             (points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)
         ).simplices
     except QhullError:
-        raise InputError(
-            "points", f"{counted(len(points), 'point')} on a line", "points of a plane field"
-        ) from None
+        return np.empty((0, 3), np.int64)
     sides = np.linalg.norm(points[corners] - np.roll(points[corners], 1, axis=1), axis=2).max(
         axis=1
     )

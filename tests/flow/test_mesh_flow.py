@@ -121,8 +121,11 @@ def test_elements_closed_along_one_axis():
     [
         (np.nan, "given 1 value not finite, expected numbers >= 0"),
         (-1e-18, "given -1e-18, expected numbers >= 0"),
-        (np.ones(5), r"given shape \(5,\), expected a number, or shape \(4,\), \(4, 2\) or \(4, 2"),
-        ("much", "given str, expected numbers"),
+        (
+            np.ones(5),
+            r"given shape \(5,\), expected a number or shape \(4,\) or \(4, 2\) or \(4, 2",
+        ),
+        ("much", "given 'much', expected numbers"),
         (np.tile([[1.0, 0.5], [0, 1]], (4, 1, 1)), "given a tensor that is not symmetric in el"),
         (np.tile([[1.0, 2], [2, 1]], (4, 1, 1)), "given a negative principal value in element 0"),
     ],
