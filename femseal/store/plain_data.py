@@ -10,8 +10,6 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from functools import lru_cache, partial
-from operator import itemgetter, methodcaller
 from typing import Any, Literal
 
 import numpy as np
@@ -21,10 +19,6 @@ _NUMBERS = "biufc"
 #: Bytes of the length of the text, which comes first.
 _LENGTH = 8
 _PACKAGE = __name__.partition(".")[0]
-#: Texts of fewer bytes are kept with what they describe.
-_KEPT_TEXT = 4096
-#: Makes a value of the content behind its text.
-_Reader = Callable[[memoryview], Any]
 
 
 def packed(value: Any) -> bytes:
@@ -95,7 +89,7 @@ def unpacked(data: bytes | memoryview) -> Any:
             bytes(data[_LENGTH : _LENGTH + length]),
             memoryview(data)[_LENGTH + length :],
         )
-        return (_reader if length < _KEPT_TEXT else _reader.__wrapped__)(text)(content)
+        return _value(json.loads(text), content)
     except (
         TypeError,
         LookupError,
@@ -107,56 +101,40 @@ def unpacked(data: bytes | memoryview) -> Any:
         raise ValueError(f"{type(error).__name__}: {error}") from None
 
 
-@lru_cache(maxsize=256)
-def _reader(text: bytes) -> _Reader:
-    """What makes the value that a text describes; many values of a stage have one text."""
-    return _reader_of(json.loads(text))
-
-
-def _reader_of(tree: Any) -> _Reader:
-    """What makes the value that `described` described."""
+def _value(tree: Any, content: memoryview) -> Any:
+    """The value that `described` described."""
+    if isinstance(tree, dict):
+        raise ValueError("no description of a value")
     if not isinstance(tree, list):
-        if isinstance(tree, dict):
-            raise ValueError("no description of a value")
-        return lambda content: tree
+        return tree
     kind, *parts = tree
     if kind == "bytes":
         size, start = parts
-        return partial(_bytes, start, start + size)
+        if not 0 <= start <= start + size <= len(content):
+            raise ValueError("bytes that are not there")
+        return bytes(content[start : start + size])
     if kind == "float":
-        return _array(np.dtype(float), (), "C", parts[0], float)
+        return float(_array(content, "f8", (), "C", *parts))
     if kind == "number":
-        return _array(_numbers(parts[0]), (), "C", parts[1], itemgetter(()))
+        name, start = parts
+        return _array(content, name, (), "C", start)[()]
     if kind == "array":
-        name, shape, order, start = parts
-        return _array(_numbers(name), tuple(shape), order, start, methodcaller("copy", "K"))
+        return _array(content, *parts).copy("K")
     if kind == "dict":
-        pairs = [(_reader_of(key), _reader_of(value)) for key, value in parts]
-        return lambda content: {key(content): value(content) for key, value in pairs}
-    readers = [_reader_of(part) for part in parts]
-    if kind == "tuple":
-        return lambda content: tuple([reader(content) for reader in readers])
-    if kind == "list":
-        return lambda content: [reader(content) for reader in readers]
-    return _instances(kind, readers)
+        return {_value(key, content): _value(value, content) for key, value in parts}
+    values = [_value(part, content) for part in parts]
+    if kind in ("list", "tuple"):
+        return values if kind == "list" else tuple(values)
+    return _instance(kind, values)
 
 
-def _bytes(start: int, stop: int, content: memoryview) -> bytes:
-    if not 0 <= start <= stop <= len(content):
-        raise ValueError("bytes that are not there")
-    return bytes(content[start:stop])
-
-
-def _array(
-    numbers: np.dtype[Any], shape: Any, order: Any, start: int, taken: Callable[[Any], Any]
-) -> _Reader:
-    """What takes something of an array of numbers that begin somewhere; content that is too short is an error then."""
+def _array(content: memoryview, name: str, shape: Any, order: Any, start: int) -> Any:
+    """An array of numbers that begin somewhere in the content; TypeError where that is too short."""
     if min((start, *shape)) < 0:
         raise ValueError("a place or a size below 0")
-    stop = start + math.prod(shape) * numbers.itemsize
-    if stop == start:
-        return lambda content: taken(np.ndarray(shape, numbers, order=order))
-    return lambda content: taken(np.ndarray(shape, numbers, content[start:stop], order=order))
+    numbers = _numbers(name)
+    size = math.prod(shape) * numbers.itemsize
+    return np.ndarray(shape, numbers, content[start : start + size] if size else None, order=order)
 
 
 def _numbers(name: str) -> np.dtype[Any]:
@@ -165,17 +143,12 @@ def _numbers(name: str) -> np.dtype[Any]:
     return dtype
 
 
-def _instances(name: str, readers: list[_Reader]) -> _Reader:
-    """What makes a dataclass of femseal with these fields; only modules that are in use are looked at."""
+def _instance(name: str, values: list[Any]) -> Any:
+    """A dataclass of femseal with these fields; only modules that are in use are looked at."""
     module, _, title = name.rpartition(".")
     kind = vars(sys.modules[module]).get(title) if module.partition(".")[0] == _PACKAGE else None
     if not (isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module):
         raise ValueError(f"'{name[:80]}' is no class of data")
-    named = [(field.name, reader) for field, reader in zip(fields(kind), readers, strict=True)]
-
-    def made(content: memoryview) -> Any:
-        value = object.__new__(kind)
-        vars(value).update([(name, reader(content)) for name, reader in named])
-        return value
-
+    made = object.__new__(kind)
+    vars(made).update(zip((field.name for field in fields(kind)), values, strict=True))
     return made
