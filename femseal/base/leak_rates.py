@@ -102,11 +102,10 @@ def leak_unit(text: str) -> LeakUnit:
 
     Raises InputError: another name.
     """
-    if isinstance(text, str):
-        wanted = _unit_key(text)
-        for written, name in (*((unit, unit) for unit in LEAK_UNITS), *_ALIASES.items()):
-            if wanted == _unit_key(written):
-                return LEAK_UNITS[name]
+    names = {name: name for name in LEAK_UNITS} | _ALIASES
+    known = {_unit_key(written): name for written, name in names.items()}
+    if isinstance(text, str) and (key := _unit_key(text)) in known:
+        return LEAK_UNITS[known[key]]
     raise InputError("leakage_unit", shown(text), f"one of {', '.join(LEAK_UNITS)}")
 
 
@@ -150,14 +149,11 @@ class LeakBasis:
 
     def lacks(self, unit: LeakUnit) -> str:
         """Why leakage of the fluid cannot be given in the unit, as what is allowed instead; "" where it can."""
-        if unit.kind in ("throughput", "standard") and not self.is_gas:
-            return "a unit of volume or of mass for a liquid: pressure × volume and standard volumes are for gases"
+        of_gases = unit.kind in ("throughput", "standard", "bubbles")
+        if (self.is_gas and unit.kind == "drops") or (of_gases and not self.is_gas):
+            return f"another unit: {unit.name} is for {'gases' if of_gases else 'liquids'}"
         if unit.kind == "standard" and self.temperature is None:
             return "another unit: the gas has no temperature"
-        if unit.kind == "drops" and self.is_gas:
-            return "another unit for a gas: drops are of liquids"
-        if unit.kind == "bubbles" and not self.is_gas:
-            return "another unit for a liquid: bubbles are of gases"
         if unit.kind == "mass" and isnan(self.density):
             return "a unit of volume: the density of the fluid is unknown"
         return ""

@@ -7,17 +7,15 @@ A stage of fewer items than parts leaves some without work.
 """
 
 import errno
-import json
 import logging
+import os
 import platform
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from time import localtime, sleep, strftime
+from time import sleep, strftime
 from typing import Any
-
-import psutil
 
 from ..base import InputError, Mapper, PartsMissing, Stage, shortened, shown
 from ..base.files import read_plain, remove_foreign
@@ -165,13 +163,8 @@ def _locked(folder: Path, name: str) -> Iterator[None]:
         ) from None
     try:
         with suppress(OSError):  # on a full disk the lock holds all the same
-            process = psutil.Process()
-            started = {
-                "process": process.pid,
-                "host": platform.node(),
-                "started": process.create_time(),
-            }
-            path.write_text(json.dumps(started))
+            since = strftime("%H:%M on %d %B")
+            path.write_text(f"process {os.getpid()} on {platform.node()}, since {since}")
         yield
     finally:
         with suppress(OSError):
@@ -199,12 +192,10 @@ def _acquired(path: Path) -> Any:
 def _holder(path: Path) -> str:
     """Who holds a lock, by its file, for a message."""
     try:
-        found = json.loads(read_plain(path, 1000))
-        process, host, started = int(found["process"]), str(found["host"]), float(found["started"])
-    except (OSError, ValueError, KeyError, TypeError):
+        said = read_plain(path, 1000).decode()
+    except (OSError, ValueError):
         return "another run"
-    since = strftime("%H:%M on %d %B", localtime(started))
-    return f"another run (process {process} on {shortened(host, 60)}, started at {since})"
+    return f"another run ({shortened(said)})"
 
 
 @contextmanager

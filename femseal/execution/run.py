@@ -6,7 +6,6 @@ where they were computed.
 """
 
 import logging
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager, suppress
@@ -92,22 +91,11 @@ def _same(value: Any, of: Any) -> Any:
 
 
 class LogFile(logging.FileHandler):
-    """Log lines in a file; on a full disk they end, while the run goes on.
-
-    failure : the first error of the file, None while there is none.
-    """
-
-    failure: OSError | None = None
+    """Log lines in a file; on a full disk they end, while the run goes on."""
 
     def __init__(self, path: Path, mode: str = "a", delay: bool = False) -> None:
         super().__init__(path, mode=mode, encoding="utf-8", delay=delay)
         self.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-
-    def handleError(self, record: logging.LogRecord) -> None:
-        """Keep the error; lines that cannot be written are lost."""
-        error = sys.exc_info()[1]
-        if isinstance(error, OSError):
-            self.failure = self.failure or error
 
     def close(self) -> None:
         """Close the file as far as that goes."""

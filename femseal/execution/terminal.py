@@ -89,11 +89,6 @@ def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
         for handler in handlers:
             log.removeHandler(handler)
             handler.close()
-            if isinstance(handler, LogFile) and handler.failure is not None:
-                typer.echo(
-                    f"log-file: lines are missing in '{path}' ({handler.failure.strerror})",
-                    err=True,
-                )
 
 
 class _Echo(logging.Handler):
@@ -106,24 +101,15 @@ class _Echo(logging.Handler):
 
 @contextmanager
 def _bars() -> Iterator[Progress]:
-    """A bar for each stage on a terminal, with items done, their rate and the time left."""
+    """A bar for each stage on a terminal, with items done and the time left."""
     from rich import progress
     from rich.console import Console
-    from rich.text import Text
-
-    class Rate(progress.ProgressColumn):
-        """Items per second."""
-
-        def render(self, task: progress.Task) -> Text:
-            rate = task.finished_speed or task.speed
-            return Text("" if rate is None else f"{rate:.3g}/s")
 
     tasks: dict[str, Any] = {}
     with progress.Progress(
         progress.TextColumn("{task.description}"),
         progress.BarColumn(),
         progress.MofNCompleteColumn(),
-        Rate(),
         progress.TimeRemainingColumn(),
         console=Console(stderr=True),
     ) as bars:

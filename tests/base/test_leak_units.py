@@ -73,7 +73,7 @@ def test_one_leakage_in_all_units():
     ("basis", "unit", "said"),
     [
         (LeakBasis(0.5, 800.0), "mbar·L/s", "mbar·L/s for a liquid"),
-        (leak_basis(AIR, 1.0), "drops/min", "drops are of liquids"),
+        (leak_basis(AIR, 1.0), "drops/min", "drops/min is for liquids"),
         (LeakBasis(1.0, 1.2, 1e5), "std cm³/s", "no temperature"),
         (LeakBasis(1.0, float("nan")), "kg/s", "density of the fluid is unknown"),
     ],
