@@ -11,9 +11,14 @@ from math import erf, erfc, inf, log, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from .base import Array, reals
+Array = NDArray[np.float64]
+
+
+def _reals(values: ArrayLike) -> Array:
+    return np.asarray(values, dtype=float)
+
 
 # --- contact ---
 
@@ -40,7 +45,7 @@ def hertz_approach(load: float, radius: float, modulus: float) -> float:
 def hertz_pressure(r: ArrayLike, load: float, radius: float, modulus: float) -> Array:
     """Pressure p₀ √(1 − r²/a²) [Pa] at a distance r [m] from the axis, 0 outside. Johnson 1985, eq. 3.39."""
     a = hertz_radius(load, radius, modulus)
-    inside = np.clip(1 - (reals(r) / a) ** 2, 0.0, None)
+    inside = np.clip(1 - (_reals(r) / a) ** 2, 0.0, None)
     return hertz_peak_pressure(load, radius, modulus) * np.sqrt(inside)
 
 
@@ -55,7 +60,7 @@ def wave_contact_fraction(ratio: ArrayLike) -> Array:
     >>> round(float(wave_contact_fraction(0.5)), 12)
     0.5
     """
-    return 2 / pi * np.arcsin(np.sqrt(reals(ratio)))
+    return 2 / pi * np.arcsin(np.sqrt(_reals(ratio)))
 
 
 def wave_pressure(x: ArrayLike, ratio: float, wavelength: float) -> Array:
@@ -63,7 +68,7 @@ def wave_pressure(x: ArrayLike, ratio: float, wavelength: float) -> Array:
 
     p/p* = 2 cos ψ √(sin²ψ_a − sin²ψ), ψ = πx/λ, sin²ψ_a = p̄/p*. Johnson 1985, eq. 13.8.
     """
-    ψ = pi * reals(x) / wavelength
+    ψ = pi * _reals(x) / wavelength
     return 2 * np.abs(np.cos(ψ)) * np.sqrt(np.clip(ratio - np.sin(ψ) ** 2, 0.0, None))
 
 
@@ -73,7 +78,7 @@ def wave_gap(x: ArrayLike, ratio: float, half_height: float, wavelength: float) 
     g = 2Δ (s √(s² − s_a²) − s_a² arcosh(s/s_a)), s = |sin πx/λ|, s_a² = p̄/p*: the integral of the slope
     (4πΔ/λ) cos ψ √(sin²ψ − sin²ψ_a), which continues the pressure of Westergaard (1939) out of the contact.
     """
-    s = np.abs(np.sin(pi * reals(x) / wavelength))
+    s = np.abs(np.sin(pi * _reals(x) / wavelength))
     if ratio == 0:
         return 2 * half_height * s**2
     a = sqrt(ratio)
@@ -110,7 +115,7 @@ def wavy_contact_fraction_light(ratio: ArrayLike) -> Array:
 
     Source: Johnson, Greenwood & Higginson 1985.
     """
-    return pi * (3 * reals(ratio) / (8 * pi)) ** (2 / 3)
+    return pi * (3 * _reals(ratio) / (8 * pi)) ** (2 / 3)
 
 
 def wavy_contact_fraction_full(ratio: ArrayLike) -> Array:
@@ -118,7 +123,7 @@ def wavy_contact_fraction_full(ratio: ArrayLike) -> Array:
 
     Source: Johnson, Greenwood & Higginson 1985 (the open spots as pressurised penny cracks).
     """
-    return 1 - 3 / (2 * pi) * (1 - reals(ratio))
+    return 1 - 3 / (2 * pi) * (1 - _reals(ratio))
 
 
 # --- flow ---
@@ -126,7 +131,7 @@ def wavy_contact_fraction_full(ratio: ArrayLike) -> Array:
 
 def parallel_plates(gap: ArrayLike) -> Array:
     """Permeability h³/12 [m³] between parallel plates. Reynolds 1886."""
-    return reals(gap) ** 3 / 12
+    return _reals(gap) ** 3 / 12
 
 
 def wavy_gap_along(gap: float, amplitude: float) -> float:
@@ -146,13 +151,13 @@ def large_gap(mean_gap: ArrayLike, rms: float) -> Array:
     Half of what the ridges along add, 3σ²/h̄², and those across take off, 6σ²/h̄². Elrod, J. Lubr. Technol.
     101, 1979, 8.
     """
-    h = reals(mean_gap)
+    h = _reals(mean_gap)
     return h**3 / 12 - h * rms**2 / 8
 
 
 def stripes_across(permeabilities: ArrayLike) -> float:
     """Harmonic mean of stripes of equal width in series; 0 if one is closed."""
-    k = reals(permeabilities)
+    k = _reals(permeabilities)
     return float(1 / np.mean(1 / k)) if np.all(k > 0) else 0.0
 
 
@@ -167,7 +172,7 @@ def log_symmetric_links(permeabilities: ArrayLike) -> float:
 
     Source: Dykhne 1971; Marchant & Gabillard, C. R. Acad. Sci. 281 B, 1975, 261. 0 if one k is 0.
     """
-    k = reals(permeabilities)
+    k = _reals(permeabilities)
     return float(np.exp(np.mean(np.log(k)))) if np.all(k > 0) else 0.0
 
 
@@ -233,7 +238,7 @@ def persson_area(pressure: ArrayLike, spread: ArrayLike, hardness: float = inf) 
     >>> persson_area([0.1, 1.0, 2.0], 1.0, hardness=2.0).round(4)
     array([0.0797, 0.6854, 1.    ])
     """
-    p, s = reals(pressure), reals(spread)
+    p, s = _reals(pressure), _reals(spread)
     width = sqrt(2) * np.maximum(np.minimum(s, _ALL_PLASTIC * hardness), 1e-150)
     area = _erf(p / width)
     if hardness < inf:
@@ -273,7 +278,7 @@ def critical_junction(
     waves, powers : q [rad/m], rising, and mean square heights [m²] of waves around them, each > 0.
     closing : contact fraction at which the face closes.
     """
-    q, power = reals(waves), reals(powers)
+    q, power = _reals(waves), _reals(powers)
     slope2 = np.concatenate([[0.0], np.cumsum(q**2 * power)])
     area = persson_area(pressure, modulus / 2 * np.sqrt(slope2), hardness)
     x, errors, integral = _gap_integral()

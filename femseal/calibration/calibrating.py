@@ -34,8 +34,7 @@ from ..execution.run import Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import prepare
 from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
-from ..store import unfinished
-from ..store.store import Store
+from ..store.store import Store, begin_run, remove_run, store_folder
 from ..studies.compiling import compile_ahead
 from ..studies.study_registry import usual_efforts
 from ..topography import resolved_wave
@@ -131,16 +130,16 @@ def calibrate(
     with ExitStack() as stack:
         if folder is not None:
             if not going_on and (folder / FILE).exists():  # a finished one
-                unfinished.remove(folder)
+                remove_run(folder)
             stack.enter_context(writing_in(made_folder(folder), identity, going_on, part))
-            unfinished.begin(folder, identity)
+            begin_run(folder, identity)
             if part is None:
                 (folder / FILE).unlink(missing_ok=True)
         mapper = stack.enter_context(
             ordered_map(workers, scheduler, partial(compile_ahead, progress=progress))
         )
         if folder is not None:
-            store = stack.enter_context(Store(unfinished.store_folder(folder)))
+            store = stack.enter_context(Store(store_folder(folder)))
             mapper = over_store(mapper, store, folder, part, progress)
         mapper = stack.enter_context(Run(mapper, progress).timed("calibration"))
         posterior, points, leakage = _explored(

@@ -19,8 +19,7 @@ from typing import Any
 
 from ..base import InputError, Mapper, PartsMissing, Stage, shortened, shown
 from ..base.files import read_plain, remove_foreign
-from ..store.store import Store, Unnamed
-from ..store.unfinished import refuse_unfinished, resumable
+from ..store.store import Store, Unnamed, refuse_unfinished, resumable
 from .run import Progress
 
 #: Number of a part, from 1, and how many there are.

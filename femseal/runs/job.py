@@ -40,8 +40,7 @@ from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import chosen, last_version, refine_to_accuracy
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
-from ..store import unfinished
-from ..store.store import Store
+from ..store.store import Store, begin_run, remove_run, resumable, store_folder
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead, reporting_compilation
 from ..studies.doubts import flow_warnings
@@ -113,8 +112,8 @@ def run(
         and (finished := finished_results(case, faces, folder)) is not None
     ):
         with suppress(InputError), alone_in(folder):  # the store of another run stays
-            unfinished.resumable(folder, identity)
-            unfinished.remove(folder)
+            resumable(folder, identity)
+            remove_run(folder)
         return finished
     progress = progress or no_progress
 
@@ -139,9 +138,9 @@ def run(
             going_on = enter(writing_in(made_folder(folder), identity, resume, part))
         enter(_log_file(folder, append=going_on or part is not None))
         if going_on:
-            log.info("resumed from %s", unfinished.store_folder(folder))
-        unfinished.begin(folder, identity)
-        store = enter(Store(Path(shared or unfinished.store_folder(folder))))
+            log.info("resumed from %s", store_folder(folder))
+        begin_run(folder, identity)
+        store = enter(Store(Path(shared or store_folder(folder))))
         run_ = Run(over_store(mapper, store, folder, part, progress), progress)
         results = _results(case, prepared, faces, run_, part)
         if results is None:
@@ -274,7 +273,7 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
         raise FemsealError(
             f"{reason}; mend that, then a run with --resume has only to write them"
         ) from error
-    unfinished.remove(folder)
+    remove_run(folder)
 
 
 def face_files(case: Case) -> dict[str, str]:

@@ -19,8 +19,7 @@ from ..flow.permeability_table import PermeabilityTable, PressureCurve
 from ..flow.pressure_drop import PressureDrop
 from ..flow.solution import DarcyFlow
 from ..fluids import Fluid, potential_of
-from .element_seal import ElementSeal
-from .mesh_seal import PressureBoundaries
+from .mesh_seal import ElementSeal, PressureBoundaries
 from .shapes import Seal, StructuredSeal
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from ..base import Array, InputError, Pair, Shape, counted, validate
 from ..flow import DarcyFlow, Stencil, solve_flow
 from ..flow.balance import balanced_link_fluxes
-from ..flow.bounds import outward
+from ..flow.cell import outward
 from ..flow.grid import Grid, assemble_on_links
 from ..flow.mesh_input import checked
 from .lay import check_ring

@@ -16,9 +16,8 @@ from skfem.mesh import MeshQuad1DG
 
 from ..base import Array, Indices, InputError, Pair, Shape, counted, to_si, to_text
 from ..flow.spiral import Spiral
-from .element_seal import ElementSeal
 from .lay import Lay, check_size
-from .mesh_seal import MeshSeal, boundaries_without_name, parts_without_flow
+from .mesh_seal import ElementSeal, MeshSeal, boundaries_without_name, parts_without_flow
 from .triangulation import middles, polygon_areas
 
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic

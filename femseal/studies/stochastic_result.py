@@ -23,7 +23,7 @@ from ..base.fields import (
 )
 from ..face.piece_flow import SolveCounts
 from ..loads import FLOOR, LoadProgramme
-from ..seal.element_seal import ElementSeal
+from ..seal.mesh_seal import ElementSeal
 from ..seal.tiles import SealTiles
 from .face_states import PlaceLeakage
 from .piece_states import FacePieces

@@ -30,7 +30,7 @@ from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
 from ..runs import job
 from ..runs.forecast import refuse_too_large
-from ..store.unfinished import refuse_unfinished
+from ..store.store import refuse_unfinished
 
 log = logging.getLogger("femseal.sweeps")
 #: Subfolder of the store that the cases share while the sweep is under way.

@@ -24,9 +24,17 @@ import femseal as fs
 from femseal.execution.resuming import alone_in
 from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts
 from femseal.report import folder as report_folder
-from femseal.store import store, unfinished
+from femseal.store import store
 from femseal.store.plain_data import packed, unpacked
-from femseal.store.store import SUFFIX, Store, digest
+from femseal.store.store import (
+    SUFFIX,
+    Store,
+    begin_run,
+    digest,
+    refuse_unfinished,
+    remove_run,
+    resumable,
+)
 
 # --- values as bytes -----------------------------------------------------------------------------------------------
 
@@ -166,10 +174,10 @@ def test_a_checkpoint_that_is_a_link_is_left_alone(tmp_path):
     out.mkdir()
     (out / ".checkpoint").symlink_to(other)
     for act in (
-        lambda: unfinished.resumable(out, {}),
-        lambda: unfinished.refuse_unfinished(out),
-        lambda: unfinished.remove(out),
-        lambda: unfinished.begin(out, {}),
+        lambda: resumable(out, {}),
+        lambda: refuse_unfinished(out),
+        lambda: remove_run(out),
+        lambda: begin_run(out, {}),
     ):
         with pytest.raises(fs.InputError, match="a link"):
             act()
@@ -185,7 +193,7 @@ def test_a_manifest_of_another_kind_is_refused_in_short(tmp_path, content):
     folder.mkdir()
     (folder / "manifest.json").write_bytes(content)
     with pytest.raises(fs.InputError, match="resume: given") as caught:
-        unfinished.resumable(tmp_path, {"case": 1})
+        resumable(tmp_path, {"case": 1})
     assert len(str(caught.value)) < 3000
     assert "\x1b" not in str(caught.value)
 

@@ -5,8 +5,7 @@ from networks import cell_links, network, restricted
 from numpy.testing import assert_allclose
 
 from femseal.flow import solve_flow
-from femseal.flow.dead_ends import dead_ends, fill_dead_ends
-from femseal.flow.percolation import nodes_reached
+from femseal.flow.percolation import dead_ends, fill_dead_ends, nodes_reached
 
 D = 1e-6
 

@@ -13,8 +13,7 @@ from femseal.base import InputError
 from femseal.case import parse_case
 from femseal.flow.permeability_table import PermeabilityTable
 from femseal.preparation import prepare
-from femseal.seal.element_seal import ElementSeal
-from femseal.seal.mesh_seal import PressureBoundaries
+from femseal.seal.mesh_seal import ElementSeal, PressureBoundaries
 from femseal.seal.tiles import SealTiles
 from femseal.studies.drawn_study import _rate_of_power
 

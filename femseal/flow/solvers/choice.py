@@ -18,9 +18,8 @@ from ...base import Array, Flags, NotConverged, validate
 from ...base.compiled import compiled
 from ...base.threads import number, on_threads
 from ..balance import energy_gap
-from ..dead_ends import dead_ends, fill_dead_ends
 from ..grid import Stencil
-from ..percolation import closed, nodes_reached, ready
+from ..percolation import closed, dead_ends, fill_dead_ends, nodes_reached, ready
 from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
 from .amg import solve_amg
 from .link_network import eliminate, island_potentials
