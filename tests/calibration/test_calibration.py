@@ -209,7 +209,7 @@ BAD = [
     ("pressure [MPa], branch, leakage [bar]\n" + ROWS, "leakage_unit"),
     (
         "pressure [MPa], branch, leakage [mbar·L/s]\n" + ROWS,
-        "leakage [mbar·L/s]', expected a unit of volume or of mass for a liquid",
+        "leakage [mbar·L/s]', expected another unit: mbar·L/s is for gases",
     ),
     ("pressure [mm], branch, leakage [m²/s]\n" + ROWS, "column pressure"),
     ("pressure, branch, leakage [m²/s]\n" + ROWS, "'pressure' without a unit"),
