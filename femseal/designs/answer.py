@@ -1,12 +1,13 @@
 """The design answer for a case or a finished run: what pressures a seal needs, and what changes them most."""
 
+import json
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ..base import AnyPath, InputError, counted, to_si, to_text, validate
+from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, check_classes, leak_classes
 from ..case.case import Case, load_case
 from ..case.values import Amount
@@ -114,6 +115,10 @@ def design(
         )
     known_load = np.isfinite(place[1])
     if case is not None and solve and known_load:
+        if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:
+            notes.append(
+                f"the run is of femseal {former}: what is solved again may differ from it for that reason too"
+            )
         variants = solved_variants(case, results, workers, shown)
     if (state := state_of_classes(results)) is not None:
         several = isinstance(results.case.get("seal", {}).get("inlet"), dict)

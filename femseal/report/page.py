@@ -26,6 +26,7 @@ from ..plots.maps import (
     default_step,
     drawn_figure,
     drop_steps,
+    face_leakage,
     face_size,
     has_maps,
     place_figure,
@@ -56,6 +57,8 @@ BROWSERS = (
 )
 #: Longest time that a browser may take [s].
 _PATIENCE = 120
+#: Least and largest of values that may be undefined.
+_ENDS = np.nanmin, np.nanmax
 #: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
 FILES = ("surface", "seal", "seat", "place", "drawn", "pieces", "leakage")
 #: Pictures as PNG by their name.
@@ -254,7 +257,6 @@ def page_template() -> Template:
 def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
     """What the template of the page takes."""
     data = results.dataset
-    width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
     return {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
@@ -263,7 +265,8 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
         "digests": json.loads(data.attrs.get("face_files", "{}")),
         "limiting": report_tables.limiting_text(results),
         "description": json.loads(data.attrs.get("description", "[]")),
-        "seal": f"The seal is {data.attrs['seal']}, {width} wide along the leakage and {length} long.",
+        "seal": _seal_text(data),
+        "drop_text": _drop_text(data) if has_maps(data) else "",
         "gas_state": report_tables.gas_state_text(results),
         # the page has a table of classes
         "leakage_table": leakage_table(results).without(["class"]),
@@ -282,6 +285,44 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
         "machine": flat(json.loads(data.attrs["machine"])),
         "case": flat(as_chosen(results.case, results.attempts)),
     }
+
+
+def _seal_text(data: xarray.Dataset) -> str:
+    """Shape and sides of the seal, on what band a seat touches, and how tiles of an uneven seal are pressed."""
+    width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
+    seal = data.attrs["seal"]
+    texts = [f"The seal is {seal}, {width} wide along the leakage and {length} long."]
+    if data.attrs.get("seat") and "band_breadth" in data:
+        least, most = (to_text(f(data["band_breadth"].values), "m", 3) for f in _ENDS)
+        highest = to_text(np.nanmax(data["largest_row_pressure"].values), "Pa", 3)
+        texts.append(
+            f"The seat touches on a band {least} to {most} broad, with at most {highest} as the "
+            "mean of a row."
+        )
+    name = "drawn_nominal_pressure" if "drawn_form" in data else "drawn_contact_pressure"
+    uneven = "drawn_form" in data or json.loads(data.attrs["case"]).get("load", {}).get("map")
+    if uneven and name in data:
+        loads = data["nominal_pressure"].values
+        for s in dict.fromkeys((loads.argmin(), loads.argmax())):
+            at = data[name].values[s]
+            low, high = (to_text(f(at), "Pa", 3) for f in _ENDS)
+            texts.append(
+                f"At {load_names(data)[s]} the tiles are pressed with {low} to {high}, and "
+                f"{(at == 0).mean():.0%} of them stand apart."
+            )
+    return " ".join(texts)
+
+
+def _drop_text(data: xarray.Dataset) -> str:
+    """Number of pieces that carry half of the pressure drop at the step of the maps."""
+    s = default_step(data)
+    if np.nan_to_num(face_leakage(data)[s]) == 0:
+        return f"At {load_names(data)[s]} nothing flows."
+    if "piece_drop_fraction" not in data or not data["piece_drop_fraction"][s].notnull().all():
+        return ""
+    fraction = np.sort(data["piece_drop_fraction"].values[s].ravel())[::-1]
+    half = np.searchsorted(np.cumsum(fraction), 0.5) + 1
+    return f"Half of the pressure drops in {half} of {fraction.size} pieces."
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

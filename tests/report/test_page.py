@@ -163,6 +163,18 @@ def test_table_has_the_numbers_of_the_dataset(results, page):
     assert_allclose(shown * factor, ends[:, ends[0] > 0], rtol=6e-3)
 
 
+def test_drop_of_pressure_by_hand(results):
+    """All pressure drops in the second third of the face, half of it in two pieces."""
+    data = results.dataset.copy(deep=True)
+    rows = data.sizes["block1"]
+    drop = np.clip(2 - 3 * (np.arange(rows) + 0.5) / rows, 0, 1)
+    data["face_fluid_pressure"][:] = drop[:, None] * 1e6
+    data["piece_drop_fraction"][:] = 0.5 / 16
+    data["piece_drop_fraction"][:, 1, 2:4] = 0.25
+    text = words(section(report_html(replace(results, dataset=data)), "maps"))
+    assert "Half of the pressure drops in 2 of 18 pieces." in text
+
+
 def test_times_and_warnings(scene, studies):
     """Parts of a study are not counted twice."""
     timings = {
@@ -202,6 +214,7 @@ def test_closed_and_failed_seals_are_told(results, value, text):
     data["piece_drop_fraction"][:] = np.nan
     page = report_html(replace(results, dataset=data))
     assert text in words(section(page, "numbers"))
+    assert value != 0 or "nothing flows" in words(section(page, "maps"))
 
 
 # --- files and command line -------------------------------------------------------------------------------
