@@ -18,7 +18,6 @@ import typer
 from .base import FemsealError, InputError, PartsMissing, shortened, writing
 from .base.lazy_package import loading
 from .commands import Resume, calibrate, compare, design, sweep
-from .execution.resuming import parsed_part
 from .execution.terminal import (
     CasePath,
     PartOption,
@@ -141,6 +140,7 @@ def run(
     it computes a part of the work and writes no results; once all parts are done, --resume without --part writes them.
     """
     from .case.case import load_case
+    from .execution.resuming import parsed_part
 
     folder = output or Path("results") / path.stem
     own = parsed_part(part)

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from .base import FemsealError
-from .execution.resuming import parsed_part
 from .execution.run import Progress
 from .execution.terminal import (
     CasePath,
@@ -62,6 +61,7 @@ def sweep(
     quiet: Quiet = False,
 ) -> None:
     """Run a case with every combination of the values of some keys; one table and one picture for all of them."""
+    from .execution.resuming import parsed_part
     from .sweeps.sweeping import parsed_keys
     from .sweeps.sweeping import sweep as over_all
 
@@ -199,6 +199,7 @@ def calibrate(
     """Find hardness, shortest wave and the factor between model and test from a measured curve of leakage."""
     from .calibration.calibrating import CASE_FILE
     from .calibration.calibrating import calibrate as calibrated
+    from .execution.resuming import parsed_part
 
     folder = output or Path("results") / f"{path.stem}-calibrated"
     again = f"`femseal calibrate {path} {data} -o {folder} --resume` goes on"

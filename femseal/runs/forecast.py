@@ -50,6 +50,8 @@ _START_SECONDS, _PICTURES_SECONDS = 2.5, 2.4
 _WORKER_MEMORY = 0.25e9
 #: Load steps that are solved at most.
 _MOST_STEPS = 5
+#: Rounds of contact and flow beyond which a larger face, of which single paths are a smaller part, takes half as many.
+_MANY_ROUNDS = 3.0
 #: Iterations of multigrid that take as long as elimination on `PILOT_PIXELS`, and their growth with the fraction open.
 _ELIMINATED = 50.0, 1.65
 #: Least seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured.
@@ -315,6 +317,7 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
             found[pressure] = Effort()
             continue
         rounds = getattr(contact, "rounds", 1.0)
+        rounds = min(rounds, 0.5 * (rounds + _MANY_ROUNDS))
         effort = Effort(contact.fft_pairs, contact.area_fraction, rounds=rounds)
         larger, (most, power) = PILOT_PIXELS / gap.size, _ELIMINATED
         iterations = flow.iterations or most * flow.percolating_fraction**power
