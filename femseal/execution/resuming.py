@@ -26,6 +26,13 @@ from .run import Progress
 Part = tuple[int, int]
 #: Most parts.
 MOST_PARTS = 100_000
+#: Name of the file in the folder, which says who holds the lock, and of that of a part; what is added where there are
+#: no locks.
+LOCK, PART_LOCK, MARK = ".lock", ".part-lock-{}-of-{}", "-mark"
+#: Time between two looks for the items of parts that are under way [s].
+POLL_SECONDS = 2.0
+#: How long a lock is tried whose file another run removes meanwhile, and how often [s].
+_PATIENCE, _POLL = 0.2, 0.02
 
 
 def parsed_part(text: str | None) -> Part | None:
@@ -83,15 +90,8 @@ def missing_parts(part: Part, stage: str, missing: list[int]) -> PartsMissing:
 
 
 log = logging.getLogger("femseal.execution.resuming")
-#: Name of the file in the folder, which says who holds the lock, and of that of a part; what is added where there are
-#: no locks.
-LOCK, PART_LOCK, MARK = ".lock", ".part-lock-{}-of-{}", "-mark"
-#: Time between two looks for the items of parts that are under way [s].
-POLL_SECONDS = 2.0
 #: Errors of a file system that has no locks.
 _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
-#: How long a lock is tried whose file another run removes meanwhile, and how often [s].
-_PATIENCE, _POLL = 0.2, 0.02
 
 
 @contextmanager

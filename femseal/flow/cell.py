@@ -41,6 +41,10 @@ from .solvers.choice import solve_flow, solve_ready
 #: the flow by no more (Rayleigh's principle), unless it is so small beside the widest link that links at the end of
 #: single precision may carry it: then, and where smaller errors are asked for, they are in double precision.
 SINGLE_NODES, _SINGLE_RTOL, _SINGLE_FLOW = 3000**2, 1e-6, 1e-28
+#: What the upper bound may exceed the least energy by, relative to it.
+_RTOL = 1e-9
+#: Fraction by which bounds are moved apart.
+_ROUNDING = 1e-13
 
 
 def edge_conductances(
@@ -69,10 +73,6 @@ def cell_stencil(gap: Array, grid: Grid) -> Stencil:
     return Stencil(along, across, ring2=grid.ring2)
 
 
-#: What the upper bound may exceed the least energy by, relative to it.
-_RTOL = 1e-9
-#: Fraction by which bounds are moved apart.
-_ROUNDING = 1e-13
 #: Component K11 at two Gauss points along x1, which is exact where K is constant.
 _GAUSS = tuple(Sample((0.5 + side / np.sqrt(12), 0.5), 0.5, 0) for side in (-1, 1))
 #: Component K11 at the two ends of a pixel: the mixed form then decouples the two fluxes, and a link

@@ -22,6 +22,9 @@ from ..base.compiled import compiled
 from ..base.threads import over, rows
 from . import forms
 
+#: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that the edge of each sample joins.
+_PAIRS = (0, 2), (1, 3), (0, 1), (2, 3)
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
@@ -237,8 +240,6 @@ def _edges(first: float, last: float) -> tuple[Sample, ...]:
 EDGES = _edges(0.5, 0.5)
 #: Half elements at the ends take K22 at the row of pixel centres only; along an end the pressure is constant.
 EDGES_AT_INLET, EDGES_AT_OUTLET = _edges(0.0, 1.0), _edges(1.0, 0.0)
-#: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that the edge of each sample joins.
-_PAIRS = (0, 2), (1, 3), (0, 1), (2, 3)
 
 
 @lru_cache(maxsize=32)

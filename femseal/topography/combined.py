@@ -26,6 +26,13 @@ from ..base import Flags, InputError, Labelled, Pair, Shape, as_text, labelled, 
 from .defects import fit_form
 from .topography import Topography
 
+#: Pixels that differ by more than this factor do not carry the same waves; rms heights that differ from the median of
+#: all places by more than the second are of another unit; waves, 2π rms height over rms slope, by more than the third
+#: of another surface or instrument.
+_UNLIKE_PIXELS, _UNLIKE_HEIGHTS, _UNLIKE_WAVES = 4.0, 20.0, 2.5
+#: Places of unlike length keep a whole number of parts of this fraction of the shortest.
+_PARTS = 8
+
 
 @dataclass(frozen=True)
 class Overlap(Labelled):
@@ -130,14 +137,6 @@ def _largest_rectangle(inside: Flags) -> tuple[Shape, Shape]:
     area = np.triu((rows - rows[:, None] + 1) * columns)
     i, j = np.unravel_index(int(np.argmax(area)), area.shape)
     return (int(rows[i]), int(rows[j]) + 1), (int(max(low[i], low[j])), int(min(high[i], high[j])))
-
-
-#: Pixels that differ by more than this factor do not carry the same waves; rms heights that differ from the median of
-#: all places by more than the second are of another unit; waves, 2π rms height over rms slope, by more than the third
-#: of another surface or instrument.
-_UNLIKE_PIXELS, _UNLIKE_HEIGHTS, _UNLIKE_WAVES = 4.0, 20.0, 2.5
-#: Places of unlike length keep a whole number of parts of this fraction of the shortest.
-_PARTS = 8
 
 
 class Places(Topography):
