@@ -506,6 +506,17 @@ def test_conductances_in_single_precision_change_the_flow_by_no_more_than_they_e
     assert k_of(narrow) == end > 0
 
 
+def test_large_cells_in_single_precision_have_the_potential_that_is_asked_for(monkeypatch):
+    gap = cut_by_plane((660, 610), 0.1, seed=3)
+    given = {"sides": "periodic", "solver": "multigrid", "field_rtol": 1e-6}
+    double = cell_permeability(gap, (D, D), **given)
+    monkeypatch.setattr("femseal.flow.cell.SINGLE_NODES", 1)
+    single = cell_permeability(gap, (D, D), **given)
+    assert single.value != double.value
+    assert single.imbalance < 1e-6
+    assert_allclose(single.fluid_pressure, double.fluid_pressure, rtol=0, atol=1e-5)
+
+
 def test_threads_share_large_cells_and_change_no_bits():
     gap = cut_by_plane((660, 610), 0.2, seed=3)
     given = {"sides": "periodic", "solver": "multigrid", "field_rtol": 1e-5}

@@ -84,7 +84,7 @@ def solve_multigrid(
     along, across, ring = stencil.along, stencil.across, stencil.ring2
     field = np.inf if field_rtol is None else field_rtol
     with np.errstate(divide="ignore", invalid="ignore"):
-        resistance = 1 / along.sum(axis=1)
+        resistance = 1 / along.sum(axis=1, dtype=float)
         drop = resistance / resistance.sum()
     asked = _Asked(rtol, field, limit, _NONE if hidden is None else hidden)
     if along.size < _LARGE:
