@@ -73,20 +73,27 @@ def random_cell(seed):
     return cell_links(h / h.max() if h.max() > 0 else h + 1, (D, D), sides)
 
 
+#: Cells whose error multigrid tells too small, though it is below what was asked for: an open defect.
+TOLD_TOO_LITTLE = {(400, 1e-6)}
+
+
 def check_random_cell(seed, rtol):
     c1, c2 = random_cell(seed)
     exact, found = solve_links(c1, c2, solver="elimination"), solve_links(c1, c2, rtol=rtol)
     assert found.percolates == exact.percolates
     assert_allclose(found.conductance, exact.conductance, rtol=rtol, err_msg=f"seed {seed}")
     error = abs(found.conductance - exact.conductance)
-    return found, error <= max(found.residual**2, 0.1 * rtol, 1e-13) * exact.conductance
+    # the error that is told is an estimate where few iterations were needed
+    told = error <= max(found.residual**2, 0.1 * rtol, 1e-13) * exact.conductance
+    assert told or (seed, rtol) in TOLD_TOO_LITTLE, seed
+    return found
 
 
 @pytest.mark.parametrize("seed", [10272, 10392, 10572, 10605, 10028])
 def test_links_lost_in_sums_that_carry_flow(seed):
     """Most of the flow is through links beside which multigrid cannot see 1e-4 to 1e-2 of it."""
     for rtol in (1e-3, 1e-6, 1e-9):
-        assert check_random_cell(seed, rtol)[1]
+        check_random_cell(seed, rtol)
     c1, c2 = random_cell(seed)
     exact = solve_links(c1, c2, solver="elimination").conductance
     loose = solve_links(c1, c2, rtol=0.02, solver="multigrid")
@@ -99,10 +106,8 @@ def test_links_lost_in_sums_that_carry_flow(seed):
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("seeds", [range(100), pytest.param(range(10000), marks=pytest.mark.slow)])
 def test_random_cells(seeds, rtol):
-    found = [check_random_cell(seed, rtol) for seed in seeds]
-    assert {flow.solver for flow, _ in found} <= {"multigrid", "elimination", "none"}
-    # where few iterations are needed the error that is told is an estimate: one in 5000 may be too small
-    assert sum(not told for _, told in found) <= len(seeds) // 5000
+    used = {check_random_cell(seed, rtol).solver for seed in seeds}
+    assert used <= {"multigrid", "elimination", "none"}
 
 
 # --- bounds, tensor and units of small random cells ---
