@@ -20,7 +20,7 @@ import numpy as np
 
 from ..base import Array, InputError, Pair, Shape, counted, validate
 from ..flow import DarcyFlow, Stencil, solve_flow
-from ..flow.balance import balanced_link_fluxes
+from ..flow.balance import energy_gap
 from ..flow.cell import outward
 from ..flow.grid import Grid, assemble_on_links
 from ..flow.mesh_input import checked
@@ -87,20 +87,10 @@ def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "au
         return replace(flow, lower=0.0, upper=0.0)
     potential = np.nan_to_num(flow.potential)  # pockets carry no flow
     # an upper bound for any potential that is 1 and 0 at the ends
-    upper = max(stencil.energy(potential), flow.conductance)
-    lower, upper = outward(min(conservative_rate(stencil, potential), flow.conductance), upper)
+    upper = stencil.energy(potential)
+    lower = max(0.0, upper * (1 - energy_gap(stencil, potential, 1 - potential)))
+    lower, upper = outward(min(lower, flow.conductance), max(upper, flow.conductance))
     return replace(flow, lower=lower, upper=upper)
-
-
-def conservative_rate(stencil: Stencil, potential: Array) -> float:
-    """Q²/Σ(q²/c) of a balanced flux near −c Δφ: a lower bound for any `potential` (n1 + 1, n2) on five points."""
-    fluxes = balanced_link_fluxes(stencil, potential, 1 - potential)
-    total = min(abs(fluxes[0][0].sum()), abs(fluxes[0][-1].sum()))
-    energy = sum(
-        float(np.divide(q**2, c, out=np.zeros_like(q), where=c > 0).sum())
-        for q, c in zip(fluxes, (stencil.along, stencil.across), strict=True)
-    )
-    return float(total**2 / energy) if energy > 0 else 0.0
 
 
 class Seal(Protocol):

@@ -23,7 +23,7 @@ from ..percolation import closed, dead_ends, fill_dead_ends, nodes_reached, read
 from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
 from .amg import solve_amg
 from .link_network import eliminate, island_potentials
-from .multigrid import COARSEST_NODES, coarsest_nodes, solve_multigrid
+from .multigrid import CHECKED, COARSEST_NODES, coarsest_nodes, solve_multigrid
 
 #: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
 ELIMINATED_NODES = 5_000_000
@@ -46,10 +46,10 @@ _MANY, _MAY_HAVE_DEAD_ENDS = 400_000, 0.88
 #: Iterations allowed to multigrid where the caller chose it, or where elimination would take too much memory.
 _MOST_ITERATIONS = 600
 #: Part of the error allowed at which an iteration stops, as some part of the error may be so slow that it has not met
-#: it; from so many iterations on the error is checked by a flux that balances, and factor of it allowed to the next
+#: it; from `CHECKED` iterations on the error is bounded by a flux that balances, and factor of it allowed to the next
 #: solution if it is too large. Of 437 gaps of four kinds that took fewer, for 1e-6, none erred by more than 3e-11; a
-#: pool behind narrow links that took 12 erred by 1.6e-6. The check takes the time of 7 iterations.
-_PART, _SLOW, _TIGHTER = 1 / 3, 12, 3e-3
+#: pool behind narrow links that took 12 erred by 1.6e-6. The bound takes the time of 6 iterations.
+_PART, _TIGHTER = 1 / 3, 1e-7
 #: Potential of a node that is connected to neither end, to the inlet, or to the outlet; both: it is computed.
 _AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
 
@@ -200,7 +200,7 @@ def _by_multigrid(
             if gap == inf:
                 raise
             break  # what is said of a smaller error than was asked for helps nobody
-        if flow.iterations < _SLOW:
+        if flow.iterations < CHECKED:
             return flow
         gap = energy_gap(stencil, flow.potential, flow.complement)
         if gap <= rtol:
