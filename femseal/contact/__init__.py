@@ -5,10 +5,17 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .cycle import LoadCycle, LoadState, load_cycle, load_states
+    from .cycle import (
+        STATE_FIELDS,
+        LoadCycle,
+        LoadState,
+        contact_at_loads,
+        load_cycle,
+        load_states,
+    )
     from .half_space import HalfSpace
-    from .hardness_curves import HardnessTable, NixGao, softer_of
-    from .law import ContactLaw, LinearHardening, PerfectlyPlastic, contact_law
+    from .hardness_curves import HardnessTable, NixGao
+    from .law import ContactLaw, LinearHardening, PerfectlyPlastic, contact_law, softer_of
     from .solver import Contact, solve_contact
 else:
     __getattr__, __dir__ = lazy(__name__)

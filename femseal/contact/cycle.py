@@ -108,55 +108,53 @@ def load_cycle(
     unloading 100 MPa from 300 MPa mean gap 0.65 µm
     """
     programme = LoadProgramme.of(loading, unload_from, unloading)
-    return LoadCycle(load_states(gap0, half_space, programme, law=contact_law(hardness), rtol=rtol))
+    solve = contact_at_loads(gap0, half_space, programme, contact_law(hardness))
+    return LoadCycle(load_states(programme, solve, rtol=rtol))
 
 
-def load_states(
+def contact_at_loads(
     gap0: ArrayLike,
     half_space: HalfSpace,
     programme: LoadProgramme,
-    *,
     law: ContactLaw,
-    rtol: float = 1e-6,
-    take: Callable[[LoadState], Any] | None = None,
     solve: Callable[..., Contact] = solve_contact,
-    remember: Callable[[Contact], Any] | None = None,
-    memory: float | None = None,
-    mapper: Mapper = map,
-) -> Iterator[Any]:
-    """Solve the contact states of a programme one after another; arguments are checked at once, no state is kept.
+) -> Callable[..., Contact]:
+    """The contact of this gap by this law at a load, `pressure` being left to give, once the programme is checked.
 
-    Parameters
-    ----------
-    programme : the load steps; the others are as in `load_cycle`.
-    law : what the points can carry.
-    take : function of the contact of a state, called in the process that solves it; its value is returned in place of
-        the state.
-    solve : the contact at a load, such as one with a fluid between the faces; called as `solve_contact`.
-    remember : what a contact leaves to the next load besides its plastic deformation, which `solve` takes as `former`:
-        loads are then solved one after another.
-    memory : of solving a state and of `take` together [byte]; that of the contact unless given. A mapper over processes
-        solves no more states at once than fit.
-    mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
+    solve : called as `solve_contact`, such as one with a fluid between the faces.
     """
     law.tangent(half_space.shape)  # checks its shape
     check_capacity("loading", float(programme.pressures.max()), law)
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
-    state = partial(
-        _state,
-        gap0=gap0,
-        half_space=half_space,
-        law=law,
-        rtol=rtol,
-        take=take,
-        solve=solve,
-        remember=remember,
-    )
-    if memory is None:
-        memory = 8.0 * STATE_FIELDS * gap0.size
-    return _solved(
-        Stage("contact of the whole face", state, memory), programme, remember is not None, mapper
-    )
+    return partial(solve, gap0, half_space, hardness=law)
+
+
+def load_states(
+    programme: LoadProgramme,
+    solve: Callable[..., Contact],
+    *,
+    rtol: float = 1e-6,
+    take: Callable[[LoadState], Any] | None = None,
+    remember: Callable[[Contact], Any] | None = None,
+    memory: float = 0.0,
+    mapper: Mapper = map,
+) -> Iterator[Any]:
+    """Solve the contact states of a programme one after another; no state is kept.
+
+    Parameters
+    ----------
+    programme : the load steps. solve : the contact at a load, see `contact_at_loads`. rtol : as in `load_cycle`.
+    take : function of the contact of a state, called in the process that solves it; its value is returned in place of
+        the state.
+    remember : what a contact leaves to the next load besides its plastic deformation, which `solve` takes as `former`:
+        loads are then solved one after another.
+    memory : of solving a state and of `take` together [byte]; a mapper over processes solves no more states at once
+        than fit.
+    mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
+    """
+    state = partial(_state, solve=solve, rtol=rtol, take=take, remember=remember)
+    stage = Stage("contact of the whole face", state, memory)
+    return _solved(stage, programme, remember is not None, mapper)
 
 
 def _solved(stage: Stage, programme: LoadProgramme, in_turn: bool, mapper: Mapper) -> Iterator[Any]:
@@ -191,26 +189,15 @@ def _state(
     peak: bool,
     left: _Left = (None, None),
     *,
-    gap0: np.ndarray,
-    half_space: HalfSpace,
-    law: ContactLaw,
+    solve: Callable[..., Contact],
     rtol: float,
     take: Callable[[LoadState], Any] | None,
-    solve: Callable[..., Contact],
     remember: Callable[[Contact], Any] | None,
 ) -> tuple[Any, _Left]:
     """Solve a state; return the value of `take`, and of a peak what it leaves."""
     deformation, former = left
     settings = {} if remember is None else {"former": former}
-    contact = solve(
-        gap0,
-        half_space,
-        pressure=step.pressure,
-        hardness=law,
-        deformation=deformation,
-        rtol=rtol,
-        **settings,
-    )
+    contact = solve(pressure=step.pressure, deformation=deformation, rtol=rtol, **settings)
     again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
     kept = contact.plastic_deformation if peak else None

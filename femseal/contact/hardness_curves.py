@@ -1,4 +1,4 @@
-"""Contact laws whose hardness is a curve of the depth: of a table, by Nix and Gao, or of the softer of two faces."""
+"""Contact laws whose hardness is a curve of the depth: of a table, or by Nix and Gao."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,8 +11,6 @@ from .law import ContactLaw
 
 #: Depth [m] above which Nix and Gao's law was found to hold (Feng & Nix, Scripta Mater. 51, 2004, 599).
 SMALLEST_DEPTH = 1e-7
-#: Depths [m] at which curves of two faces are compared.
-_COMPARED = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,47 +140,3 @@ class NixGao(ContactLaw):
             f"elastic-plastic with hardness {to_text(self.hardness, 'Pa')} √(1 + {to_text(self.depth, 'm')}/depth), "
             f"{first} up to a depth of {to_text(self.smallest_depth, 'm')}"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class SofterOf(ContactLaw):
-    """Of two faces, the one that is softer at each depth yields: H(u) = min(H₁(u), H₂(u)).
-
-    one, two : their laws, each of one curve; `softer_of` makes it where the curves cross.
-    """
-
-    one: ContactLaw
-    two: ContactLaw
-
-    @property
-    def capacity(self) -> float:
-        """The lower of both."""
-        return min(self.one.capacity, self.two.capacity)
-
-    def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """The lower H(u)."""
-        return np.minimum(
-            self.one.yield_pressure(deformation), self.two.yield_pressure(deformation)
-        )
-
-    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """That of the lower H(u)."""
-        first = self.one.yield_pressure(deformation) <= self.two.yield_pressure(deformation)
-        return np.where(
-            first, self.one.hardening_modulus(deformation), self.two.hardening_modulus(deformation)
-        )
-
-    def __str__(self) -> str:
-        return f"the softer at each depth of {self.one}, and {self.two}"
-
-
-def softer_of(one: ContactLaw, two: ContactLaw | None = None) -> ContactLaw:
-    """The law of the softer of two faces, each of one curve; None is rigid. `SofterOf` where the curves cross."""
-    if two is None:
-        return one
-    first, second = (
-        np.broadcast_to(law.yield_pressure(_COMPARED), _COMPARED.shape) for law in (one, two)
-    )
-    if np.all(first <= second):
-        return one
-    return two if np.all(second <= first) else SofterOf(one, two)

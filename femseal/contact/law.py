@@ -24,6 +24,8 @@ from ..store.store import Unnamed, digest
 
 #: Newton steps, or halvings, of a projection onto a curved law, one for a straight line; steepest fall over c for them.
 _NEWTON_STEPS, _STEEPEST = 60, 0.8
+#: Depths [m] at which curves of two faces are compared.
+_COMPARED = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
 
 
 class ContactLaw:
@@ -271,6 +273,50 @@ class _Changed(ContactLaw):
 
     def __str__(self) -> str:
         return str(self.law)
+
+
+@dataclass(frozen=True, eq=False)
+class SofterOf(ContactLaw):
+    """Of two faces, the one that is softer at each depth yields: H(u) = min(H₁(u), H₂(u)).
+
+    one, two : their laws, each of one curve; `softer_of` makes it where the curves cross.
+    """
+
+    one: ContactLaw
+    two: ContactLaw
+
+    @property
+    def capacity(self) -> float:
+        """The lower of both."""
+        return min(self.one.capacity, self.two.capacity)
+
+    def yield_pressure(self, deformation: Any = 0.0) -> Any:
+        """The lower H(u)."""
+        return np.minimum(
+            self.one.yield_pressure(deformation), self.two.yield_pressure(deformation)
+        )
+
+    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
+        """That of the lower H(u)."""
+        first = self.one.yield_pressure(deformation) <= self.two.yield_pressure(deformation)
+        return np.where(
+            first, self.one.hardening_modulus(deformation), self.two.hardening_modulus(deformation)
+        )
+
+    def __str__(self) -> str:
+        return f"the softer at each depth of {self.one}, and {self.two}"
+
+
+def softer_of(one: ContactLaw, two: ContactLaw | None = None) -> ContactLaw:
+    """The law of the softer of two faces, each of one curve; None is rigid. `SofterOf` where the curves cross."""
+    if two is None:
+        return one
+    first, second = (
+        np.broadcast_to(law.yield_pressure(_COMPARED), _COMPARED.shape) for law in (one, two)
+    )
+    if np.all(first <= second):
+        return one
+    return two if np.all(second <= first) else SofterOf(one, two)
 
 
 @dataclass(frozen=True, eq=False)

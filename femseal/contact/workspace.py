@@ -17,8 +17,8 @@ from .gradient_kernels import restart, step, turn
 from .half_space import HalfSpace, stiffness_stencil
 from .kernels import PART, Points, Stencil, add_gap, add_gap_in_parts, exact, fast, look, project
 
-#: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
-#: of a solution.
+#: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes 14 times as
+#: long as a solution of 64² points, 2.6 times at 256², .2 times at 1024².
 KEPT_POINTS = 2**21
 #: Number of points from which two threads are faster than one.
 _THREADED = 2**18

@@ -10,10 +10,12 @@ import numpy as np
 
 from ..base import Array, Floats, InputError, Mapper, to_text
 from ..contact import (
+    STATE_FIELDS,
     Contact,
     ContactLaw,
     HalfSpace,
     LoadState,
+    contact_at_loads,
     contact_law,
     load_states,
     solve_contact,
@@ -215,16 +217,14 @@ class Scene:
         )
         if isinstance(self.surface, Places):
             solve = partial(contact_of_places, places=self.surface, solve=solve, flow=self.flow)
+        steps = self.steps if steps is None else steps
         return load_states(
-            gap0,
-            self.half_space,
-            self.steps if steps is None else steps,
-            law=self.law,
+            steps,
+            contact_at_loads(gap0, self.half_space, steps, self.law, solve),
             rtol=self.rtol,
             take=take,
-            solve=solve,
             remember=attrgetter("trapped") if self.traps_liquid else None,
-            memory=memory,
+            memory=8.0 * STATE_FIELDS * gap0.size if memory is None else memory,
             mapper=mapper,
         )
 

@@ -8,7 +8,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from test_contact_law import rough
 
 from femseal.base import InputError
-from femseal.contact import HalfSpace, PerfectlyPlastic, load_cycle, load_states, solve_contact
+from femseal.contact import (
+    HalfSpace,
+    PerfectlyPlastic,
+    contact_at_loads,
+    load_cycle,
+    load_states,
+    solve_contact,
+)
 from femseal.loads import LoadProgramme
 
 E, H, D = 115e9, 4e9, 1e-6
@@ -172,7 +179,8 @@ def test_states_that_do_not_depend_on_each_other_go_to_the_map_together(cycle):
         return reversed([function(*item) for item in reversed(items)])
 
     steps = LoadProgramme.of(LOADING, PEAKS, UNLOADING)
-    found = list(load_states(GAP, HALF_SPACE, steps, law=LAW, rtol=RTOL, mapper=backwards))
+    solve = contact_at_loads(GAP, HALF_SPACE, steps, LAW)
+    found = list(load_states(steps, solve, rtol=RTOL, mapper=backwards))
     assert calls == [list(steps[: len(LOADING)]), list(steps[len(LOADING) :])]
     for one, other in zip(found, cycle, strict=True):
         assert_array_equal(one.contact.gap, other.contact.gap)

@@ -18,7 +18,7 @@ from femseal.contact import (
     load_cycle,
     softer_of,
 )
-from femseal.contact.hardness_curves import SofterOf
+from femseal.contact.law import SofterOf
 from femseal.topography import self_affine
 
 SOFT = STUDIED[-1]
