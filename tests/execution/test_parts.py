@@ -245,11 +245,14 @@ def test_three_parts_at_once_that_are_killed_now_and_then_give_the_bits_of_one_p
         options = {"cwd": tmp_path, "stdout": subprocess.DEVNULL, "start_new_session": True}
         return subprocess.Popen([sys.executable, *line, *arguments], **options)
 
+    begun = time.monotonic()
     assert started("whole").wait() == 0
+    took = time.monotonic() - begun
     running, done, kills, codes = {}, set(), 0, set()
     while len(done) < 3:
         for n in {1, 2, 3} - done - running.keys():
-            running[n] = started("out", "--part", f"{n}/3"), time.monotonic() + rng.uniform(1, 6)
+            end = time.monotonic() + took * rng.uniform(0.2, 0.6)
+            running[n] = started("out", "--part", f"{n}/3"), end
         for n, (process, end) in list(running.items()):
             if process.poll() is None and kills < 6 and time.monotonic() > end:
                 os.killpg(process.pid, signal.SIGKILL)
