@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..base import Array, Indices
 from ..base.compiled import by_items, compiled, leader, summed
-from ..base.threads import over, parts
+from ..base.threads import number, over, parts
 
 #: Rows of `Points.lists`: indices of the points near contact, of the free ones, and of these in the first list.
 NEAR, FREE, PLACE = range(3)
@@ -75,7 +75,7 @@ exact, fast = compiled(**_EXACT), compiled(**_FAST)
 exact_loop, fast_loop = by_items(summed, **_EXACT), by_items(summed, **_FAST)
 #: Functions that are made of loops.
 exact_leader, fast_leader = leader(**_EXACT), leader(**_FAST)
-#: Points of a grid of which one loop makes lists; those of several are copied together.
+#: Points of a grid of which one loop makes lists, before they are joined.
 PART = 2**19
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
@@ -85,9 +85,8 @@ ROOT_STEPS = 200
 def add_gap(first, end, add, gap0, offset, reach, line, points):
     """v = Kp + h₁ from Kp on some rows of points where `add`; lists those in contact or with v below `reach`.
 
-    They are listed from the place of the first point of these rows on, and so are the free ones of them. Returns the
-    next places of both, the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ½ Σ (p − H)²/h where points yield on a slope, Σ p, and Σ v of
-    those on the first list.
+    Returns the number of these and of the free ones of them, the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ½ Σ (p − H)²/h where
+    points yield on a slope, Σ p, and Σ v of those on the first list.
     """
     line, points = Line(*line), Points(*points)
     weight = 1.0 if add else 0.0
@@ -96,7 +95,7 @@ def add_gap(first, end, add, gap0, offset, reach, line, points):
     total = 0.0
     p, v = points.p, points.v
     columns = p.size // v.shape[0]
-    n = k = first * columns
+    n = k = 0
     for row in range(first, end):
         start = row * columns
         vs, ps, heights, states = (
@@ -129,22 +128,32 @@ def add_gap(first, end, add, gap0, offset, reach, line, points):
 
 
 def add_gap_in_parts(first, end, *arguments):
-    """`add_gap` of which threads share the parts."""
-    points = Points(*arguments[-1])
+    """`add_gap` of which threads share the parts, some at a time, so that the lists of parts take little memory."""
+    *others, points = *arguments[:-1], Points(*arguments[-1])
     columns = points.p.size // end
     pieces = parts(end, PART / columns)
-    found = over(pieces, add_gap, *arguments)
+    together = 2 * number()
+    size = columns * max(last - row for row, last in pieces)
+    own = [
+        points._replace(lists=np.empty((3, size), np.int32), near=np.empty((4, size)))
+        for _ in pieces[:together]
+    ]
+
+    def listed(piece, found):
+        return add_gap(*piece, *others, tuple(found))
+
+    sums = []
     n = k = 0
-    for (row, _), (end_near, end_free, *_) in zip(pieces, found, strict=True):
-        start = row * columns
-        near, free = slice(start, end_near), slice(start, end_free)
-        to, to_free = slice(n, n + end_near - start), slice(k, k + end_free - start)
-        points.lists[NEAR, to] = points.lists[NEAR, near]
-        points.near[:, to] = points.near[:, near]
-        points.lists[FREE, to_free] = points.lists[FREE, free]
-        points.lists[PLACE, to_free] = points.lists[PLACE, free] - (start - n)
-        n, k = to.stop, to_free.stop
-    return n, k, *summed([values[2:] for values in found])
+    for start in range(0, len(pieces), together):
+        some = list(zip(pieces[start : start + together], own, strict=False))
+        for (near, free, *values), (_, found) in zip(over(some, listed), some, strict=True):
+            points.lists[NEAR, n : n + near] = found.lists[NEAR, :near]
+            points.near[P : V + 1, n : n + near] = found.near[P : V + 1, :near]
+            points.lists[FREE, k : k + free] = found.lists[FREE, :free]
+            points.lists[PLACE, k : k + free] = found.lists[PLACE, :free] + n
+            n, k = n + near, k + free
+            sums.append(tuple(values))
+    return n, k, *summed(sums)
 
 
 @exact_leader
