@@ -61,7 +61,7 @@ class Convolution:
     ----------
     shape : (n1, n2) points.
     boundary : kind of each axis, "periodic", "mirror" or "free".
-    symbol : eigenvalues of K [m/Pa] as `half_space.symbol` gives them; None with `over`.
+    symbol : eigenvalues of K [m/Pa] as `HalfSpace.symbol` gives them; None with `over`.
     dtype : of the arrays and the transforms, double or single precision.
     threads : number of threads at work together.
     over : a product with the same K, of no smaller precision, whose memory is used for all but `pressure`. Each

@@ -83,8 +83,22 @@ class HalfSpace:
         return np.pi * self.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
 
     def symbol(self) -> Array:
-        """Eigenvalues of K [m/Pa], see `symbol`."""
-        return symbol(self.shape, self.spacing, self.modulus, self.boundary)
+        """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
+
+        A wave and its conjugate respond alike, and so does that with one number reversed: half of both axes is enough,
+        but for mirrors.
+        """
+        (n1, n2), (d1, d2), (b1, b2) = self.shape, self.spacing, self.boundary
+        if b1 == b2 == "free":
+            return free_symbol(self.shape, self.spacing, self.modulus)
+        q1, q2 = wave_numbers(n1, d1, b1), wave_numbers(n2, d2, b2)
+        if b1 == "free":
+            return strip_symbol(n1, d1, q2, d2, self.modulus)
+        if b2 == "free":
+            return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, self.modulus).T)
+        stiffness = self.modulus * np.hypot(q1[:, None], q2)
+        # the mean displacement is free, 0 for q = 0
+        return np.divide(2.0, stiffness, out=stiffness, where=stiffness > 0)
 
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""
@@ -104,30 +118,6 @@ def wave_numbers(n: int, spacing: float, kind: str) -> Array:
     if kind == "mirror":
         return np.pi / (n * spacing) * np.arange(n, dtype=float)
     return 2 * np.pi / (n * spacing) * np.arange(n // 2 + 1, dtype=float)
-
-
-def symbol(
-    shape: Shape,
-    spacing: Pair,
-    modulus: float,
-    boundary: Boundary,
-) -> Array:
-    """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
-
-    A wave and its conjugate respond alike, and so does that with one number reversed: half of both axes is enough, but
-    for mirrors.
-    """
-    (n1, n2), (d1, d2), (b1, b2) = shape, spacing, boundary
-    if b1 == b2 == "free":
-        return free_symbol(shape, spacing, modulus)
-    q1, q2 = wave_numbers(n1, d1, b1), wave_numbers(n2, d2, b2)
-    if b1 == "free":
-        return strip_symbol(n1, d1, q2, d2, modulus)
-    if b2 == "free":
-        return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, modulus).T)
-    stiffness = modulus * np.hypot(q1[:, None], q2)
-    # the mean displacement is free, 0 for q = 0
-    return np.divide(2.0, stiffness, out=stiffness, where=stiffness > 0)
 
 
 def _love(x: Array, y: Array) -> Array:
