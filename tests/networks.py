@@ -7,7 +7,6 @@ from skfem import MeshQuad
 
 from femseal.flow import Stencil, solve_flow
 from femseal.flow.cell import cell_stencil
-from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
 from femseal.flow.mesh import darcy_conductance
 
@@ -31,7 +30,7 @@ def solve_links(c1, c2, **options):
 
 def cell_links(gap, spacing, sides):
     """Conductances of the links between the pixels of a cell."""
-    stencil = cell_stencil(gap, Grid.of_pixel_centres(gap.shape, spacing, sides))
+    stencil = cell_stencil(gap, spacing, sides)
     return stencil.along, stencil.across
 
 

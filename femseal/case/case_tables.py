@@ -15,7 +15,7 @@ from ..base.leak_rates import BUBBLE, DROP, KNOWN, LEAK_UNITS, LeakUnit, leak_cl
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
-from ..flow.solution import SOLVERS
+from ..flow.problem import SOLVERS
 from ..materials import HARDNESS_FACTOR, Solid, named_solid
 from ..seal.seal_files import columns_of, read_columns
 from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS

@@ -16,7 +16,7 @@ from ..base import Array, FemsealError, Floats, Pair
 from ..flow import Permeability, Spiral, cell_permeability
 from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.pressure_drop import VISCOUS, PressureDrop, pressure_between
-from ..flow.solution import check_solver
+from ..flow.problem import check_solver
 from ..flow.spiral import spiral_flow
 
 Result = TypeVar("Result")

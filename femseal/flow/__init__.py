@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from .grid import Stencil
     from .law import CubicLaw, FlowLaw, FukuiKaneko, SlipLength
     from .percolation import Constriction, critical_constriction
-    from .solution import SOLVERS, DarcyFlow
+    from .problem import SOLVERS, DarcyFlow
     from .solvers.choice import solve_flow
     from .spiral import Spiral
     from .tensor import permeability_tensor

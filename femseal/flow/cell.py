@@ -16,61 +16,57 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import ElementQuadRT0
 
-from ..base import Array, Lengths, Shown, validate
-from ..base.compiled import compiled
+from ..base import Array, Lengths, Pair, Shown, validate
+from ..base.compiled import compiled, inner
 from ..base.threads import number, over, rows, using
 from . import forms
 from .balance import balanced_link_fluxes
-from .coefficient import links_of_rows, unit_spacing, validated_cell
 from .grid import (
-    EdgeWeights,
     Grid,
     Sample,
     Stencil,
     assemble_on_links,
     edge_weights,
     elemental,
-    weighted,
+    gap_on_rows,
 )
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
 from .percolation import ready
-from .solution import FIELD_RTOL, DarcyFlow, check_solver
+from .problem import FIELD_RTOL, DarcyFlow, check_solver, unit_spacing, validated_cell
 from .solvers.choice import solve_flow, solve_ready
 
-#: Pixels from which conductances are in single precision, as memory is what limits such faces. Those err by 6e-8, and
-#: the flow by no more (Rayleigh's principle), unless it is so small beside the widest link that links at the end of
-#: single precision may carry it: then, and where smaller errors are asked for, they are in double precision.
-SINGLE_NODES, _SINGLE_RTOL, _SINGLE_FLOW = 3000**2, 1e-6, 1e-28
 #: What the upper bound may exceed the least energy by, relative to it.
 _RTOL = 1e-9
 #: Fraction by which bounds are moved apart.
 _ROUNDING = 1e-13
 
 
-def edge_conductances(
-    gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any = np.float64
-) -> tuple[Array, Array]:
-    """Conductances along and across of a gap at the pixels of a cell, with the `edge_weights` of its grid."""
+def cell_stencil(gap: Array, spacing: Pair, sides: str) -> Stencil:
+    """Operator of the flow through a cell with nodes at its pixels, from the gap (n1, n2) there."""
+    grid = Grid.of_pixel_centres(gap.shape, spacing, sides)
     n1, n2 = gap.shape
-    along, across = np.empty((n1 + 1, n2), dtype), np.empty((n1, n2 if ring2 else n2 - 1), dtype)
-    over(rows(n1, n2), _conductances, gap, ring2, *weights, along, across)
-    return along, across
+    along, across = np.empty((n1 + 1, n2)), np.empty((n1, n2 if grid.ring2 else n2 - 1))
+    over(rows(n1, n2), _conductances, gap, grid.ring2, edge_weights(grid), along, across)
+    return Stencil(along, across, ring2=grid.ring2)
+
+
+_cubic_law = inner()(cubic_law)
 
 
 @compiled()
-def _conductances(
-    first, end, gap, ring2, rows1, columns1, kinds1, rows2, columns2, kinds2, along, across
-):
-    """Write `edge_conductances` of some rows, with the last one those to the outlet."""
-    links_of_rows(first, end, gap, False, ring2, True, along, across)
-    weighted(first, end + 1 if end == gap.shape[0] else end, along, rows1, columns1, kinds1, along)
-    weighted(first, end, across, rows2, columns2, kinds2, across)
+def _conductances(first, end, gap, ring2, weights, along, across):
+    """Write the conductances of some rows, with the last one those to the outlet."""
+    gap_on_rows(first, end, gap, False, ring2, along, across)
+    _weighted(first, end + 1 if end == len(gap) else end, along, weights.rows1, weights.columns1)
+    _weighted(first, end, across, weights.rows2, weights.columns2)
 
 
-def cell_stencil(gap: Array, grid: Grid) -> Stencil:
-    """Operator of the flow through a cell on a grid of nodes at its pixels, from the gap [m] (n1, n2) there."""
-    along, across = edge_conductances(gap, grid.ring2, edge_weights(grid))
-    return Stencil(along, across, ring2=grid.ring2)
+@inner()
+def _weighted(first, end, gap, of_row, of_column):
+    """Write the conductances of edges in place of the gap on some rows of them."""
+    for i in range(first, end):
+        for j in range(gap.shape[1]):
+            gap[i, j] = _cubic_law(gap[i, j]) * (of_row[i] * of_column[j])
 
 
 #: Component K11 at two Gauss points along x1, which is exact where K is constant.
@@ -299,20 +295,15 @@ def cell_flow(
     InputError, NotConverged : as `cell_permeability`.
     """
     validate.tolerance("rtol", rtol)
-    rough = min(rtol, rtol if field_rtol is None else field_rtol) >= _SINGLE_RTOL
-    single = rough and np.size(gap) >= SINGLE_NODES
-    for precision in (np.float32, np.float64) if single else (np.float64,):
-        h, (d1, d2), scale = _scaled(gap, spacing, axis, sides)
-        shape = h.shape
-        grid = Grid.of_pixel_centres(h.shape, (d1, d2), sides)
-        links = edge_conductances(h, grid.ring2, edge_weights(grid), precision)
-        del h  # large faces need its memory
-        flow = solve_ready(
-            *ready(*links), links, grid.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol
-        )
-        if flow.conductance > _SINGLE_FLOW:
-            break
-    return CellFlow(scale**3 * (shape[0] * d1) / (shape[1] * d2), flow)
+    h, (d1, d2), scale = _scaled(gap, spacing, axis, sides)
+    n1, n2 = h.shape
+    stencil = cell_stencil(h, (d1, d2), sides)
+    del h  # large faces need its memory
+    links = stencil.along, stencil.across
+    flow = solve_ready(
+        *ready(*links), links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol
+    )
+    return CellFlow(scale**3 * (n1 * d1) / (n2 * d2), flow)
 
 
 def _scaled(
@@ -340,7 +331,7 @@ def pixel_dissipation(
     """
     h, spacing = validated_cell(gap, spacing, 0, "periodic")
     n2 = h.shape[1]
-    stencil = cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, "periodic"))
+    stencil = cell_stencil(h, spacing, "periodic")
     along, across = stencil.dissipation(
         np.concatenate([np.ones((1, n2)), potential, np.zeros((1, n2))])
     )

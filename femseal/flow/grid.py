@@ -3,6 +3,11 @@
 scikit-fem evaluates the form on the unit square, once for each sample of the coefficient: `elemental`. All elements of
 a grid are stretched unit squares, so that these few local matrices, weighted with the coefficient and the stretch, are
 summed to a `Stencil`. It equals scikit-fem's own assembly of the whole mesh, which takes longer than the solver.
+
+A gap is given at pixel centres. On the links between pixels, the midpoints of the edges of the elements, it is
+interpolated by a four-point cubic, at least a tenth of the smaller of the two pixels and 0 next to contact: a link is
+open exactly where both its pixels are, and the interpolation closes no pixel off. Where the cubic would dip because the
+gap jumps beyond one of the two pixels, that pixel's outer neighbour is left out.
 """
 
 from __future__ import annotations
@@ -18,10 +23,14 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 
 from ..base import Array, Indices, InputError
-from ..base.compiled import compiled
+from ..base.compiled import compiled, inner
 from ..base.threads import over, rows
 from . import forms
 
+#: The cubic is doubted where it is below this fraction of both pixels, and left where one second difference is so many
+#: times the other: that is a jump beyond one of the two. On 36 gaps with eight pixels for the shortest wave, cut by a
+#: plane or in contact, that changed no permeability by more than 4e-7, at errors of 7e-5 to 2e-2 by the pixels.
+_DOUBTED, _JUMP = 0.8, 8.0
 #: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that the edge of each sample joins.
 _PAIRS = (0, 2), (1, 3), (0, 1), (2, 3)
 
@@ -297,21 +306,18 @@ def assemble_on_links(grid: Grid, k1: Array, k2: Array) -> Stencil:
     The elements on both sides of an edge have the same K there, so their parts are summed before they are weighted.
     """
     w = edge_weights(grid)
-    along, across = np.empty(k1.shape), np.empty(k2.shape)
-    weighted(0, len(k1), k1, w.rows1, w.columns1, w.kinds1, along)
-    weighted(0, len(k2), k2, w.rows2, w.columns2, w.kinds2, across)
+    along = k1 * np.multiply.outer(w.rows1, w.columns1)
+    across = k2 * np.multiply.outer(w.rows2, w.columns2)
     return Stencil(along, across, ring1=grid.ring1, ring2=grid.ring2)
 
 
 class EdgeWeights(NamedTuple):
-    """Factors of the conductances of edges for K = 1: that of the row, times that of the column for the row's kind."""
+    """Conductances of the edges along both axes for K = 1: the factor of the row times that of the column."""
 
     rows1: Array
     columns1: Array
-    kinds1: NDArray[np.int64]
     rows2: Array
     columns2: Array
-    kinds2: NDArray[np.int64]
 
 
 @lru_cache(maxsize=64)
@@ -319,34 +325,77 @@ def edge_weights(grid: Grid) -> EdgeWeights:
     """Weights of the edges of a grid by `forms.darcy_flow`, with quadrature at their midpoints."""
     m1, m2 = grid.elements
     d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
-    quadratures = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3
-    conductances = np.array(
-        [own_conductances(elemental(forms.darcy_flow, ElementQuad1, each)) for each in quadratures]
+    ends = (EDGES_AT_INLET, EDGES_AT_OUTLET) if grid.half_ends else (EDGES, EDGES)
+    first, inside, last = (
+        own_conductances(elemental(forms.darcy_flow, ElementQuad1, samples))
+        for samples in (ends[0], EDGES, ends[1])
     )
-    kinds = np.ones(m1, np.int64)
-    kinds[0], kinds[-1] = 0, 2
-    columns, rows = np.zeros((3, grid.nodes[1])), np.zeros(grid.nodes[0])
+    of_rows = np.tile(inside, (m1, 1))
+    of_rows[0], of_rows[-1] = first, last
+    columns, rows = np.zeros(grid.nodes[1]), np.zeros(grid.nodes[0])
     for side in (0, 1):  # an edge has an element on either side
-        for kind in range(3):
-            columns[kind] += np.bincount(
-                grid.columns[side : m2 + side], d2 * conductances[kind, side], grid.nodes[1]
-            )
-        rows += np.bincount(
-            grid.rows[side : m1 + side], d1 * conductances[kinds, 2 + side], grid.nodes[0]
-        )
-    inner = rows if grid.ring1 else rows[1:-1]
+        columns += np.bincount(grid.columns[side : m2 + side], d2 * inside[side], columns.size)
+        rows += np.bincount(grid.rows[side : m1 + side], d1 * of_rows[:, 2 + side], rows.size)
     # the links of a ring are all there, even that of an only column to itself
-    apart = (grid.columns[:-1] != grid.columns[1:]) | grid.ring2
-    columns2 = (1 / d2[apart])[None]
+    columns2 = 1 / d2[(grid.columns[:-1] != grid.columns[1:]) | grid.ring2]
     if columns2.size == 1 and grid.ring2 and not grid.ring1:
         columns2[:] = 0.0  # what an only column drives around it is nothing
-    return EdgeWeights(1 / d1, columns, kinds, inner, columns2, np.zeros(inner.size, np.int64))
+    return EdgeWeights(1 / d1, columns, rows if grid.ring1 else rows[1:-1], columns2)
+
+
+def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
+    """Gap midway between neighbouring pixels along both axes [m].
+
+    Along an axis that forms a ring n pixels have n links, from each to the next; otherwise the first axis has n + 1
+    links, one to each end, beyond which the gap is mirrored, and the second n − 1.
+    """
+    n1, n2 = gap.shape
+    on1, on2 = np.empty((n1 if ring1 else n1 + 1, n2)), np.empty((n1, n2 if ring2 else n2 - 1))
+    over(rows(n1, n2), gap_on_rows, gap, ring1, ring2, on1, on2)
+    return on1, on2
+
+
+@inner()
+def _midway(before, a, b, after):
+    """The gap between two points a and b, by a cubic through them and their neighbours; 0 where one is closed."""
+    smaller = min(a, b)
+    if not smaller > 0.0:
+        return 0.0
+    middle = (9.0 * (a + b) - before - after) / 16.0
+    if middle < _DOUBTED * smaller:
+        # second differences, alike where the gap is smooth
+        left, right = before - 2.0 * a + b, a - 2.0 * b + after
+        if max(left, right) > _JUMP * abs(min(left, right)):
+            middle = 0.5 * (a + b) - min(left, right) / 8.0
+    return max(middle, 0.1 * smaller)
+
+
+@inner()
+def _inside(i, n, ring):
+    """Index of the pixel that stands for i beyond the ends of an axis, which is periodic (`ring`) or mirrored."""
+    while i < 0 or i >= n:
+        if ring:
+            i %= n
+        else:
+            i = -1 - i if i < 0 else 2 * n - 1 - i
+    return i
 
 
 @compiled()
-def weighted(first, end, k, by_row, by_column, kind, out):
-    """Write some rows of k times the weight of the row and, by the kind of the row, of the column."""
+def gap_on_rows(first, end, gap, ring1, ring2, on1, on2):
+    """Write `gap_on_links` of some rows, with the last one those after it along the first axis."""
+    n1, n2 = gap.shape
+    for i in range(first, on1.shape[0] if end == n1 else end):
+        start = i - 1 if ring1 else i - 2
+        rows = [_inside(start + k, n1, ring1) for k in range(4)]
+        before, a, b, after = gap[rows[0]], gap[rows[1]], gap[rows[2]], gap[rows[3]]
+        for j in range(n2):
+            on1[i, j] = _midway(before[j], a[j], b[j], after[j])
     for i in range(first, end):
-        of_row, of_column = by_row[i], by_column[kind[i]]
-        for j in range(k.shape[1]):
-            out[i, j] = k[i, j] * (of_row * of_column[j])
+        row = gap[i]
+        for j in range(1, n2 - 2):
+            on2[i, j] = _midway(row[j - 1], row[j], row[j + 1], row[j + 2])
+        for j in (0, n2 - 2, n2 - 1):
+            if 0 <= j < on2.shape[1]:
+                before, after = row[_inside(j - 1, n2, ring2)], row[_inside(j + 2, n2, ring2)]
+                on2[i, j] = _midway(before, row[j], row[(j + 1) % n2], after)

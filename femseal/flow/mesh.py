@@ -42,7 +42,7 @@ from .mesh_input import (
     open_facets,
     permeability_tensors,
 )
-from .solution import LINEAR, MAX_IMBALANCE, DarcyFlow, potential_rtol
+from .problem import LINEAR, MAX_IMBALANCE, DarcyFlow, potential_rtol
 from .solvers.amg import LinearSolution, solve_spd
 
 #: Relative error of the flow.

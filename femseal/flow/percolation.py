@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arrays import Array, Flags, Lengths
 from ..base.compiled import compiled, inner
 from ..base.threads import over, rows
-from .coefficient import gap_on_links, validated_cell
-from .grid import Stencil
+from .grid import Stencil, gap_on_links
+from .problem import validated_cell
 
 #: Numbers of nodes.
 Nodes = NDArray[np.int32]

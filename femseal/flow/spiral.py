@@ -20,9 +20,9 @@ from scipy.sparse.csgraph import connected_components
 
 from ..base import Array, Indices, InputError, NotConverged, to_text
 from .cell import cell_stencil
-from .coefficient import unit_spacing
-from .grid import Grid, Stencil
+from .grid import Stencil
 from .law import cubic_law
+from .problem import unit_spacing
 from .solvers.amg import solve_spd
 
 #: Least fraction w that is solved: below it rounding decides, and the flow changes by w².
@@ -91,7 +91,7 @@ def spiral_flow(
     if scale == 0:
         return None
     d1, d2 = unit_spacing(spacing)
-    stencil = cell_stencil(gap / scale, Grid.of_pixel_centres(gap.shape, (d1, d2), "periodic"))
+    stencil = cell_stencil(gap / scale, (d1, d2), "periodic")
     across = stencil.across.copy()
     across[:, -1] = 0.0
     cut = replace(stencil, across=across)

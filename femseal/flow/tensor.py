@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from ..base import Array, Indices, InputError, Lengths, NotConverged
-from .coefficient import gap_on_links, unit_spacing, validated_gap
-from .grid import Grid, Stencil, assemble_on_links
+from .grid import Grid, Stencil, assemble_on_links, gap_on_links
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
-from .solution import MAX_IMBALANCE
+from .problem import MAX_IMBALANCE, unit_spacing, validated_gap
 from .solvers.amg import solve_spd
 
 #: Relative error of the energy of the correction that is allowed to a solver; of what the first solution left over.

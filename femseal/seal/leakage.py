@@ -17,7 +17,7 @@ from ..base import Array, InputError, Shown
 from ..base.fixed_point import fixed_point
 from ..flow.permeability_table import PermeabilityTable, PressureCurve
 from ..flow.pressure_drop import PressureDrop
-from ..flow.solution import DarcyFlow
+from ..flow.problem import DarcyFlow
 from ..fluids import Fluid, potential_of
 from .mesh_seal import ElementSeal, PressureBoundaries
 from .shapes import Seal, StructuredSeal

@@ -21,7 +21,7 @@ from skfem import Mesh, MeshQuad1, MeshTri1
 from ..base import Array, Indices, InputError, Pair, to_si, to_text, validate
 from ..flow.mesh import MeshFlow, MeshOperators
 from ..flow.mesh_input import CLOSED_AXIS, is_connected, permeability_tensors
-from ..flow.solution import LINEAR
+from ..flow.problem import LINEAR
 from .seal_files import read_mesh
 from .triangulation import polygon_areas
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..base import Array, Indices, InputError, free_memory, shortened, to_si
 from ..base.machine import within_free_memory
-from ..flow.solution import LINEAR
+from ..flow.problem import LINEAR
 from .pressure_map import PressureField
 
 if TYPE_CHECKING:

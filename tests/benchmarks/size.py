@@ -60,16 +60,11 @@ def solved(program, gap):
 
 def measure(task):
     """Record of a program on a gap of n² points, in this process."""
-    from femseal.flow import cell
-
     program, n = task["program"], task["n"]
-    largest = cell.SINGLE_NODES
     for small in (128, 768 if program == "resolved" else 1024):  # all loops are compiled by then
         if n**2 < small**2:
             break
-        cell.SINGLE_NODES = small**2 if n**2 >= largest else largest
         solved(program, gap_of(program, small))
-    cell.SINGLE_NODES = largest
     found, record = timed(partial(solved, program, gap_of(program, n)))
     return record | dict(zip(("value", "iterations", "residual"), found or (), strict=False))
 

@@ -484,37 +484,7 @@ def test_a_tensor_is_right_or_refused_at_any_contrast(decades):
     assert refused == 0 or decades > 2
 
 
-# --- single precision, threads ---
-
-
-@pytest.mark.parametrize(
-    ("solver", "rtol", "atol"), [("elimination", 6e-8, 1e-6), ("multigrid", 1e-6, 1e-3)]
-)
-def test_conductances_in_single_precision_change_the_flow_by_no_more_than_they_err(
-    solver, rtol, atol, monkeypatch
-):
-    gap = cut_by_plane((60, 48), 0.2)
-    narrow = np.where(np.arange(12)[:, None] // 5 == 1, 1e-21, D) * np.ones(8)
-    double, end = cell_permeability(gap, (D, D), solver=solver), k_of(narrow)
-    monkeypatch.setattr("femseal.flow.cell.SINGLE_NODES", 1)
-    single = cell_permeability(gap, (D, D), solver=solver)
-    assert single.value != double.value
-    assert_allclose(single.value, double.value, rtol=rtol)
-    assert_allclose(single.fluid_pressure, double.fluid_pressure, rtol=0, atol=atol)
-    # asked for small errors, or at the end of single precision, it is in double precision
-    assert k_of(gap, solver=solver, rtol=1e-9) == pytest.approx(double.value, rel=1e-9)
-    assert k_of(narrow) == end > 0
-
-
-def test_large_cells_in_single_precision_have_the_potential_that_is_asked_for(monkeypatch):
-    gap = cut_by_plane((660, 610), 0.1, seed=3)
-    given = {"sides": "periodic", "solver": "multigrid", "field_rtol": 1e-6}
-    double = cell_permeability(gap, (D, D), **given)
-    monkeypatch.setattr("femseal.flow.cell.SINGLE_NODES", 1)
-    single = cell_permeability(gap, (D, D), **given)
-    assert single.value != double.value
-    assert single.imbalance < 1e-6
-    assert_allclose(single.fluid_pressure, double.fluid_pressure, rtol=0, atol=1e-5)
+# --- threads ---
 
 
 def test_threads_share_large_cells_and_change_no_bits():

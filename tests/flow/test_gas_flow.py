@@ -12,7 +12,7 @@ from small_cases import scene_of_fluid
 import femseal as fs
 from femseal.face.piece_flow import FlowSettings, piece_permeability, resolved_flow
 from femseal.flow import CubicLaw, FlowLaw
-from femseal.flow.coefficient import gap_on_links
+from femseal.flow.grid import gap_on_links
 from femseal.flow.law import flow_rate
 from femseal.flow.permeability_table import PermeabilityTable, PressureCurve, table_pressures
 from femseal.flow.pressure_drop import PressureDrop

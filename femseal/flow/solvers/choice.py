@@ -20,9 +20,9 @@ from ...base.threads import number, on_threads
 from ..balance import energy_gap
 from ..grid import Stencil
 from ..percolation import closed, dead_ends, fill_dead_ends, nodes_reached, ready
-from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
+from ..problem import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
 from .amg import solve_amg
-from .link_network import eliminate, island_potentials
+from .elimination import eliminate
 from .multigrid import CHECKED, COARSEST_NODES, coarsest_nodes, solve_multigrid
 
 #: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
@@ -175,16 +175,9 @@ def _roughness(along, step):
 
 def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
     """Solve by star-mesh elimination, whose conductance is kept as it has a relative accuracy of its own."""
-    c1 = stencil.along
-    n1, n2 = c1.shape
-    link = c1[[0, -1]].ravel()
-    node = np.concatenate([np.arange(n2), np.arange(n2) + (n1 - 2) * n2])
-    at = np.flatnonzero(link)
     φ, ψ = np.zeros((2, *keep.shape))
     φ[0] = ψ[-1] = 1.0
-    rate, φ[1:-1], ψ[1:-1] = eliminate(
-        c1, stencil.across, keep[1:-1], stencil.ring2, node[at], at // n2, link[at]
-    )
+    rate = eliminate(stencil, keep[1:-1], φ, ψ)
     return _checked(stencil, keep, (φ, ψ), (0, 0.0, "elimination"), rate)
 
 
@@ -254,7 +247,7 @@ def _by_iterations(
         complement = 1 - potential
         φ, ψ = potential[1:-1], complement[1:-1]
         if hidden is not None:
-            island_potentials(stencil, hidden, φ, ψ)
+            eliminate(stencil, hidden, potential, complement)
     if dead is not None:
         fill_dead_ends(φ, dead, 1.0, 0.0)
         fill_dead_ends(ψ, dead, 0.0, 1.0)
