@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.arrays import Array, Flags
+from ...base.arrays import Array, Flags, Indices
 from ...base.compiled import compiled, inner
 from ..grid import Stencil
 
@@ -170,7 +170,7 @@ def _solved(first, parent, later, conductance):
     inverse = np.empty(n)
     # of each front: its links at the time of elimination, and the places beyond it that they lead to
     rows: list[Array] = []
-    borders: list[Array] = []
+    borders: list[Indices] = []
     # fronts that left links among places beyond them, and these
     waiting: list[int] = []
     left: list[Array] = []
