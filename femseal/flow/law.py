@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, reals
+from ..base import Array, InputError, counted, reals, shown
 
 #: D at which the formulas of the transition and of slip begin, after that below which molecules do not meet.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
@@ -212,3 +212,19 @@ def widened(gap: Array, factor: ArrayLike) -> Array:
             "law", "a factor <= 0 or undefined", "finite factors > 0 where the gap is open"
         )
     return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)
+
+
+def checked_permeability(name: str, permeability: ArrayLike, *shapes: tuple[int, ...]) -> Array:
+    """Permeability as a finite number, or numbers of one of the shapes, >= 0 but for tensors; else InputError."""
+    try:
+        k = np.asarray(permeability, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(name, shown(permeability), "numbers [m³]") from None
+    if k.shape not in ((), *shapes):
+        allowed = f"a number or shape {' or '.join(map(str, shapes))}"
+        raise InputError(name, f"shape {k.shape}", allowed)
+    if undefined := np.count_nonzero(~np.isfinite(k)):
+        raise InputError(name, f"{counted(undefined, 'value')} not finite", "numbers >= 0 [m³]")
+    if k.ndim < 3 and k.min(initial=0.0) < 0:
+        raise InputError(name, f"{k.min():g}", "numbers >= 0 [m³]")
+    return k

@@ -14,11 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import (
     Basis,
     ElementQuad1,
@@ -31,7 +30,7 @@ from skfem import (
 )
 from skfem.mesh import MeshQuad1DG
 
-from ..base import Array, Indices, InputError, NotConverged
+from ..base import Array, Floats, Indices, InputError, NotConverged
 from . import forms
 from .balance import balance
 from .mesh_input import (
@@ -52,21 +51,14 @@ RTOL = 1e-8
 #: than 1e-4, and the conductance of none erred by more than 1e-13.
 _UNIT_DROP_IMBALANCE = 1e-3
 #: Components of a symmetric tensor, by their unit tensors.
-_UNITS = (np.diag([1.0, 0.0]), np.diag([0.0, 1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]))
+_UNITS = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], float)[..., None, None]
 
 
-class _Kind(NamedTuple):
-    """How one kind of mesh is discretised."""
-
-    element: type
-    flux_element: type
-    intorder: int
-
-
+#: Conforming element, element of fluxes and order of quadrature of each kind of mesh.
 KINDS = {
-    MeshTri1: _Kind(ElementTriP1, ElementTriRT0, 2),
-    MeshQuad1: _Kind(ElementQuad1, ElementQuadRT0, 4),
-    MeshQuad1DG: _Kind(ElementQuad1, ElementQuadRT0, 4),
+    MeshTri1: (ElementTriP1, ElementTriRT0, 2),
+    MeshQuad1: (ElementQuad1, ElementQuadRT0, 4),
+    MeshQuad1DG: (ElementQuad1, ElementQuadRT0, 4),
 }
 
 
@@ -125,54 +117,35 @@ class MeshSystem:
         self, local: Array, levels: Sequence[float], rtol: float, solver: str
     ) -> tuple[Array, LinearSolution]:
         """Values that solve local matrices (n, m, m) between levels of the boundaries."""
-        values = np.zeros(self.size)
+        values, free = np.zeros(self.size), np.zeros(self.size, bool)
+        free[self.dofs] = True
         for level, at in zip(levels, self.ends, strict=True):
-            values[at] = level
-        if not self._unknown.size:
+            values[at], free[at] = level, False
+        unknown = np.flatnonzero(free)
+        if not unknown.size:
             return values, LinearSolution(values, 1 - values, 0, 0.0, "none")
-        flux = np.einsum("nij,nj->ni", local, values[self.dofs])
-        rhs = np.zeros(self.size)
-        rhs -= np.bincount(self.dofs.ravel(), flux.ravel(), self.size)
-        data = local.ravel()[self._inner]
-        matrix = sp.coo_array((data, self._places), shape=(self._unknown.size,) * 2).tocsc()
-        found = solve_spd(
-            matrix, rhs[self._unknown], rtol, solver, unit_drop=tuple(levels) == (1.0, 0.0)
+        number = np.full(self.size, -1)
+        number[unknown] = np.arange(unknown.size)
+        rows, columns = np.broadcast_arrays(
+            number[self.dofs][:, :, None], number[self.dofs][:, None, :]
         )
-        values[self._unknown] = found.x
+        inner = (rows >= 0) & (columns >= 0)
+        matrix = sp.coo_array(
+            (local[inner], (rows[inner], columns[inner])), shape=(unknown.size, unknown.size)
+        ).tocsc()
+        rhs = -self.total(np.einsum("nij,nj->ni", local, values[self.dofs]))[unknown]
+        found = solve_spd(matrix, rhs, rtol, solver, unit_drop=tuple(levels) == (1.0, 0.0))
+        values[unknown] = found.x
         return values, found
 
+    def total(self, flux: Array) -> Array:
+        """What flows into the elements from each degree of freedom, by what flows from there into each of them."""
+        return np.asarray(np.bincount(self.dofs.ravel(), flux.ravel(), self.size), float)
+
     def into(self, flux: Array) -> Array:
-        """What flows into the elements through each boundary, by what flows there from each degree of freedom."""
-        total = np.bincount(self.dofs.ravel(), flux.ravel(), self.size)
-        return np.array([float(total[at].sum()) for at in self.ends])
-
-    @cached_property
-    def _unknown(self) -> Indices:
-        """Degrees of freedom between the boundaries."""
-        free = np.zeros(self.size, bool)
-        free[self.dofs] = True
-        free[np.concatenate(self.ends)] = False
-        return np.flatnonzero(free)
-
-    @cached_property
-    def _number(self) -> Indices:
-        """Number of each degree of freedom among the unknown ones of its element, −1 where it is known (n, m)."""
-        number = np.full(self.size, -1)
-        number[self._unknown] = np.arange(self._unknown.size)
-        return number[self.dofs]
-
-    @cached_property
-    def _inner(self) -> Indices:
-        """Entries of local matrices between two unknowns."""
-        of = self._number >= 0
-        return np.flatnonzero((of[:, :, None] & of[:, None, :]).ravel())
-
-    @cached_property
-    def _places(self) -> tuple[Indices, Indices]:
-        """Rows and columns of these entries."""
-        m = self.dofs.shape[1]
-        rows, columns = np.repeat(self._number, m, axis=1), np.tile(self._number, (1, m))
-        return rows.ravel()[self._inner], columns.ravel()[self._inner]
+        """What flows into the elements through each boundary, by what flows into each from each degree of freedom."""
+        total = self.total(flux)
+        return np.array([total[at].sum() for at in self.ends])
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,16 +259,14 @@ class MeshOperators:
         node[carrying] = np.arange(1, carrying.size + 1)
         first, second = mesh.f2t
         sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
-        sides = np.bincount(facets.ravel(), minlength=mesh.nfacets)
-        mean = np.bincount(facets.ravel(), (sign * flux).ravel(), mesh.nfacets) / np.maximum(
-            sides, 1
-        )
-        own = np.bincount(facets.ravel(), np.einsum("eii->ei", resistance).ravel(), mesh.nfacets)
-        # links: facets between two carrying elements, and those of the ends, whose outer side is node 0
+        sides = system.total(np.ones(facets.shape))
+        # facets between two carrying elements, and those of the ends, whose outer side is node 0
         link = np.concatenate([np.flatnonzero(sides == 2), *system.ends])
         tail, head = node[first[link]], np.where(second[link] >= 0, node[second[link]], 0)
-        through, on_facet = mean[link], np.zeros(mesh.nfacets)
-        balance(tail, head, 1 / own[link], through, carrying.size + 1)
+        through = (system.total(sign * flux) / np.maximum(sides, 1))[link]
+        width = 1 / system.total(np.einsum("eii->ei", resistance))[link]
+        balance(tail, head, width, through, carrying.size + 1)
+        on_facet = np.zeros(mesh.nfacets)
         on_facet[link] = through
         return sign * on_facet[facets], on_facet
 
@@ -325,38 +296,28 @@ class MeshOperators:
     @cached_property
     def _stiffness(self) -> Array:
         """Local matrices of conforming elements, of every component (3, n, vertices, vertices)."""
-        kind = KINDS[type(self.mesh)]
-        basis = Basis(self.mesh, kind.element(), intorder=kind.intorder)
-        return np.stack(
-            [forms.darcy_flow.coo_data(basis, k=_constant(unit)).tolocal() for unit in _UNITS]
-        )
+        element, _, order = KINDS[type(self.mesh)]
+        basis = Basis(self.mesh, element(), intorder=order)
+        return np.stack([forms.darcy_flow.coo_data(basis, k=unit).tolocal() for unit in _UNITS])
 
     @cached_property
     def _resistance(self) -> Array:
         """Local resistances of outward fluxes, of every component (3, n, facets, facets)."""
-        kind = KINDS[type(self.mesh)]
-        basis = Basis(self.mesh, kind.flux_element(), intorder=kind.intorder)
+        _, element, order = KINDS[type(self.mesh)]
+        basis = Basis(self.mesh, element(), intorder=order)
         facets = self.mesh.t2f.T
         # a basis function is a unit flux out of the facet's first element
         outward = np.where(self.mesh.f2t[0, facets] == np.arange(len(facets))[:, None], 1.0, -1.0)
         local = [
-            forms.flux_resistance.coo_data(basis, resistance=_constant(unit)).tolocal()
-            for unit in _UNITS
+            forms.flux_resistance.coo_data(basis, resistance=unit).tolocal() for unit in _UNITS
         ]
         return np.stack(local) * outward[:, :, None] * outward[:, None, :]
 
 
-def _constant(unit: Array) -> Array:
-    """A tensor at every quadrature point."""
-    return unit[:, :, None, None]
-
-
-def _weighted(tensor: NDArray[np.floating], units: Array, elements: Indices) -> Array:
+def _weighted(tensor: Floats, units: Array, elements: Indices) -> Array:
     """Local matrices (elements, m, m) of their tensors, from those of unit components of all (3, n, m, m)."""
     k = np.array([tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]])
-    if elements.size < units.shape[1]:
-        units = units[:, elements]
-    return np.asarray(np.einsum("cn,cnij->nij", k, units))
+    return np.asarray(np.einsum("cn,cnij->nij", k, units[:, elements]))
 
 
 def _dissipated(local: Array, values: Array) -> tuple[float, Array]:

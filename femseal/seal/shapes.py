@@ -23,7 +23,7 @@ from ..flow import DarcyFlow, Stencil, solve_flow
 from ..flow.balance import energy_gap
 from ..flow.cell import outward
 from ..flow.grid import Grid, assemble_on_links
-from ..flow.mesh_input import checked
+from ..flow.law import checked_permeability
 from .lay import check_ring
 
 _RTOL = 1e-8
@@ -66,7 +66,7 @@ def link_permeabilities(permeability: Any, cells: Shape) -> tuple[Array, Array]:
         allowed = f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}"
         raise InputError("permeability", counted(len(pair), "array"), allowed)
     k1, k2 = (
-        np.broadcast_to(checked(f"permeability {name}", k, shape), shape)
+        np.broadcast_to(checked_permeability(f"permeability {name}", k, shape), shape)
         for name, k, shape in zip(("k1", "k2"), pair, shapes, strict=True)
     )
     return k1, k2
