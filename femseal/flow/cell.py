@@ -1,4 +1,4 @@
-"""Permeability of a cell from its gap: ∇·(K ∇p) = 0 with the cubic law K = h³/12, or another one; its bounds.
+"""Flow through a cell: its permeability from its gap, ∇·(K ∇p) = 0 with the cubic law K = h³/12, or another one.
 
 The unknowns are the pressures at the pixel centres; those of both ends are given. The elements between them are Q1 with
 quadrature at the midpoints of their edges, to which the gap is interpolated: links of five points, of order 2.
@@ -10,13 +10,12 @@ pixels. Source: Thomson's and Dirichlet's principles.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import ElementQuadRT0
 
-from ..base import Array, Lengths, Pair, Shown, validate
+from ..base import Array, Flags, Lengths, Pair, Shown, Singles, validate
 from ..base.compiled import compiled, inner
 from ..base.threads import number, over, rows, using
 from . import forms
@@ -34,11 +33,15 @@ from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
 from .percolation import ready
 from .problem import FIELD_RTOL, DarcyFlow, check_solver, unit_spacing, validated_cell
 from .solvers.choice import solve_flow, solve_ready
+from .solvers.hierarchy import levels_of
+from .solvers.multigrid import cycle
 
 #: What the upper bound may exceed the least energy by, relative to it.
 _RTOL = 1e-9
 #: Fraction by which bounds are moved apart.
 _ROUNDING = 1e-13
+#: Error in the norm of the energy at which a continuation ends, over that of zeros, and most iterations.
+_FILL_RTOL, _MOST = 1e-5, 100
 
 
 def cell_stencil(gap: Array, spacing: Pair, sides: str) -> Stencil:
@@ -76,9 +79,7 @@ _GAUSS = tuple(Sample((0.5 + side / np.sqrt(12), 0.5), 0.5, 0) for side in (-1, 
 _LUMPED = (Sample((0.0, 0.5), 0.5, 0), Sample((1.0, 0.5), 0.5, 0))
 
 
-def pixel_bounds(
-    gap: Array, spacing: tuple[float, float], sides: str, solver: str = "auto"
-) -> tuple[float, float]:
+def pixel_bounds(gap: Array, spacing: Pair, sides: str, solver: str = "auto") -> Pair:
     """Lower and upper bound of the flow for a unit drop along x1 [unit of h³]; both 0 where all is closed.
 
     Pixels that share only a corner are connected in the upper bound, and not in the lower one.
@@ -88,7 +89,7 @@ def pixel_bounds(
     return outward(lower, upper_bound(k, spacing, sides, solver))
 
 
-def outward(lower: float, upper: float) -> tuple[float, float]:
+def outward(lower: float, upper: float) -> Pair:
     """Bounds that hold with the rounding errors of their own sums, measured up to 3e-14 of them."""
     return lower * (1 - _ROUNDING), upper * (1 + _ROUNDING)
 
@@ -101,50 +102,42 @@ def flux_energy(samples: tuple[Sample, ...]) -> Array:
     return ends if ends.sum() > np.trace(ends) else ends * np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
-def lower_bound(k: Array, spacing: tuple[float, float], ring: bool, solver: str = "auto") -> float:
+def lower_bound(k: Array, spacing: Pair, ring: bool, solver: str = "auto") -> float:
     """The lower bound for a permeability k (n1, n2) constant on each pixel."""
     d1, d2 = spacing
     with np.errstate(divide="ignore"):
         half = flux_energy(_LUMPED)[0, 0] / k  # resistance from the centre to one end
-    neighbour = np.roll(half, -1, axis=1) if ring else half[:, 1:]
-    here = half if ring else half[:, :-1]
-    c1 = 1 / np.concatenate([half[:1], half[:-1] + half[1:], half[-1:]]) * (d2 / d1)
-    c2 = 1 / (here + neighbour) * (d1 / d2)
+    c1 = d2 / d1 / np.concatenate([half[:1], half[:-1] + half[1:], half[-1:]])
+    here = np.pad(half, ((0, 0), (0, 1)), mode="wrap") if ring else half
+    c2 = d1 / d2 / (here[:, :-1] + here[:, 1:])
     if ring and k.shape[1] == 1:
         c2 = np.zeros_like(c2)
     stencil = Stencil(c1, c2, ring2=ring)
     flow = solve_flow(stencil, solver=solver, field_rtol=FIELD_RTOL)
     if not flow.percolates:
         return 0.0
-    q1, q2 = balanced_link_fluxes(
-        stencil, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement)
-    )
-    closed = np.zeros((k.shape[0], 0 if ring else 1))
-    west, east = np.hstack([closed, q2]), np.hstack([q2, closed])
-    if ring:
-        west = np.roll(q2, 1, axis=1)
+    q1, q2 = balanced_link_fluxes(stencil, flow.potential, flow.complement)
+    sides = np.pad(q2, ((0, 0), (1, 0)), mode="wrap") if ring else np.pad(q2, ((0, 0), (1, 1)))
     (same, other), _ = flux_energy(_GAUSS)
 
     def energy(before: Array, after: Array, ratio: float) -> Array:
         return (same * (before**2 + after**2) + 2 * other * before * after) * ratio
 
-    with np.errstate(divide="ignore", invalid="ignore"):
-        dissipated = energy(q1[:-1], q1[1:], d1 / d2) + energy(west, east, d2 / d1)
-        total = np.where(k > 0, dissipated / k, 0.0).sum()
-    return float(min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / total) if total > 0 else 0.0
+    dissipated = energy(q1[:-1], q1[1:], d1 / d2) + energy(sides[:, :-1], sides[:, 1:], d2 / d1)
+    total = np.divide(dissipated, k, out=np.zeros(k.shape), where=k > 0).sum()
+    return float(min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / total)
 
 
-def upper_bound(k: Array, spacing: tuple[float, float], sides: str, solver: str = "auto") -> float:
+def upper_bound(k: Array, spacing: Pair, sides: str, solver: str = "auto") -> float:
     """The upper bound for a permeability k (n1, n2) constant on each pixel.
 
     A pixel of linear elements is two right triangles: the energy of a leg has the K of its own, half of the pixel.
     """
     grid = Grid.of_pixel_corners(k.shape, spacing, sides)
-    beside = (
-        np.pad(k, ((0, 0), (1, 1)), mode="edge")
-        if sides == "mirror"
-        else np.pad(k, ((0, 0), (1, 0)), mode="wrap")
-    )
+    if sides == "mirror":
+        beside = np.pad(k, ((0, 0), (1, 1)), mode="edge")
+    else:
+        beside = np.pad(k, ((0, 0), (1, 0)), mode="wrap")
     stencil = assemble_on_links(grid, (beside[:, :-1] + beside[:, 1:]) / 2, (k[:-1] + k[1:]) / 2)
     return solve_flow(stencil, rtol=_RTOL, solver=solver).conductance
 
@@ -232,9 +225,8 @@ def cell_permeability(
             solver=solver,
             field_rtol=field_rtol,
         )
-        flow, potential = cell.flow, cell.flow.potential[1:-1]
-        h = np.asarray(gap).T if axis == 1 else np.asarray(gap)
-        filled = sum(over(rows(*h.shape), _close, h, potential))
+    flow, potential = cell.flow, cell.flow.potential[1:-1]
+    potential[(np.asarray(gap).T if axis == 1 else np.asarray(gap)) <= 0] = np.nan
     lower, upper = np.nan, np.nan
     if bounds:
         h, unit, _ = _scaled(gap, spacing, axis, sides)
@@ -244,20 +236,13 @@ def cell_permeability(
         lower=lower,
         upper=upper,
         percolates=flow.percolates,
-        percolating_fraction=filled / potential.size if flow.percolates else 0.0,
+        percolating_fraction=float(np.isfinite(potential).mean()) if flow.percolates else 0.0,
         iterations=flow.iterations,
         residual=flow.residual,
         imbalance=flow.imbalance,
         solver=flow.solver,
         fluid_pressure=potential.T if axis == 1 else potential,
     )
-
-
-def _close(begin: int, end: int, gap: NDArray[Any], potential: Array) -> int:
-    """Make a potential NaN where the gap is 0, in some rows, and count where it is not."""
-    here = potential[begin:end]
-    here[gap[begin:end] <= 0] = np.nan
-    return int(np.count_nonzero(here == here))
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,9 +291,7 @@ def cell_flow(
     return CellFlow(scale**3 * (n1 * d1) / (n2 * d2), flow)
 
 
-def _scaled(
-    gap: ArrayLike, spacing: Lengths, axis: int, sides: str
-) -> tuple[Array, tuple[float, float], float]:
+def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, Pair, float]:
     """The gap of `validated_cell` over the largest one, its unit spacing, and the largest [m], 1 if all is closed."""
     h, spacing = validated_cell(gap, spacing, axis, sides)
     scale = float(h.max()) or 1.0
@@ -317,7 +300,7 @@ def _scaled(
 
 
 def pixel_dissipation(
-    gap: Array, spacing: tuple[float, float], potential: NDArray[np.floating], *, seam: bool = True
+    gap: Array, spacing: Pair, potential: NDArray[np.floating], *, seam: bool = True
 ) -> Array:
     """Dissipation of each pixel (n1, n2) [m³] of a flow along x1 through a cell with periodic sides for a unit drop.
 
@@ -339,3 +322,58 @@ def pixel_dissipation(
         across[:, -1] = 0.0
     along[[0, -1]] *= 2  # halved below
     return (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
+
+
+def harmonic_fill(values: Array) -> Array:
+    """Values (n1, n2) with those that are NaN continued by Δp = 0 from those that are known: the smoothest.
+
+    The grid is periodic along x2, and nothing passes its ends along x1. Without any known value all stay NaN. Unknown
+    pixels have links of five points; the system is solved by conjugate gradients with a cycle of multigrid.
+    """
+    unknown = np.isnan(values)
+    if unknown.all() or not unknown.any():
+        return values
+    lowest = np.nanmin(values)
+    height = np.nanmax(values) - lowest or 1.0
+    known = np.where(unknown, 0.0, (values - lowest) / height)
+    found = _continued(unknown, unknown * _beside(known.astype(np.float32)))
+    return np.where(unknown, lowest + height * np.clip(found, 0.0, 1.0), values)
+
+
+def _continued(unknown: Flags, r: Singles) -> Singles:
+    """Solve A x = r, which is written over, at the unknown pixels."""
+    n1, n2 = r.shape
+    centre = unknown * _beside(np.ones_like(r))
+    operator = np.zeros((3, n1 + 2, n2 + 2))
+    operator[0, 1:-1, 1:-1] = centre
+    operator[1, 1:-1, 1:-1] = unknown & np.roll(unknown, -1, 1) & (n2 > 1)
+    operator[2, 1:-2, 1:-1] = unknown[:-1] & unknown[1:]
+    operator[:, :, 0], operator[:, :, -1] = operator[:, :, -2], operator[:, :, 1]
+    levels, coarsest = levels_of(operator, True)
+    allowed = _FILL_RTOL**2 * float(np.vdot(r, r)) / 4
+    x, p, former = np.zeros_like(r), np.zeros_like(r), np.inf
+    for _ in range(_MOST):
+        levels[0].b[1:-1, 1:-1] = r
+        cycle(levels, coarsest, True)
+        z = unknown * levels[0].r[1:-1, 1:-1]
+        product = float(np.vdot(r, z))
+        if not product > allowed:
+            break
+        p = z + np.float32(product / former) * p
+        flow = centre * p - unknown * _beside(p)
+        step = np.float32(product / float(np.vdot(p, flow)))
+        x += step * p
+        r -= step * flow
+        former = product
+    return x
+
+
+def _beside(a: Singles) -> Singles:
+    """Sum of a over the pixels beside each one."""
+    total = np.zeros_like(a)
+    if a.shape[1] > 1:
+        total += np.roll(a, 1, 1)
+        total += np.roll(a, -1, 1)
+    total[1:] += a[:-1]
+    total[:-1] += a[1:]
+    return total

@@ -21,8 +21,8 @@ from .. import contact, flow
 from ..base import Array
 from ..base.stage import Mapper, Stage
 from ..face.piece_flow import FlowSettings, piece_permeability
+from ..flow.cell import harmonic_fill
 from ..flow.grid import energy_of
-from ..flow.harmonic import harmonic_fill
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import hierarchy
 
@@ -145,7 +145,7 @@ def _pieces() -> None:
 
 def _seals() -> None:
     solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200))))
-    harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan), _gap(4))
+    harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan))
 
 
 #: Parts of 4 to 19 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and

@@ -19,7 +19,7 @@ import numpy as np
 from ..base import Array, InputError, Shape, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
 from ..face.piece_flow import FaceFlow, Failed, FlowSettings, attempt, resolved_flow
-from ..flow.harmonic import harmonic_fill
+from ..flow.cell import harmonic_fill
 from ..flow.pressure_drop import pressure_between
 from ..fluids import Fluid
 from ..topography import Places
@@ -188,7 +188,7 @@ class FluidPressure:
                 trapped = pockets.next(contact.gap, is_pocket, last_p_f, found)
                 in_contact = np.nan if contact.gap.any() else found
                 filled = np.where(contact.gap > 0, trapped.on(found), in_contact)
-                found = harmonic_fill(filled, found)
+                found = harmonic_fill(filled)
                 scale = max(scale, float(np.abs(found).max()))
             p_f, given, gave = _mixed(last_p_f, found, given, gave), last_p_f, found
             if trapped is not None:
@@ -276,7 +276,7 @@ class FluidPressure:
 
     def _pressure(self, flow: FaceFlow, former: Array) -> Array:
         """Pressure above the surroundings (n1, n2) [Pa] of a flow, also in contact; the former one if no gap is wet."""
-        found = harmonic_fill(self.above_surroundings(flow.potential), former)
+        found = harmonic_fill(self.above_surroundings(flow.potential))
         return found if np.isfinite(found).all() else former
 
     def even_drop(self, shape: Shape) -> Array:
