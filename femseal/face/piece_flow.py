@@ -176,8 +176,7 @@ def resolved_flow(
             flow = replace(flow, value=wound[0], fluid_pressure=wound[1], percolates=wound[0] > 0)
         return flow.value, flow.fluid_pressure, flow
 
-    solved = settings.drop.solve_face(np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
-    flow, drop = solved.found, solved.drop
+    flow, drop = settings.drop.solve_face(np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
     value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
     # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
     return FaceFlow(value, counts, np.clip(potential, 0.0, 1.0))

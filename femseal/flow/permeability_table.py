@@ -136,11 +136,10 @@ class PressureCurve:
     """Permeabilities as functions of the pressure, each of its own: values (m, …) at m pressures."""
 
     def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
-        p = np.asarray(pressures, dtype=float)
-        order = np.argsort(p)
-        self._knots, self._piecewise = p[order], piecewise
+        order = np.argsort(pressures)
+        self._knots, self._piecewise = np.asarray(pressures, dtype=float)[order], piecewise
         self.shape = values.shape[1:]
-        k = values[order].reshape(len(p), -1)
+        k = values[order].reshape(order.size, -1)
         if piecewise:
             with np.errstate(divide="ignore"):
                 self._log_k = np.log(k)
@@ -150,7 +149,7 @@ class PressureCurve:
         self._range = np.log(self._knots[[0, -1]])
         t = self._scaled(np.log(self._knots))
         log_k = np.log(np.where(self._open, k, 1.0))
-        self._coefficients = np.linalg.solve(chebyshev.chebvander(t, len(t) - 1), log_k)
+        self._coefficients = chebyshev.chebfit(t, log_k, t.size - 1)
         slope = chebyshev.chebval(-1.0, chebyshev.chebder(self._coefficients))
         # below the lowest pressure k rises no faster than that of free molecules
         self._slope = np.clip(2 * slope / np.ptp(self._range), -1.0, 0.0)
@@ -221,13 +220,10 @@ class PressureCurve:
 
 @dataclass(frozen=True, eq=False)
 class Mobility:
-    """dφ/dp and dψ/dp of a fluid in the viscous potential and in one of its own, at pressures between two ends.
+    """dφ/dp and dψ/dp of a fluid in the viscous potential and in one of its own, `viscous` and `own`, at rising
+    pressures [Pa]; straight between them, as a viscous gas is."""
 
-    start, end : pressures of the ends [Pa]. viscous, own : at start + (end − start) t² for equidistant t from 0 to 1.
-    """
-
-    start: float
-    end: float
+    pressures: Array
     viscous: Array
     own: Array
 
@@ -237,8 +233,5 @@ class Mobility:
         return bool(np.ptp(self.viscous) + np.ptp(self.own) <= _EVEN * np.abs(self.viscous).max())
 
     def at(self, p: Array) -> tuple[Array, Array]:
-        """Both at pressures: straight in the pressure, as a viscous gas is."""
-        drop = self.end - self.start
-        fraction = (p - self.start) / drop if drop else np.zeros(p.shape)
-        known = np.linspace(0, 1, self.viscous.size) ** 2
-        return np.interp(fraction, known, self.viscous), np.interp(fraction, known, self.own)
+        """Both at pressures."""
+        return np.interp(p, self.pressures, self.viscous), np.interp(p, self.pressures, self.own)

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.arrays import Array
+from ..base.arrays import Array, reals
 from ..base.fixed_point import fixed_point
 from .law import CUBIC_LAW, FlowLaw, law_of, widened
 from .percolation import critical_constriction
@@ -58,20 +58,7 @@ def pressure_between(
 ) -> Array:
     """Pressure [Pa] where the viscous potential has a fraction of its drop, 1 at the inlet and 0 at the outlet."""
     high, low = fluid.potential([inlet, outlet])
-    return fluid.pressure(low + (high - low) * np.asarray(fraction, dtype=float))
-
-
-@dataclass(frozen=True, eq=False)
-class FaceSolution(Generic[Found]):
-    """Flow through a face at the pressures in it.
-
-    found : what the last solution gave. gap : (n1, n2) [m] that it was solved for, by the cubic law. drop : whose
-    fractions its potential is; its `mean_factor` multiplies the permeabilities.
-    """
-
-    found: Found
-    gap: Array
-    drop: PressureDrop
+    return fluid.pressure(low + (high - low) * reals(fraction))
 
 
 @dataclass(frozen=True)
@@ -90,12 +77,9 @@ class PressureDrop:
     @classmethod
     def of(cls, fluid: FlowingFluid, inlet: float, outlet: float) -> PressureDrop:
         """The drop of a fluid; where its law does not depend on the pressure a unit drop, the same for all fluids."""
-        law = law_of(fluid)
-        return (
-            cls(fluid, float(inlet), float(outlet))
-            if law.depends_on_pressure
-            else cls(_UnitFluid(law))
-        )
+        if not (law := law_of(fluid)).depends_on_pressure:
+            return cls(_UnitFluid(law))
+        return cls(fluid, float(inlet), float(outlet))
 
     @cached_property
     def law(self) -> FlowLaw:
@@ -109,30 +93,26 @@ class PressureDrop:
             return np.array([self.inlet])
         return table_pressures(self.inlet, self.outlet)
 
-    @property
-    def key(self) -> list[Any]:
-        """What permeabilities of gaps depend on; empty with the cubic law."""
-        pressures = self.pressures.tolist() if self.law.depends_on_pressure else []
-        return [] if self.law == CUBIC_LAW else [repr(self.law), pressures]
-
     def solve_face(
         self,
         gap: Array,
         spacing: tuple[float, float],
         solve: Callable[[Array], tuple[float, Array, Found]],
         rtol: float,
-    ) -> FaceSolution[Found]:
-        """Solve the flow through a face (n1, n2) [m], periodic along x2.
+    ) -> tuple[Found, PressureDrop]:
+        """Solve the flow through a face (n1, n2) [m], periodic along x2, at the pressures in it.
 
         solve : from a gap [m], by the cubic law, to the permeability, the potential at the pixels and what is kept.
         rtol : relative error at which the fixed point ends, where the law depends on the pressure.
+
+        Returns what is kept of the last solution, and the drop whose fractions its potential is; the `mean_factor` of
+        that multiplies the permeability.
 
         Raises NotConverged: the linear solver failed, or the flow still changes after many solutions.
         """
         drop = self.at_constriction(gap, spacing)
         if not drop.law.depends_on_pressure:
-            equivalent = drop.law.equivalent_gap(gap)
-            return FaceSolution(solve(equivalent)[2], equivalent, drop)
+            return solve(drop.law.equivalent_gap(gap))[2], drop
         solved = fixed_point(
             lambda fraction: drop.equivalent_gap(gap, fraction),
             solve,
@@ -140,7 +120,7 @@ class PressureDrop:
             rtol=rtol,
             name="flow through a face",
         )
-        return FaceSolution(solved.found, solved.coefficient, drop)
+        return solved.found, drop
 
     def at_constriction(self, gap: Array, spacing: tuple[float, float]) -> PressureDrop:
         """The same drop in the potential of the critical constriction of a face (n1, n2) [m], periodic along x2.
@@ -175,7 +155,8 @@ class PressureDrop:
         p = np.maximum(self._table[2], self.least_pressure)
         step = 1e-3 * p
         slope = (self.fluid.potential(p + step) - self.fluid.potential(p - step)) / (2 * step)
-        return Mobility(self.outlet, self.inlet, slope, slope * self._factor(p))
+        rising = np.argsort(self._table[2])
+        return Mobility(self._table[2][rising], slope[rising], (slope * self._factor(p))[rising])
 
     @property
     def least_pressure(self) -> float:
@@ -195,7 +176,7 @@ class PressureDrop:
         ψ, _, p = self._table
         if ψ[-1] == 0:
             return np.full(np.shape(fraction), self.inlet)
-        return np.interp(np.asarray(fraction, dtype=float), ψ / ψ[-1], p)
+        return np.interp(reals(fraction), ψ / ψ[-1], p)
 
     def viscous_fraction(self, fraction: ArrayLike) -> Array:
         """Fraction of the drop of the viscous potential φ where ψ has a fraction of its own."""
@@ -203,8 +184,8 @@ class PressureDrop:
             return np.asarray(fraction)
         ψ, φ, _ = self._table
         if ψ[-1] == 0:
-            return np.asarray(fraction, dtype=float)
-        return np.interp(np.asarray(fraction, dtype=float), ψ / ψ[-1], φ / φ[-1])
+            return reals(fraction)
+        return np.interp(reals(fraction), ψ / ψ[-1], φ / φ[-1])
 
     def steepness(self, first: Array, second: Array) -> Array:
         """Δψ/Δφ between two fractions of the drop, dψ/dφ where they are the same."""
@@ -215,7 +196,7 @@ class PressureDrop:
 
     def equivalent_gap(self, gap: Array, fraction: ArrayLike) -> Array:
         """Gap [m] with the permeability (h³/12) F(h, p)/F(h₀, p) by the cubic law; fractions of NaN count as ½."""
-        p = self.pressure(np.nan_to_num(np.asarray(fraction, dtype=float), nan=0.5))
+        p = self.pressure(np.nan_to_num(reals(fraction), nan=0.5))
         p = np.maximum(p, self.least_pressure)
         return widened(gap, self.law.factor(np.where(gap > 0, gap, self.gap), p) / self._factor(p))
 

@@ -56,7 +56,7 @@ def test_means_between_pressures_are_exact_for_a_liquid():
     """k = k₀ exp(−p/P) between its knots, constant beyond them, and linear beside a pressure at which it is closed."""
     scale, knots = 2e6, np.linspace(0.0, 8e6, 5)
     k = np.stack([np.exp(-knots / scale), np.where(knots < 4e6, 0.0, 3.0)], axis=1)
-    even = Mobility(0.0, 1e7, np.full(11, 5.0), np.full(11, 5.0))
+    even = Mobility(np.linspace(0, 1e7, 11), np.full(11, 5.0), np.full(11, 5.0))
     curve = PressureCurve(knots, k, True)
     for a, b in ((1e6, 1.5e6), (7e6, 5e5), (3e6, 3e6 + 1.0), (3e6, 3e6)):
         mean = (
