@@ -15,13 +15,13 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import frexp, ldexp
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.arrays import Array, Flags, Lengths
+from ..base.arrays import Array, Flags, Lengths, Pair
 from ..base.compiled import compiled, inner
 from ..base.threads import over, rows
 from .grid import Stencil, gap_on_links
@@ -196,25 +196,18 @@ def ready(along: Array, across: Array) -> tuple[NDArray[np.int8], int]:
     through = reached[0, 0] == 3 and len(along) > 1
     exponent = frexp(max(along.max(), across.max(initial=0.0)))[1] - 1 if through else 0
     keep = np.equal(reached, 3) if through else np.ones(reached.shape, np.bool_)
-    over(parts, _restrict, along, across, keep, *_factors(exponent))
-    return reached, exponent
-
-
-@compiled()
-def _factors(exponent):
-    """Factors over a power of two, which changes no digit; two of half the exponent are in range."""
+    # a power of two changes no digit; two of half the exponent are in range
     half = exponent // 2
-    return ldexp(1.0, -half), ldexp(1.0, half - exponent)
+    over(parts, _restrict, along, across, keep, ldexp(1.0, -half), ldexp(1.0, half - exponent))
+    return reached, exponent
 
 
 @dataclass(frozen=True)
 class Constriction:
-    """Where the widest path from inlet to outlet is narrowest, and how wide it is there."""
+    """Where the widest path from inlet to outlet is narrowest, (x1, x2) between two pixels, and its gap there [m]."""
 
-    position: tuple[float, float] = field(
-        metadata={"unit": "m", "long_name": "place between two pixels (x1, x2)"}
-    )
-    gap: float = field(metadata={"unit": "m", "long_name": "gap there"})
+    position: Pair
+    gap: float
 
 
 def critical_constriction(
@@ -232,28 +225,19 @@ def critical_constriction(
     """
     h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
     h1, h2 = gap_on_links(h, False, sides == "periodic")
-    values = np.concatenate([h1.ravel(), h2.ravel()])
-    widest_first = np.argsort(-values, kind="stable")
-    # a link is as wide as the number of those after it, as two may have the same gap
-    width = np.empty(values.size)
-    width[widest_first] = np.arange(values.size, 0, -1)
-    width[values <= 0] = 0
-    along, across = width[: h1.size].reshape(h1.shape), width[h1.size :].reshape(h2.shape)
-    opened = bisect_left(
-        range(1, np.count_nonzero(width) + 1),
-        True,
-        key=lambda n: bool(nodes_reached(along, across, values.size - n + 1)[0, 0] == 3),
-    )
-    if opened == np.count_nonzero(width):
+    widths = np.unique(np.concatenate([h1.ravel(), h2.ravel()]))
+    widths = widths[widths > 0]
+    joined = bisect_left(widths, True, key=lambda width: nodes_reached(h1, h2, width)[0, 0] != 3)
+    if joined == 0:
         return None
-    link = int(widest_first[opened])
-    if link < h1.size:
-        i, j = divmod(link, h1.shape[1])
-        position = (i * d1, (j + 0.5) * d2)
+    width = widths[joined - 1]
+    if (h1 == width).any():
+        i, j = np.argwhere(h1 == width)[0]
+        position = float(i * d1), float((j + 0.5) * d2)
     else:
-        i, j = divmod(link - h1.size, h2.shape[1])
-        position = ((i + 0.5) * d1, (j + 1) * d2)
-    return Constriction(position if axis == 0 else position[::-1], float(values[link]))
+        i, j = np.argwhere(h2 == width)[0]
+        position = float((i + 0.5) * d1), float((j + 1) * d2)
+    return Constriction(position if axis == 0 else position[::-1], float(width))
 
 
 def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Nodes, Nodes]]:
@@ -319,6 +303,14 @@ def _search(along, across, keep, number, path, found):
     n1, n2 = along.shape[0] - 1, along.shape[1]
     n = n1 * n2
     links = _open_links(along, across)
+    steps = (
+        (1, _RIGHT, _LEFT),
+        (-1, _LEFT, _RIGHT),
+        (1 - n2, _ONWARD, _BACK),
+        (n2 - 1, _BACK, _ONWARD),
+        (n2, _DOWN, _UP),
+        (-n2, _UP, _DOWN),
+    )
     reach = np.empty(n, np.int32)  # of the nodes above
     count, dead = 1, n
     for first in range(n2):
@@ -350,18 +342,11 @@ def _search(along, across, keep, number, path, found):
                 elif reached < reach[depth]:
                     reach[depth] = reached
                 continue
-            if untried & _RIGHT:
-                w, there, back = v + 1, _RIGHT, _LEFT
-            elif untried & _LEFT:
-                w, there, back = v - 1, _LEFT, _RIGHT
-            elif untried & _ONWARD:
-                w, there, back = v + 1 - n2, _ONWARD, _BACK
-            elif untried & _BACK:
-                w, there, back = v - 1 + n2, _BACK, _ONWARD
-            elif untried & _DOWN:
-                w, there, back = v + n2, _DOWN, _UP
-            else:
-                w, there, back = v - n2, _UP, _DOWN
+            k = 0
+            while untried & steps[k][1] == 0:
+                k += 1
+            step, there, back = steps[k]
+            w = v + step
             links[v] = untried & ~there
             if w < 0 or w >= n:
                 reach[depth] = 1
