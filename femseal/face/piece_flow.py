@@ -22,7 +22,7 @@ from ..flow.spiral import spiral_flow
 Result = TypeVar("Result")
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
 PRESSURE_RTOL = 1e-4
-#: Points of the largest face whose flow is solved as a whole: with contact it takes 10 GB.
+#: Points of the largest face whose flow is solved as a whole: with contact it takes 9 GB.
 LARGEST_FLOW = 2**26
 
 

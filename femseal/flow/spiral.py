@@ -15,16 +15,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from ..base import Array, Indices, InputError, NotConverged, to_text
+from ..base import Array, Flags, Indices, InputError, NotConverged, Pair, to_text
 from .cell import cell_stencil
 from .grid import Stencil
 from .law import cubic_law
 from .problem import unit_spacing
 from .solvers.amg import solve_spd
 
+#: A conductance, and weights of nodes that make the drop over it.
+_Link = tuple[float, dict[int, float]]
 #: Least fraction w that is solved: below it rounding decides, and the flow changes by w².
 _LEAST_WEIGHT = 3e-5
 #: Relative change of the flow below which the way along the grooves is left out.
@@ -64,13 +65,13 @@ class Spiral:
             given = f"{to_text(self.lead, 'm', 3)} on a face {to_text(breadth, 'm', 3)} broad"
             raise InputError("lay.lead", given, "less than the breadth")
         pixels = max(1, round(self.lead / spacing[0]))
-        return pixels, length / turn * (
-            self.lead / (pixels * spacing[0]) if turn > length * (1 + 1e-9) else 1.0
-        )
+        if turn <= length * (1 + 1e-9):
+            return pixels, length / turn
+        return pixels, length / turn * self.lead / (pixels * spacing[0])
 
 
 def spiral_flow(
-    gap: Array, spacing: tuple[float, float], spiral: Spiral, plain: Array
+    gap: Array, spacing: Pair, spiral: Spiral, plain: Array
 ) -> tuple[float, Array] | None:
     """Permeability [m³] along x1 of a face with winding grooves, and its potential; None where the lead hardly matters.
 
@@ -92,11 +93,17 @@ def spiral_flow(
         return None
     d1, d2 = unit_spacing(spacing)
     stencil = cell_stencil(gap / scale, (d1, d2), "periodic")
+    start = np.concatenate([np.ones((1, n2)), np.nan_to_num(plain), np.zeros((1, n2))])
     across = stencil.across.copy()
     across[:, -1] = 0.0
     cut = replace(stencil, across=across)
-    seam, c = _seam(cut, stencil.across[:, -1], gap / scale, d1 / d2, shift, weight)
-    start = np.concatenate([np.ones((1, n2)), np.nan_to_num(plain), np.zeros((1, n2))])
+    if weight >= 1:
+        links = _around_one_turn(gap / scale, d1 / d2, shift)
+    else:
+        links = _around_a_part(cut, stencil.across[:, -1], shift, weight)
+    links = [(one, nodes) for one, nodes in links if one > 0]
+    c = np.array([one for one, _ in links])
+    seam = _drops([nodes for _, nodes in links], start.size)
     without = stencil.energy(start)
     with_lead = cut.energy(start) + c @ (seam @ start.ravel()) ** 2
     if not np.isnan(plain[gap > 0]).any() and with_lead <= (1 + LEAST_EFFECT) * without:
@@ -111,39 +118,47 @@ def spiral_flow(
     return scale**3 * (n1 * d1) / (n2 * d2) * conductance, np.where(gap > 0, shown, np.nan)
 
 
-def _seam(
-    cut: Stencil, own: Array, gap: Array, aspect: float, shift: int, weight: float
-) -> tuple[sp.csr_array, Array]:
-    """Drops over the links of the seam (links, nodes) as a matrix, and their conductances.
+def _drops(links: list[dict[int, float]], nodes: int) -> sp.csr_array:
+    """Weights of nodes that make the drop over each link, as a matrix (links, nodes)."""
+    entries = [(k, *entry) for k, weights in enumerate(links) for entry in weights.items()]
+    link, node, part = np.reshape(entries, (-1, 3)).T
+    places = link.astype(int), node.astype(int)
+    return sp.coo_array((part, places), shape=(len(links), nodes)).tocsr()
 
-    own (n1,) : conductances of the seam without a lead.
+
+def _around_one_turn(gap: Array, aspect: float, shift: int) -> list[_Link]:
+    """Links over the seam of a face that is one turn long, from the last column to the first one, `shift` rows on.
+
+    Those above the first row begin at the inlet, and those below the last one end at the outlet.
     """
     n1, n2 = gap.shape
-    links = _Links()
-    if weight >= 1:
-        for i in range(1 - shift, n1 + 1):  # those above the first row begin at the inlet
-            ends = ([gap[i - 1, -1]] if i > 0 else []) + (
-                [gap[i + shift - 1, 0]] if i + shift <= n1 else []
-            )
-            if min(ends, default=0.0) > 0:
-                here, there = max(i, 0) * n2 + n2 - 1, min(i + shift, n1 + 1) * n2
-                links.add(cubic_law(np.mean(ends)) * aspect, {here: 1.0, there: -1.0})
-        return links.matrix((n1 + 2) * n2)
-    for i in range(1, min(shift, n1) + 1):
-        links.add(own[i - 1], {i * n2: weight, 0: -weight})
+    end = np.full(shift, np.nan)
+    ends = np.array([np.concatenate([end, gap[:, -1]]), np.concatenate([gap[:, 0], end])])
+    c = np.where((ends == 0).any(axis=0), 0.0, cubic_law(np.nanmean(ends, axis=0)) * aspect)
+    row = np.arange(1 - shift, n1 + 1)
+    here, there = np.maximum(row, 0) * n2 + n2 - 1, np.minimum(row + shift, n1 + 1) * n2
+    pairs = zip(c.tolist(), here.tolist(), there.tolist(), strict=True)
+    return [(one, {a: 1.0, b: -1.0}) for one, a, b in pairs]
+
+
+def _around_a_part(cut: Stencil, own: Array, shift: int, weight: float) -> list[_Link]:
+    """Links over the seam of a face that stands for a turn; own (n1,) : conductances of the seam without a lead."""
+    n1, n2 = own.size, cut.along.shape[1]
+    links: list[_Link] = [
+        (own[i - 1], {i * n2: weight, 0: -weight}) for i in range(1, min(shift, n1) + 1)
+    ]
     label = connected_components(cut.to_csr(), directed=False)[1].reshape(n1 + 2, n2)[1:-1]
     for rows in _grooves(own, shift):
-        drop = (
-            _drop_to_next(rows, own, label, shift)
-            if label[rows[0], 0] == label[rows[0], -1]
-            else {}
-        )
+        drop = np.zeros(n1 + 1)
+        if label[rows[0], 0] == label[rows[0], -1]:
+            drop = weight * _drop_to_next(rows, own, label, shift)
         for i in rows:
-            nodes = {(i + 1) * n2 + n2 - 1: 1.0, (i + 1) * n2: -1.0}
-            for row, part in drop.items():
-                nodes[(row + 1) * n2] = nodes.get((row + 1) * n2, 0.0) + weight * part
-            links.add(own[i], nodes)
-    return links.matrix((n1 + 2) * n2)
+            of_row = drop.copy()
+            of_row[i] -= 1.0
+            at = np.flatnonzero(of_row)
+            nodes = dict(zip(((at + 1) * n2).tolist(), of_row[at].tolist(), strict=True))
+            links.append((own[i], {(i + 1) * n2 + n2 - 1: 1.0} | nodes))
+    return links
 
 
 def _grooves(own: Array, shift: int) -> list[Indices]:
@@ -153,54 +168,31 @@ def _grooves(own: Array, shift: int) -> list[Indices]:
     return [part for run in runs if run.size for part in np.array_split(run, -(-run.size // shift))]
 
 
-def _drop_to_next(rows: Indices, own: Array, label: Indices, shift: int) -> dict[int, float]:
-    """Weights of rows whose sum is the mean drop from a groove to the one that a lead further belongs to.
+def _drop_to_next(rows: Indices, own: Array, label: Indices, shift: int) -> Array:
+    """Weights of rows and outlet whose sum is the mean drop from a groove to the one that a lead further belongs to.
 
     All rows of the groove take that drop, or fluid would run around between them. The next one is whatever connected
     gap most of the seam belongs to there; a groove that is closed there goes nowhere.
     """
     n1 = own.size
-    drop = dict(zip(rows.tolist(), (own[rows] / own[rows].sum()).tolist(), strict=True))
+    drop = np.zeros(n1 + 1)
+    drop[rows] = own[rows] / own[rows].sum()
     target = rows + shift
-    beyond, inside = target >= n1, target[target < n1]
-    if beyond.mean() > 0.5:
-        drop[n1] = -1.0  # the outlet
+    if (target >= n1).mean() > 0.5:
+        drop[n1] = -1.0
         return drop
+    inside = target[target < n1]
     inside = inside[own[inside] > 0]
     if inside.size == 0:
-        return {}
+        return np.zeros(n1 + 1)
     of = label[inside, 0]
     most = max(np.unique(of), key=lambda one: own[inside[of == one]].sum())
     chosen = inside[of == most]
-    for row, part in zip(chosen.tolist(), (own[chosen] / own[chosen].sum()).tolist(), strict=True):
-        drop[row] = drop.get(row, 0.0) - part
+    drop[chosen] -= own[chosen] / own[chosen].sum()
     return drop
 
 
-class _Links:
-    """Links that are collected one after the other: a conductance, and weights of nodes that make its drop."""
-
-    def __init__(self) -> None:
-        self.conductances: list[float] = []
-        self.entries: list[tuple[int, int, float]] = []
-
-    def add(self, conductance: float, nodes: dict[int, float]) -> None:
-        """Add a link; none where it is closed."""
-        if conductance > 0:
-            self.entries += [(len(self.conductances), node, part) for node, part in nodes.items()]
-            self.conductances.append(conductance)
-
-    def matrix(self, nodes: int) -> tuple[sp.csr_array, Array]:
-        """Drops (links, nodes) and conductances (links,)."""
-        link, node, part = zip(*self.entries, strict=True) if self.entries else ((), (), ())
-        shape = len(self.conductances), nodes
-        drops = sp.coo_array(
-            (np.array(part, float), (np.array(link, int), np.array(node, int))), shape=shape
-        )
-        return drops.tocsr(), np.array(self.conductances)
-
-
-def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, NDArray[np.bool_]]:
+def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
     """Potential of all nodes, 1 and 0 in the first and last row of n2 of them and in what only one of these joins.
 
     Also returned: the nodes that open ways join to both ends; without any the potential dissipates nothing.
