@@ -13,7 +13,7 @@ from math import isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
-from ..base import InputError, Pair, to_si, to_text, validate
+from ..base import InputError, Pair, shown, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
 from .lay import Lay, check_ring, check_size
 from .pressure_map import Frame
@@ -22,6 +22,57 @@ if TYPE_CHECKING:
     from ..flow.spiral import Spiral
     from .mesh_seal import MeshSeal
     from .tiles import PieceSize, SealTiles
+
+
+#: Directions of the lay by name: those of the axes of the plane, and those as seen from the centre of the seal.
+NAMES = ("x1", "x2", "radial", "circumferential")
+_ALLOWED = (
+    f"one of {', '.join(NAMES)}, {{angle = '30 deg'}} from x1 to x2, {{kind = 'spiral', lead = '60 um', starts = 1}}, "
+    "or {field = 'file.vtu:name'}"
+)
+#: Smallest circumference of a seal [m].
+_LEAST_TURN = 1e-6
+
+
+def lay_of(given: Any, folder: Path = Path()) -> Lay:
+    """The lay by its name, {"angle": radians or "30 deg"}, {"kind": "spiral", "lead": metres or "60 um", "starts": 1},
+    {"field": "file.vtu:name"} in the folder, or a `Lay`.
+
+    Raises InputError: anything else.
+    """
+    match given:
+        case Lay():
+            return given
+        case str() if given in NAMES:
+            return Lay(name=given)
+        case {"angle": angle} if len(given) == 1:
+            return Lay(angle=_si(angle, "rad", "lay.angle"))
+        case {"kind": "spiral"} if {*given} <= {"kind", "lead", "starts", "circumference"}:
+            around = given.get("circumference")
+            turn = None if around is None else _length(around, "lay.circumference", _LEAST_TURN)
+            starts = validate.count("lay.starts", given.get("starts", 1))
+            lead = _length(given.get("lead"), "lay.lead")
+            return Lay(name="spiral", lead=lead * starts, circumference=turn)
+        case {"field": str(field)} if len(given) == 1:
+            path, _, array = field.rpartition(":")
+            if path and array:
+                return Lay(file=folder / path, array=array)
+    raise InputError("lay", shown(given), _ALLOWED)
+
+
+def _si(given: Any, unit: str, name: str) -> float:
+    """A value in SI from text with a unit, or from a finite number."""
+    if isinstance(given, (int, float)) and not isinstance(given, bool) and isfinite(given):
+        return float(given)
+    return to_si(given, unit, name)
+
+
+def _length(given: Any, name: str, least: float = 0.0) -> float:
+    """A length from text with a unit, or from a number of metres; InputError where it is less than the least."""
+    value = _si(given, "m", name)
+    if value < least:
+        raise InputError(name, shown(given), f"a length >= {to_text(least, 'm')}, such as '60 um'")
+    return value
 
 
 class Layout(Protocol):
@@ -71,7 +122,7 @@ class RectangularLayout:
     lay: Any = described(_LAY, default="x2")
 
     def __post_init__(self) -> None:
-        lay = Lay.of(self.lay)
+        lay = lay_of(self.lay)
         if lay.name == "radial" or lay.file is not None:
             raise InputError(
                 "lay", f"'{lay}' on a strip", "x1, x2, a spiral, or {angle = '30 deg'}"
@@ -123,7 +174,7 @@ class AnnularLayout:
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        lay = Lay.of(self.lay)
+        lay = lay_of(self.lay)
         object.__setattr__(
             self,
             "lay",
@@ -198,7 +249,7 @@ class MeshLayout:
         to_si(f"1 {self.unit}", "m", "unit")
         if self.length is not None and not (isfinite(self.length) and self.length > 0):
             raise InputError("length", self.length, "a length > 0 [m]")
-        object.__setattr__(self, "lay", Lay.of(self.lay, Path(self.path).parent))
+        object.__setattr__(self, "lay", lay_of(self.lay, Path(self.path).parent))
         if self.lay.name == "spiral":
             raise InputError(
                 "lay",
