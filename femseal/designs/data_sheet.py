@@ -94,8 +94,8 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
             marker, above = ("v", 7) if peak is None else ("^", -15)
             axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, zorder=4)
             axes.plot(x, y, color=colour, marker=marker, ms=9, mec="black", zorder=5)
-            look: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8, "zorder": 6}
-            axes.annotate(answer.load_text(needed.at), (x, y), xytext=(4, above), **look)
+            text, at = answer.load_text(needed.at), (4, above)
+            axes.annotate(text, (x, y), at, textcoords="offset points", fontsize=8, zorder=6)
     handles = [
         Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=f"{name} as computed")
         for marker, name in (("v", "Qmin"), ("^", "QSmin"))

@@ -170,13 +170,16 @@ def legend_below(
     title: str | None = None,
 ) -> None:
     """Draw one legend below all panels; length : of its lines, in font sizes."""
-    look: dict[str, Any] = {
-        "frameon": False,
-        "fontsize": 8.5,
-        "title_fontsize": 8.5,
-        "handlelength": length,
-    }
-    figure.legend(handles=handles, loc="lower center", ncols=columns, title=title, **look)
+    figure.legend(
+        handles=handles,
+        loc="lower center",
+        ncols=columns,
+        title=title,
+        frameon=False,
+        fontsize=8.5,
+        title_fontsize=8.5,
+        handlelength=length,
+    )
 
 
 def one_panel(ax: Axes | None, width: float, height: float) -> tuple[Figure, Axes]:

@@ -163,10 +163,19 @@ def leakage_axis(axes: Axes, values: Array) -> None:
     decades(axes.yaxis)
     if strip:
         # axhspan would take its ends in units of the leakage
-        grey: dict[str, Any] = {"color": "#E4E4E4", "lw": 0, "zorder": 0}
-        axes.add_patch(Rectangle((0, 0), 1, strip, transform=axes.transAxes, **grey))
-        look: dict[str, Any] = {"ha": "center", "va": "center", "color": GREY, "fontsize": 8}
-        axes.annotate("sealed", (0.5, strip / 2), xycoords="axes fraction", **look)
+        axes.add_patch(
+            Rectangle((0, 0), 1, strip, transform=axes.transAxes, color="#E4E4E4", lw=0, zorder=0)
+        )
+        axes.text(
+            0.5,
+            strip / 2,
+            "sealed",
+            transform=axes.transAxes,
+            ha="center",
+            va="center",
+            color=GREY,
+            size=8,
+        )
 
 
 def leakage_line(axes: Axes, x: Array, y: Array, **look: Any) -> Any:

@@ -157,8 +157,8 @@ def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     x1, p = data["block1"].values, pressure[steps[-1]]
     means = {s: pressure[s].mean(axis=1) for s in steps}
     _lines_over_x1(axes, data, x1, means, "fluid pressure [MPa]")
-    look: dict[str, Any] = {"color": GREY, "alpha": 0.15, "lw": 0, "label": "lowest to highest"}
-    axes.fill_between(x1 * 1e3, p.min(axis=1), p.max(axis=1), **look)
+    ends = p.min(axis=1), p.max(axis=1)
+    axes.fill_between(x1 * 1e3, *ends, color=GREY, alpha=0.15, lw=0, label="lowest to highest")
     axes.legend(fontsize=8, framealpha=0.9)
 
 
@@ -350,14 +350,15 @@ def _draw(
     if decades:
         values, norm = on_decades(values, decades)
         notes += ["grey: none"] if (finite == 0).any() else []
-    look: dict[str, Any] = {
-        "norm": norm,
-        "rasterized": True,
-        "edgecolors": "face",
-        "linewidths": 0.1,
-    }
-    look["cmap"] = colormaps[colours].with_extremes(under=CLOSED, bad=POCKET)
-    parts = PolyCollection(corners, array=np.ma.masked_invalid(values[seen]), **look)  # type: ignore[arg-type]
+    parts = PolyCollection(
+        corners,  # type: ignore[arg-type]
+        array=np.ma.masked_invalid(values[seen]),
+        cmap=colormaps[colours].with_extremes(under=CLOSED, bad=POCKET),
+        norm=norm,
+        rasterized=True,
+        edgecolors="face",
+        linewidths=0.1,
+    )
     axes.add_collection(parts, autolim=False)
     colour_bar(axes, parts)
     panel_title(axes, "; ".join(notes))

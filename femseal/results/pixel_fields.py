@@ -78,21 +78,18 @@ def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
 def write_fields(run: Results, chosen: Indices, folder: Path) -> list[Path]:
     """Write the fields of the studies in memory at some steps."""
     assert run.scene is not None
-    cells = {
-        made.array_name: _scaled(values, made.scale, chosen) for made, values in _in_memory(run)
-    }
-    surface, steps = run.scene.surface, vtk_files.LoadSteps.of(run.dataset, chosen)
-    image = vtk_files.Image(NAME, surface.spacing, (0.0, 0.0), surface.shape, steps, cells)
-    return vtk_files.write_series(image, folder)
+    spacing, loads = run.scene.surface.spacing, vtk_files.loads_of(run.dataset)
 
+    def pixels(step: int) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        for made, values in _in_memory(run):
+            yield made.array_name, values[step] * np.float32(made.scale)
+            give_back(values)
 
-def _scaled(values: Any, scale: float, steps: Indices) -> vtk_files.PixelValues:
-    def at(n: int) -> NDArray[np.float32]:
-        scaled = values[steps[n]] * np.float32(scale)
-        give_back(values)
-        return scaled
+    def at(step: int) -> Any:
+        image = vtk_files.image(spacing, (0.0, 0.0), pixels(step))
+        return vtk_files.with_load(image, loads[step])
 
-    return at
+    return vtk_files.write_series(NAME, at, chosen.tolist(), folder)
 
 
 def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
@@ -282,11 +279,10 @@ def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) ->
 
 def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
     """Write an image for ParaView."""
-    made, steps = Field.of(values), vtk_files.LoadSteps.of(run.dataset, np.array([step]))
-    cells = {made.array_name: lambda _: values.values * made.scale}
-    n1, n2 = values.shape
-    image = vtk_files.Image(str(values.name), *_frame(values), (n1, n2), steps, cells)
-    path.write_bytes(vtk_files.as_xml(image.at(0)))
+    made = Field.of(values)
+    image = vtk_files.image(*_frame(values), [(made.array_name, values.values * made.scale)])
+    vtk_files.with_load(image, vtk_files.loads_of(run.dataset)[step])
+    path.write_bytes(vtk_files.as_xml(image))
 
 
 _FORMATS: dict[str, Callable[[Path, xarray.DataArray, Results, int], None]] = {
