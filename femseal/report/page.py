@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -63,49 +63,6 @@ _ENDS = np.nanmin, np.nanmax
 FILES = ("surface", "seal", "seat", "place", "drawn", "pieces", "leakage")
 #: Pictures as PNG by their name.
 Drawings = Mapping[str, bytes]
-
-
-class Picture(NamedTuple):
-    """A picture of the page as a data URI, with its caption."""
-
-    uri: str
-    caption: str
-
-
-def page_pictures(results: Results, drawings: Drawings) -> dict[str, Picture]:
-    """The pictures of the page by their name."""
-    captions = _captions(results)
-    return {
-        name: Picture(png_uri(drawing), captions[name])
-        for name, drawing in drawings.items()
-        if name in captions
-    }
-
-
-def _captions(results: Results) -> dict[str, str]:
-    """What each picture of the page shows."""
-    data = results.dataset
-    load = load_names(data)[default_step(data)]
-    drawn_seal = f"The drawn seal nearest to the median, in its plane, at {load}."
-    maps = (
-        f"Contact pressure, gap and fluid pressure of the face at {load}, mean of each block of "
-        "pixels, and the fluid pressure along the leakage from the inlet at x1 = 0."
-    )
-    place = most_leaking_place(results).capitalize() if "place_height" in data else ""
-    return {
-        "face": "The face that was solved: heights of the combined faces.",
-        "seat": "Contact pressure across the seat, mean of each row.",
-        "place": f"{place}: its heights, and its gap with the contact in grey.",
-        "leakage": "Leakage against load, a line for each branch of the load cycle.",
-        "seal": maps if has_maps(data) else drawn_seal,
-        "drawn": drawn_seal,
-        "attempts": "Error of each attempt against its time; the line is the accuracy asked for.",
-        "pieces": "Permeability of pieces against mean gap: wide gaps follow h̄³/12 of parallel "
-        "plates, and narrow gaps close. A piece is closed where nothing passes between its own "
-        "sides; grooves that wind may lead the fluid past it. Below, against contact pressure: "
-        "unloading (squares) lies below loading (circles) because of the plastic deformation that "
-        "the peak left.",
-    }
 
 
 def draw_all(results: Results, surface: Topography | None = None) -> dict[str, bytes]:
@@ -170,17 +127,6 @@ def _face_figure(data: xarray.Dataset) -> Figure:
     sheet = Sheet([map_row(lying(face_size(data)), HEIGHTS)])
     height_panel(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, face_size(data))
     return sheet.figure
-
-
-def most_leaking_place(results: Results) -> str:
-    """Which of several measured places leaks most by itself, and how much, over the loads that count."""
-    about = results.dataset["place_height"].attrs
-    count = results.dataset.sizes["place"]
-    if not about["over_mean"]:
-        return f"place {about['place']} of {count}, of which none leaks"
-    return (
-        f"place {about['place']} of {count} leaks most, {about['over_mean']:.3g} times their mean"
-    )
 
 
 def write_report(
@@ -259,7 +205,9 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
     data = results.dataset
     return {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
-        "source": data.attrs["source"],
+        "data": data,
+        "load": load_names(data)[default_step(data)],
+        "basis": results.leak_basis,
         "key_numbers": report_tables.key_numbers(results),
         "date": str(data.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC"),
         "digests": json.loads(data.attrs.get("face_files", "{}")),
@@ -267,15 +215,13 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
         "description": json.loads(data.attrs.get("description", "[]")),
         "seal": _seal_text(data),
         "drop_text": _drop_text(data) if has_maps(data) else "",
-        "gas_state": report_tables.gas_state_text(results),
         # the page has a table of classes
         "leakage_table": leakage_table(results).without(["class"]),
         "totals": totals_table(results),
         "classes": report_tables.class_table(results),
         "test_fluid": report_tables.test_fluid_sentences(results),
         "design": design_section(results),
-        "method": results.method,
-        "pictures": page_pictures(results, drawings),
+        "pictures": {name: png_uri(drawing) for name, drawing in drawings.items()},
         "budget": report_tables.budget_table(results),
         "attempts": None if results.attempts is None else attempts_table(results.attempts),
         "times": report_tables.time_lines(results),

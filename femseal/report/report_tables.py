@@ -59,17 +59,6 @@ def limiting_text(results: Results) -> str:
     return f"Half-width of the band of error at {step}: {width}; its widest source: {name}."
 
 
-def gas_state_text(results: Results) -> str:
-    """At what state volumes and pressure × volume of a gas are; "" of a liquid."""
-    basis = results.leak_basis
-    if basis.pressure is None or basis.temperature is None:
-        return ""
-    return (
-        f"Volumes of the gas are those at {basis.pressure:g} Pa and {basis.temperature:g} K, standard ones at 0 °C; "
-        f"its pressure × volume is that at {basis.stated_temperature:g} K."
-    )
-
-
 def class_table(results: Results) -> TextTable | None:
     """Each class, its limit, from which load on it is met, down to which it is kept in service; None without classes.
 

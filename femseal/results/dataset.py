@@ -118,11 +118,16 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
         raise InputError(
             "results", "a study of another load programme", "studies of the scene's own steps"
         )
-    known = {STUDIES[study.method].key: study for study in studies}
-    known = {study.key: known[study.key] for study in STUDIES.values() if study.key in known}
+    known = {
+        STUDIES[method].key: study
+        for method in STUDIES
+        for study in studies
+        if study.method == method
+    }
     drawn = known.get("stochastic")
     assert drawn is None or isinstance(drawn, StochasticResult)
-    data = xarray.Dataset(coords=variables.step_coordinates("step", "", scene.steps))
+    data = xarray.Dataset()
+    variables.add_load_steps(data, "step", "", scene.steps)
     _add_studies(data, scene, known, facts.quantiles)
     size = scene.surface.size if drawn is None else drawn.tiles.size
     state = FluidState.of(scene)
@@ -237,8 +242,9 @@ def _add_studies(
         rows = (np.arange(count) + 0.5) * (breadth / count)
         variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
     variables.add_blocks(data, ("face1", "face2"), scene.surface, HEIGHT_BLOCKS)
-    height = Field("face_height", "m", "height of the face, mean of each block", FACE)
-    variables.add(data, height, variables.block_means(scene.surface.heights, HEIGHT_BLOCKS))
+    means = variables.block_means(scene.surface.heights, HEIGHT_BLOCKS)
+    text = "height of the face, mean of each block"
+    variables.add_new(data, "face_height", "m", text, means, FACE)
     fraction = contact_fraction_of(next(iter(known.values())), scene.steps)
     if not np.isnan(fraction).all():
         text = "fraction of the face in contact"

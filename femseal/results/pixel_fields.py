@@ -49,10 +49,10 @@ _ROUNDING = 1e-6
 _BYTES = np.dtype(np.float32).itemsize
 
 
-def _in_memory(run: Results) -> Iterator[tuple[Field, Any]]:
+def _in_memory(run: Results) -> list[tuple[Field, Any]]:
     """Fields over all pixels (steps, n1, n2) of a study in memory."""
-    if (study := run.two_scale or run.deterministic) is not None:
-        yield from (pair for pair in fields_of(study) if pair[0].place == PIXEL)
+    study = run.two_scale or run.deterministic
+    return [pair for pair in fields_of(study) if pair[0].place == PIXEL] if study else []
 
 
 def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
@@ -118,20 +118,22 @@ def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) 
         expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else WITH_FIELDS
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
     made, values, spacing = found
-    rows, columns = _pixels(data, piece, values.shape)
-    values = np.asarray(values[rows, columns], np.float64)
-    coordinates = {}
-    for name_, pixels, d in zip(("x1", "x2"), (rows, columns), spacing, strict=True):
-        labels = {"units": "m", "long_name": f"{name_} of pixel centres"}
-        centres = (np.arange(pixels.start, pixels.stop) + 0.5) * d
-        coordinates[name_] = (name_, centres, labels)
+    coordinates = {
+        x: (x, (np.arange(n) + 0.5) * d, {"units": "m", "long_name": f"{x} of pixel centres"})
+        for x, n, d in zip(("x1", "x2"), values.shape, spacing, strict=True)
+    }
     labels = {"units": made.unit, "long_name": f"{made.long_name}, {data['name'].values[step]}"}
-    return xarray.DataArray(values, coordinates, ("x1", "x2"), name, labels)
+    face = xarray.DataArray(values, coordinates, ("x1", "x2"), name, labels)
+    if piece is not None:
+        i, j = checked_piece(data, *piece)
+        n1, n2 = face.sizes["x1"] // data.sizes["piece1"], face.sizes["x2"] // data.sizes["piece2"]
+        face = face[i * n1 : (i + 1) * n1, j * n2 : (j + 1) * n2]
+    return face.astype(np.float64, copy=False)
 
 
 def stored_steps(run: Results) -> list[int]:
     """Steps whose fields are in memory, or else in the results folder."""
-    if any(True for _ in _in_memory(run)):
+    if _in_memory(run):
         return list(range(run.dataset.sizes["step"]))
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
 
@@ -150,28 +152,15 @@ def _from_folder(run: Results, name: str, step: int) -> tuple[Field, Any, Pair] 
     path = None if run.folder is None else vtk_files.stored_images(run.folder, NAME).get(step)
     if path is None:
         return None
-    known = {
-        made.array_name: made
-        for unit in READABLE
-        if (made := Field(name, unit, name.replace("_", " "), PIXEL))
-    }
+    text = name.replace("_", " ")
+    fields = (Field(name, unit, text, PIXEL) for unit in READABLE)
+    known = {made.array_name: made for made in fields}
     array, image = vtk_files.read_image(path, known)
     if array is None:
         return None
     shape = tuple(count - 1 for count in image.dimensions[:2])
     values = np.asarray(image.cell_data[array].reshape(shape, order="F"), np.float64)
     return known[array], values / known[array].scale, tuple(image.spacing[:2])
-
-
-def _pixels(
-    data: xarray.Dataset, piece: Shape | None, shape: tuple[int, ...]
-) -> tuple[slice, slice]:
-    """Pixels of a piece along x1 and x2; all of them without one."""
-    if piece is None:
-        return slice(0, shape[0]), slice(0, shape[1])
-    i, j = checked_piece(data, *piece)
-    n1, n2 = shape[0] // data.sizes["piece1"], shape[1] // data.sizes["piece2"]
-    return slice(i * n1, (i + 1) * n1), slice(j * n2, (j + 1) * n2)
 
 
 def export_field(
@@ -266,15 +255,17 @@ def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) ->
     """Write an archive of NumPy with the field, its pixel and corner, and the load."""
     pixel, corner = _frame(values)
     load = run.steps[step]
-    known: dict[str, Any] = {
-        "step": step,
-        "name": load.name,
-        "nominal_pressure": load.pressure,
-        "spacing": pixel,
-        "origin": corner,
-    }
     with path.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **{str(values.name): values.values}, **known)
+        np.savez_compressed(
+            file,
+            allow_pickle=False,
+            **{str(values.name): values.values},
+            step=step,
+            name=load.name,
+            nominal_pressure=load.pressure,
+            spacing=pixel,
+            origin=corner,
+        )
 
 
 def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
