@@ -24,6 +24,8 @@ from ..base import Array
 _TREND, _ROUNDING = 25.0, 1e-8
 #: Priors of size and lengths of the smooth and of the other process: ln of their medians, standard deviations of ln.
 _MEDIANS, _WIDTHS = np.log([[0.5, 1.0], [0.05, 0.3]]), np.array([[1.5, 0.7], [1.5, 1.0]])
+#: Decimals of the logarithms of sizes and lengths.
+_DIGITS = 3
 #: Scenes that are open at a load, without which nothing is known of its leakage; least probability of either class.
 FEWEST, LEAST = 6, 1e-3
 #: Standard deviation of an unknown ln(leakage), and of the class by which open and sealed scenes mix at least.
@@ -85,12 +87,13 @@ def _through(sets: list[tuple[Array, Array]]) -> list[Process]:
         return float(fit)
 
     bounds = list(zip(start - 4 * widths, start + 4 * widths, strict=True))
-    # to the digits that the values have: what follows from them must not depend on where a search stops
+    # where a search stops depends on last digits: they must not matter to what follows
     options = {"ftol": 1e-14, "gtol": 1e-7}
     found = minimize(
         unlikely, start, jac="3-point", method="L-BFGS-B", bounds=bounds, options=options
-    ).x
-    return [Process(found, points, values) for points, values in sets]
+    )
+    parameters = found.x.round(_DIGITS)
+    return [Process(parameters, points, values) for points, values in sets]
 
 
 def _solved(covariance: Array, scaled: Array) -> tuple[float, Array, Array, Array]:

@@ -68,11 +68,8 @@ def design(
     wanted = leak_classes(classes := tuple(classes))
     case, results = _given(what)
     extra = [to_si(q, "Pa", "assembly") if isinstance(q, str) else float(q) for q in assembly]
-    diameter = (
-        to_si(nominal_diameter, "m", "nominal_diameter")
-        if isinstance(nominal_diameter, str)
-        else nominal_diameter
-    )
+    if isinstance(diameter := nominal_diameter, str):
+        diameter = to_si(diameter, "m", "nominal_diameter")
     if diameter is not None:
         validate.number("nominal_diameter", diameter, unit="m")
     shown = progress or no_progress

@@ -302,21 +302,25 @@ def rows(answer: Design) -> list[dict[str, Any]]:
         pressures += [("QSmin [Pa]", need.name, *pair) for pair in need.service.items()]
     pressures.append(("sealing load [Pa]", "", None, answer.sealing))
     found: list[dict[str, Any]] = []
+
+    def add(*values: Any, **more: Any) -> None:
+        row = dict.fromkeys(_COLUMNS) | dict(zip(_COLUMNS, values, strict=False))
+        found.append(row | more)
+
     for figure, name, peak, needed in pressures:
         value = needed.bound(needed.value)
-        row = dict(zip(_COLUMNS, (figure, name, peak, needed.relation, value), strict=False))
-        row |= {"load": answer.load_text(value), "high": needed.value if needed.known else None}
         # None where an end lies beyond the loads or is unknown
         ends = {"computed": needed.computed, "low": needed.low}
-        found.append(row | {key: p if isfinite(p) and p > 0 else None for key, p in ends.items()})
+        known = {key: p for key, p in ends.items() if isfinite(p) and p > 0}
+        known |= {"high": needed.value} if needed.known else {}
+        load = answer.load_text(value)
+        add(figure, name, peak, needed.relation, value, load=load, **known)
     for peak, stiffness in answer.stiffness.items():
-        row = {"figure": "E_G over thickness [Pa/m]", "value": stiffness}
         how = "secant of the mean gap to Q_A / 3"
-        found.append(row | {"assembly_pressure_Pa": peak, "relation": "=", "how": how})
+        add("E_G over thickness [Pa/m]", None, peak, "=", stiffness, how=how)
     for one in answer.sensitivities:
         for what, slope in (("L", one.leakage), ("Qmin", one.pressure)):
-            known = slope if isfinite(slope) else None
-            row = {"figure": f"d ln {what} / d ln {one.quantity}", "class": answer.at[0]}
-            row |= {"assembly_pressure_Pa": answer.at[1], "relation": "=", "value": known}
-            found.append(row | {"how": one.how})
-    return [dict.fromkeys(_COLUMNS) | row for row in found]
+            figure = f"d ln {what} / d ln {one.quantity}"
+            known_slope = slope if isfinite(slope) else None
+            add(figure, *answer.at, "=", known_slope, how=one.how)
+    return found

@@ -142,11 +142,6 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     return np.where(ok.all(axis=1), 0.0, np.where(first == 0, inf, between))
 
 
-def pressure_for(pressures: Array, fraction: float) -> float:
-    """Lowest pressure that is enough for a fraction of the seals [Pa]: an order statistic, without interpolation."""
-    return float(np.sort(pressures)[_rank(fraction, len(pressures))])
-
-
 def _rank(fraction: float, count: int) -> int:
     return min(max(ceil(fraction * count - 1e-9), 1), count) - 1
 
@@ -246,9 +241,12 @@ def sealing_load(seals: Seals, fraction: float) -> NeededPressure:
 def _needed(
     seals: Seals, of: Callable[[Seals], Array], steps: Indices, fraction: float
 ) -> NeededPressure:
-    """The pressure that a fraction of the seals needs: as computed, and by both ends of the whole band of error."""
+    """The pressure that a fraction of the seals needs: as computed, and by both ends of the whole band of error.
+
+    It is an order statistic, without interpolation.
+    """
     computed, low, high = (
-        pressure_for(of(replace(seals, leakage=leakage)), fraction)
+        float(np.sort(of(replace(seals, leakage=leakage)))[_rank(fraction, seals.count)])
         for leakage in (seals.leakage, seals.lower, seals.upper)
     )
     pressure = seals.steps.pressures[steps]

@@ -24,7 +24,7 @@ from .drawing import (
     decades,
     legend_below,
     load_axis,
-    one_panel,
+    root_of,
     shows,
 )
 
@@ -66,13 +66,6 @@ class LeakageCurves:
     force: tuple[str, float] | None = None
 
     @property
-    def load(self) -> tuple[str, float]:
-        """The name of the axis of loads, and what a nominal pressure of 1 Pa is on it."""
-        if self.force is None:
-            return "nominal pressure [MPa]", 1e-6
-        return f"force [{self.force[0]}]", self.force[1]
-
-    @property
     def branches(self) -> list[tuple[str, Indices]]:
         """Names, with the forces of the case, and steps of the loading and of each unloading."""
         loading, *unloadings = branches(self.pressure, self.peaks)
@@ -107,7 +100,9 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
 
     before = len(axes.get_legend_handles_labels()[0])
     factor, name = curves.scale
-    load_name, load_factor = curves.load
+    load_name, load_factor = "nominal pressure [MPa]", 1e-6
+    if curves.force is not None:
+        load_name, load_factor = f"force [{curves.force[0]}]", curves.force[1]
     parts = curves.branches
     inside = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
     leakage_axis(axes, np.concatenate([curves.range / factor, *inside]))
@@ -212,7 +207,7 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     common = replace(curves, scale=_COMMON, force=None, limits={})
     leakage_panel(ax, common, f"{label or curves.title}, ")
     ax.legend(framealpha=0.9, edgecolor="none", fontsize=7.5, handlelength=3.4)
-    return one_panel(ax, 0, 0)[0]
+    return root_of(ax)
 
 
 @shows(FaceResult)

@@ -134,12 +134,9 @@ def _replaced(
     try:
         names = [path.relative_to(unfinished) for path in [*write(unfinished), saved]]
         listed = [*kept, *names]
-        if same_numbers:
-            _list_files(target, dict.fromkeys([*listed, *_former(target)]))
-        else:
+        _list_files(target, dict.fromkeys([*listed, *_former(target)]))
+        if not same_numbers:
             (target / FILE_NAME).unlink(missing_ok=True)
-            _remove_former(target, kept)
-            _list_files(target, listed)
         for name in names:
             if not is_inside(target, name):
                 raise FemsealError(
@@ -147,9 +144,8 @@ def _replaced(
                 )
             made_folder((target / name).parent)
             os.replace(unfinished / name, target / name)
-        if same_numbers:
-            _remove_former(target, listed)
-            _list_files(target, listed)
+        _remove_former(target, listed)
+        _list_files(target, listed)
     except Exception as error:
         reason = str(error) or type(error).__name__
         raise FemsealError(

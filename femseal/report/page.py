@@ -18,7 +18,16 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ..base import AnyPath, FemsealError, InputError, replacing, to_text, write_text, writing
+from ..base import (
+    AnyPath,
+    FemsealError,
+    InputError,
+    format_deviation,
+    replacing,
+    to_text,
+    write_text,
+    writing,
+)
 from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
 from ..plots.drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, lying, map_row, png
 from ..plots.heights import height_panel
@@ -28,7 +37,6 @@ from ..plots.maps import (
     drop_steps,
     face_leakage,
     face_size,
-    has_maps,
     place_figure,
     row_panel,
 )
@@ -57,8 +65,6 @@ BROWSERS = (
 )
 #: Longest time that a browser may take [s].
 _PATIENCE = 120
-#: Least and largest of values that may be undefined.
-_ENDS = np.nanmin, np.nanmax
 #: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
 FILES = ("surface", "seal", "seat", "place", "drawn", "pieces", "leakage")
 #: Pictures as PNG by their name.
@@ -78,7 +84,7 @@ def draw_all(results: Results, surface: Topography | None = None) -> dict[str, b
 def _figures(results: Results, surface: Topography | None) -> dict[str, Callable[[], Figure]]:
     """What draws each picture for which there are data."""
     data, s = results.dataset, default_step(results.dataset)
-    maps, drawn_seal = has_maps(data), "drawn_corners" in data
+    maps, drawn_seal = "face_gap" in data, "drawn_corners" in data
     found = results.attempts or {"attempts": []}
     pictures: dict[str, tuple[bool, Callable[[], Figure]]] = {
         "surface": (surface is not None, lambda: heights_figure(cast(Topography, surface))),
@@ -197,24 +203,31 @@ def page_template() -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= {
+        "deviation": format_deviation,
+        "flat": flat,
+        "parsed": json.loads,
+        "si": _si,
+    }
     return environment.get_template("report.html.jinja")
+
+
+def _si(value: Any, unit: str, digits: int = 4) -> str:
+    """A value in SI as text."""
+    return to_text(float(value), unit, digits)
 
 
 def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
     """What the template of the page takes."""
     data = results.dataset
     return {
-        "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
+        "results": results,
         "data": data,
+        "load_names": load_names(data),
         "load": load_names(data)[default_step(data)],
         "basis": results.leak_basis,
         "key_numbers": report_tables.key_numbers(results),
-        "date": str(data.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC"),
-        "digests": json.loads(data.attrs.get("face_files", "{}")),
-        "limiting": report_tables.limiting_text(results),
-        "description": json.loads(data.attrs.get("description", "[]")),
-        "seal": _seal_text(data),
-        "drop_text": _drop_text(data) if has_maps(data) else "",
+        "drop_text": _drop_text(data) if "face_gap" in data else "",
         # the page has a table of classes
         "leakage_table": leakage_table(results).without(["class"]),
         "totals": totals_table(results),
@@ -225,38 +238,8 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
         "budget": report_tables.budget_table(results),
         "attempts": None if results.attempts is None else attempts_table(results.attempts),
         "times": report_tables.time_lines(results),
-        "warnings": results.warnings,
-        "failures": results.failures,
-        "versions": flat(json.loads(data.attrs["versions"])),
-        "machine": flat(json.loads(data.attrs["machine"])),
         "case": flat(as_chosen(results.case, results.attempts)),
     }
-
-
-def _seal_text(data: xarray.Dataset) -> str:
-    """Shape and sides of the seal, on what band a seat touches, and how tiles of an uneven seal are pressed."""
-    width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
-    seal = data.attrs["seal"]
-    texts = [f"The seal is {seal}, {width} wide along the leakage and {length} long."]
-    if data.attrs.get("seat") and "band_breadth" in data:
-        least, most = (to_text(f(data["band_breadth"].values), "m", 3) for f in _ENDS)
-        highest = to_text(np.nanmax(data["largest_row_pressure"].values), "Pa", 3)
-        texts.append(
-            f"The seat touches on a band {least} to {most} broad, with at most {highest} as the "
-            "mean of a row."
-        )
-    name = "drawn_nominal_pressure" if "drawn_form" in data else "drawn_contact_pressure"
-    uneven = "drawn_form" in data or json.loads(data.attrs["case"]).get("load", {}).get("map")
-    if uneven and name in data:
-        loads = data["nominal_pressure"].values
-        for s in dict.fromkeys((loads.argmin(), loads.argmax())):
-            at = data[name].values[s]
-            low, high = (to_text(f(at), "Pa", 3) for f in _ENDS)
-            texts.append(
-                f"At {load_names(data)[s]} the tiles are pressed with {low} to {high}, and "
-                f"{(at == 0).mean():.0%} of them stand apart."
-            )
-    return " ".join(texts)
 
 
 def _drop_text(data: xarray.Dataset) -> str:

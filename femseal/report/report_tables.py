@@ -48,17 +48,6 @@ def key_numbers(results: Results) -> list[tuple[str, str, str]]:
     return numbers
 
 
-def limiting_text(results: Results) -> str:
-    """What widens the band of error most at the highest load, and how wide the band is; "" without a budget."""
-    budget, peak = results.budget, results.peak
-    if budget is None or not (name := budget.limiting(peak)):
-        return ""
-    half_width = float(budget.half_width(peak))
-    width = format_deviation(half_width) if np.isfinite(half_width) else "one end is unknown"
-    step = load_names(results.dataset)[peak]
-    return f"Half-width of the band of error at {step}: {width}; its widest source: {name}."
-
-
 def class_table(results: Results) -> TextTable | None:
     """Each class, its limit, from which load on it is met, down to which it is kept in service; None without classes.
 

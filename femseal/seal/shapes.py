@@ -67,9 +67,9 @@ def link_permeabilities(permeability: Any, cells: Shape) -> tuple[Array, Array]:
     """k1 (n1, n2) and k2 (n1 − 1, n2) [m³] from a number, or a pair of numbers or arrays; or InputError."""
     n1, n2 = cells
     shapes = (n1, n2), (n1 - 1, n2)
-    pair = permeability if isinstance(permeability, (tuple, list)) else [permeability]
-    if np.ndim(permeability) == 0:
-        pair = [permeability] * 2
+    pair = permeability
+    if not isinstance(permeability, (tuple, list)):
+        pair = [permeability] * (1 if np.ndim(permeability) else 2)
     if len(pair) != 2:
         allowed = f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}"
         raise InputError("permeability", counted(len(pair), "array"), allowed)
