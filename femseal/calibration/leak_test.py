@@ -104,9 +104,8 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
         try:
             if len(row) != len(heads):
                 raise InputError("row", counted(len(row), "cell"), f"{len(heads)} as in the heads")
-            named = {name: row[n].strip() for name, (n, _) in columns.items()}
-            factors = {name: factor for name, (_, factor) in columns.items()}
-            rows.append((_step(named, factors, case), *_leakage(named["leakage"])))
+            cell = {name: (row[n].strip(), factor) for name, (n, factor) in columns.items()}
+            rows.append((_step(cell, case), *_leakage(cell["leakage"][0])))
         except InputError as error:
             what = f"data, line {number}: {error.what}"
             faults.append(InputError(what, error.given, error.expected))
@@ -114,7 +113,7 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
         raise InputErrors(faults)
     steps, leakage, sealed = zip(*rows, strict=True)
     values, below = np.array(leakage), np.array(sealed)
-    if (count := len({step for step, low in zip(steps, sealed, strict=True) if not low})) < 3:
+    if (count := len({step for step, _, low in rows if not low})) < 3:
         expected = "leakages at three loads or more, besides rows that are sealed"
         raise InputError("data", f"{counted(count, 'load')} with a leakage", expected)
     values[np.isnan(values)] = values[~below].min()
@@ -158,24 +157,25 @@ def _number(text: str, what: str, expected: str) -> float:
     return value
 
 
-def _step(row: dict[str, str], factors: dict[str, float], case: Case) -> LoadStep:
-    """Load step of a row, in the unit of the loads of the case."""
+def _step(row: dict[str, tuple[str, float]], case: Case) -> LoadStep:
+    """Load step of a row by its texts and their units in SI, in the unit of the loads of the case."""
     loads, unit = case.load, case.load.unit
     most, least = loads.highest, min((*loads.loading, *loads.unloading))
 
     def within(key: str, what: str) -> float:
-        value = float(f"{_number(row[key], what, 'a number >= 0') * factors[key]:.12g}")
+        text, factor = row[key]
+        value = float(f"{_number(text, what, 'a number >= 0') * factor:.12g}")
         if not least * (1 - 1e-9) <= value <= most * (1 + 1e-9):
             range_ = f"a load of the case, from {to_text(least, unit)} to {to_text(most, unit)}"
             raise InputError(what, to_text(value, unit), range_)
         return value
 
-    load, branch = within("load", "load"), row.get("branch", BRANCHES[0]).lower()
-    if branch not in BRANCHES:
-        raise InputError("branch", shown(row["branch"]), " or ".join(BRANCHES))
-    if branch == BRANCHES[0]:
+    load, (branch, _) = within("load", "load"), row.get("branch", (BRANCHES[0], 1.0))
+    if branch.lower() not in BRANCHES:
+        raise InputError("branch", shown(branch), " or ".join(BRANCHES))
+    if branch.lower() == BRANCHES[0]:
         return LoadStep(load)
-    if row.get("peak"):
+    if "peak" in row and row["peak"][0]:
         peak = within("peak", "unloaded from")
     elif loads.peaks:
         peak = float(max(loads.peaks))

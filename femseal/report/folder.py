@@ -134,9 +134,9 @@ def _replaced(
     try:
         names = [path.relative_to(unfinished) for path in [*write(unfinished), saved]]
         listed = [*kept, *names]
-        _list_files(target, dict.fromkeys([*listed, *_former(target)]))
         if not same_numbers:
             (target / FILE_NAME).unlink(missing_ok=True)
+        _list_files(target, dict.fromkeys([*listed, *_former(target)]))
         for name in names:
             if not is_inside(target, name):
                 raise FemsealError(

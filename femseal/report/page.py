@@ -23,6 +23,7 @@ from ..base import (
     FemsealError,
     InputError,
     format_deviation,
+    number_text,
     replacing,
     to_text,
     write_text,
@@ -206,6 +207,7 @@ def page_template() -> Template:
     environment.filters |= {
         "deviation": format_deviation,
         "flat": flat,
+        "number": number_text,
         "parsed": json.loads,
         "si": _si,
     }
@@ -220,6 +222,7 @@ def _si(value: Any, unit: str, digits: int = 4) -> str:
 def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
     """What the template of the page takes."""
     data = results.dataset
+    timings = json.loads(data.attrs["timings"])  # also of parts of a study
     return {
         "results": results,
         "data": data,
@@ -232,12 +235,12 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
         "leakage_table": leakage_table(results).without(["class"]),
         "totals": totals_table(results),
         "classes": report_tables.class_table(results),
-        "test_fluid": report_tables.test_fluid_sentences(results),
+        "test_fluid": report_tables.test_fluid(results),
         "design": design_section(results),
         "pictures": {name: png_uri(drawing) for name, drawing in drawings.items()},
         "budget": report_tables.budget_table(results),
         "attempts": None if results.attempts is None else attempts_table(results.attempts),
-        "times": report_tables.time_lines(results),
+        "stages": {name: time for name, time in timings.items() if ": " not in name},
         "case": flat(as_chosen(results.case, results.attempts)),
     }
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import TextTable, format_deviation, number_text, read_plain, to_text
+from ..base import TextTable, format_deviation, read_plain
 from ..base.leak_rates import LEAK_UNITS, leak_classes, within
 from ..loads import first_known, least_counted
 from ..results.results import Results, branches_in, load_names, loads_as_given
@@ -105,32 +105,25 @@ def _kept_text(loads: list[str], met: np.ndarray) -> str:
     return "not even at the peak" if good == 0 else f"kept down to {loads[good - 1]}"
 
 
-def test_fluid_sentences(results: Results) -> list[str]:
-    """Leakage of the test fluid at the highest load, how it compares, and what both limits of flow would give."""
-    data, attrs = results.dataset, results.dataset.attrs
+def test_fluid(results: Results) -> dict[str, Any] | None:
+    """Leakage of the test fluid at the highest load, and how many times as much leaks in service; None without one.
+
+    The ratio is of pressure × volume where both are gases, else of volumes; 0 where neither leaks.
+    """
+    data = results.dataset
     if "test_leakage" not in data:
-        return []
-    unit, basis, peak = class_unit(results), results.class_basis, results.peak
+        return None
+    unit, basis = class_unit(results), results.class_basis
     own, test = results.leakage.values, data["test_leakage"].values
-    inlet, outlet = (to_text(attrs[f"test_{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet"))
-    leakage = f"{format_leakage(test[peak], basis.factor(unit))} {unit.name}"
-    sentences = [
-        f"A test fluid, {attrs['test_fluid']}, runs from {inlet} to {outlet} through the same seals: {leakage} at "
-        f"{load_names(data)[peak]}."
-    ]
-    known = np.isfinite(own) & np.isfinite(test) & (test != 0)
-    if not known.any():
-        return sentences
     gases = basis.is_gas and results.leak_basis.is_gas
     common = LEAK_UNITS["Pa·m³/s" if gases else "m³/s"]
     scale = basis.factor(common) / results.leak_basis.factor(common)
-    ratio = scale * np.median(own[known] / test[known])
-    what = "In pressure × volume" if gases else "By volume"
-    viscous, molecular = attrs["test_viscous_factor"], attrs["test_molecular_factor"]
-    limits = [f"flow as a continuum would give {number_text(viscous)}"]
-    limits += [] if np.isnan(molecular) else [f"flow of free molecules {number_text(molecular)}"]
-    text = f"{what} the fluid in service leaks {number_text(ratio)} times as much"
-    return [*sentences, f"{text}; {', '.join(limits)}."]
+    known = np.isfinite(own) & np.isfinite(test) & (test != 0)
+    return {
+        "leakage": f"{format_leakage(test[results.peak], basis.factor(unit))} {unit.name}",
+        "gases": gases,
+        "ratio": scale * np.median(own[known] / test[known]) if known.any() else 0.0,
+    }
 
 
 DESIGN_FILE, DESIGN_PICTURE = "design.json", "design.png"
@@ -201,11 +194,3 @@ def _width_text(width: float) -> str:
     """A half-width of ln(leakage); inf is that of a seal that may leak or be sealed."""
     known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}.get(f"{width:g}")
     return format_deviation(width, "× ") if known is None else known
-
-
-def time_lines(results: Results) -> list[tuple[str, str, float]]:
-    """Stage, time, and its fraction of the whole in percent; parts of a study are left out."""
-    timings: dict[str, float] = json.loads(results.dataset.attrs["timings"])
-    stages = {name: seconds for name, seconds in timings.items() if ": " not in name}
-    whole = sum(stages.values()) or 1.0
-    return [(name, f"{t:.3g} s", 100 * t / whole) for name, t in stages.items()]

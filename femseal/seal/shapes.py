@@ -126,9 +126,10 @@ class RectangularSeal(StructuredSeal):
     cells: Shape
 
     def __post_init__(self) -> None:
-        if np.ndim(self.size) == 0:
+        if np.shape(self.size) != (2,):
             raise InputError("size", repr(self.size), "two finite numbers > 0 [m]")
-        object.__setattr__(self, "size", validate.lengths("size", self.size))
+        size = tuple(validate.number("size", side, unit="m") for side in self.size)
+        object.__setattr__(self, "size", size)
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
 
     @property
