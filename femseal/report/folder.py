@@ -136,7 +136,8 @@ def _replaced(
         listed = [*kept, *names]
         if not same_numbers:
             (target / FILE_NAME).unlink(missing_ok=True)
-        _list_files(target, dict.fromkeys([*listed, *_former(target)]))
+        former = [name for name in _former(target) if name not in listed]
+        _list_files(target, [*listed, *former])
         for name in names:
             if not is_inside(target, name):
                 raise FemsealError(
@@ -144,8 +145,9 @@ def _replaced(
                 )
             made_folder((target / name).parent)
             os.replace(unfinished / name, target / name)
-        _remove_former(target, listed)
-        _list_files(target, listed)
+        if former:
+            _remove(target, former)
+            _list_files(target, listed)
     except Exception as error:
         reason = str(error) or type(error).__name__
         raise FemsealError(
@@ -186,13 +188,13 @@ def _former(folder: Path) -> list[Path]:
     ]
 
 
-def _remove_former(folder: Path, kept: Sequence[Path]) -> None:
-    """Remove the files of an earlier run but the kept, and folders that they leave empty.
+def _remove(folder: Path, names: Iterable[Path]) -> None:
+    """Remove files of an earlier run, and folders that they leave empty.
 
     A name that leads out of the folder by a link is passed over.
     """
     parents: set[Path] = set()
-    for name in [name for name in _former(folder) if name not in kept]:
+    for name in names:
         with suppress(OSError):  # no such file, or a name too long to be one
             if is_inside(folder, name):
                 (folder / name).unlink()

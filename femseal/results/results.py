@@ -175,9 +175,13 @@ class Results(Plotted):
     @property
     def steps(self) -> LoadProgramme:
         """The load programme."""
-        loads = (self.dataset[name].values for name in ("nominal_pressure", "unloaded_from"))
-        pairs = zip(*(values.tolist() for values in loads), strict=True)
-        return LoadProgramme(LoadStep(p, None if np.isnan(peak) else peak) for p, peak in pairs)
+        data = self.dataset
+        loads = zip(
+            data["nominal_pressure"].values.tolist(),
+            data["unloaded_from"].values.tolist(),
+            strict=True,
+        )
+        return LoadProgramme(LoadStep(p, None if np.isnan(peak) else peak) for p, peak in loads)
 
     @property
     def peak(self) -> int:
@@ -243,10 +247,9 @@ class Results(Plotted):
         raise InputError("from_", from_, f"one of {peaks}")
 
     def _over_pressure(self, steps: Indices) -> xarray.Dataset:
-        names = [
-            name for name, variable in self.dataset.data_vars.items() if "step" in variable.dims
-        ]
-        return self.dataset[names].isel(step=steps).swap_dims(step="nominal_pressure")
+        data = self.dataset
+        names = [name for name in data.data_vars if "step" in data[name].dims]
+        return data[names].isel(step=steps).swap_dims(step="nominal_pressure")
 
     def piece(self, i: int, j: int) -> xarray.Dataset:
         """Curves of the piece (i, j) over the steps of a two-scale study, else over the states that seals draw from.
@@ -255,11 +258,9 @@ class Results(Plotted):
         """
         data = self.dataset
         prefix = "" if "piece1" in data.dims or "state" not in data.dims else "state_"
-        one, two = f"{prefix}piece1", f"{prefix}piece2"
-        at = dict(zip((one, two), piece(data, i, j, (one, two)), strict=True))
-        return data[
-            [name for name, variable in data.data_vars.items() if one in variable.dims]
-        ].isel(at)
+        dims = f"{prefix}piece1", f"{prefix}piece2"
+        names = [name for name in data.data_vars if dims[0] in data[name].dims]
+        return data[names].isel(dict(zip(dims, piece(data, i, j, dims), strict=True)))
 
     def gap(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
         """Deformed gap (x1, x2) [m] at one step, see `pixels`."""
@@ -324,11 +325,6 @@ class Results(Plotted):
         return room("results").summary_html(self)
 
 
-def pressure_text(p: float) -> str:
-    """A nominal pressure [Pa] as text."""
-    return to_text(p, "Pa")
-
-
 def cycle_text(steps: LoadProgramme) -> str:
     """How many steps a load programme has on loading, and how many on unloading from what peaks."""
     up, down = len(steps.loading), ""
@@ -338,7 +334,9 @@ def cycle_text(steps: LoadProgramme) -> str:
     return f"{counted(len(steps), 'step')}: {up} loading{down}"
 
 
-def branch_text(unloaded_from: float | None, text: Callable[[float], str] = pressure_text) -> str:
+def branch_text(
+    unloaded_from: float | None, text: Callable[[float], str] = lambda p: to_text(p, "Pa")
+) -> str:
     """Name of a branch: "loading", or "unloading from 900 MPa"; `unloaded_from` [Pa], NaN or None on loading."""
     if unloaded_from is None or np.isnan(unloaded_from):
         return "loading"

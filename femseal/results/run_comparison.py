@@ -58,9 +58,9 @@ class RunComparison(Plotted):
         results = self.runs[run]
         if results.method != "median" or any(name not in results.dataset for name in BAND):
             return None
+        low, high = (results.dataset[name].values for name in BAND)
         factor = results.leak_basis.factor(self.unit)
-        low, high = (results.dataset[name].values / factor for name in BAND)
-        return low, high
+        return low / factor, high / factor
 
     @property
     def common_steps(self) -> tuple[LoadStep, ...]:
@@ -94,8 +94,9 @@ class RunComparison(Plotted):
             data, basis = results.dataset, results.leak_basis
             low, high = self.band(n) or (np.nan, np.nan)
             varied = zip(self.keys, self.settings[n], strict=True) if self.keys else ()
-            columns: dict[str, Any] = {"run": self.names[n]} | dict(varied)
-            columns |= {
+            columns: dict[str, Any] = {
+                "run": self.names[n],
+                **dict(varied),
                 "method": results.method,
                 "seal_length_m": basis.length,
                 "step": data["step"],

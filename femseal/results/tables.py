@@ -23,7 +23,7 @@ from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
 from .pixel_fields import stored_steps
-from .results import BUDGETED, Results, branch_text, cycle_text, force_scale, loads_as_given
+from .results import Results, branch_text, cycle_text, force_scale, loads_as_given
 
 if TYPE_CHECKING:
     import xarray
@@ -73,29 +73,24 @@ def leakage_table(run: Results) -> TextTable:
     unit, factor = run.leak_scale
     leakage = (best.attrs.get("heading", run.method), _cells(best, factor))
     columns: list[tuple[str, Iterable[str]]] = [*_loads(data), leakage]
-    budget = f"leakage_{BUDGETED[run.method]}_budget"
-    if f"{budget}_lower" in data:
-        band = zip(data[f"{budget}_lower"].values, data[f"{budget}_upper"].values, strict=True)
-        texts = [
-            format_error_band(*ends, factor, q) for ends, q in zip(band, best.values, strict=True)
-        ]
+    if (budget := run.budget) is not None:
+        bands = zip(budget.lower, budget.upper, best.values, strict=True)
+        texts = [format_error_band(low, high, factor, q) for low, high, q in bands]
         columns.append(("95 % band of error", texts))
     if "leakage_lower" in data:
-        ends = (100 * data[name].attrs["quantile"] for name in ("leakage_lower", "leakage_upper"))
+        ends = data["leakage_lower"], data["leakage_upper"]
         # second to the band of error, which is of the leakage that is given
-        head = f"redraws of the measured patch, {'–'.join(f'{end:g}' for end in ends)} %"
-        columns.append((head, _redraws(data, factor)))
+        range_ = "–".join(f"{100 * end.attrs['quantile']:g}" for end in ends)
+        lows, highs = (_cells(end, factor) for end in ends)
+        texts = [a if a == b else _joined(a, b) for a, b in zip(lows, highs, strict=True)]
+        columns.append((f"redraws of the measured patch, {range_} %", texts))
     if unit.per_length:
         whole = basis.readable(best.values)
         texts = [format_leakage(q, basis.factor(whole)) for q in best.values]
         columns.append((f"whole seal [{whole.name}]", texts))
-    for name, variable in data.data_vars.items():
+    for name, variable in data.filter_by_attrs(heading=lambda text: text is not None).items():
         # no column for sealed realisations if there are none
-        if (
-            "heading" in variable.attrs
-            and name != best.name
-            and (name != "sealed_fraction" or variable.any())
-        ):
+        if name != best.name and (name != "sealed_fraction" or variable.any()):
             columns.append((variable.attrs["heading"], _cells(variable, factor)))
     if "test_leakage" in data:
         test = class_unit(run)
@@ -172,14 +167,6 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
     if unit == "1":
         return ["–" if np.isnan(value) else f"{100 * value:.3g}" for value in variable.values]
     return [to_text(value, unit, 3) for value in variable.values]
-
-
-def _redraws(data: xarray.Dataset, factor: float) -> list[str]:
-    """The band between the quantiles of the realisations at every step."""
-    bands = zip(
-        *(_cells(data[f"leakage_{end}"], factor) for end in ("lower", "upper")), strict=True
-    )
-    return [low if low == high else _joined(low, high) for low, high in bands]
 
 
 def _joined(low: str, high: str) -> str:
@@ -261,11 +248,10 @@ def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, A
     if found is None:
         return case
     chosen = found["settings"]
-    drawn = case.get("stochastic")
-    if drawn is not None and chosen["realisations"] is not None:
-        drawn = drawn | {"realisations": chosen["realisations"]}
     changed = {"method": chosen["method"], "contact": case["contact"] | {"rtol": chosen["rtol"]}}
-    return case | changed | ({} if drawn is None else {"stochastic": drawn})
+    if case.get("stochastic") is not None and (count := chosen["realisations"]) is not None:
+        changed["stochastic"] = case["stochastic"] | {"realisations": count}
+    return case | changed
 
 
 def _half_width(found: dict[str, Any]) -> str:
@@ -295,8 +281,10 @@ def contents(run: Results) -> dict[str, str]:
     leakage = run.leakage.values[peak]
     text = format_leakage(leakage, factor)
     text += f" {unit.name}" if np.isfinite(leakage) and leakage else ""
-    found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})"}
-    found["load"] = cycle_text(steps)
+    found = {
+        "leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})",
+        "load": cycle_text(steps),
+    }
     if stored := stored_steps(run):
         found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
     for name, texts in (("warnings", run.warnings), ("failures", run.failures)):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import pi
+from typing import Any
 
 import numpy as np
 
@@ -28,14 +29,15 @@ class ContactGrid:
 
     points : their middles in the plane of the seal (n1, n2, 2) [m]. spacing : [m]. boundary : of both axes, see
     `HalfSpace`. tile : number of the tile of every cell (n1, n2), −1 outside of the seal.
-    beside : cells, by their place in the flat grid, for tiles that have none of their own, by number of the tile.
+    averaging : of the cells, in the flat grid, to means over the tiles (tiles, n1·n2); tiles that have no cell of their
+    own have the nearest.
     """
 
     points: Array = field(repr=False)
     spacing: Pair
     boundary: tuple[str, str]
     tile: Indices = field(repr=False)
-    beside: tuple[Indices, Indices]
+    averaging: Any = field(repr=False)
 
     @classmethod
     def over(cls, tiles: SealTiles, frame: Frame, *, profile: bool = False) -> ContactGrid:
@@ -96,12 +98,18 @@ class ContactGrid:
         tiles: SealTiles,
     ) -> ContactGrid:
         """The grid, with the cell nearest to the middle of each tile that has none of its own."""
+        from scipy.sparse import csr_array
         from scipy.spatial import cKDTree
 
         inside = np.flatnonzero(tile >= 0)
         without = np.setdiff1d(np.arange(tiles.count), tile)
         near = cKDTree(points.reshape(-1, 2)[inside]).query(tiles.middles[without])[1]
-        return cls(points, spacing, boundary, tile, (without, inside[near]))
+        number = np.r_[tile.ravel()[inside], without]
+        parts = 1 / np.bincount(number)[number]
+        averaging = csr_array(
+            (parts, (number, np.r_[inside, inside[near]])), (tiles.count, tile.size)
+        )
+        return cls(points, spacing, boundary, tile, averaging)
 
     @property
     def has_rows(self) -> bool:
@@ -116,12 +124,4 @@ class ContactGrid:
     def means(self, values: Array) -> Array:
         """Means (…, tiles) over the tiles of values (…, n1, n2), or (…, n1, 1) where they are the same all along."""
         every = np.broadcast_to(values, (*values.shape[:-2], *self.tile.shape))
-        number, inside = self.tile[self.inside], self.inside
-        without, beside = self.beside
-        tiles = max(int(number.max()), int(without.max(initial=-1))) + 1
-        count = np.maximum(np.bincount(number, minlength=tiles), 1)
-        out = np.empty((*values.shape[:-2], count.size))
-        for at in np.ndindex(*values.shape[:-2]):
-            out[at] = np.bincount(number, every[at][inside], tiles) / count
-            out[at][without] = every[at].ravel()[beside]
-        return out
+        return np.asarray(every.reshape(*values.shape[:-2], -1) @ self.averaging.T)

@@ -152,7 +152,7 @@ class SealTiles:
         corners, at = self.seal.outlines, np.nan_to_num(potential)[self.seal.mesh.t.T]
         # along two edges of a triangle or both diagonals of a quadrilateral, where differences are those of the middle
         ends, starts = ([1, 2], [0, 0]) if corners.shape[1] == 3 else ([2, 3], [0, 1])
-        ways, drops = corners[:, ends] - corners[:, starts], at[:, ends] - at[:, starts]
+        ways, drops = (of[:, ends] - of[:, starts] for of in (corners, at))
         gradient = np.linalg.solve(ways, drops[..., None])[..., 0]
         axes = _axes(self.lay)
         flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
@@ -189,12 +189,13 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
     size = breadth, cells[1] * d2
     wound = lay.name == "spiral"
     laid = _strip(size, cells, (Lay(name="x2") if wound else lay).directions(middles(size, cells)))
+    tangent = None
     if wound:
         lay.check_lead(size[0])
         slope = Spiral(lay.lead, lay.circumference).tangent(whole * d2)
-        laid = replace(laid, tangent=np.full(len(laid.tile), slope))
+        tangent = np.full(len(laid.tile), slope)
     straight = lay.name == "x2" and rows == pieces.rows and abs(breadth / of_face - 1) < _SAME
-    return replace(laid, in_place=straight, part=cells[1] / whole)
+    return replace(laid, in_place=straight, tangent=tangent, part=cells[1] / whole)
 
 
 def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
