@@ -167,9 +167,7 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     table = getattr(case, case.softer)
     known = table.solid.hardness
     if known is None or not np.isfinite(known) or table.hardness_table is not None:
-        raise InputError(
-            case.softer, "no single hardness", "a yield_stress or a hardness, which is calibrated"
-        )
+        raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness")
     prepared = prepare(case)
     surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wave
     least = {"hardness": 1.01 * prepared.scene.steps.pressures.max(), "factor": 0.0,

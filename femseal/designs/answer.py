@@ -151,9 +151,7 @@ def _assembled(case: Case, extra: list[float]) -> Case:
         return case
     load, least = case.load, min(case.load.unloading or case.load.loading)
     if load.unit != "Pa":
-        raise InputError(
-            "assembly", to_text(extra[0], "Pa"), "none where the loads of the case are forces"
-        )
+        raise InputError("assembly", to_text(extra[0], "Pa"), "none beside loads that are forces")
     for q in extra:
         if not least < q < case.law.capacity:
             allowed = f"pressures above the lowest of the case, {to_text(least, 'Pa')}, and below the hardness"

@@ -338,7 +338,7 @@ def _pieces(results: Results) -> tuple[Array, Array, Array, Flags]:
     kind = next((kind for kind in ("state", "piece") if f"{kind}_k1" in data), None)
     if kind is None:
         raise InputError(
-            "pieces figure", "results without pieces", "those of a two-scale or a stochastic study"
+            "pieces figure", "results without pieces", "those of two scales or drawn seals"
         )
     fields = (data[f"{kind}_{name}"].values for name in ("k1", "mean_gap", "pressure"))
     k, gap, pressure = (values.reshape(len(values), -1) for values in fields)

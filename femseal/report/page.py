@@ -169,9 +169,7 @@ def write_report(
     if not isinstance(results, Results):
         folder, results = Path(results), open_results(results)
     if path is None and results.folder is None:
-        raise InputError(
-            "path", "none, for results without a folder", "the path of a file to write"
-        )
+        raise InputError("path", "none, for results without a folder", "a file to write")
     target = Path(path or (results.folder or Path()) / REPORT_NAME)
     if target.is_dir() or not os.access(target.parent, os.W_OK):
         raise InputError("path", f"'{target}'", "a file in a folder that can be written")

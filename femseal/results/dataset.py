@@ -115,9 +115,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
     if not studies:
         raise InputError("results", "no study", "at least one")
     if any(study.steps != scene.steps for study in studies):
-        raise InputError(
-            "results", "a study of another load programme", "studies of the scene's own steps"
-        )
+        raise InputError("results", "a study of another load programme", "those of the scene")
     known = {
         STUDIES[method].key: study
         for method in STUDIES

@@ -205,9 +205,7 @@ def export_field(
     if window is not None and (
         piece is not None or not (window[0] < window[1] and window[2] < window[3])
     ):
-        raise InputError(
-            "window", window, "x1 from and to, x2 from and to [m], rising, and no piece beside"
-        )
+        raise InputError("window", window, "x1 and x2 from and to [m], rising; no piece")
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)

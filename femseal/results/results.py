@@ -285,9 +285,7 @@ class Results(Plotted):
         Raises InputError: a case that asks for no accuracy.
         """
         if self.attempts is None:
-            raise InputError(
-                "attempts", "a case that asks for no accuracy", "one with the key accuracy"
-            )
+            raise InputError("attempts", "a case that asks for no accuracy", "one with it")
         return room("results").attempts_table(self.attempts)
 
     def plot_pieces(self) -> Any:
@@ -405,11 +403,7 @@ def piece(
 ) -> Shape:
     """Index of a piece along two dimensions, checked."""
     if dims[0] not in data.dims:
-        raise InputError(
-            "piece",
-            (i, j),
-            "none: the results have no pieces of the kind that a two-scale study has",
-        )
+        raise InputError("piece", (i, j), "none: the results have no pieces")
     m1, m2 = (data.sizes[dim] for dim in dims)
     if i not in range(m1) or j not in range(m2):
         raise InputError("piece", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")

@@ -47,7 +47,7 @@ class Lay:
             distance = np.hypot(away[:, 0], away[:, 1])
             if not distance.min(initial=1.0) > 0:
                 raise InputError(
-                    "lay", f"'{self.name}' at the centre itself", "a centre outside of all elements"
+                    "lay", f"'{self.name}' at its centre", "one outside of all elements"
                 )
             radial = away / distance[:, None]
             around = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
@@ -61,9 +61,7 @@ class Lay:
         """Raise InputError if a groove of the spiral crosses a seal of a breadth [m] within a turn."""
         if self.lead > breadth:
             given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
-            raise InputError(
-                "lay.lead", given, "at most the breadth: the groove would cross it within a turn"
-            )
+            raise InputError("lay.lead", given, "at most the breadth, which it crosses in a turn")
 
     def __str__(self) -> str:
         if self.file is not None:
@@ -81,7 +79,7 @@ def check_size(name: str, size: float, unit: str = "") -> None:
             f" with the unit '{unit}'" if unit else ""
         )
         raise InputError(
-            name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?"
+            name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}; is its unit right?"
         )
 
 

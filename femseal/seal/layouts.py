@@ -124,9 +124,7 @@ class RectangularLayout:
     def __post_init__(self) -> None:
         lay = lay_of(self.lay)
         if lay.name == "radial" or lay.file is not None:
-            raise InputError(
-                "lay", f"'{lay}' on a strip", "x1, x2, a spiral, or {angle = '30 deg'}"
-            )
+            raise InputError("lay", f"'{lay}' on a strip", "x1, x2, a spiral or an angle")
         around = lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0)
         object.__setattr__(self, "lay", Lay(name="x2") if around else lay)
 
@@ -251,11 +249,7 @@ class MeshLayout:
             raise InputError("length", self.length, "a length > 0 [m]")
         object.__setattr__(self, "lay", lay_of(self.lay, Path(self.path).parent))
         if self.lay.name == "spiral":
-            raise InputError(
-                "lay",
-                f"'{self.lay}' on a mesh",
-                "a spiral on a strip or a ring, or {field = 'file.vtu:name'}",
-            )
+            raise InputError("lay", f"'{self.lay}' on a mesh", "a spiral on a strip or a ring")
         for name in ("inlet", "outlet"):
             names = getattr(self, name)
             if isinstance(names, Mapping):
@@ -296,9 +290,7 @@ class MeshLayout:
 def _refuse_sizes(kind: str, pieces: PieceSize) -> None:
     for name, value in (("length", pieces.length), ("breadth", pieces.breadth)):
         if value is not None:
-            raise InputError(
-                name, to_text(value, "m"), f"none with a seal of kind {kind}: it has its own"
-            )
+            raise InputError(name, to_text(value, "m"), f"none with a seal of kind {kind}")
 
 
 #: Shapes that a case can choose, by their kind.

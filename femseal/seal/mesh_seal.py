@@ -83,9 +83,7 @@ class PressureBoundaries:
         Raises InputError: one is both inlet and outlet, or two of them touch.
         """
         if both := [name for name in outlet if name in inlet]:
-            raise InputError(
-                "outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets"
-            )
+            raise InputError("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries")
         names = (*inlet, *dict.fromkeys(outlet))
         facets = tuple(np.unique(mesh.boundaries[name]).astype(np.int64) for name in names)
         for (first, one), (second, other) in itertools.combinations(
@@ -131,18 +129,14 @@ class MeshSeal:
         )
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1):
-            raise InputError(
-                "path",
-                f"a {type(mesh).__name__}",
-                f"a plane mesh of triangles or quadrilaterals, {LINEAR}",
-            )
+            expected = f"a plane mesh of triangles or quadrilaterals, {LINEAR}"
+            raise InputError("path", f"a {type(mesh).__name__}", expected)
         there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
         for role, names in (("inlet", self.inlet), ("outlet", self.outlet)):
             for name in _names(names) or (names,):
                 if name not in (mesh.boundaries or {}):
-                    raise InputError(
-                        role, repr(name), f"the name of a boundary of the mesh: {there}"
-                    )
+                    expected = f"the name of a boundary of the mesh: {there}"
+                    raise InputError(role, repr(name), expected)
         _check_elements(mesh)
         given = self.boundaries  # raises if one is both inlet and outlet
         inlets = [self.ends[0]] if given is None else given.facets[: len(given.pressures)]
@@ -253,9 +247,7 @@ def _check_elements(mesh: Mesh) -> None:
     """Refuse nodes that are not finite, and elements that are degenerate, tangled or on each other."""
     undefined = np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))
     if undefined.size:
-        raise InputError(
-            "path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates"
-        )
+        raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite ones")
     corners = mesh.p.T[mesh.t.T]
     before, after = (np.roll(corners, shift, axis=1) - corners for shift in (1, -1))
     # the Jacobian of a bilinear element is extreme at its corners
@@ -265,7 +257,7 @@ def _check_elements(mesh: Mesh) -> None:
     bad = np.flatnonzero(flat | (det.min(axis=1) * det.max(axis=1) <= 0))
     if bad.size:
         raise InputError(
-            "path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh"
+            "path", f"a mesh with element {bad[0]} degenerate or tangled", "a valid mesh"
         )
     _check_sides(mesh)
 
@@ -365,7 +357,7 @@ class ElementSeal:
         """
         if min(levels) < 0:
             raise InputError(
-                "inlet", "pressures above and below that of the outlet", "all on one side of it"
+                "inlet", "pressures on both sides of the outlet's", "all on one side of it"
             )
         operators = MeshOperators(self.mesh, boundaries.facets)
         flow = operators.flow(

@@ -107,19 +107,14 @@ class Profile:
                     f"{to_text(a, 'm')} to {to_text(b, 'm')}"
                     for a, b in ((low, high), (least, most))
                 )
-                raise InputError(
-                    "positions", given, f"a range that holds the tiles of the seal, {needed}"
-                )
+                raise InputError("positions", given, f"one that holds the seal, {needed}")
             return np.interp(across, self.positions, values)
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")
         first, last = frame.ends
         strip = (across - first) / (last - first) * values.size
-        lower, upper = (
-            np.clip(np.floor(strip + e).astype(int), 0, values.size - 1)
-            for e in (-_ROUNDING, _ROUNDING)
-        )
-        return 0.5 * (values[lower] + values[upper])
+        sides = np.floor([strip - _ROUNDING, strip + _ROUNDING]).astype(int)
+        return values[np.clip(sides, 0, values.size - 1)].mean(axis=0)
 
 
 @dataclass(frozen=True)
@@ -151,9 +146,7 @@ class AngleTable:
         )
         if self.angles and not 0 <= self.angles[0] <= self.angles[-1] < period * (1 - 1e-12):
             given = f"{np.degrees(self.angles[0]):g}° to {np.degrees(self.angles[-1]):g}°"
-            raise InputError(
-                "angles", given, f"angles from 0° to below one period, {np.degrees(period):g}°"
-            )
+            raise InputError("angles", given, f"angles from 0° to below {np.degrees(period):g}°")
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Linear and periodic."""
@@ -268,21 +261,16 @@ class PressedSeal:
         known = np.array([self._mean_one(one, points) for one in maps])
         if not isinstance(pressure_map, MapsAtLoads) or len(known) == 1:
             return np.broadcast_to(known[0], (loads.size, len(points)))
-        knots = np.array(pressure_map.pressures)
-        upper = np.clip(np.searchsorted(knots, loads), 1, knots.size - 1)
-        weight = np.clip((loads - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)[
-            :, None
-        ]
-        return (1 - weight) * known[upper - 1] + weight * known[upper]
+        knots = pressure_map.pressures
+        place = np.interp(loads, knots, np.arange(len(knots)))
+        below = np.minimum(place.astype(int), len(knots) - 2)
+        weight = (place - below)[:, None]
+        return (1 - weight) * known[below] + weight * known[below + 1]
 
     def _mean_one(self, pressure_map: PressureMap, points: Array) -> Array:
         over_area, values = (pressure_map.at(where, self.frame) for where in (self.centres, points))
         if not over_area.max() > 0:
             raise InputError("map", "a pressure that is 0 all over the seal", "one > 0 somewhere")
-        if np.all(over_area == over_area[0]) and np.all(
-            values == over_area[0]
-        ):  # without the rounding of a mean
-            return np.ones_like(values)
         return values / np.average(over_area, weights=self.areas)
 
 
@@ -318,7 +306,7 @@ def _pressures(values: ArrayLike, count: int) -> Array:
     pressure = np.array(values, dtype=float)
     if pressure.shape != (count,):
         raise InputError(
-            "pressure", f"shape {pressure.shape}", f"shape {(count,)}, one for each point [Pa]"
+            "pressure", f"shape {pressure.shape}", f"{(count,)}, one for each point [Pa]"
         )
     if bad := np.count_nonzero(~np.isfinite(pressure) | (pressure < 0)):
         least = to_text(float(pressure.min()), "Pa")

@@ -229,9 +229,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     narrow = 2 * pi * inner / (whole * d2)
     given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
     if narrow < _NARROWEST:
-        raise InputError(
-            "inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them"
-        )
+        raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}, or a mesh")
     doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     warnings = doubts if narrow < _NARROW else ()
     alike = lay.name in ("radial", "circumferential", "spiral")

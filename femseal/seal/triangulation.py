@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, Indices, InputError, Pair, Shape, counted
+from ..base import Array, Indices, InputError, Pair, Shape, counted, validate
 
 #: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
 #: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
@@ -29,20 +29,13 @@ class Triangulation:
 
         Raises InputError: points that are no finite pairs, all on a line, or triangles without area only.
         """
-        found = np.array(points, dtype=float)
-        if found.ndim != 2 or found.shape[1:] != (2,) or len(found) < 3:
-            raise InputError("points", f"shape {found.shape}", "at least three points (m, 2) [m]")
-        if not np.isfinite(found).all():
-            bad = np.count_nonzero(~np.isfinite(found).all(axis=1))
-            raise InputError(
-                "points", f"{bad} of {len(found)} points not finite", "finite coordinates [m]"
-            )
+        found = plane_points("points", points)
         corners = _delaunay(found) if triangles is None else np.array(triangles, dtype=np.int64)
         size = np.ptp(found, axis=0).max()
         corners = corners[np.abs(polygon_areas(found[corners])) > 1e-12 * size**2]
         if not len(corners):
             raise InputError(
-                "points", f"{counted(len(found), 'point')} on a line", "points of a plane field"
+                "points", f"{counted(len(found), 'point')} on a line", "some in a plane"
             )
         return cls(found, corners)
 
@@ -54,12 +47,10 @@ class Triangulation:
         triangle, weights = self._around(places)
         uncovered = np.flatnonzero(weights.min(axis=1) < -OUTSIDE)
         if uncovered.size:
-            (x0, y0), (x1, y1) = (end(self.points, axis=0) for end in (np.min, np.max))
+            ends = zip("xy", self.points.min(axis=0), self.points.max(axis=0), strict=True)
+            ranges = ", ".join(f"{name} {low:.4g} to {high:.4g} m" for name, low, high in ends)
             x, y = places[uncovered[0]]
-            given = (
-                f"x {x0:.4g} to {x1:.4g} m, y {y0:.4g} to {y1:.4g} m, without places on the seal such as "
-                f"({x:.4g}, {y:.4g}) m"
-            )
+            given = f"{ranges}, without places on the seal such as ({x:.4g}, {y:.4g}) m"
             raise InputError("field", given, "one that covers the seal")
         inside = np.maximum(weights, 0)
         inside /= inside.sum(axis=1, keepdims=True)
@@ -77,6 +68,14 @@ class Triangulation:
         a, b, d = corner[1] - corner[0], corner[2] - corner[0], places - corner[0]
         second, third = cross(d, b) / cross(a, b), cross(a, d) / cross(a, b)
         return triangle, np.stack([1 - second - third, second, third], axis=1)
+
+
+def plane_points(name: str, given: ArrayLike) -> Array:
+    """Three finite points or more in a plane (n, 2) [m]; InputError of anything else."""
+    points = validate.field(name, given, unit="m")
+    if points.shape[1] != 2 or len(points) < 3:
+        raise InputError(name, f"shape {points.shape}", "at least three points (n, 2) [m]")
+    return points
 
 
 def middles(size: Pair, cells: Shape) -> Array:
@@ -101,14 +100,12 @@ def _delaunay(points: Array) -> Indices:
 
     try:
         # the size of the whole does not matter to what lies on a line
-        corners = Delaunay(
-            (points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)
-        ).simplices
+        size = np.ptp(points, axis=0).max() or 1.0
+        corners = Delaunay((points - points.mean(axis=0)) / size).simplices
     except QhullError:
         return np.empty((0, 3), np.int64)
-    sides = np.linalg.norm(points[corners] - np.roll(points[corners], 1, axis=1), axis=2).max(
-        axis=1
-    )
+    ways = points[corners] - np.roll(points[corners], 1, axis=1)
+    sides = np.linalg.norm(ways, axis=2).max(axis=1)
     return np.asarray(corners[sides <= GAP * np.median(sides)], np.int64)
 
 
