@@ -137,9 +137,7 @@ def _face_figure(data: xarray.Dataset) -> Figure:
 
 
 def write_report(
-    results: Results | AnyPath,
-    path: AnyPath | None = None,
-    drawings: Drawings | None = None,
+    results: Results | AnyPath, path: AnyPath | None = None, drawings: Drawings | None = None
 ) -> Path:
     """Write one self-contained HTML page about a run: it loads nothing, and prints.
 

@@ -15,23 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import (
-    AnyPath,
-    Indices,
-    InputError,
-    Pair,
-    Shape,
-    replacing,
-    to_text,
-    writing,
-)
+from ..base import AnyPath, Indices, InputError, Pair, Shape, replacing, to_text, writing
 from ..base.arrays import give_back
-from ..base.fields import (
-    PIXEL,
-    READABLE,
-    Field,
-    fields_of,
-)
+from ..base.fields import PIXEL, READABLE, Field, fields_of
 from . import vtk_files
 from .results import piece as checked_piece
 

@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import (
-    TextTable,
-    counted,
-    duration,
-    format_deviation,
-    number_text,
-    rows_of,
-    to_text,
-)
+from ..base import TextTable, counted, duration, format_deviation, number_text, rows_of, to_text
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE

@@ -21,16 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import (
-    AnyPath,
-    Array,
-    Mapper,
-    Pair,
-    Stage,
-    made_folder,
-    write_bytes,
-    write_text,
-)
+from ..base import AnyPath, Array, Mapper, Pair, Stage, made_folder, write_bytes, write_text
 from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, Field, Place
 from ..topography import Topography
 

@@ -217,8 +217,7 @@ class FileForm:
 
     kind: ClassVar[str] = "file"
     path: Path = described(
-        "text with columns x, y, z or r, theta, z, or a map of heights",
-        example="flatness.csv",
+        "text with columns x, y, z or r, theta, z, or a map of heights", example="flatness.csv"
     )
     unit: str | None = described(
         "of the heights; that of the file unless given", example="um", default=None

@@ -156,9 +156,7 @@ class Leakage(Shown):
         repr=False,
     )
     boundary_rates: dict[str, float] | None = _known(
-        "m^3/s",
-        "flow into the seal through each boundary, of inlets with pressures",
-        default=None,
+        "m^3/s", "flow into the seal through each boundary, of inlets with pressures", default=None
     )
 
 

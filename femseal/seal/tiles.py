@@ -258,11 +258,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
 
 
 def laid_on_mesh(
-    pieces: PieceSize,
-    lay: Lay,
-    whole: MeshSeal,
-    length: float | None,
-    centre: Pair,
+    pieces: PieceSize, lay: Lay, whole: MeshSeal, length: float | None, centre: Pair
 ) -> SealTiles:
     """On a mesh: each element is a tile, or shares that of its neighbours where elements are smaller than pieces.
 
