@@ -101,13 +101,8 @@ def calibrate(
     folder, going_on, part = job.checked_output(output, resume, part)
     loaded = case if isinstance(case, Case) else load_case(case)
     if loaded.accuracy is not None:
-        raise InputError(
-            "accuracy",
-            loaded.accuracy,
-            "a case to calibrate without it: every scene has the same settings",
-        )
-    deviation = to_si(error, "", "error") if isinstance(error, str) else error
-    deviation = validate.tolerance("error", deviation)
+        raise InputError("accuracy", loaded.accuracy, "none: every scene is solved alike")
+    deviation = validate.tolerance("error", to_si(error, "", "error"))
     validate.count("scenes", scenes, FEWEST)
     test = read_leak_test(Path(data), loaded)
     tested = test.of_case(loaded)
@@ -149,12 +144,10 @@ def calibrate(
             posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested, loaded.softer
         )
         if folder is not None and part is None:
-            tables = (
-                None if isinstance(case, Case) else calibrated_text(*read_case(case), folder, found)
-            )
             found.write(folder)
-            if tables is not None:
-                write_text(folder / CASE_FILE, tables)
+            if not isinstance(case, Case):
+                text = calibrated_text(*read_case(case), folder, found)
+                write_text(folder / CASE_FILE, text)
     return found
 
 

@@ -203,9 +203,8 @@ def _add_studies(
     for face in faces:
         study = STUDIES[face.method]
         text = f"leakage per unit seal length, {study.label}"
-        variables.add(
-            data, Field(study.leakage_variable, "m^2/s", text, STEP, study.label), face.leakage
-        )
+        made = Field(study.leakage_variable, "m^2/s", text, STEP, study.label)
+        variables.add(data, made, face.leakage)
     for face in faces[-1:]:
         variables.add_declared(data, face)
         variables.add_block_means(data, scene, face)
@@ -225,10 +224,8 @@ def _add_studies(
         variables.add_states(data, drawn.pieces)
         if (median := drawn.median_seal) is not None:
             variables.add_declared(data, median)
-            data["drawn_corners"].attrs |= {
-                "realisation": median.realisation,
-                "part": drawn.tiles.part,
-            }
+            about = {"realisation": median.realisation, "part": drawn.tiles.part}
+            data["drawn_corners"].attrs |= about
         if drawn.row_pressure is not None:
             breadth = drawn.seal.size[0]
     for result in known.values():
@@ -297,9 +294,8 @@ def save(results: Results, folder: AnyPath) -> Path:
     encoding: dict[Any, dict[str, Any]] = {
         name: dict(packed) for name, v in data.data_vars.items() if v.ndim and v.dtype.kind in "fiu"
     }
-    encoding |= {
-        name: {"_FillValue": None} for name, v in data.coords.items() if v.dtype.kind == "f"
-    }
+    coords = (name for name, v in data.coords.items() if v.dtype.kind == "f")
+    encoding |= {name: {"_FillValue": None} for name in coords}
     # HDF5 ends the process where a disk is full; `to_netcdf` would take a lock from a Dask client where there is one
     content = io.BytesIO()
     store = H5NetCDFStore.open(content, mode="w", lock=False)
@@ -325,9 +321,8 @@ def _refuse_foreign(path: Path) -> None:
             size += item.size * item.dtype.itemsize if item.size else 0
     if size > (free := free_memory()):
         given = f"{path}, which unpacks to {size / 1e9:.3g} GB"
-        raise InputError(
-            "results file", given, f"what fits into the {free / 1e9:.3g} GB of free memory"
-        )
+        expected = f"what fits into the {free / 1e9:.3g} GB of free memory"
+        raise InputError("results file", given, expected)
 
 
 def open_results(folder: AnyPath) -> Results:

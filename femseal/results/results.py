@@ -344,9 +344,8 @@ def branch_text(
 def force_scale(data: xarray.Dataset) -> tuple[str, float] | None:
     """Unit of the forces of a case for people, and the force in it at a nominal pressure of 1 Pa; None of pressures."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
-    loads = [
-        str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()
-    ]
+    given = [*(table.get("loading") or ()), *(table.get("unload_from") or ())]
+    loads = [str(load).split() for load in given]
     if not loads or len(loads[0]) < 2:
         return None
     highest = max(float(number) for number, _ in loads)

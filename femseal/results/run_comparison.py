@@ -71,14 +71,11 @@ class RunComparison(Plotted):
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the runs for people: the settings of a sweep that differ, or else their names."""
+        columns = zip(self.keys, *self.settings, strict=True)
         varied = [
-            k for k in range(len(self.keys)) if len({values[k] for values in self.settings}) > 1
+            [f"{key} {value}" for value in values] for key, *values in columns if len({*values}) > 1
         ]
-        if not varied:
-            return self.names
-        return tuple(
-            ", ".join(f"{self.keys[k]} {values[k]}" for k in varied) for values in self.settings
-        )
+        return tuple(map(", ".join, zip(*varied, strict=True))) or self.names
 
     @property
     def label(self) -> str:

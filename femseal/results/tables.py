@@ -102,9 +102,8 @@ def totals_table(run: Results) -> TextTable:
     units = basis.units(USUAL_UNITS)
     units += [] if own in units else [own]
     columns = [(unit.name, leakage_texts(run, basis.factor(unit))) for unit in units]
-    return TextTable.of_columns(
-        "leakage in several units", [*_loads(run.dataset), *columns], grouped=True
-    )
+    columns = [*_loads(run.dataset), *columns]
+    return TextTable.of_columns("leakage in several units", columns, grouped=True)
 
 
 def _loads(data: xarray.Dataset) -> list[tuple[str, list[str]]]:
@@ -145,10 +144,10 @@ def leakage_texts(run: Results, factor: float) -> list[str]:
 
 def _of_steps(run: Results, texts: Iterable[str]) -> list[str]:
     """Texts over the steps, "open" for "failed" where the fluid carries all of the load."""
-    is_open = run.open_steps
-    return [
-        "open" if text == "failed" and step in is_open else text for step, text in enumerate(texts)
-    ]
+    texts = list(texts)
+    for step in run.open_steps:
+        texts[step] = "open" if texts[step] == "failed" else texts[step]
+    return texts
 
 
 def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
@@ -202,9 +201,8 @@ def attempt_sentences(found: dict[str, Any]) -> list[str]:
     ]
     if model := found.get("model_parts"):
         both = format_deviation(inf if found["with_model"] is None else found["with_model"])
-        lines.append(
-            f"With the model and its input ({', '.join(model)}) it is known within {both}."
-        )
+        parts = ", ".join(model)
+        lines.append(f"With the model and its input ({parts}) it is known within {both}.")
     if found["half_width"] != 0:
         lines.append(f"It is limited by the {found['limit']}, most at {found['load']}.")
     if found["why"]:

@@ -149,9 +149,8 @@ def add_states(data: xarray.Dataset, pieces: FacePieces) -> None:
     for made, values in fields_of(pieces):
         if made.place == PIECE:
             name = made.name.replace("piece_", "state_")
-            made = replace(
-                made, name=name, long_name=f"{made.long_name}, by state", place=PIECE_STATE
-            )
+            text = f"{made.long_name}, by state"
+            made = replace(made, name=name, long_name=text, place=PIECE_STATE)
         if not np.isnan(values).all() or made.place == STATE:
             add(data, made, values)
 
@@ -163,9 +162,8 @@ def add_places(
 
     gap : of all places at every step (steps, n1, n2) [m].
     """
-    add_coordinate(
-        data, "place", "1", "number of the measured place", np.arange(1, len(result.alone) + 1)
-    )
+    numbers = np.arange(1, len(result.alone) + 1)
+    add_coordinate(data, "place", "1", "number of the measured place", numbers)
     add_declared(data, result)
     relative = result.relative
     most = int(np.argmax(relative))
@@ -194,13 +192,10 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> No
 
 def add_blocks(data: xarray.Dataset, dims: tuple[str, str], face: Topography, most: int) -> None:
     """Add the coordinates of blocks of a face, at most so many along a side."""
-    for n, (dim, count, length) in enumerate(
-        zip(dims, face.shape, face.size, strict=True), start=1
-    ):
+    for n, dim, count, length in zip((1, 2), dims, face.shape, face.size, strict=True):
         blocks = min(count, most)
-        add_coordinate(
-            data, dim, "m", f"x{n} of block centres", (np.arange(blocks) + 0.5) * length / blocks
-        )
+        centres = (np.arange(blocks) + 0.5) * length / blocks
+        add_coordinate(data, dim, "m", f"x{n} of block centres", centres)
 
 
 def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
@@ -365,9 +360,8 @@ def add_classes(
     limits = np.array([c.limit(basis, diameter) for c in classes])
     known = np.isfinite(realisations)
     count = np.maximum(known.sum(axis=0), 1)
-    fraction = np.array(
-        [(within(realisations, limit) & known).sum(axis=0) / count for limit in limits]
-    )
+    met_by = [within(realisations, limit) & known for limit in limits]
+    fraction = np.sum(met_by, axis=1) / count
     fraction[:, ~known.any(axis=0)] = np.nan
     add_coordinate(data, "leak_class", "1", "leakage class", [c.name for c in classes])
     text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
@@ -388,9 +382,7 @@ def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None)
     """Warnings of limits at second hand, and of a nominal diameter that does not go with the length of the seal."""
     found, second = [], ", ".join(f"{c.name} ({c.edition})" for c in classes if c.second_hand)
     if second:
-        found.append(
-            f"limits of {second} are from tables of others, not checked against the standard's own text"
-        )
+        found.append(f"limits of {second} are from tables of others, not the standard's own text")
     if diameter is None or not any(c.per_diameter for c in classes):
         return found
     round_ = np.pi * diameter

@@ -98,9 +98,8 @@ def _heights(surface: Topography) -> Any:
     import pyvista
 
     d1, d2 = surface.spacing
-    made = pyvista.ImageData(
-        dimensions=(*surface.shape, 1), spacing=(d1, d2, 1.0), origin=(d1 / 2, d2 / 2, 0.0)
-    )
+    first = d1 / 2, d2 / 2, 0.0
+    made = pyvista.ImageData(dimensions=(*surface.shape, 1), spacing=(d1, d2, 1.0), origin=first)
     made.point_data["height_um"] = (surface.heights * 1e6).astype(np.float32).ravel(order="F")
     return made
 
@@ -157,9 +156,8 @@ def as_xml(mesh: Any) -> bytes:
 
     image = isinstance(mesh, pyvista.ImageData)
     # VTK crashes where a disk is full, so it writes into memory
-    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)(
-        "none", mesh
-    ).writer
+    kind = pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter
+    writer = kind("none", mesh).writer
     writer.SetDataModeToAppended()
     writer.SetCompressionLevel(_LEVEL)
     writer.SetEncodeAppendedData(not image)

@@ -15,7 +15,7 @@ import numpy as np
 from ..base import Array, Indices, Pair
 from .pressure_map import Frame
 from .tiles import SealTiles
-from .triangulation import in_space
+from .triangulation import in_space, middles
 
 #: Fewest rows and columns of cells of a strip or a ring, and rows where the form is the same all along.
 _ROWS, _COLUMNS, ROWS_OF_PROFILES = 24, 64, 384
@@ -55,9 +55,8 @@ class ContactGrid:
         if frame.size is not None:
             points = np.stack([across, length * along], axis=-1)
         else:
-            points = across[..., None] * np.stack(
-                [np.cos(2 * pi * along), np.sin(2 * pi * along)], axis=-1
-            )
+            angle = 2 * pi * along
+            points = across[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         row, column = (x1 * rows).astype(np.int64), (x2 * columns).astype(np.int64)
         tile = row[:, None] * columns + column
         return cls._of(points, (breadth / n1, length / n2), ("free", "periodic"), tile, tiles)
@@ -71,21 +70,15 @@ class ContactGrid:
         low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
         sides = high - low
         side = 0.5 * (tiles.size[0] * tiles.size[1] / tiles.count) ** 0.5
-        side = min(
-            max(side, float(np.prod(sides) / _MOST_CELLS) ** 0.5),
-            float(sides.max()) / _FEWEST_CELLS,
-        )
+        most = float(sides.max()) / _FEWEST_CELLS
+        side = min(max(side, float(np.prod(sides) / _MOST_CELLS) ** 0.5), most)
         n1, n2 = (max(1, int(np.ceil(length / side))) for length in sides)
         spacing = (float(sides[0] / n1), float(sides[1] / n2))
-        x, y = (
-            a + (np.arange(n) + 0.5) * d for a, n, d in zip(low, (n1, n2), spacing, strict=True)
-        )
-        points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+        points = low + middles(sides, (n1, n2))
         surface = pyvista.PolyData.from_regular_faces(in_space(mesh.p.T), mesh.t.T)
-        element = np.reshape(
-            surface.find_containing_cell(in_space(points.reshape(-1, 2))), (n1, n2)
-        )
-        tile = np.where(element >= 0, tiles.tile[element], -1)
+        element = surface.find_containing_cell(in_space(points))
+        tile = np.where(element >= 0, tiles.tile[element], -1).reshape(n1, n2)
+        points = points.reshape(n1, n2, 2)
         return cls._of(points, spacing, ("free", "free"), tile, tiles)
 
     @classmethod
@@ -105,10 +98,8 @@ class ContactGrid:
         without = np.setdiff1d(np.arange(tiles.count), tile)
         near = cKDTree(points.reshape(-1, 2)[inside]).query(tiles.middles[without])[1]
         number = np.r_[tile.ravel()[inside], without]
-        parts = 1 / np.bincount(number)[number]
-        averaging = csr_array(
-            (parts, (number, np.r_[inside, inside[near]])), (tiles.count, tile.size)
-        )
+        parts, cell = 1 / np.bincount(number)[number], np.r_[inside, inside[near]]
+        averaging = csr_array((parts, (number, cell)), (tiles.count, tile.size))
         return cls(points, spacing, boundary, tile, averaging)
 
     @property

@@ -197,9 +197,8 @@ class MeasuredForm:
         far = float(cKDTree(known).query(points)[0].max())
         if far > limit:
             given = f"points up to {to_text(far, 'm', 3)} from places on the seal"
-            expected = (
-                f"points that cover it, within {to_text(limit, 'm', 3)}: is their unit right?"
-            )
+            near = to_text(limit, "m", 3)
+            expected = f"points that cover it, within {near}: is their unit right?"
             raise InputError("form", given, expected)
         level = _less_plane(known, values)
         return _less_plane(points, RBFInterpolator(known, level, kernel="linear", degree=0)(points))

@@ -46,9 +46,7 @@ class Lay:
             away = places - np.asarray(centre)
             distance = np.hypot(away[:, 0], away[:, 1])
             if not distance.min(initial=1.0) > 0:
-                raise InputError(
-                    "lay", f"'{self.name}' at its centre", "one outside of all elements"
-                )
+                raise InputError("lay", f"'{self.name}' at its centre", "one outside of elements")
             radial = away / distance[:, None]
             around = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
             tangent = (self.lead / (2 * np.pi * distance))[:, None]  # tan α of a spiral, else 0
@@ -75,20 +73,16 @@ def check_size(name: str, size: float, unit: str = "") -> None:
     """Raise InputError if a seal has a size [m] that comes from a wrong unit of length."""
     low, high = _SIZES
     if not low <= size <= high:
-        given = f"a seal {to_text(size, 'm', 3)} across" + (
-            f" with the unit '{unit}'" if unit else ""
-        )
-        raise InputError(
-            name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}; is its unit right?"
-        )
+        given = f"a seal {to_text(size, 'm', 3)} across{f' with the unit {unit!r}' if unit else ''}"
+        expected = f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?"
+        raise InputError(name, given, expected)
 
 
 def check_ring(inner: float, outer: float, inlet: str) -> None:
     """Raise InputError if radii [m] do not increase, or another than the inner or the outer one is the inlet."""
     if not outer > inner:
-        raise InputError(
-            "outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m"
-        )
+        expected = f"a number > the inner radius, {inner:g} m"
+        raise InputError("outer_radius", f"{outer:g} m", expected)
     if inlet not in ("inner", "outer"):
         raise InputError("inlet", repr(inlet), "'inner' or 'outer'")
 
@@ -104,9 +98,8 @@ def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
     of_vectors = values.ndim == 2 and values.shape[1] in (2, 3)
     size = np.linalg.norm(values[:, :2], axis=1) if of_vectors else np.zeros(1)
     if not (np.isfinite(values).all() and size.min() > 0):
-        raise InputError(
-            "lay.field", f"'{array}' of '{file}'", "vectors along the lay, finite and not 0"
-        )
+        expected = "vectors along the lay, finite and not 0"
+        raise InputError("lay.field", f"'{array}' of '{file}'", expected)
     tree = cKDTree(points)
     spacing = tree.query(points, k=2)[0][:, 1].max() if len(points) > 1 else np.inf
     distance, nearest = tree.query(places)

@@ -173,11 +173,8 @@ class AnnularLayout:
     def __post_init__(self) -> None:
         check_parameters(self)
         lay = lay_of(self.lay)
-        object.__setattr__(
-            self,
-            "lay",
-            Lay(name="circumferential") if lay.name == "spiral" and not lay.lead else lay,
-        )
+        around = lay.name == "spiral" and not lay.lead
+        object.__setattr__(self, "lay", Lay(name="circumferential") if around else lay)
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
         check_ring(self.inner_radius, self.outer_radius, self.inlet)
@@ -281,10 +278,9 @@ class MeshLayout:
         return Frame(centre=self.centre)
 
     def __str__(self) -> str:
-        inlets = ", ".join(
-            f"{name} at {to_text(p, 'Pa')}" for name, p in self.inlet_pressures.items()
-        )
-        return f"the mesh {Path(self.path).name}, {f'inlets {inlets}, ' if inlets else ''}lay {self.lay}"
+        texts = [f"{name} at {to_text(p, 'Pa')}" for name, p in self.inlet_pressures.items()]
+        inlets = f"inlets {', '.join(texts)}, " if texts else ""
+        return f"the mesh {Path(self.path).name}, {inlets}lay {self.lay}"
 
 
 def _refuse_sizes(kind: str, pieces: PieceSize) -> None:

@@ -256,9 +256,8 @@ def _check_elements(mesh: Mesh) -> None:
     flat = np.abs(det).min(axis=1) <= 1e-12 * size
     bad = np.flatnonzero(flat | (det.min(axis=1) * det.max(axis=1) <= 0))
     if bad.size:
-        raise InputError(
-            "path", f"a mesh with element {bad[0]} degenerate or tangled", "a valid mesh"
-        )
+        given = f"a mesh whose element {bad[0]} is degenerate or tangled"
+        raise InputError("path", given, "a valid mesh")
     _check_sides(mesh)
 
 
@@ -330,9 +329,8 @@ class ElementSeal:
 
         bounds : solve both; otherwise the flow is that of linear elements, the upper one, with the same potential.
         """
-        flow = self._operators.flow(
-            self.tensors(permeability), bounds=bounds, solver=_of_meshes(solver)
-        )
+        tensors, solver = self.tensors(permeability), _of_meshes(solver)
+        flow = self._operators.flow(tensors, bounds=bounds, solver=solver)
         if not bounds:
             return flow
         lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
@@ -356,13 +354,11 @@ class ElementSeal:
         Raises InputError: inlets on both sides of the outlet.
         """
         if min(levels) < 0:
-            raise InputError(
-                "inlet", "pressures on both sides of the outlet's", "all on one side of it"
-            )
+            given = "pressures on both sides of the outlet's"
+            raise InputError("inlet", given, "all on one side of it")
         operators = MeshOperators(self.mesh, boundaries.facets)
-        flow = operators.flow(
-            self.tensors(permeability), levels, bounds=True, solver=_of_meshes(solver)
-        )
+        tensors, solver = self.tensors(permeability), _of_meshes(solver)
+        flow = operators.flow(tensors, levels, bounds=True, solver=solver)
         outlets = slice(len(boundaries.pressures), None)
         upper, lower = -float(flow.rates[outlets].sum()), -float(flow.flux_rates[outlets].sum())
         if not (lower > self._through_closed_axes(permeability) * max(levels) and upper > 0):

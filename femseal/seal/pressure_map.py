@@ -92,9 +92,8 @@ class Profile:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "fractions", _fractions(self.fractions))
-        object.__setattr__(
-            self, "positions", _rising("positions", self.positions, len(self.fractions), "[m]")
-        )
+        positions = _rising("positions", self.positions, len(self.fractions), "[m]")
+        object.__setattr__(self, "positions", positions)
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Linear between positions; else that of the strip, at an edge the mean of both."""
@@ -141,9 +140,8 @@ class AngleTable:
         object.__setattr__(self, "fractions", _fractions(self.fractions))
         object.__setattr__(self, "repeat", validate.count("repeat", self.repeat))
         period = 2 * pi / self.repeat
-        object.__setattr__(
-            self, "angles", _rising("angles", self.angles, len(self.fractions), "[rad]")
-        )
+        angles = _rising("angles", self.angles, len(self.fractions), "[rad]")
+        object.__setattr__(self, "angles", angles)
         if self.angles and not 0 <= self.angles[0] <= self.angles[-1] < period * (1 - 1e-12):
             given = f"{np.degrees(self.angles[0]):g}° to {np.degrees(self.angles[-1]):g}°"
             raise InputError("angles", given, f"angles from 0° to below {np.degrees(period):g}°")
@@ -210,9 +208,8 @@ class MapsAtLoads:
                 counted(len(self.pressures), "number"),
                 f"{len(self.maps)}, one for each map",
             )
-        object.__setattr__(
-            self, "pressures", _rising("pressures", self.pressures, len(self.maps), "[Pa]")
-        )
+        pressures = _rising("pressures", self.pressures, len(self.maps), "[Pa]")
+        object.__setattr__(self, "pressures", pressures)
 
 
 #: What fractions can be taken from.
@@ -271,7 +268,8 @@ class PressedSeal:
         over_area, values = (pressure_map.at(where, self.frame) for where in (self.centres, points))
         if not over_area.max() > 0:
             raise InputError("map", "a pressure that is 0 all over the seal", "one > 0 somewhere")
-        return values / np.average(over_area, weights=self.areas)
+        highest = over_area.max()  # a map of one value has no rounding
+        return values / highest / np.average(over_area / highest, weights=self.areas)
 
 
 def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[float, ...]:
@@ -305,9 +303,7 @@ def _pressures(values: ArrayLike, count: int) -> Array:
     """Contact pressures >= 0, one for each point; InputError of anything else."""
     pressure = np.array(values, dtype=float)
     if pressure.shape != (count,):
-        raise InputError(
-            "pressure", f"shape {pressure.shape}", f"{(count,)}, one for each point [Pa]"
-        )
+        raise InputError("pressure", f"shape {pressure.shape}", f"{(count,)}, one for each point")
     if bad := np.count_nonzero(~np.isfinite(pressure) | (pressure < 0)):
         least = to_text(float(pressure.min()), "Pa")
         given = f"{bad} of {count} values not finite or negative, the least {least}"

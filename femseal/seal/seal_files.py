@@ -59,9 +59,8 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     points = _plane(file, data, cells, 1e-9) * unit
     used, renumbered = np.unique(cells, return_inverse=True)
     cells = renumbered.reshape(cells.shape)
-    mesh = getattr(skfem, _KINDS[kind])(
-        np.ascontiguousarray(points[used].T), np.ascontiguousarray(cells.T)
-    )
+    arrays = (np.ascontiguousarray(of.T) for of in (points[used], cells))
+    mesh = getattr(skfem, _KINDS[kind])(*arrays)
     vertex = np.full(len(points), -1)
     vertex[used] = np.arange(used.size)
     boundaries = {
@@ -245,9 +244,7 @@ def _rows(file: Path) -> tuple[str, list[list[str]]]:
             text = file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError, MemoryError) as error:
         raise InputError("path", f"'{file}' ({shortened(error)})", "a text with columns") from None
-    lines = [
-        line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
-    ]
+    lines = [line for line in text.splitlines() if line.strip() and line.strip()[0] != "#"]
     if not lines:
         raise InputError("path", f"'{file}', which is empty", "a text with columns")
     delimiter = max(_DELIMITERS, key=lines[0].count)
@@ -266,9 +263,8 @@ def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
     ]
     if not used:
         found = ", ".join(dict.fromkeys(block.type for block in data.cells)) or "nothing"
-        raise InputError(
-            "path", f"'{file}' with {found}", f"a mesh with cells of {', '.join(_TRIANGLES)}"
-        )
+        expected = f"a mesh with cells of {', '.join(_TRIANGLES)}"
+        raise InputError("path", f"'{file}' with {found}", expected)
     corners = np.concatenate([part for _, part in used])
     points = _plane(file, data, corners, 1e-6)
     if name in data.point_data:

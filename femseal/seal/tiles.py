@@ -129,9 +129,7 @@ class SealTiles:
             return np.stack([across[..., self.tile], along[..., self.tile]], axis=-1)
         assert self.grid is not None
         in_rows = along.reshape(*along.shape[:-1], *self.grid)
-        grooves = np.broadcast_to(along_grooves(in_rows)[..., None], in_rows.shape).reshape(
-            along.shape
-        )
+        grooves = np.repeat(along_grooves(in_rows), self.grid[1], axis=-1)
         square = self.tangent**2
         radial = (across[..., self.tile] + square * grooves[..., self.tile]) / (1 + square)
         round_ = (along[..., self.tile] + square * across[..., self.tile]) / (1 + square)
@@ -303,9 +301,8 @@ def _periodic_quads(
     at = np.empty(ring.nvertices)
     at[ring.t] = plain.p[0][plain.t]
     facets = ring.boundary_facets()
-    inlet, outlet = (
-        facets[(at[ring.facets[:, facets]] == end).all(axis=0)] for end in (first[0], first[-1])
-    )
+    ends = at[ring.facets[:, facets]]
+    inlet, outlet = (facets[(ends == end).all(axis=0)] for end in (first[0], first[-1]))
     return plain, ring, (inlet, outlet)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, Indices, InputError, Pair, Shape, counted, validate
+from ..base import Array, Indices, InputError, Pair, Shape, validate
 
 #: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
 #: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
@@ -34,9 +34,7 @@ class Triangulation:
         size = np.ptp(found, axis=0).max()
         corners = corners[np.abs(polygon_areas(found[corners])) > 1e-12 * size**2]
         if not len(corners):
-            raise InputError(
-                "points", f"{counted(len(found), 'point')} on a line", "some in a plane"
-            )
+            raise InputError("points", f"{len(found)} points on a line", "some in a plane")
         return cls(found, corners)
 
     def interpolate(self, values: Array, places: Array) -> Array:
@@ -60,9 +58,8 @@ class Triangulation:
         """Triangle around each place, or nearest to it, and the place in it by its three weights."""
         import pyvista
 
-        surface = pyvista.PolyData.from_regular_faces(
-            in_space(self.points), self.triangles.astype(int)
-        )
+        points, corners = in_space(self.points), self.triangles.astype(int)
+        surface = pyvista.PolyData.from_regular_faces(points, corners)
         triangle = np.atleast_1d(surface.find_closest_cell(in_space(places)))
         corner = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
         a, b, d = corner[1] - corner[0], corner[2] - corner[0], places - corner[0]
