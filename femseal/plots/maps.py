@@ -77,7 +77,7 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
     if "face_gap" not in data:
         return drawn_figure(data, s)
-    size = face_size(data)
+    size = sides(data)
     row = map_row(lying(size))
     sheet = Sheet([row, row, row, 2.4], head=0.35)
     contact, gap, fluid = (
@@ -103,7 +103,7 @@ def drop_steps(data: xarray.Dataset, last: int) -> list[int]:
 
 def place_figure(data: xarray.Dataset) -> Figure:
     """Heights of the measured place that leaks most, and its gap at the highest load that leaks where it is known."""
-    size = _sides(data, "place1", "place2")
+    size = sides(data, "place")
     gaps = "place_gap" in data
     sheet = Sheet([map_row(lying(size))] * (1 + gaps))
     heights, s = data["place_height"], default_step(data)
@@ -115,14 +115,9 @@ def place_figure(data: xarray.Dataset) -> Figure:
     return sheet.figure
 
 
-def face_size(data: xarray.Dataset) -> Pair:
-    """Sides of the face [mm]."""
-    return _sides(data, "face1", "face2")
-
-
-def _sides(data: xarray.Dataset, *blocks: str) -> Pair:
-    """Sides [mm] of what blocks cover, by their two coordinates."""
-    one, two = (float(data[name][0] + data[name][-1]) * 1e3 for name in blocks)
+def sides(data: xarray.Dataset, of: str = "face") -> Pair:
+    """Sides of the face [mm], or of a measured place, by the coordinates of its blocks."""
+    one, two = (float(data[f"{of}{n}"][[0, -1]].sum()) * 1e3 for n in (1, 2))
     return one, two
 
 
@@ -253,8 +248,8 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     leaves. A long seal is shown without its proportions, a high one lies, with x2 to the right.
     """
     corners = data["drawn_corners"].values * 1e3
-    sides = tuple(np.ptp(corners, axis=(0, 1)).tolist())
-    if lies := lying(sides) != sides:
+    size = tuple(np.ptp(corners, axis=(0, 1)).tolist())
+    if lies := lying(size) != size:
         corners = corners[..., ::-1]
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     flow = np.nan_to_num(np.hypot(*data["drawn_flux"].values[s].T))

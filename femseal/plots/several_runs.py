@@ -54,16 +54,10 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     return sheet.figure
 
 
-def run_styles(count: int) -> list[tuple[Any, str]]:
-    """Colour, from dark to bright, and marker of each run."""
-    from matplotlib import colormaps
-
-    shades = np.linspace(0, 0.92, count)
-    return [(colormaps["viridis"](x), MARKERS[n % len(MARKERS)]) for n, x in enumerate(shades)]
-
-
 def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
     """Leakage against nominal pressure; returns the handles of the legend."""
+    from matplotlib import colormaps
+
     count = len(comparison.runs)
     leakages = [np.abs(comparison.leakage(n)) for n in range(count)]
     bands = [comparison.band(n) if count <= _MOST_BANDS else None for n in range(count)]
@@ -71,9 +65,11 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
     leakage_axis(axes, np.concatenate([*leakages, *ends]))
     handles: list[Any] = []
     loads = [run.dataset["nominal_pressure"].values / 1e6 for run in comparison.runs]
-    for n, (colour, marker) in enumerate(run_styles(count)):
+    # from dark to bright
+    colours = colormaps["viridis"](np.linspace(0, 0.92, count))
+    for n, colour in enumerate(colours):
         (_, up), *unloadings = branches_in(comparison.runs[n].dataset)
-        look: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4.5}
+        look: dict[str, Any] = {"color": colour, "marker": MARKERS[n % len(MARKERS)], "ms": 4.5}
         solid = look | {"lw": 1.8, "label": comparison.labels[n]}
         dashed = look | {"ls": "--", "lw": 1.0, "mfc": "white"}
         handles.append(leakage_line(axes, loads[n][up], leakages[n][up], **solid))

@@ -37,9 +37,9 @@ from ..plots.maps import (
     drawn_figure,
     drop_steps,
     face_leakage,
-    face_size,
     place_figure,
     row_panel,
+    sides,
 )
 from ..results.dataset import FILE_NAME, open_results, unfit
 from ..results.results import Results, load_names
@@ -131,8 +131,8 @@ def _attempts_figure(found: dict[str, Any]) -> Figure:
 
 
 def _face_figure(data: xarray.Dataset) -> Figure:
-    sheet = Sheet([map_row(lying(face_size(data)), HEIGHTS)])
-    height_panel(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, face_size(data))
+    sheet = Sheet([map_row(lying(sides(data)), HEIGHTS)])
+    height_panel(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, sides(data))
     return sheet.figure
 
 
@@ -185,7 +185,29 @@ def write_report(
 
 def report_html(results: Results, drawings: Drawings | None = None) -> str:
     """The page as text; pictures are drawn unless given."""
-    return page_template().render(_content(results, drawings or draw_all(results)))
+    data = results.dataset
+    timings = json.loads(data.attrs["timings"])  # also of parts of a study
+    drawn = drawings or draw_all(results)
+    return page_template().render(
+        results=results,
+        data=data,
+        load_names=load_names(data),
+        load=load_names(data)[default_step(data)],
+        basis=results.leak_basis,
+        key_numbers=report_tables.key_numbers(results),
+        drop_text=_drop_text(data) if "face_gap" in data else "",
+        # the page has a table of classes
+        leakage_table=leakage_table(results).without(["class"]),
+        totals=totals_table(results),
+        classes=report_tables.class_table(results),
+        test_fluid=report_tables.test_fluid(results),
+        design=design_section(results),
+        pictures={name: png_uri(drawing) for name, drawing in drawn.items()},
+        budget=report_tables.budget_table(results),
+        attempts=None if results.attempts is None else attempts_table(results.attempts),
+        stages={name: time for name, time in timings.items() if ": " not in name},
+        case=flat(as_chosen(results.case, results.attempts)),
+    )
 
 
 @cache
@@ -213,32 +235,6 @@ def page_template() -> Template:
 def _si(value: Any, unit: str, digits: int = 4) -> str:
     """A value in SI as text."""
     return to_text(float(value), unit, digits)
-
-
-def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
-    """What the template of the page takes."""
-    data = results.dataset
-    timings = json.loads(data.attrs["timings"])  # also of parts of a study
-    return {
-        "results": results,
-        "data": data,
-        "load_names": load_names(data),
-        "load": load_names(data)[default_step(data)],
-        "basis": results.leak_basis,
-        "key_numbers": report_tables.key_numbers(results),
-        "drop_text": _drop_text(data) if "face_gap" in data else "",
-        # the page has a table of classes
-        "leakage_table": leakage_table(results).without(["class"]),
-        "totals": totals_table(results),
-        "classes": report_tables.class_table(results),
-        "test_fluid": report_tables.test_fluid(results),
-        "design": design_section(results),
-        "pictures": {name: png_uri(drawing) for name, drawing in drawings.items()},
-        "budget": report_tables.budget_table(results),
-        "attempts": None if results.attempts is None else attempts_table(results.attempts),
-        "stages": {name: time for name, time in timings.items() if ": " not in name},
-        "case": flat(as_chosen(results.case, results.attempts)),
-    }
 
 
 def _drop_text(data: xarray.Dataset) -> str:

@@ -174,8 +174,15 @@ def budget_table(results: Results) -> TextTable | None:
     lines.append(("together", np.asarray(budget.half_width()), together))
     names = load_names(results.dataset)
     heads = ("source", *(names[s] for s in steps), "how it was estimated")
+    # inf is of a seal that may leak or be sealed
+    known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}
     texts = tuple(
-        (name, *(_width_text(width[s]) for s in steps), note) for name, width, note in lines
+        (
+            name,
+            *(known.get(f"{width[s]:g}") or format_deviation(width[s], "× ") for s in steps),
+            note,
+        )
+        for name, width, note in lines
     )
     title = "Half-width of the band of error, by its source, the widest first; ×: a factor"
     note = (
@@ -183,9 +190,3 @@ def budget_table(results: Results) -> TextTable | None:
         "as fine as one wants, with the waves that were removed, and without errors of method or draws."
     )
     return TextTable(title, heads, texts, names=len(heads), notes=(note,))
-
-
-def _width_text(width: float) -> str:
-    """A half-width of ln(leakage); inf is that of a seal that may leak or be sealed."""
-    known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}.get(f"{width:g}")
-    return format_deviation(width, "× ") if known is None else known

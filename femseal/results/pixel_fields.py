@@ -98,12 +98,16 @@ def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) 
     data = run.dataset
     if step not in range(data.sizes["step"]):
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
-    found = _from_memory(run, name, step) or _from_folder(run, name, step)
-    if found is None:
+    in_memory = {made.name: (made, values) for made, values in _in_memory(run)}
+    if name in in_memory and run.scene is not None:
+        made, values = in_memory[name]
+        values, spacing = values[step], run.scene.surface.spacing
+    elif (found := _from_folder(run, name, step)) is not None:
+        made, values, spacing = found
+    else:
         at_hand = stored_steps(run)
         expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else WITH_FIELDS
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
-    made, values, spacing = found
     coordinates = {
         x: (x, (np.arange(n) + 0.5) * d, {"units": "m", "long_name": f"{x} of pixel centres"})
         for x, n, d in zip(("x1", "x2"), values.shape, spacing, strict=True)
@@ -124,17 +128,8 @@ def stored_steps(run: Results) -> list[int]:
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
 
 
-def _from_memory(run: Results, name: str, step: int) -> tuple[Field, Any, Pair] | None:
-    """A field in SI over all pixels at a step, and the pixel's size; None where there is none."""
-    there = {made.name: (made, values) for made, values in _in_memory(run)}
-    if name not in there or run.scene is None:
-        return None
-    made, values = there[name]
-    return made, values[step], run.scene.surface.spacing
-
-
 def _from_folder(run: Results, name: str, step: int) -> tuple[Field, Any, Pair] | None:
-    """The same from the image in the folder, whose arrays have their unit in their names."""
+    """A field over all pixels at a step from the folder, where arrays have their unit in their names, and the pixel."""
     path = None if run.folder is None else vtk_files.stored_images(run.folder, NAME).get(step)
     if path is None:
         return None

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, Indices, Pair
+from .plane import in_space, middles
 from .pressure_map import Frame
 from .tiles import SealTiles
-from .triangulation import in_space, middles
 
 #: Fewest rows and columns of cells of a strip or a ring, and rows where the form is the same all along.
 _ROWS, _COLUMNS, ROWS_OF_PROFILES = 24, 64, 384

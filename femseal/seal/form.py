@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 from ..base import Array, InputError, Pair, shortened, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
 from ..topography import Topography
+from .plane import middles, plane_points
 from .pressure_map import Frame
 from .seal_files import TEXTS, columns_of, read_columns
-from .triangulation import middles, plane_points
 
 #: How far from measured points their heights hold: in their usual distance, and in the larger side of the seal.
 _BEYOND, _REACH = 3.0, 0.2

@@ -22,8 +22,8 @@ from ..base import Array, Indices, InputError, Pair, to_si, to_text, validate
 from ..flow.mesh import MeshFlow, MeshOperators
 from ..flow.mesh_input import CLOSED_AXIS, is_connected, permeability_tensors
 from ..flow.solution import LINEAR
+from .plane import polygon_areas
 from .seal_files import read_mesh
-from .triangulation import polygon_areas
 
 #: Names of inlets, one or several at one pressure, or pressures [Pa] of inlets by their names.
 Inlet = str | Sequence[str] | Mapping[str, float]

@@ -14,9 +14,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, Pair, counted, to_text, validate
-from .triangulation import Triangulation, polygon_areas
+from ..base import Array, Indices, InputError, Pair, counted, to_text, validate
+from .plane import in_space, plane_points, polygon_areas
 
+#: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
+#: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
+GAP = 4.0
+#: A point so far outside a triangle, in fractions of its heights, takes its values: chords cut the arcs of a ring.
+OUTSIDE = 0.1
 #: Rounding of coordinates, as fractions of a strip of a profile or of a radius.
 _ROUNDING = 1e-9
 
@@ -106,7 +111,7 @@ class Profile:
                     f"{to_text(a, 'm')} to {to_text(b, 'm')}"
                     for a, b in ((low, high), (least, most))
                 )
-                raise InputError("positions", given, f"one that holds the seal, {needed}")
+                raise InputError("positions", given, f"one that holds all tiles, {needed}")
             return np.interp(across, self.positions, values)
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")
@@ -144,7 +149,9 @@ class AngleTable:
         object.__setattr__(self, "angles", angles)
         if self.angles and not 0 <= self.angles[0] <= self.angles[-1] < period * (1 - 1e-12):
             given = f"{np.degrees(self.angles[0]):g}° to {np.degrees(self.angles[-1]):g}°"
-            raise InputError("angles", given, f"angles from 0° to below {np.degrees(period):g}°")
+            raise InputError(
+                "angles", given, f"some from 0° to below one period, {np.degrees(period):g}°"
+            )
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Linear and periodic."""
@@ -157,10 +164,12 @@ class AngleTable:
 class PressureField:
     """A field in the plane of the seal, such as a flange calculation gives, linear on triangles; see `of`.
 
-    pressure : of the points of the triangulation, in the plane of the seal: x1 and x2 of a strip (m,) [Pa].
+    points : x1 and x2 of a strip, else in the plane of the seal (m, 2) [m]. triangles : between them (t, 3).
+    pressure : of the points (m,) [Pa].
     """
 
-    triangulation: Triangulation = field(repr=False)
+    points: Array = field(repr=False)
+    triangles: Indices = field(repr=False)
     pressure: Array = field(repr=False)
 
     @classmethod
@@ -179,12 +188,54 @@ class PressureField:
         ------
         InputError : numbers that are not finite, negative pressures, points on a line.
         """
-        triangulation = Triangulation.of(points, triangles)
-        return cls(triangulation, _pressures(pressure, len(triangulation.points)))
+        found = plane_points("points", points)
+        corners = _delaunay(found) if triangles is None else np.array(triangles, dtype=np.int64)
+        size = np.ptp(found, axis=0).max()
+        corners = corners[np.abs(polygon_areas(found[corners])) > 1e-12 * size**2]
+        if not len(corners):
+            raise InputError("points", f"{len(found)} points on a line", "some in a plane")
+        return cls(found, corners, _pressures(pressure, len(found)))
 
     def at(self, points: Array, frame: Frame) -> Array:
-        """Linear on the triangle around each point [Pa]."""
-        return self.triangulation.interpolate(self.pressure, points)
+        """Linear on the triangle around each point [Pa]; just outside of all, that of the nearest triangle."""
+        triangle, weights = self._around(points)
+        uncovered = np.flatnonzero(weights.min(axis=1) < -OUTSIDE)
+        if uncovered.size:
+            ends = zip("xy", self.points.min(axis=0), self.points.max(axis=0), strict=True)
+            ranges = ", ".join(f"{name} {low:.4g} to {high:.4g} m" for name, low, high in ends)
+            x, y = points[uncovered[0]]
+            given = f"{ranges}, without places on the seal such as ({x:.4g}, {y:.4g}) m"
+            raise InputError("field", given, "one that covers the seal")
+        inside = np.maximum(weights, 0)
+        inside /= inside.sum(axis=1, keepdims=True)
+        return (inside * self.pressure[self.triangles[triangle]]).sum(axis=1)
+
+    def _around(self, places: Array) -> tuple[Indices, Array]:
+        """Triangle around each place, or nearest to it, and the place in it by its three weights."""
+        import pyvista
+
+        points, corners = in_space(self.points), self.triangles.astype(int)
+        surface = pyvista.PolyData.from_regular_faces(points, corners)
+        triangle = np.atleast_1d(surface.find_closest_cell(in_space(places)))
+        first, *others = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
+        ways = np.stack([other - first for other in others], axis=-1)
+        weights = np.linalg.solve(ways, (places - first)[..., None])[..., 0]
+        return triangle, np.column_stack([1 - weights.sum(axis=1), weights])
+
+
+def _delaunay(points: Array) -> Indices:
+    """Corners of the triangles between points but those that are gaps; none where the points lie on a line."""
+    from scipy.spatial import Delaunay, QhullError
+
+    try:
+        # the size of the whole does not matter to what lies on a line
+        size = np.ptp(points, axis=0).max() or 1.0
+        corners = Delaunay((points - points.mean(axis=0)) / size).simplices
+    except QhullError:
+        return np.empty((0, 3), np.int64)
+    ways = points[corners] - np.roll(points[corners], 1, axis=1)
+    sides = np.linalg.norm(ways, axis=2).max(axis=1)
+    return np.asarray(corners[sides <= GAP * np.median(sides)], np.int64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from ..base import Array, Indices, InputError, Pair, Shape, counted, to_si, to_t
 from ..flow.spiral import Spiral
 from .lay import Lay, check_size
 from .mesh_seal import ElementSeal, MeshSeal, boundaries_without_name, parts_without_flow
-from .triangulation import middles, polygon_areas
+from .plane import middles, polygon_areas
 
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
 logging.getLogger("skfem.mesh.mesh").addFilter(
@@ -227,7 +227,8 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     narrow = 2 * pi * inner / (whole * d2)
     given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
     if narrow < _NARROWEST:
-        raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}, or a mesh")
+        expected = f"at least {_NARROWEST:.0%}; a mesh has none of them"
+        raise InputError("inner_radius", given, expected)
     doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     warnings = doubts if narrow < _NARROW else ()
     alike = lay.name in ("radial", "circumferential", "spiral")
