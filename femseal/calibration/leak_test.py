@@ -34,8 +34,6 @@ _HEAD = re.compile(r"\s*([^\[(]+?)\s*(?:[\[(]\s*(.*\S)\s*[\])])?\s*")
 _COMMA = re.compile(r"\d+,\d+")
 _NAMES = {"pressure": "load", "load": "load", "force": "load", "branch": "branch", "unloaded from": "peak",
           "leakage": "leakage"}  # fmt: skip
-#: No file of a leak test is larger [byte].
-_LARGEST = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +82,6 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
     number, no known branch, a load beyond those of the case; one line for each fault, with its line in the file.
     """
     try:
-        if path.stat().st_size > _LARGEST:
-            raise InputError("data", f"'{path}', which is too large", "the columns of a leak test")
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", "") or "it is not text"

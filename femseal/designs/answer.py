@@ -66,7 +66,13 @@ def design(
     """
     probability = validate.tolerance("probability", probability)
     wanted = leak_classes(classes := tuple(classes))
-    case, results = _given(what)
+    case = results = None
+    if isinstance(what, Results):
+        results = what
+    elif not isinstance(what, Case) and Path(what).is_dir():
+        results = open_results(what)
+    else:
+        case = what if isinstance(what, Case) else load_case(what)
     extra = [to_si(q, "Pa", "assembly") if isinstance(q, str) else float(q) for q in assembly]
     if isinstance(diameter := nominal_diameter, str):
         diameter = to_si(diameter, "m", "nominal_diameter")
@@ -135,14 +141,6 @@ def design(
     if folder is not None:
         answer.write(folder)
     return answer
-
-
-def _given(what: Case | Results | AnyPath) -> tuple[Case | None, Results | None]:
-    if isinstance(what, Case):
-        return what, None
-    if isinstance(what, Results):
-        return None, what
-    return (None, open_results(what)) if Path(what).is_dir() else (load_case(what), None)
 
 
 def _assembled(case: Case, extra: list[float]) -> Case:

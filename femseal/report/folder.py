@@ -106,20 +106,19 @@ def write_again(
     if not fields:
         results.dataset.attrs["left_out"] = json.dumps([])
     write = partial(_write_for_people, results, surface, pictures, report)
-    return _replaced(results, target, write, kept, same_numbers=True)
+    return _replaced(results, target, write, kept)
 
 
 def _replaced(
     results: Results,
     target: Path,
     write: Callable[[Path], list[Path]],
-    kept: Sequence[Path] = (),
-    *,
-    same_numbers: bool = False,
+    kept: Sequence[Path] | None = None,
 ) -> list[Path]:
     """Write the files of a run, and put them in the place of those of an earlier one but the kept.
 
-    same_numbers : the earlier results are these, and stay until the new ones are complete: nothing else keeps them.
+    kept : files of the earlier run; its results are then these, and stay until the new ones are complete: nothing else
+        keeps them.
     """
     unfinished = target / UNFINISHED
     # files that a link leads to stay
@@ -133,8 +132,8 @@ def _replaced(
         raise
     try:
         names = [path.relative_to(unfinished) for path in [*write(unfinished), saved]]
-        listed = [*kept, *names]
-        if not same_numbers:
+        listed = [*(kept or ()), *names]
+        if kept is None:
             (target / FILE_NAME).unlink(missing_ok=True)
         former = [name for name in _former(target) if name not in listed]
         _list_files(target, [*listed, *former])

@@ -191,33 +191,35 @@ class Results(Plotted):
     @property
     def warnings(self) -> list[str]:
         """Reasons to doubt the numbers, one line each; empty if there are none."""
-        return json.loads(self.dataset.attrs["warnings"])
+        return self._parsed("warnings")
 
     @property
     def failures(self) -> list[str]:
         """Failures, whose numbers are missing or NaN, one line each; empty if there are none."""
-        return json.loads(self.dataset.attrs["failures"])
+        return self._parsed("failures")
 
     @property
     def open_steps(self) -> list[int]:
         """Numbers of the steps without leakage at which the fluid carries all of the load, so that the seal is open."""
-        return json.loads(self.dataset.attrs.get("open_steps", "[]"))
+        return self._parsed("open_steps", "[]")
 
     @property
     def left_out(self) -> list[str]:
         """Files that were not written to the folder, with the reason, one line each; empty if there are none."""
-        return json.loads(self.dataset.attrs.get("left_out", "[]"))
+        return self._parsed("left_out", "[]")
 
     @property
     def case(self) -> dict[str, Any]:
         """The case in SI, as given to `assemble`; tuples have become lists."""
-        return json.loads(self.dataset.attrs["case"])
+        return self._parsed("case")
 
     @property
     def attempts(self) -> dict[str, Any] | None:
         """The attempts at the accuracy that the case asks for, and whether it is met; None if it asks for none."""
-        text = self.dataset.attrs.get("accuracy")
-        return None if text is None else json.loads(text)
+        return self._parsed("accuracy", "null")
+
+    def _parsed(self, attribute: str, default: str = "") -> Any:
+        return json.loads(self.dataset.attrs.get(attribute, default))
 
     def loading(self) -> xarray.Dataset:
         """Leakage and all other variables over the steps, on loading, over `nominal_pressure` [Pa]."""
