@@ -146,8 +146,7 @@ def calibrate(
         if folder is not None and part is None:
             found.write(folder)
             if not isinstance(case, Case):
-                text = calibrated_text(*read_case(case), folder, found)
-                write_text(folder / CASE_FILE, text)
+                write_text(folder / CASE_FILE, calibrated_text(*read_case(case), folder, found))
     return found
 
 
@@ -246,8 +245,7 @@ def _explored(
             raise FemsealError(
                 f"calibrate: only {len(points)} of {len(wanted)} scenes could be solved"
             )
-        surrogate = Surrogate.through(points, leakage)
-        posterior = Posterior(test, list(rows), ranges, surrogate, error)
+        posterior = Posterior(test, list(rows), ranges, Surrogate.through(points, leakage), error)
         cube = posterior.samples(_SAMPLES[0])
         exact = np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error
         if scenes <= 0 or exact:

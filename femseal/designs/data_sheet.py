@@ -304,8 +304,7 @@ def rows(answer: Design) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
 
     def add(*values: Any, **more: Any) -> None:
-        row = dict.fromkeys(_COLUMNS) | dict(zip(_COLUMNS, values, strict=False))
-        found.append(row | more)
+        found.append(dict.fromkeys(_COLUMNS) | dict(zip(_COLUMNS, values, strict=False)) | more)
 
     for figure, name, peak, needed in pressures:
         value = needed.bound(needed.value)
@@ -313,14 +312,12 @@ def rows(answer: Design) -> list[dict[str, Any]]:
         ends = {"computed": needed.computed, "low": needed.low}
         known = {key: p for key, p in ends.items() if isfinite(p) and p > 0}
         known |= {"high": needed.value} if needed.known else {}
-        load = answer.load_text(value)
-        add(figure, name, peak, needed.relation, value, load=load, **known)
+        add(figure, name, peak, needed.relation, value, load=answer.load_text(value), **known)
     for peak, stiffness in answer.stiffness.items():
         how = "secant of the mean gap to Q_A / 3"
         add("E_G over thickness [Pa/m]", None, peak, "=", stiffness, how=how)
     for one in answer.sensitivities:
         for what, slope in (("L", one.leakage), ("Qmin", one.pressure)):
             figure = f"d ln {what} / d ln {one.quantity}"
-            known_slope = slope if isfinite(slope) else None
-            add(figure, *answer.at, "=", known_slope, how=one.how)
+            add(figure, *answer.at, "=", slope if isfinite(slope) else None, how=one.how)
     return found

@@ -136,8 +136,7 @@ def _contact_panel(axes: Axes, pressure: Array, size: Pair, joint: str) -> None:
 
 def _gap_panel(axes: Axes, gap: Array, size: Pair, title: str) -> None:
     """Map of a gap [m]."""
-    shown = np.where(gap > 0, gap, np.nan) * 1e6
-    map_panel(axes, shown, size, with_closed("magma"), title, vmin=0)
+    map_panel(axes, np.where(gap > 0, gap, np.nan) * 1e6, size, with_closed("magma"), title, vmin=0)
 
 
 def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
@@ -154,8 +153,7 @@ def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
 def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     """Mean contact pressure of the rows of the face along the leakage: the band on which a seat touches."""
     rows = {s: data["row_pressure"].values[s] / 1e6 for s in steps}
-    name = "mean contact pressure of rows [MPa]"
-    _lines_over_x1(axes, data, data["row"].values, rows, name)
+    _lines_over_x1(axes, data, data["row"].values, rows, "mean contact pressure of rows [MPa]")
     axes.legend(fontsize=8, framealpha=0.9)
 
 

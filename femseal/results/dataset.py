@@ -171,8 +171,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
     carries_all[[s for s, _ in scene.parted_steps]] = True
     if "contact_fraction" in data:
         carries_all |= data["contact_fraction"].values == 0
-    unknown = np.isnan(results.leakage.values)
-    data.attrs["open_steps"] = _json(np.flatnonzero(carries_all & unknown))
+    data.attrs["open_steps"] = _json(np.flatnonzero(carries_all & np.isnan(results.leakage.values)))
     variables.add_totals(data, results.leakage, results.leak_basis)
     if facts.test is not None:
         add_test_fluid(data, facts.test, state, facts.throughput_temperature, facts.valve)
@@ -215,8 +214,7 @@ def _add_studies(
                     variables.add(data, made, values)
     breadth = scene.surface.size[0]
     if isinstance(blocks := known.get("blocks"), BlocksResult):
-        cut = Cut.of(scene.surface, blocks.pressure.shape[1:])
-        variables.add_piece_centres(data, "", cut)
+        variables.add_piece_centres(data, "", Cut.of(scene.surface, blocks.pressure.shape[1:]))
         variables.add_declared(data, blocks)
     drawn = known.get("stochastic")
     if isinstance(drawn, StochasticResult):
@@ -313,8 +311,7 @@ def _refuse_foreign(path: Path) -> None:
     size = 0
     with h5py.File(path, "r") as file:
         for name in file:
-            held = isinstance(file.get(name, getlink=True), h5py.HardLink)
-            item = file[name] if held else None
+            item = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
             if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
                 given = f"{path}, whose '{name}' is not held in the file itself"
                 raise InputError("results file", given, _OURS)

@@ -360,8 +360,7 @@ def add_classes(
     limits = np.array([c.limit(basis, diameter) for c in classes])
     known = np.isfinite(realisations)
     count = np.maximum(known.sum(axis=0), 1)
-    met_by = [within(realisations, limit) & known for limit in limits]
-    fraction = np.sum(met_by, axis=1) / count
+    fraction = np.sum([within(realisations, limit) & known for limit in limits], axis=1) / count
     fraction[:, ~known.any(axis=0)] = np.nan
     add_coordinate(data, "leak_class", "1", "leakage class", [c.name for c in classes])
     text = "largest leakage per unit seal length in the class, of the fluid that decides on it"

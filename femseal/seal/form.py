@@ -91,8 +91,7 @@ class WavyForm:
 
     def heights(self, points: Array, frame: Frame) -> Array:
         """Half of the height times the cosine."""
-        around = self._count(frame) * frame.angle(points)
-        return 0.5 * self.height * np.cos(around)
+        return 0.5 * self.height * np.cos(self._count(frame) * frame.angle(points))
 
     def __str__(self) -> str:
         waves = f"{self.lobes} waves"

@@ -190,8 +190,7 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
     tangent = None
     if wound:
         lay.check_lead(size[0])
-        slope = Spiral(lay.lead, lay.circumference).tangent(whole * d2)
-        tangent = np.full(len(laid.tile), slope)
+        tangent = np.full(len(laid.tile), Spiral(lay.lead, lay.circumference).tangent(whole * d2))
     straight = lay.name == "x2" and rows == pieces.rows and abs(breadth / of_face - 1) < _SAME
     return replace(laid, in_place=straight, tangent=tangent, part=cells[1] / whole)
 
