@@ -8,7 +8,6 @@ the limit. Priors are uniform in the logarithm within ranges.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from ..case.case import Case
 from ..case.values import Amount
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
+from ..seal.seal_files import text_rows
 from .surrogate import Surrogate
 
 COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"
@@ -74,29 +74,19 @@ class LeakTest:
 def read_leak_test(path: Path, case: Case) -> LeakTest:
     """Read a leak test of a case from a file with columns.
 
-    The first line that is no comment (#) has the names of the columns with their units, `COLUMNS`; between columns are
-    commas, semicolons or tabs. A leakage is a number, "sealed", or "< 0.1" below a detection limit; sealed rows without
-    a limit leak less than the least that was measured.
+    The first line that is no comment (#) has the names of the columns with their units, `COLUMNS`, see `text_rows`. A
+    leakage is a number, "sealed", or "< 0.1" below a detection limit; sealed rows without a limit leak less than the
+    least that was measured.
 
     Raises InputError: the file cannot be read, a column or a unit is unknown or missing, or rows cannot be used: no
     number, no known branch, a load beyond those of the case; one line for each fault, with its line in the file.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", "") or "it is not text"
-        raise InputError(
-            "data", f"'{path}'", f"a file of columns that can be read ({reason})"
-        ) from None
-    lines = enumerate(text.splitlines(), 1)
-    numbered = [(n, line) for n, line in lines if line.strip() and line.strip()[0] != "#"]
-    if len(numbered) < 2:
+    (_, _, heads), *lines = text_rows(path, "data")
+    if not lines:
         raise InputError("data", f"'{path}' without rows", f"a line of heads, {COLUMNS}, and rows")
-    mark = next((mark for mark in ";\t" if mark in numbered[0][1]), ",")
-    heads, *cells = csv.reader([line for _, line in numbered], delimiter=mark)
     columns, unit = _columns(heads, case)
     rows, faults = [], []
-    for (number, _), row in zip(numbered[1:], cells, strict=False):
+    for number, _, row in lines:
         try:
             if len(row) != len(heads):
                 raise InputError("row", counted(len(row), "cell"), f"{len(heads)} as in the heads")

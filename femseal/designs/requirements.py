@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import ceil, inf, isinf
+from math import ceil, inf
 
 import numpy as np
 
@@ -180,9 +180,7 @@ class NeededPressure:
     @property
     def relation(self) -> str:
         """ "=", or "<=" or ">" where only a bound is known."""
-        if self.known:
-            return "="
-        return ">" if isinf(self.value) else "<="
+        return {inf: ">", 0.0: "<="}.get(self.value, "=")
 
     def bound(self, value: float) -> float:
         """A pressure, or the load that bounds it."""

@@ -206,9 +206,34 @@ def read_pressure_field(
     return PressureField.of(length * points, unit * values, triangles)
 
 
+def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]]:
+    """Number, text and cells of the lines of a text but comments (#); between cells is what its first line has most of,
+    commas, semicolons, tabs or blanks.
+
+    Raises InputError: not readable, or empty.
+    """
+    try:
+        with within_free_memory():
+            text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError, MemoryError) as error:
+        raise InputError(what, f"'{file}' ({shortened(error)})", "a text with columns") from None
+    lines = {n: line.strip() for n, line in enumerate(text.splitlines(), 1)}
+    lines = {n: line for n, line in lines.items() if line and line[0] != "#"}
+    if not lines:
+        raise InputError(what, f"'{file}', which is empty", "a text with columns")
+    first = next(iter(lines.values()))
+    mark = max(_DELIMITERS, key=first.count)
+    cells = (
+        csv.reader(lines.values(), delimiter=mark)
+        if mark in first
+        else map(str.split, lines.values())
+    )
+    return [(*line, row) for line, row in zip(lines.items(), cells, strict=False)]
+
+
 def columns_of(file: Path) -> list[str]:
     """Names of the columns of a text, by its first line."""
-    return [column.strip() for column in _rows(file)[1][0]]
+    return [column.strip() for column in text_rows(file)[0][2]]
 
 
 def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
@@ -216,41 +241,22 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
 
     Raises InputError: not readable, a column that is missing or there twice, text in place of a number.
     """
-    delimiter, (head, *rows) = _rows(file)
+    (_, _, head), *rows = text_rows(file)
     names = [column.strip() for column in head]
     if missing := [column for column in wanted if names.count(column) != 1]:
         given = f"'{file}' with the columns {', '.join(names)}"
-        raise InputError(
-            "path",
-            given,
-            f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}",
-        )
+        expected = f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
+        raise InputError("path", given, expected)
     places = [names.index(column) for column in wanted]
     numbers = []
-    for row in rows:
+    for _, line, row in rows:
         try:
             numbers.append([float(row[place]) for place in places])
         except (ValueError, IndexError):
             allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
-            given = f"'{file}' with the line '{shortened(delimiter.join(row), 60)}'"
+            given = f"'{file}' with the line '{shortened(line, 60)}'"
             raise InputError("path", given, allowed) from None
     return np.reshape(numbers, (-1, len(wanted)))
-
-
-def _rows(file: Path) -> tuple[str, list[list[str]]]:
-    """What its first line has most of, commas, semicolons, tabs or blanks, and the lines of a text cut there."""
-    try:
-        with within_free_memory():
-            text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError, MemoryError) as error:
-        raise InputError("path", f"'{file}' ({shortened(error)})", "a text with columns") from None
-    lines = [line for line in text.splitlines() if line.strip() and line.strip()[0] != "#"]
-    if not lines:
-        raise InputError("path", f"'{file}', which is empty", "a text with columns")
-    delimiter = max(_DELIMITERS, key=lines[0].count)
-    if delimiter in lines[0]:
-        return delimiter, list(csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter))
-    return " ", [line.split() for line in lines]
 
 
 def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
