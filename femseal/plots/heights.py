@@ -88,7 +88,8 @@ def heights_figure(topography: Topography) -> Figure:
     """
     l1, l2 = topography.size
     sheet = Sheet([map_row(lying((l1, l2)), HEIGHTS), _PROFILE, _PROFILE])
-    seen = block_means(topography.heights, _SEEN).astype(float)
+    heights = topography.heights
+    seen = heights if max(heights.shape) <= _SEEN else block_means(heights, _SEEN).astype(float)
     height_panel(sheet.panel(0, HEIGHTS), seen * 1e6, (l1 * 1e3, l2 * 1e3))
     profile, density = (sheet.panel(row, replace(LINES, top=0.3)) for row in (1, 2))
     z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing

@@ -59,7 +59,8 @@ class Lay:
         """Raise InputError if a groove of the spiral crosses a seal of a breadth [m] within a turn."""
         if self.lead > breadth:
             given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
-            raise InputError("lay.lead", given, "at most the breadth, which it crosses in a turn")
+            expected = "at most the breadth: the groove would cross it within a turn"
+            raise InputError("lay.lead", given, expected)
 
     def __str__(self) -> str:
         if self.file is not None:
