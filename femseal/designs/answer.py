@@ -132,6 +132,7 @@ def design(
         seals=seals,
         probability=probability,
         requirements=needs,
+        relaxation=relaxation,
         sealing=sealing_load(seals, probability),
         at=place,
         sensitivities=sensitivities(seals, variants, place[1], probability) if known_load else (),

@@ -109,7 +109,8 @@ class Design:
     """What a seal needs, see `design`.
 
     results : of the run. seals : the leakages that decide. probability : fraction of the seals that keep a class.
-    requirements : Qmin and QSmin of every class. sealing : load from which on nothing leaks. at : class and nominal
+    requirements : Qmin and QSmin of every class. relaxation : fraction of the load in assembly that is lost before
+    service. sealing : load from which on nothing leaks. at : class and nominal
     pressure [Pa] of the sensitivities; NaN where there is none. sensitivities : what changes the leakage.
     notes : what to keep in mind, one line each.
     """
@@ -118,15 +119,11 @@ class Design:
     seals: Seals
     probability: float
     requirements: tuple[Requirement, ...]
+    relaxation: float
     sealing: NeededPressure
     at: tuple[str, float]
     sensitivities: tuple[Sensitivity, ...]
     notes: tuple[str, ...]
-
-    @property
-    def relaxation(self) -> float:
-        """Fraction of the load in assembly that is lost before service."""
-        return float(self.results.case.get("load", {}).get("relaxation", 0.0))
 
     @property
     def stiffness(self) -> dict[float, float]:

@@ -134,10 +134,12 @@ class RunComparison(Plotted):
             return [("highest load of each", [results.peak for results in self.runs])]
         loading = [step for step in common if step.unloaded_from is None]
         chosen = [*(loading[n] for n in (0, len(loading) // 2, -1) if loading), common[-1]]
-        return [
-            (_step_text(step), [results.steps.index(step) for results in self.runs])
-            for step in dict.fromkeys(chosen)
-        ]
+        found = []
+        for step in dict.fromkeys(chosen):
+            loads = [p for p in (step.pressure, step.unloaded_from) if p is not None]
+            text = " from ".join(to_text(p, "Pa", 3) for p in loads)
+            found.append((text, [results.steps.index(step) for results in self.runs]))
+        return found
 
     def write(self, folder: AnyPath, stem: str = "comparison") -> list[Path]:
         """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
@@ -154,12 +156,6 @@ class RunComparison(Plotted):
     def __repr__(self) -> str:
         names = ", ".join(self.names)
         return f"<femseal.RunComparison of {names}, in {self.unit.name}>"
-
-
-def _step_text(step: LoadStep) -> str:
-    if step.unloaded_from is None:
-        return to_text(step.pressure, "Pa", 3)
-    return f"{to_text(step.pressure, 'Pa', 3)} from {to_text(step.unloaded_from, 'Pa', 3)}"
 
 
 Run = Results | AnyPath

@@ -76,7 +76,7 @@ def _length(given: Any, name: str, least: float = 0.0) -> float:
 
 
 class Layout(Protocol):
-    """Interface of the shapes of seals that studies take."""
+    """Interface of the shapes of seals that studies take; as text, the name of the seal for people."""
 
     kind: ClassVar[str]
     #: Whether the sampling gives the length of the seal.
@@ -91,10 +91,6 @@ class Layout(Protocol):
 
     def frame(self, size: Pair) -> Frame:
         """Coordinates of maps of the pressure on a seal of this shape, of sides, or breadth and length [m]."""
-        ...
-
-    def __str__(self) -> str:
-        """Name of the seal for people."""
         ...
 
 

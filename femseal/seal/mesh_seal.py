@@ -44,21 +44,21 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     where their extents along the normal of an edge are (separating axis).
     """
     corners = mesh.p.T[mesh.t.T]
+    (x0, y0), (x1, y1) = corners.min(axis=1).T, corners.max(axis=1).T
     along = np.roll(corners, -1, axis=1) - corners
     normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
-    (x0, y0), (x1, y1) = corners.min(axis=1).T, corners.max(axis=1).T
-    for one in np.unique(mesh.f2t[0, mesh.boundary_facets()]):
+    for one in np.unique(mesh.f2t[0, mesh.boundary_facets()]).tolist():
         near = (x0 < x1[one]) & (x1 > x0[one]) & (y0 < y1[one]) & (y1 > y0[one])
-        near[one] = False
-        others = np.flatnonzero(near)
-        own = np.broadcast_to(normals[one], (others.size, *normals[one].shape))
-        axes = np.concatenate([own, normals[others]], axis=1)
-        a, b = axes @ corners[one].T, axes @ corners[others].transpose(0, 2, 1)
-        shared = np.minimum(a.max(axis=2), b.max(axis=2)) - np.maximum(a.min(axis=2), b.min(axis=2))
-        smaller = np.minimum(np.ptp(a, axis=2), np.ptp(b, axis=2))
-        found = others[(shared > _DEPTH * smaller).all(axis=1)]
-        if found.size:
-            return int(one), int(found[0])
+        for other in np.flatnonzero(near).tolist():
+            axes = np.concatenate([normals[one], normals[other]])
+            a, b = corners[one] @ axes.T, corners[other] @ axes.T
+            least, most = (
+                np.maximum(a.min(axis=0), b.min(axis=0)),
+                np.minimum(a.max(axis=0), b.max(axis=0)),
+            )
+            smaller = np.minimum(np.ptp(a, axis=0), np.ptp(b, axis=0))
+            if other != one and (most - least > _DEPTH * smaller).all():
+                return one, other
     return ()
 
 

@@ -340,10 +340,8 @@ def _fractions(values: Any) -> tuple[float, ...]:
 
 def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
     """Rising numbers, as many as `count`, or none; InputError of anything else."""
-    if isinstance(values, tuple) and not values:
-        return ()
     numbers = _numbers(name, values, f"a list of numbers {unit}", above=-np.inf)
-    if len(numbers) != count:
+    if numbers and len(numbers) != count:
         raise InputError(name, counted(len(numbers), "number"), f"{count}, one for each value")
     if any(b <= a for a, b in pairwise(numbers)):
         raise InputError(name, list(numbers), f"rising numbers {unit}")
