@@ -53,13 +53,10 @@ def class_table(results: Results) -> TextTable | None:
         return None
     limits, met = data["class_limit"].values, data["class_met"].values
     names = data["leak_class"].values.tolist()
+    units, factor = [LEAK_UNITS[c.unit] for c in leak_classes(names)], results.class_basis.factor
     texts = [
-        f"{format_leakage(limit, results.class_basis.factor(unit))} {unit.name}"
-        if limit
-        else "no leakage"
-        for limit, unit in zip(
-            limits, (LEAK_UNITS[c.unit] for c in leak_classes(names)), strict=True
-        )
+        f"{format_leakage(limit, factor(unit))} {unit.name}" if limit else "no leakage"
+        for limit, unit in zip(limits, units, strict=True)
     ]
     columns = [("class", names), ("limit", texts)]
     text = loads_as_given(data)

@@ -230,29 +230,39 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
         raise InputError("inner_radius", given, expected)
     doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     warnings = doubts if narrow < _NARROW else ()
-    alike = lay.name in ("radial", "circumferential", "spiral")
+    wound = lay.name == "spiral"
+    alike = wound or lay.name in ("radial", "circumferential")
     cells = rows, pieces.columns(rows, whole) if alike else whole
     part = cells[1] / whole
     sign = 1.0 if inlet == "inner" else -1.0  # of the way from the inlet along the radius
     radius = np.linspace(inner, outer, cells[0] + 1)[:: int(sign)]
     plain, ring, ends = _periodic_quads(np.abs(np.log(radius / radius[0])), 2 * pi * part, cells[1])
-    r, angle = radius[0] * np.exp(sign * plain.p[0]), plain.p[1]
-    outlines = (r * np.array([np.cos(angle), np.sin(angle)])).T[plain.t.T]
-    centre = plain.p[:, plain.t].mean(axis=1)
-    at = radius[0] * np.exp(sign * centre[0])
-    outward = np.array([np.cos(centre[1]), np.sin(centre[1])])
-    wound = lay.name == "spiral"
+
+    def polar(points: Array) -> tuple[Array, Array]:
+        """Radius and direction from the centre at points (2, …) of the plain mesh."""
+        outward = np.array([np.cos(points[1]), np.sin(points[1])])
+        return radius[0] * np.exp(sign * points[0]), outward
+
+    r, outward = polar(plain.p)
+    outlines = (r * outward).T[plain.t.T]
+    at, outward = polar(plain.p[:, plain.t].mean(axis=1))
     direction = (Lay(name="circumferential") if wound else lay).directions((at * outward).T)
     # components along the way from the inlet and along the angle
     around = np.array([-outward[1], outward[0]])
     frame = np.stack([sign * outward, around]).transpose(2, 0, 1)
     along = np.einsum("nab,nb->na", frame, direction)
-    seal = ElementSeal(ring, *ends, (breadth, 2 * pi * middle * part), outlines, _axes(along))
-    tangent = lay.lead / (2 * pi * at) if wound else None
-    as_broad = cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
-    in_place = lay.name == "circumferential" and as_broad
-    tile = np.arange(len(along))
-    return SealTiles(seal, direction, tile, cells, in_place, tangent, part, warnings)
+    return SealTiles(
+        seal=ElementSeal(ring, *ends, (breadth, 2 * pi * middle * part), outlines, _axes(along)),
+        lay=direction,
+        tile=np.arange(len(along)),
+        grid=cells,
+        in_place=lay.name == "circumferential"
+        and cells[0] == pieces.rows
+        and abs(breadth / (pieces.rows * d1) - 1) < _SAME,
+        tangent=lay.lead / (2 * pi * at) if wound else None,
+        part=part,
+        warnings=warnings,
+    )
 
 
 def laid_on_mesh(
