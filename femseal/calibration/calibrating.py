@@ -231,25 +231,21 @@ def _explored(
     """
     low, high = np.log(ranges[:2]).T
     points, leakage = np.empty((0, 2)), np.empty((0, int(max(rows)) + 1))
-    all_points, all_leakage = points, leakage
     # a power of two, cut where fewer are wanted
     wanted = qmc.Sobol(2, rng=np.random.default_rng(1)).random_base2(int(np.log2(FIRST)))[:scenes]
     while True:
-        values = np.exp(low + wanted * (high - low))
-        new = np.array(list(solve(*values.T.tolist())))
-        all_points, all_leakage = np.r_[all_points, values], np.r_[all_leakage, new]
-        known = np.isfinite(new).all(axis=1)
-        points, leakage = np.r_[points, wanted[known]], np.r_[leakage, new[known]]
+        new = np.array(list(solve(*np.exp(low + wanted * (high - low)).T.tolist())))
+        points, leakage = np.r_[points, wanted], np.r_[leakage, new]
+        known = np.isfinite(leakage).all(axis=1)
         scenes -= len(wanted)
-        if len(points) < min(FEWEST, len(wanted)):
-            raise FemsealError(
-                f"calibrate: only {len(points)} of {len(wanted)} scenes could be solved"
-            )
-        posterior = Posterior(test, list(rows), ranges, Surrogate.through(points, leakage), error)
+        if (count := known.sum()) < min(FEWEST, len(wanted)):
+            raise FemsealError(f"calibrate: only {count} of {len(wanted)} scenes could be solved")
+        surrogate = Surrogate.through(points[known], leakage[known])
+        posterior = Posterior(test, list(rows), ranges, surrogate, error)
         cube = posterior.samples(_SAMPLES[0])
         exact = np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error
         if scenes <= 0 or exact:
-            return posterior, all_points, all_leakage
+            return posterior, np.exp(low + points * (high - low)), leakage
         # other samples each time
-        chosen = len(all_points) + np.arange(min(ADDED, scenes))
+        chosen = len(points) + np.arange(min(ADDED, scenes))
         wanted = cube[chosen % len(cube), :2]

@@ -108,9 +108,7 @@ class Calibration:
                 f"the model does not fit: it is {misfit:.2g} times the error off by the root mean square"
             )
         if missed := int((~test.sealed & (curve[1] == 0)).sum()):
-            notes.append(
-                f"the calibrated case is sealed where the test leaks, in {counted(missed, 'row')}"
-            )
+            notes.append(f"the calibrated case is sealed where the test leaks, in {missed} rows")
         if (worst := off.max(initial=0.0)) > posterior.error:
             notes.append(
                 f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more --scenes help"

@@ -242,9 +242,8 @@ class Posterior:
         mean, deviation, is_open = (part[:, self.rows] for part in self.surrogate.at(plane))
         low, rest = self.test.sealed, np.log(self.test.leakage) - mean
         steps, errors = np.array(self.rows)[~low], deviation[:, ~low]
-        covariance = (
-            self.surrogate.correlation[np.ix_(steps, steps)] * errors[:, :, None] * errors[:, None]
-        )
+        correlation = self.surrogate.correlation[np.ix_(steps, steps)]
+        covariance = correlation * errors[:, :, None] * errors[:, None]
         root = np.linalg.cholesky(covariance + self.error**2 * np.eye(len(steps)))
         both = np.linalg.solve(root, np.stack([rest[:, ~low], np.ones_like(errors)], axis=-1))
         white, one = both[..., 0], both[..., 1]
@@ -256,9 +255,8 @@ class Posterior:
         def density(factor: Array) -> Array:
             found = fixed[:, None] - 0.5 * (least + ((factor - middle) / width) ** 2)
             for row in np.flatnonzero(low):
-                above = ndtr(
-                    (factor - rest[:, row, None]) / np.hypot(deviation[:, row, None], self.error)
-                )
+                wide = np.hypot(deviation[:, row, None], self.error)
+                above = ndtr((factor - rest[:, row, None]) / wide)
                 found += np.log(1 - is_open[:, row, None] * above)
             return found
 
@@ -276,22 +274,18 @@ class Posterior:
         plane = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side
         while True:
             middle, width, density = self.along_factor(plane)
-            first, last = (
-                np.clip(np.clip(middle, low, high) + far * width, low, high)
-                for far in (-_FAR, _FAR)
-            )
-            weight = density(first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS) + np.log(
-                last - first
-            )
+            inside = np.clip(middle, low, high)
+            first, last = (np.clip(inside + far * width, low, high) for far in (-_FAR, _FAR))
+            middles = first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS
+            weight = density(middles) + np.log(last - first)
             weight = np.exp(weight - weight.max())
             mass = weight.sum(1)
             best = np.sort(np.argsort(-mass, kind="stable")[: len(mass) // 4])
             if not mass[best].sum() >= (1 - _LEFT) * mass.sum():
                 break
             side *= 2
-            plane = (
-                plane[best, None] + np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)
-            ).reshape(-1, 2)
+            quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)
+            plane = (plane[best, None] + quarters).reshape(-1, 2)
         drawn = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
         ends = np.cumsum(weight) / weight.sum()
         cell, slab = np.divmod(np.searchsorted(ends[:-1], drawn[:, 0]), _SLABS)

@@ -58,9 +58,8 @@ class Process:
 
     def left_out(self) -> Array:
         """Error at each point of the processes through the others, in their standard deviations (n, k)."""
-        return np.asarray(
-            self._weights / self._size / np.sqrt((self._whitening**2).sum(0))[:, None]
-        )
+        own = np.sqrt((self._whitening**2).sum(0))[:, None]
+        return np.asarray(self._weights / self._size / own)
 
 
 def _standard(values: Array) -> tuple[Array, Array]:
@@ -156,9 +155,7 @@ class Surrogate:
 
     def at(self, points: Array) -> tuple[Array, Array, Array]:
         """Mean and standard deviation of ln(leakage) of open seals, and probability to be open, each (m, loads)."""
-        mean, deviation, middle, width = (
-            np.zeros((len(points), len(self.alike))) for _ in range(4)
-        )
+        mean, deviation, middle, width = np.zeros((4, len(points), len(self.alike)))
         deviation += _UNKNOWN
         middle += self.alike
         for loads, process in self.leakage:

@@ -258,14 +258,10 @@ def _check_elements(mesh: Mesh) -> None:
     if bad.size:
         given = f"a mesh whose element {bad[0]} is degenerate or tangled"
         raise InputError("path", given, "a valid mesh")
-    _check_sides(mesh)
-
-
-def _check_sides(mesh: Mesh) -> None:
-    """Refuse elements that overlap: two that share an edge, walked anticlockwise, walk it in opposite directions."""
-    corners, edge = mesh.t.T, mesh.t2f.T
-    direction = np.sign(np.roll(corners, -1, axis=1) - corners)
-    direction *= np.sign(polygon_areas(mesh.p.T[corners]))[:, None].astype(int)
+    # elements beside each other, walked anticlockwise, walk their edge in opposite directions
+    vertices, edge = mesh.t.T, mesh.t2f.T
+    direction = np.sign(np.roll(vertices, -1, axis=1) - vertices)
+    direction *= np.sign(polygon_areas(corners))[:, None].astype(int)
     count = np.bincount(edge.ravel())
     walked = np.bincount(edge.ravel(), direction.ravel())
     overlapping = (count > 2) | ((count == 2) & (walked != 0))
