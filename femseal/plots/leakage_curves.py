@@ -134,11 +134,11 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     """A line for each limit within the scale of a logarithmic axis, with names beside it that share a line of text."""
     low, high = axes.get_ylim()
     named: dict[int, list[str]] = {}
-    seen = {name: limit for name, limit in limits.items() if low < limit < high}
-    for name, limit in seen.items():
-        axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
-        place = np.log(limit / low) / np.log(high / low)
-        named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
+    for name, limit in limits.items():
+        if low < limit < high:
+            axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
+            place = np.log(limit / low) / np.log(high / low)
+            named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
     for lane, names in named.items():
         at = (1.01, lane * _NAME_HEIGHT)
         axes.annotate(", ".join(names), at, xycoords="axes fraction", va="center", fontsize=8)
@@ -161,16 +161,8 @@ def leakage_axis(axes: Axes, values: Array) -> None:
         axes.add_patch(
             Rectangle((0, 0), 1, strip, transform=axes.transAxes, color="#E4E4E4", lw=0, zorder=0)
         )
-        axes.text(
-            0.5,
-            strip / 2,
-            "sealed",
-            transform=axes.transAxes,
-            ha="center",
-            va="center",
-            color=GREY,
-            size=8,
-        )
+        look: Any = {"xycoords": "axes fraction", "ha": "center", "va": "center"}
+        axes.annotate("sealed", (0.5, strip / 2), color=GREY, fontsize=8, **look)
 
 
 def leakage_line(axes: Axes, x: Array, y: Array, **look: Any) -> Any:
