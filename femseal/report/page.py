@@ -185,17 +185,18 @@ def write_report(
 
 def report_html(results: Results, drawings: Drawings | None = None) -> str:
     """The page as text; pictures are drawn unless given."""
-    data = results.dataset
+    data, s = results.dataset, default_step(results.dataset)
     timings = json.loads(data.attrs["timings"])  # also of parts of a study
     drawn = drawings or draw_all(results)
     return page_template().render(
         results=results,
         data=data,
         load_names=load_names(data),
-        load=load_names(data)[default_step(data)],
+        load=load_names(data)[s],
         basis=results.leak_basis,
         key_numbers=report_tables.key_numbers(results),
-        drop_text=_drop_text(data) if "face_gap" in data else "",
+        flows=np.nan_to_num(face_leakage(data)[s]) != 0,
+        half_drop=_half_drop(data, s),
         # the page has a table of classes
         leakage_table=leakage_table(results).without(["class"]),
         totals=totals_table(results),
@@ -206,7 +207,7 @@ def report_html(results: Results, drawings: Drawings | None = None) -> str:
         budget=report_tables.budget_table(results),
         attempts=None if results.attempts is None else attempts_table(results.attempts),
         stages={name: time for name, time in timings.items() if ": " not in name},
-        case=flat(as_chosen(results.case, results.attempts)),
+        case=as_chosen(results.case, results.attempts),
     )
 
 
@@ -227,26 +228,17 @@ def page_template() -> Template:
         "flat": flat,
         "number": number_text,
         "parsed": json.loads,
-        "si": _si,
+        "si": to_text,
     }
     return environment.get_template("report.html.jinja")
 
 
-def _si(value: Any, unit: str, digits: int = 4) -> str:
-    """A value in SI as text."""
-    return to_text(float(value), unit, digits)
-
-
-def _drop_text(data: xarray.Dataset) -> str:
-    """Number of pieces that carry half of the pressure drop at the step of the maps."""
-    s = default_step(data)
-    if np.nan_to_num(face_leakage(data)[s]) == 0:
-        return f"At {load_names(data)[s]} nothing flows."
+def _half_drop(data: xarray.Dataset, s: int) -> int:
+    """Number of pieces that carry half of the pressure drop at a step; 0 where it is not known."""
     if "piece_drop_fraction" not in data or not data["piece_drop_fraction"][s].notnull().all():
-        return ""
+        return 0
     fraction = np.sort(data["piece_drop_fraction"].values[s].ravel())[::-1]
-    half = np.searchsorted(np.cumsum(fraction), 0.5) + 1
-    return f"Half of the pressure drops in {half} of {fraction.size} pieces."
+    return int(np.searchsorted(np.cumsum(fraction), 0.5)) + 1
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

@@ -19,12 +19,9 @@ from ..results.tables import class_unit, format_error_band, format_leakage, leak
 
 
 def key_numbers(results: Results) -> list[tuple[str, str, str]]:
-    """Numbers at the head of the report: label, value, note.
-
-    Leakage of the whole seal at the first and the highest load and after the last unloading; contact there.
-    """
-    data, leakage, basis = results.dataset, results.leakage.values, results.leak_basis
-    names, budget = load_names(data), results.budget
+    """Leakage of the whole seal at the highest and the first load and after the last unloading: label, value, note."""
+    leakage, basis, budget = results.leakage.values, results.leak_basis, results.budget
+    names = load_names(results.dataset)
     numbers = []
     for s in dict.fromkeys((results.peak, 0, len(names) - 1)):
         unit = results.asked_unit
@@ -37,9 +34,6 @@ def key_numbers(results: Results) -> list[tuple[str, str, str]]:
             ends = budget.lower[s], budget.upper[s]
             note = f"95 % band of error {format_error_band(*ends, factor, leakage[s])}"
         numbers.append((f"whole seal, {names[s]}", value, note))
-    if "contact_fraction" in data:
-        fraction = 100 * float(data["contact_fraction"][results.peak])
-        numbers.append(("in contact at the highest load", f"{fraction:.3g} %", ""))
     return numbers
 
 
