@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from ..base import TextTable, format_deviation, read_plain
 from ..base.leak_rates import LEAK_UNITS, leak_classes, within
+from ..budget import ErrorPart
 from ..loads import first_known, least_counted
 from ..results.results import Results, branches_in, load_names, loads_as_given
 from ..results.tables import class_unit, format_error_band, format_leakage, leakage_texts
@@ -152,32 +154,23 @@ def budget_table(results: Results) -> TextTable | None:
     if budget is None:
         return None
     steps, widths = important_steps(results), budget.widths()
-    largest = {
-        name: np.max(np.nan_to_num(width[steps], nan=np.inf), initial=0.0)
-        for name, width in widths.items()
-    }
-    order = sorted(budget.parts, key=lambda part: -largest[part.name])
-    together = "root of the sum of squares of the distances of ln(leakage)"
+
+    def largest(part: ErrorPart) -> float:
+        return float(np.nan_to_num(widths[part.name][steps], nan=np.inf).max())
+
+    order = sorted(budget.parts, key=largest, reverse=True)
     lines = [(part.name, widths[part.name], part.note) for part in order]
     if len(budget.numerical.parts) < len(budget.parts):
         text = "without the model and its input (hardness, fluid pressure, form, …): what an accuracy asks for"
         lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
-    lines.append(("together", np.asarray(budget.half_width()), together))
-    names = load_names(results.dataset)
-    heads = ("source", *(names[s] for s in steps), "how it was estimated")
+    text = "root of the sum of squares of the distances of ln(leakage)"
+    lines.append(("together", np.asarray(budget.half_width()), text))
+    names, widths_of, notes = zip(*lines, strict=True)
     # inf is of a seal that may leak or be sealed
     known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}
-    texts = tuple(
-        (
-            name,
-            *(known.get(f"{width[s]:g}") or format_deviation(width[s], "× ") for s in steps),
-            note,
-        )
-        for name, width, note in lines
-    )
-    title = "Half-width of the band of error, by its source, the widest first; ×: a factor"
-    note = (
-        "The band of error of a leakage holds the truth in about 95 of 100 cases: the leakage of such a face on pixels "
-        "as fine as one wants, with the waves that were removed, and without errors of method or draws."
-    )
-    return TextTable(title, heads, texts, names=len(heads), notes=(note,))
+    columns: list[tuple[str, Iterable[str]]] = [("source", names)]
+    for s in steps:
+        at = [width[s] for width in widths_of]
+        texts = [known.get(f"{w:g}") or format_deviation(w, "× ") for w in at]
+        columns.append((load_names(results.dataset)[s], texts))
+    return TextTable.of_columns("", [*columns, ("how it was estimated", notes)])
