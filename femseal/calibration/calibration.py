@@ -17,6 +17,7 @@ import numpy as np
 from ..base import (
     AnyPath,
     Array,
+    Plotted,
     TextTable,
     comma_separated,
     counted,
@@ -30,7 +31,7 @@ from ..base import (
 )
 from ..case.case import Case
 from ..case.template import as_toml, bare_key
-from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, png, shown
+from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, png, shows
 from ..plots.leakage_curves import LeakageCurves, leakage_panel
 from ..results.results import branch_text
 from ..results.tables import format_leakage
@@ -49,7 +50,7 @@ _MISFIT = 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration:
+class Calibration(Plotted):
     """A calibrated case, see `calibrate`.
 
     hardness, shortest_wave, factor : posterior [Pa], [m] and between test and model. prior : medians and ends of the
@@ -203,10 +204,6 @@ class Calibration:
 
         return Group(*self.tables())
 
-    def plot(self) -> Figure:
-        """Leakage against load with the band of the posterior, and pairs of the posterior."""
-        return shown(calibration_figure(self))
-
     def __repr__(self) -> str:
         texts = [
             f"{name.replace('_', ' ')} {_text(name, one.median)}"
@@ -264,6 +261,7 @@ _SCALES = {
 _HEIGHT = 3.6
 
 
+@shows(Calibration)
 def calibration_figure(found: Calibration) -> Figure:
     """Hardness against shortest wave and factor, then leakage against load, log scale."""
     test = found.test

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base import (
     AnyPath,
+    Plotted,
     TextTable,
     comma_separated,
     counted,
@@ -32,7 +33,7 @@ from ..plots.drawing import (
     decades,
     legend_below,
     png,
-    shown,
+    shows,
 )
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
@@ -49,63 +50,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def design_figure(answer: Design) -> Figure:
-    """Leakage that a fraction of the seals does not exceed over nominal pressure: limits of classes, Qmin, QSmin."""
-    unit, scale = answer.leak_scale
-    seals = answer.seals
-    many = seals.count > 1
-    low, high = (seals.curve_of(end) for end in ENDS)
-    curves = LeakageCurves(
-        *pressures_and_peaks(seals.steps),
-        seals.curve_of(answer.probability),
-        "",
-        band=(low, high) if many else None,
-        band_name=f"{100 * ENDS[0]:g} – {100 * ENDS[1]:g} % of the seals",
-        scale=(scale, f"{kind_of(unit)} [{unit.name}]"),
-    )
-    below = LEGEND_LINE * ceil((len(seals.steps.unload_from) + 6) / 2)
-    sheet = Sheet([4.4 + below])
-    axes = sheet.panel(0, replace(LINES, right=1.2, top=0.2, bottom=0.7 + below))
-    handles = leakage_panel(axes, curves)
-    # a named line for each class whose limit is within three decades of the leakages
-    least, most = axes.get_ylim()
-    limits = {need.name: need.limit / scale for need in answer.requirements}
-    near = [limit for limit in limits.values() if 1e-3 * least < limit < 1e3 * most]
-    axes.set_ylim(min([least, *(x / 2 for x in near)]), max([most, *(2 * x for x in near)]))
-    decades(axes.yaxis)
-    limit_lines(axes, limits)
-    legend_below(sheet.figure, handles + _marks(axes, answer, scale))
-    return sheet.figure
-
-
-def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
-    """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend."""
-    from matplotlib.lines import Line2D
-
-    # branches are drawn from the highest peak
-    peaks = sorted(answer.seals.steps.unload_from, reverse=True)
-    looks = dict(zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True))
-    for need in answer.requirements:
-        for peak, needed in [(None, need.assembly), *need.service.items()]:
-            if not np.isfinite(needed.at) or not need.limit > 0:
-                continue
-            x, y, colour = needed.at / 1e6, need.limit / scale, looks[peak]["color"]
-            ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.value)]
-            marker, above = ("v", 7) if peak is None else ("^", -15)
-            axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, zorder=4)
-            axes.plot(x, y, color=colour, marker=marker, ms=9, mec="black", zorder=5)
-            text, at = answer.load_text(needed.at), (4, above)
-            axes.annotate(text, (x, y), at, textcoords="offset points", fontsize=8, zorder=6)
-    handles = [
-        Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=f"{name} as computed")
-        for marker, name in (("v", "Qmin"), ("^", "QSmin"))
-    ]
-    band = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error")
-    return [*handles, band]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Design:
+class Design(Plotted):
     """What a seal needs, see `design`.
 
     results : of the run. seals : the leakages that decide. probability : fraction of the seals that keep a class.
@@ -162,10 +108,6 @@ class Design:
 
         return Group(*map(escape, sheet_sentences(self)), *sheet_tables(self))
 
-    def plot(self) -> Figure:
-        """Leakage over load with Qmin and QSmin, see `design_figure`."""
-        return shown(design_figure(self))
-
     def write(self, folder: AnyPath) -> list[Path]:
         """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
         target = made_folder(folder)
@@ -199,6 +141,62 @@ class Design:
 
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in sheet_tables(self))
+
+
+@shows(Design)
+def design_figure(answer: Design) -> Figure:
+    """Leakage that a fraction of the seals does not exceed over nominal pressure: limits of classes, Qmin, QSmin."""
+    unit, scale = answer.leak_scale
+    seals = answer.seals
+    many = seals.count > 1
+    low, high = (seals.curve_of(end) for end in ENDS)
+    curves = LeakageCurves(
+        *pressures_and_peaks(seals.steps),
+        seals.curve_of(answer.probability),
+        "",
+        band=(low, high) if many else None,
+        band_name=f"{100 * ENDS[0]:g} – {100 * ENDS[1]:g} % of the seals",
+        scale=(scale, f"{kind_of(unit)} [{unit.name}]"),
+    )
+    below = LEGEND_LINE * ceil((len(seals.steps.unload_from) + 6) / 2)
+    sheet = Sheet([4.4 + below])
+    axes = sheet.panel(0, replace(LINES, right=1.2, top=0.2, bottom=0.7 + below))
+    handles = leakage_panel(axes, curves)
+    # a named line for each class whose limit is within three decades of the leakages
+    least, most = axes.get_ylim()
+    limits = {need.name: need.limit / scale for need in answer.requirements}
+    near = [limit for limit in limits.values() if 1e-3 * least < limit < 1e3 * most]
+    axes.set_ylim(min([least, *(x / 2 for x in near)]), max([most, *(2 * x for x in near)]))
+    decades(axes.yaxis)
+    limit_lines(axes, limits)
+    legend_below(sheet.figure, handles + _marks(axes, answer, scale))
+    return sheet.figure
+
+
+def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
+    """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend."""
+    from matplotlib.lines import Line2D
+
+    # branches are drawn from the highest peak
+    peaks = sorted(answer.seals.steps.unload_from, reverse=True)
+    looks = dict(zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True))
+    for need in answer.requirements:
+        for peak, needed in [(None, need.assembly), *need.service.items()]:
+            if not np.isfinite(needed.at) or not need.limit > 0:
+                continue
+            x, y, colour = needed.at / 1e6, need.limit / scale, looks[peak]["color"]
+            ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.value)]
+            marker, above = ("v", 7) if peak is None else ("^", -15)
+            axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, zorder=4)
+            axes.plot(x, y, color=colour, marker=marker, ms=9, mec="black", zorder=5)
+            text, at = answer.load_text(needed.at), (4, above)
+            axes.annotate(text, (x, y), at, textcoords="offset points", fontsize=8, zorder=6)
+    handles = [
+        Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=f"{name} as computed")
+        for marker, name in (("v", "Qmin"), ("^", "QSmin"))
+    ]
+    band = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error")
+    return [*handles, band]
 
 
 TABLE_FILE = "design.csv"

@@ -87,6 +87,7 @@ def sensitivities(
         name = variants.law_length.replace("_", " ")
         slip = [(name, *solved(variants.longer, name))]
     at_wall = sum(slope for _, slope, _ in slip)
+    how_force = "Darcy's law, with the pressure of the force; Qmin: the force"
     how_inlet = "potential of the fluid"
     if not np.isfinite(variants.inlet_slope):
         how_inlet = "unknown for a rarefied gas, for several inlet pressures, and without a fluid"
@@ -99,7 +100,7 @@ def sensitivities(
         ("hardness", hard, how_hard),
         ("contact modulus", -hard - load, "scaling law of contact, exact"),
         ("breadth, same pressure", -1.0, "Darcy's law over many pieces"),
-        ("breadth, same force", -1.0 - load, "Darcy's law, with the pressure of the force"),
+        ("breadth, same force", -1.0 - load, how_force),
         ("viscosity", thick, how_thick),
         *slip,
         ("inlet pressure", variants.inlet_slope, how_inlet),
