@@ -210,7 +210,8 @@ def compared(
 ) -> RunComparison:
     """The comparison of opened runs, see `compare` and `RunComparison`."""
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
-        raise InputError("compare", f"two runs named {shown(twice[0])}", "a name for each run")
+        given = f"two runs named {shown(twice[0])}"
+        raise InputError("compare", given, "a name of its own for each run")
     chosen = _unit(runs) if unit is None else leak_unit(unit)
     for results in runs:
         results.leak_basis.factor(chosen)  # raises if the unit is not for the fluid
