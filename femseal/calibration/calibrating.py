@@ -140,9 +140,7 @@ def calibrate(
         posterior, points, leakage = _explored(
             partial(mapper, stage), test, rows, ranges, deviation, scenes
         )
-        found = Calibration.of(
-            posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested, loaded.softer
-        )
+        found = Calibration.of(posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested)
         if folder is not None and part is None:
             found.write(folder)
             if not isinstance(case, Case):

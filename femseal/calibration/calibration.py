@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,13 +78,7 @@ class Calibration(Plotted):
 
     @classmethod
     def of(
-        cls,
-        posterior: Posterior,
-        cube: Array,
-        scenes: Array,
-        leakages: Array,
-        case: Case,
-        solid: str,
+        cls, posterior: Posterior, cube: Array, scenes: Array, leakages: Array, case: Case
     ) -> Calibration:
         """From samples of the posterior in the unit cube (n, 3)."""
         samples, test = posterior.quantities(cube), posterior.test
@@ -124,7 +119,7 @@ class Calibration(Plotted):
             curve=curve,
             scenes=scenes,
             leakages=leakages,
-            solid=solid,
+            solid=case.softer,
             notes=tuple(notes),
         )
 
@@ -175,9 +170,7 @@ class Calibration(Plotted):
         notes = tuple(f"note: {note}" for note in self.notes)
         first = TextTable.of_columns(title, columns, notes=notes, wrap=16)
 
-        def load_text(load: float) -> str:
-            return to_text(load, self.load_unit)
-
+        load_text = partial(to_text, unit=self.load_unit)
         measured, low, median, high = (
             [format_leakage(q, 1.0) for q in values] for values in (self.test.leakage, *self.curve)
         )
