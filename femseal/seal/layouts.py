@@ -282,7 +282,8 @@ class MeshLayout:
 def _refuse_sizes(kind: str, pieces: PieceSize) -> None:
     for name, value in (("length", pieces.length), ("breadth", pieces.breadth)):
         if value is not None:
-            raise InputError(name, to_text(value, "m"), f"none with a seal of kind {kind}")
+            expected = f"none with a seal of kind {kind}: it has its own"
+            raise InputError(name, to_text(value, "m"), expected)
 
 
 #: Shapes that a case can choose, by their kind.
