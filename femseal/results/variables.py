@@ -79,11 +79,11 @@ def add_new(
     unit: str,
     long_name: str,
     values: Any,
-    place: Place = STEP,
+    where: Place = STEP,
     **attrs: Any,
 ) -> None:
     """Add a field that no result declares, over the load steps unless it has another place."""
-    add(data, Field(name, unit, long_name, place), values, **attrs)
+    add(data, Field(name, unit, long_name, where), values, **attrs)
 
 
 def add_coordinate(
