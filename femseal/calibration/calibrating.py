@@ -101,13 +101,8 @@ def calibrate(
     folder, going_on, part = job.checked_output(output, resume, part)
     loaded = case if isinstance(case, Case) else load_case(case)
     if loaded.accuracy is not None:
-        raise InputError(
-            "accuracy",
-            loaded.accuracy,
-            "a case to calibrate without it: every scene has the same settings",
-        )
-    deviation = to_si(error, "", "error") if isinstance(error, str) else error
-    deviation = validate.tolerance("error", deviation)
+        raise InputError("accuracy", loaded.accuracy, "none: every scene is solved alike")
+    deviation = validate.tolerance("error", to_si(error, "", "error"))
     validate.count("scenes", scenes, FEWEST)
     test = read_leak_test(Path(data), loaded)
     tested = test.of_case(loaded)
@@ -145,16 +140,11 @@ def calibrate(
         posterior, points, leakage = _explored(
             partial(mapper, stage), test, rows, ranges, deviation, scenes
         )
-        found = Calibration.of(
-            posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested, loaded.softer
-        )
+        found = Calibration.of(posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested)
         if folder is not None and part is None:
-            tables = (
-                None if isinstance(case, Case) else calibrated_text(*read_case(case), folder, found)
-            )
             found.write(folder)
-            if tables is not None:
-                write_text(folder / CASE_FILE, tables)
+            if not isinstance(case, Case):
+                write_text(folder / CASE_FILE, calibrated_text(*read_case(case), folder, found))
     return found
 
 
@@ -167,9 +157,7 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     table = getattr(case, case.softer)
     known = table.solid.hardness
     if known is None or not np.isfinite(known) or table.hardness_table is not None:
-        raise InputError(
-            case.softer, "no single hardness", "a yield_stress or a hardness, which is calibrated"
-        )
+        raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness")
     prepared = prepare(case)
     surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wave
     least = {"hardness": 1.01 * prepared.scene.steps.pressures.max(), "factor": 0.0,
@@ -241,26 +229,21 @@ def _explored(
     """
     low, high = np.log(ranges[:2]).T
     points, leakage = np.empty((0, 2)), np.empty((0, int(max(rows)) + 1))
-    all_points, all_leakage = points, leakage
     # a power of two, cut where fewer are wanted
     wanted = qmc.Sobol(2, rng=np.random.default_rng(1)).random_base2(int(np.log2(FIRST)))[:scenes]
     while True:
-        values = np.exp(low + wanted * (high - low))
-        new = np.array(list(solve(*values.T.tolist())))
-        all_points, all_leakage = np.r_[all_points, values], np.r_[all_leakage, new]
-        known = np.isfinite(new).all(axis=1)
-        points, leakage = np.r_[points, wanted[known]], np.r_[leakage, new[known]]
+        new = np.array(list(solve(*np.exp(low + wanted * (high - low)).T.tolist())))
+        points, leakage = np.r_[points, wanted], np.r_[leakage, new]
+        known = np.isfinite(leakage).all(axis=1)
         scenes -= len(wanted)
-        if len(points) < min(FEWEST, len(wanted)):
-            raise FemsealError(
-                f"calibrate: only {len(points)} of {len(wanted)} scenes could be solved"
-            )
-        surrogate = Surrogate.through(points, leakage)
+        if (count := known.sum()) < min(FEWEST, len(wanted)):
+            raise FemsealError(f"calibrate: only {count} of {len(wanted)} scenes could be solved")
+        surrogate = Surrogate.through(points[known], leakage[known])
         posterior = Posterior(test, list(rows), ranges, surrogate, error)
         cube = posterior.samples(_SAMPLES[0])
         exact = np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error
         if scenes <= 0 or exact:
-            return posterior, all_points, all_leakage
+            return posterior, np.exp(low + points * (high - low)), leakage
         # other samples each time
-        chosen = len(all_points) + np.arange(min(ADDED, scenes))
+        chosen = len(points) + np.arange(min(ADDED, scenes))
         wanted = cube[chosen % len(cube), :2]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ import numpy as np
 from ..base import (
     AnyPath,
     Array,
+    Plotted,
     TextTable,
     comma_separated,
     counted,
@@ -30,16 +32,7 @@ from ..base import (
 )
 from ..case.case import Case
 from ..case.template import as_toml, bare_key
-from ..plots.drawing import (
-    GREY,
-    LEGEND_LINE,
-    LINES,
-    STYLES,
-    Sheet,
-    legend_below,
-    png,
-    shown,
-)
+from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, png, shows
 from ..plots.leakage_curves import LeakageCurves, leakage_panel
 from ..results.results import branch_text
 from ..results.tables import format_leakage
@@ -58,7 +51,7 @@ _MISFIT = 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration:
+class Calibration(Plotted):
     """A calibrated case, see `calibrate`.
 
     hardness, shortest_wave, factor : posterior [Pa], [m] and between test and model. prior : medians and ends of the
@@ -85,13 +78,7 @@ class Calibration:
 
     @classmethod
     def of(
-        cls,
-        posterior: Posterior,
-        cube: Array,
-        scenes: Array,
-        leakages: Array,
-        case: Case,
-        solid: str,
+        cls, posterior: Posterior, cube: Array, scenes: Array, leakages: Array, case: Case
     ) -> Calibration:
         """From samples of the posterior in the unit cube (n, 3)."""
         samples, test = posterior.quantities(cube), posterior.test
@@ -117,9 +104,7 @@ class Calibration:
                 f"the model does not fit: it is {misfit:.2g} times the error off by the root mean square"
             )
         if missed := int((~test.sealed & (curve[1] == 0)).sum()):
-            notes.append(
-                f"the calibrated case is sealed where the test leaks, in {counted(missed, 'row')}"
-            )
+            notes.append(f"the calibrated case is sealed where the test leaks, in {missed} rows")
         if (worst := off.max(initial=0.0)) > posterior.error:
             notes.append(
                 f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more --scenes help"
@@ -134,7 +119,7 @@ class Calibration:
             curve=curve,
             scenes=scenes,
             leakages=leakages,
-            solid=solid,
+            solid=case.softer,
             notes=tuple(notes),
         )
 
@@ -185,9 +170,7 @@ class Calibration:
         notes = tuple(f"note: {note}" for note in self.notes)
         first = TextTable.of_columns(title, columns, notes=notes, wrap=16)
 
-        def load_text(load: float) -> str:
-            return to_text(load, self.load_unit)
-
+        load_text = partial(to_text, unit=self.load_unit)
         measured, low, median, high = (
             [format_leakage(q, 1.0) for q in values] for values in (self.test.leakage, *self.curve)
         )
@@ -213,10 +196,6 @@ class Calibration:
         from rich.console import Group
 
         return Group(*self.tables())
-
-    def plot(self) -> Figure:
-        """Leakage against load with the band of the posterior, and pairs of the posterior."""
-        return shown(calibration_figure(self))
 
     def __repr__(self) -> str:
         texts = [
@@ -275,6 +254,7 @@ _SCALES = {
 _HEIGHT = 3.6
 
 
+@shows(Calibration)
 def calibration_figure(found: Calibration) -> Figure:
     """Hardness against shortest wave and factor, then leakage against load, log scale."""
     test = found.test

@@ -8,7 +8,6 @@ the limit. Priors are uniform in the logarithm within ranges.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from ..case.case import Case
 from ..case.values import Amount
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
+from ..seal.seal_files import text_rows
 from .surrogate import Surrogate
 
 COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"
@@ -34,8 +34,6 @@ _HEAD = re.compile(r"\s*([^\[(]+?)\s*(?:[\[(]\s*(.*\S)\s*[\])])?\s*")
 _COMMA = re.compile(r"\d+,\d+")
 _NAMES = {"pressure": "load", "load": "load", "force": "load", "branch": "branch", "unloaded from": "peak",
           "leakage": "leakage"}  # fmt: skip
-#: No file of a leak test is larger [byte].
-_LARGEST = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,37 +74,24 @@ class LeakTest:
 def read_leak_test(path: Path, case: Case) -> LeakTest:
     """Read a leak test of a case from a file with columns.
 
-    The first line that is no comment (#) has the names of the columns with their units, `COLUMNS`; between columns are
-    commas, semicolons or tabs. A leakage is a number, "sealed", or "< 0.1" below a detection limit; sealed rows without
-    a limit leak less than the least that was measured.
+    The first line that is no comment (#) has the names of the columns with their units, `COLUMNS`, see `text_rows`. A
+    leakage is a number, "sealed", or "< 0.1" below a detection limit; sealed rows without a limit leak less than the
+    least that was measured.
 
     Raises InputError: the file cannot be read, a column or a unit is unknown or missing, or rows cannot be used: no
     number, no known branch, a load beyond those of the case; one line for each fault, with its line in the file.
     """
-    try:
-        if path.stat().st_size > _LARGEST:
-            raise InputError("data", f"'{path}', which is too large", "the columns of a leak test")
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", "") or "it is not text"
-        raise InputError(
-            "data", f"'{path}'", f"a file of columns that can be read ({reason})"
-        ) from None
-    lines = enumerate(text.splitlines(), 1)
-    numbered = [(n, line) for n, line in lines if line.strip() and line.strip()[0] != "#"]
-    if len(numbered) < 2:
+    (_, _, heads), *lines = text_rows(path, "data")
+    if not lines:
         raise InputError("data", f"'{path}' without rows", f"a line of heads, {COLUMNS}, and rows")
-    mark = next((mark for mark in ";\t" if mark in numbered[0][1]), ",")
-    heads, *cells = csv.reader([line for _, line in numbered], delimiter=mark)
     columns, unit = _columns(heads, case)
     rows, faults = [], []
-    for (number, _), row in zip(numbered[1:], cells, strict=False):
+    for number, _, row in lines:
         try:
             if len(row) != len(heads):
                 raise InputError("row", counted(len(row), "cell"), f"{len(heads)} as in the heads")
-            named = {name: row[n].strip() for name, (n, _) in columns.items()}
-            factors = {name: factor for name, (_, factor) in columns.items()}
-            rows.append((_step(named, factors, case), *_leakage(named["leakage"])))
+            cell = {name: (row[n].strip(), factor) for name, (n, factor) in columns.items()}
+            rows.append((_step(cell, case), *_leakage(cell["leakage"][0])))
         except InputError as error:
             what = f"data, line {number}: {error.what}"
             faults.append(InputError(what, error.given, error.expected))
@@ -114,7 +99,7 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
         raise InputErrors(faults)
     steps, leakage, sealed = zip(*rows, strict=True)
     values, below = np.array(leakage), np.array(sealed)
-    if (count := len({step for step, low in zip(steps, sealed, strict=True) if not low})) < 3:
+    if (count := len({step for step, _, low in rows if not low})) < 3:
         expected = "leakages at three loads or more, besides rows that are sealed"
         raise InputError("data", f"{counted(count, 'load')} with a leakage", expected)
     values[np.isnan(values)] = values[~below].min()
@@ -158,24 +143,25 @@ def _number(text: str, what: str, expected: str) -> float:
     return value
 
 
-def _step(row: dict[str, str], factors: dict[str, float], case: Case) -> LoadStep:
-    """Load step of a row, in the unit of the loads of the case."""
+def _step(row: dict[str, tuple[str, float]], case: Case) -> LoadStep:
+    """Load step of a row by its texts and their units in SI, in the unit of the loads of the case."""
     loads, unit = case.load, case.load.unit
     most, least = loads.highest, min((*loads.loading, *loads.unloading))
 
     def within(key: str, what: str) -> float:
-        value = float(f"{_number(row[key], what, 'a number >= 0') * factors[key]:.12g}")
+        text, factor = row[key]
+        value = float(f"{_number(text, what, 'a number >= 0') * factor:.12g}")
         if not least * (1 - 1e-9) <= value <= most * (1 + 1e-9):
             range_ = f"a load of the case, from {to_text(least, unit)} to {to_text(most, unit)}"
             raise InputError(what, to_text(value, unit), range_)
         return value
 
-    load, branch = within("load", "load"), row.get("branch", BRANCHES[0]).lower()
-    if branch not in BRANCHES:
-        raise InputError("branch", shown(row["branch"]), " or ".join(BRANCHES))
-    if branch == BRANCHES[0]:
+    load, (branch, _) = within("load", "load"), row.get("branch", (BRANCHES[0], 1.0))
+    if branch.lower() not in BRANCHES:
+        raise InputError("branch", shown(branch), " or ".join(BRANCHES))
+    if branch.lower() == BRANCHES[0]:
         return LoadStep(load)
-    if row.get("peak"):
+    if "peak" in row and row["peak"][0]:
         peak = within("peak", "unloaded from")
     elif loads.peaks:
         peak = float(max(loads.peaks))
@@ -256,9 +242,8 @@ class Posterior:
         mean, deviation, is_open = (part[:, self.rows] for part in self.surrogate.at(plane))
         low, rest = self.test.sealed, np.log(self.test.leakage) - mean
         steps, errors = np.array(self.rows)[~low], deviation[:, ~low]
-        covariance = (
-            self.surrogate.correlation[np.ix_(steps, steps)] * errors[:, :, None] * errors[:, None]
-        )
+        correlation = self.surrogate.correlation[np.ix_(steps, steps)]
+        covariance = correlation * errors[:, :, None] * errors[:, None]
         root = np.linalg.cholesky(covariance + self.error**2 * np.eye(len(steps)))
         both = np.linalg.solve(root, np.stack([rest[:, ~low], np.ones_like(errors)], axis=-1))
         white, one = both[..., 0], both[..., 1]
@@ -270,9 +255,8 @@ class Posterior:
         def density(factor: Array) -> Array:
             found = fixed[:, None] - 0.5 * (least + ((factor - middle) / width) ** 2)
             for row in np.flatnonzero(low):
-                above = ndtr(
-                    (factor - rest[:, row, None]) / np.hypot(deviation[:, row, None], self.error)
-                )
+                wide = np.hypot(deviation[:, row, None], self.error)
+                above = ndtr((factor - rest[:, row, None]) / wide)
                 found += np.log(1 - is_open[:, row, None] * above)
             return found
 
@@ -290,22 +274,18 @@ class Posterior:
         plane = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side
         while True:
             middle, width, density = self.along_factor(plane)
-            first, last = (
-                np.clip(np.clip(middle, low, high) + far * width, low, high)
-                for far in (-_FAR, _FAR)
-            )
-            weight = density(first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS) + np.log(
-                last - first
-            )
+            inside = np.clip(middle, low, high)
+            first, last = (np.clip(inside + far * width, low, high) for far in (-_FAR, _FAR))
+            middles = first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS
+            weight = density(middles) + np.log(last - first)
             weight = np.exp(weight - weight.max())
             mass = weight.sum(1)
             best = np.sort(np.argsort(-mass, kind="stable")[: len(mass) // 4])
             if not mass[best].sum() >= (1 - _LEFT) * mass.sum():
                 break
             side *= 2
-            plane = (
-                plane[best, None] + np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)
-            ).reshape(-1, 2)
+            quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)
+            plane = (plane[best, None] + quarters).reshape(-1, 2)
         drawn = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
         ends = np.cumsum(weight) / weight.sum()
         cell, slab = np.divmod(np.searchsorted(ends[:-1], drawn[:, 0]), _SLABS)

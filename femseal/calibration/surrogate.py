@@ -24,6 +24,8 @@ from ..base import Array
 _TREND, _ROUNDING = 25.0, 1e-8
 #: Priors of size and lengths of the smooth and of the other process: ln of their medians, standard deviations of ln.
 _MEDIANS, _WIDTHS = np.log([[0.5, 1.0], [0.05, 0.3]]), np.array([[1.5, 0.7], [1.5, 1.0]])
+#: Decimals of the logarithms of sizes and lengths.
+_DIGITS = 3
 #: Scenes that are open at a load, without which nothing is known of its leakage; least probability of either class.
 FEWEST, LEAST = 6, 1e-3
 #: Standard deviation of an unknown ln(leakage), and of the class by which open and sealed scenes mix at least.
@@ -56,9 +58,8 @@ class Process:
 
     def left_out(self) -> Array:
         """Error at each point of the processes through the others, in their standard deviations (n, k)."""
-        return np.asarray(
-            self._weights / self._size / np.sqrt((self._whitening**2).sum(0))[:, None]
-        )
+        own = np.sqrt((self._whitening**2).sum(0))[:, None]
+        return np.asarray(self._weights / self._size / own)
 
 
 def _standard(values: Array) -> tuple[Array, Array]:
@@ -76,27 +77,22 @@ def _through(sets: list[tuple[Array, Array]]) -> list[Process]:
     widths = np.concatenate([np.r_[w[0], np.full(dimensions, w[1])] for w in _WIDTHS])
     standard = [(points, _standard(values)[1]) for points, values in sets]
 
-    def unlikely(parameters: Array) -> tuple[float, Array]:
-        off = (parameters - start) / widths
-        fit, slope = 0.5 * off @ off, off / widths
+    def unlikely(parameters: Array) -> float:
+        fit = 0.5 * (((parameters - start) / widths) ** 2).sum()
         for points, scaled in standard:
-            covariances, exponents = _processes(parameters, points, points)
-            volume, whitening, weights, squares = _solved(
-                _trend(points, points) + covariances.sum(0), scaled
-            )
+            volume, _, _, squares = _solved(_covariance(parameters, points, points), scaled)
             free = max(len(points) - dimensions - 1, 1)
             fit += 0.5 * free * np.log(squares).sum() + len(squares) * volume
-            by_covariance = (
-                len(squares) * whitening.T @ whitening - free * (weights / squares) @ weights.T
-            )
-            slope = slope + 0.5 * (_slopes(covariances, exponents) * by_covariance).sum((1, 2))
-        return float(fit), slope
+        return float(fit)
 
     bounds = list(zip(start - 4 * widths, start + 4 * widths, strict=True))
-    # to the digits that the values have: what follows from them must not depend on where a search stops
+    # where a search stops depends on last digits: they must not matter to what follows
     options = {"ftol": 1e-14, "gtol": 1e-7}
-    found = minimize(unlikely, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
-    return [Process(found, points, values) for points, values in sets]
+    found = minimize(
+        unlikely, start, jac="3-point", method="L-BFGS-B", bounds=bounds, options=options
+    )
+    parameters = found.x.round(_DIGITS)
+    return [Process(parameters, points, values) for points, values in sets]
 
 
 def _solved(covariance: Array, scaled: Array) -> tuple[float, Array, Array, Array]:
@@ -110,30 +106,12 @@ def _solved(covariance: Array, scaled: Array) -> tuple[float, Array, Array, Arra
 
 def _covariance(parameters: Array, a: Array, b: Array) -> Array:
     """Covariance between points a (m, d) and b (n, d): trend, smooth process, and one that jumps along an axis."""
-    return np.asarray(_trend(a, b) + _processes(parameters, a, b)[0].sum(0))
-
-
-def _trend(a: Array, b: Array) -> Array:
-    return np.asarray(_TREND * (1 + (a - 0.5) @ (b - 0.5).T))
-
-
-def _processes(parameters: Array, a: Array, b: Array) -> tuple[Array, Array]:
-    """Covariances of the smooth process and the other (2, m, n), and their exponents along each axis (2, m, n, d)."""
     both = np.exp(parameters).reshape(2, 1, 1, -1)
     gap = np.abs(a[:, None] - b) / both[..., 1:]
     exponents = 0.5 * gap**2
     exponents[1, ..., -1] = gap[1, ..., -1]
-    return both[..., 0] ** 2 * np.exp(-exponents.sum(-1)), exponents
-
-
-def _slopes(covariances: Array, exponents: Array) -> Array:
-    """Derivatives of the covariance between points by the parameters (parameters, n, n), from `_processes`."""
-    orders = np.full((2, exponents.shape[-1]), 2.0)
-    orders[1, -1] = 1.0
-    by_length = np.moveaxis(exponents, -1, 1) * orders[..., None, None] * covariances[:, None]
-    return np.concatenate([2 * covariances[:, None], by_length], axis=1).reshape(
-        -1, *covariances.shape[1:]
-    )
+    processes = both[..., 0] ** 2 * np.exp(-exponents.sum(-1))
+    return np.asarray(_TREND * (1 + (a - 0.5) @ (b - 0.5).T) + processes.sum(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +155,7 @@ class Surrogate:
 
     def at(self, points: Array) -> tuple[Array, Array, Array]:
         """Mean and standard deviation of ln(leakage) of open seals, and probability to be open, each (m, loads)."""
-        mean, deviation, middle, width = (
-            np.zeros((len(points), len(self.alike))) for _ in range(4)
-        )
+        mean, deviation, middle, width = np.zeros((4, len(points), len(self.alike)))
         deviation += _UNKNOWN
         middle += self.alike
         for loads, process in self.leakage:

@@ -20,8 +20,7 @@ from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
 from ..seal.form import FORMS
-from ..seal.lay import NAMES, Lay
-from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
+from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout, lay_of
 from ..topography.seat import SEATS
 from .faults import fault, faults_of, refusal
 from .values import (
@@ -259,7 +258,7 @@ class SealTable(MadeTable):
 
     def make(self, folder: Path, **more: Any) -> Layout:
         """The shape; paths are relative to a folder."""
-        return super().make(folder, lay=Lay.of(self.lay, folder), **more)
+        return super().make(folder, lay=lay_of(self.lay, folder), **more)
 
     def files(self) -> list[tuple[str, Path]]:
         """Key and path of every file that shapes the seal."""
@@ -269,13 +268,13 @@ class SealTable(MadeTable):
             if isinstance(value := getattr(self, name), Path)
         ]
         found += [("form.path", one.path) for one in self.form or () if hasattr(one, "path")]
-        lay = Lay.of(self.lay)
+        lay = lay_of(self.lay)
         return found + ([("lay", lay.file)] if lay.file is not None else [])
 
 
 def _lay(value: Any) -> Any:
     try:
-        lay = Lay.of(value)
+        lay = lay_of(value)
     except InputError as error:
         raise refusal(error.expected) from None
     if lay.name == "spiral":

@@ -66,13 +66,16 @@ def design(
     """
     probability = validate.tolerance("probability", probability)
     wanted = leak_classes(classes := tuple(classes))
-    case, results = _given(what)
+    case = results = None
+    if isinstance(what, Results):
+        results = what
+    elif not isinstance(what, Case) and Path(what).is_dir():
+        results = open_results(what)
+    else:
+        case = what if isinstance(what, Case) else load_case(what)
     extra = [to_si(q, "Pa", "assembly") if isinstance(q, str) else float(q) for q in assembly]
-    diameter = (
-        to_si(nominal_diameter, "m", "nominal_diameter")
-        if isinstance(nominal_diameter, str)
-        else nominal_diameter
-    )
+    if isinstance(diameter := nominal_diameter, str):
+        diameter = to_si(diameter, "m", "nominal_diameter")
     if diameter is not None:
         validate.number("nominal_diameter", diameter, unit="m")
     shown = progress or no_progress
@@ -129,6 +132,7 @@ def design(
         seals=seals,
         probability=probability,
         requirements=needs,
+        relaxation=relaxation,
         sealing=sealing_load(seals, probability),
         at=place,
         sensitivities=sensitivities(seals, variants, place[1], probability) if known_load else (),
@@ -140,23 +144,13 @@ def design(
     return answer
 
 
-def _given(what: Case | Results | AnyPath) -> tuple[Case | None, Results | None]:
-    if isinstance(what, Case):
-        return what, None
-    if isinstance(what, Results):
-        return None, what
-    return (None, open_results(what)) if Path(what).is_dir() else (load_case(what), None)
-
-
 def _assembled(case: Case, extra: list[float]) -> Case:
     """The case with more pressures from which it is unloaded."""
     if not extra:
         return case
     load, least = case.load, min(case.load.unloading or case.load.loading)
     if load.unit != "Pa":
-        raise InputError(
-            "assembly", to_text(extra[0], "Pa"), "none where the loads of the case are forces"
-        )
+        raise InputError("assembly", to_text(extra[0], "Pa"), "none beside loads that are forces")
     for q in extra:
         if not least < q < case.law.capacity:
             allowed = f"pressures above the lowest of the case, {to_text(least, 'Pa')}, and below the hardness"

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base import (
     AnyPath,
+    Plotted,
     TextTable,
     comma_separated,
     counted,
@@ -32,7 +33,7 @@ from ..plots.drawing import (
     decades,
     legend_below,
     png,
-    shown,
+    shows,
 )
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
@@ -49,6 +50,100 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Plotted):
+    """What a seal needs, see `design`.
+
+    results : of the run. seals : the leakages that decide. probability : fraction of the seals that keep a class.
+    requirements : Qmin and QSmin of every class. relaxation : fraction of the load in assembly that is lost before
+    service. sealing : load from which on nothing leaks. at : class and nominal
+    pressure [Pa] of the sensitivities; NaN where there is none. sensitivities : what changes the leakage.
+    notes : what to keep in mind, one line each.
+    """
+
+    results: Results
+    seals: Seals
+    probability: float
+    requirements: tuple[Requirement, ...]
+    relaxation: float
+    sealing: NeededPressure
+    at: tuple[str, float]
+    sensitivities: tuple[Sensitivity, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def stiffness(self) -> dict[float, float]:
+        """Secant stiffness of the faces from pressures in assembly Q_A to a third of them, by Q_A [Pa], in Pa/m.
+
+        E_G of EN 13555 is that times the thickness of the gasket, which faces do not have. The mean gap is straight in
+        ln(pressure) between the steps of the unloading. Not known of drawn seals, and where that ends above the third.
+        """
+        data, found = self.results.dataset, {}
+        for peak in self.seals.steps.unload_from if "mean_gap" in data else ():
+            steps = self.seals.falling(peak)[::-1]
+            steps = steps[self.seals.steps.pressures[steps] > 0]
+            pressure = np.log(self.seals.steps.pressures[steps])
+            gap = data["mean_gap"].values[steps]
+            if pressure[0] <= (third := np.log(peak / 3)) + 1e-9:
+                found[peak] = 2 / 3 * peak / (np.interp(third, pressure, gap) - gap[-1])
+        return found
+
+    @property
+    def leak_scale(self) -> tuple[LeakUnit, float]:
+        """The unit of leakage, that of the first class, and the leakage per length that is 1 in it [m²/s]."""
+        unit = self.results.leak_unit
+        if self.requirements:
+            unit = LEAK_UNITS[leak_classes([self.requirements[0].name])[0].unit]
+        return unit, self.results.class_basis.factor(unit)
+
+    @property
+    def load_text(self) -> LoadText:
+        """A pressure as text, with the force that makes it where the loads of the case are forces."""
+        return loads_as_given(self.results.dataset, 3)
+
+    def table(self) -> Any:
+        """The data sheet for a terminal, to be given to `rich.print`."""
+        from rich.console import Group
+        from rich.markup import escape
+
+        return Group(*map(escape, sheet_sentences(self)), *sheet_tables(self))
+
+    def write(self, folder: AnyPath) -> list[Path]:
+        """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
+        target = made_folder(folder)
+        table, (unit, scale) = rows(self), self.leak_scale
+        content = {
+            "case": self.results.case,
+            "probability": self.probability,
+            "seals": self.seals.count,
+            "limits": {need.name: need.limit / scale for need in self.requirements},
+            "limits_unit": unit.name,
+            "figures": table,
+            "sentences": sheet_sentences(self),
+            "tables": [
+                {"title": table.title, "heads": table.heads, "lines": table.lines}
+                for table in sheet_tables(self)
+            ],
+        }
+        with writing("output", target, "a folder"):
+            written = [
+                write_bytes(target / DESIGN_PICTURE, png(design_figure(self))),
+                write_text(target / TABLE_FILE, comma_separated(table)),
+                write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False)),
+            ]
+            return [*written, *([write_report(target)] if (target / FILE_NAME).is_file() else [])]
+
+    def __repr__(self) -> str:
+        needs = "; ".join(
+            f"{need.name}: Qmin {need.assembly.text(self.load_text)}" for need in self.requirements
+        )
+        return f"<femseal.Design of {counted(self.seals.count, 'seal')}, probability {self.probability:g}: {needs}>"
+
+    def _repr_html_(self) -> str:
+        return "".join(table._repr_html_() for table in sheet_tables(self))
+
+
+@shows(Design)
 def design_figure(answer: Design) -> Figure:
     """Leakage that a fraction of the seals does not exceed over nominal pressure: limits of classes, Qmin, QSmin."""
     unit, scale = answer.leak_scale
@@ -94,114 +189,14 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
             marker, above = ("v", 7) if peak is None else ("^", -15)
             axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, zorder=4)
             axes.plot(x, y, color=colour, marker=marker, ms=9, mec="black", zorder=5)
-            look: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8, "zorder": 6}
-            axes.annotate(answer.load_text(needed.at), (x, y), xytext=(4, above), **look)
+            text, at = answer.load_text(needed.at), (4, above)
+            axes.annotate(text, (x, y), at, textcoords="offset points", fontsize=8, zorder=6)
     handles = [
         Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=f"{name} as computed")
         for marker, name in (("v", "Qmin"), ("^", "QSmin"))
     ]
     band = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error")
     return [*handles, band]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Design:
-    """What a seal needs, see `design`.
-
-    results : of the run. seals : the leakages that decide. probability : fraction of the seals that keep a class.
-    requirements : Qmin and QSmin of every class. sealing : load from which on nothing leaks. at : class and nominal
-    pressure [Pa] of the sensitivities; NaN where there is none. sensitivities : what changes the leakage.
-    notes : what to keep in mind, one line each.
-    """
-
-    results: Results
-    seals: Seals
-    probability: float
-    requirements: tuple[Requirement, ...]
-    sealing: NeededPressure
-    at: tuple[str, float]
-    sensitivities: tuple[Sensitivity, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def relaxation(self) -> float:
-        """Fraction of the load in assembly that is lost before service."""
-        return float(self.results.case.get("load", {}).get("relaxation", 0.0))
-
-    @property
-    def stiffness(self) -> dict[float, float]:
-        """Secant stiffness of the faces from pressures in assembly Q_A to a third of them, by Q_A [Pa], in Pa/m.
-
-        E_G of EN 13555 is that times the thickness of the gasket, which faces do not have. The mean gap is straight in
-        ln(pressure) between the steps of the unloading. Not known of drawn seals, and where that ends above the third.
-        """
-        data, found = self.results.dataset, {}
-        for peak in self.seals.steps.unload_from if "mean_gap" in data else ():
-            steps = self.seals.falling(peak)[::-1]
-            steps = steps[self.seals.steps.pressures[steps] > 0]
-            pressure = np.log(self.seals.steps.pressures[steps])
-            gap = data["mean_gap"].values[steps]
-            if pressure[0] <= (third := np.log(peak / 3)) + 1e-9:
-                found[peak] = 2 / 3 * peak / (np.interp(third, pressure, gap) - gap[-1])
-        return found
-
-    @property
-    def leak_scale(self) -> tuple[LeakUnit, float]:
-        """The unit of leakage, that of the first class, and the leakage per length that is 1 in it [m²/s]."""
-        unit = self.results.leak_unit
-        if self.requirements:
-            unit = LEAK_UNITS[leak_classes([self.requirements[0].name])[0].unit]
-        return unit, self.results.class_basis.factor(unit)
-
-    @property
-    def load_text(self) -> LoadText:
-        """A pressure as text, with the force that makes it where the loads of the case are forces."""
-        return loads_as_given(self.results.dataset, 3)
-
-    def table(self) -> Any:
-        """The data sheet for a terminal, to be given to `rich.print`."""
-        from rich.console import Group
-        from rich.markup import escape
-
-        return Group(*map(escape, sheet_sentences(self)), *sheet_tables(self))
-
-    def plot(self) -> Figure:
-        """Leakage over load with Qmin and QSmin, see `design_figure`."""
-        return shown(design_figure(self))
-
-    def write(self, folder: AnyPath) -> list[Path]:
-        """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
-        target = made_folder(folder)
-        table, (unit, scale) = rows(self), self.leak_scale
-        content = {
-            "case": self.results.case,
-            "probability": self.probability,
-            "seals": self.seals.count,
-            "limits": {need.name: need.limit / scale for need in self.requirements},
-            "limits_unit": unit.name,
-            "figures": table,
-            "sentences": sheet_sentences(self),
-            "tables": [
-                {"title": table.title, "heads": table.heads, "lines": table.lines}
-                for table in sheet_tables(self)
-            ],
-        }
-        with writing("output", target, "a folder"):
-            written = [
-                write_bytes(target / DESIGN_PICTURE, png(design_figure(self))),
-                write_text(target / TABLE_FILE, comma_separated(table)),
-                write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False)),
-            ]
-            return [*written, *([write_report(target)] if (target / FILE_NAME).is_file() else [])]
-
-    def __repr__(self) -> str:
-        needs = "; ".join(
-            f"{need.name}: Qmin {need.assembly.text(self.load_text)}" for need in self.requirements
-        )
-        return f"<femseal.Design of {counted(self.seals.count, 'seal')}, probability {self.probability:g}: {needs}>"
-
-    def _repr_html_(self) -> str:
-        return "".join(table._repr_html_() for table in sheet_tables(self))
 
 
 TABLE_FILE = "design.csv"
@@ -302,21 +297,22 @@ def rows(answer: Design) -> list[dict[str, Any]]:
         pressures += [("QSmin [Pa]", need.name, *pair) for pair in need.service.items()]
     pressures.append(("sealing load [Pa]", "", None, answer.sealing))
     found: list[dict[str, Any]] = []
+
+    def add(*values: Any, **more: Any) -> None:
+        found.append(dict.fromkeys(_COLUMNS) | dict(zip(_COLUMNS, values, strict=False)) | more)
+
     for figure, name, peak, needed in pressures:
         value = needed.bound(needed.value)
-        row = dict(zip(_COLUMNS, (figure, name, peak, needed.relation, value), strict=False))
-        row |= {"load": answer.load_text(value), "high": needed.value if needed.known else None}
         # None where an end lies beyond the loads or is unknown
         ends = {"computed": needed.computed, "low": needed.low}
-        found.append(row | {key: p if isfinite(p) and p > 0 else None for key, p in ends.items()})
+        known = {key: p for key, p in ends.items() if isfinite(p) and p > 0}
+        known |= {"high": needed.value} if needed.known else {}
+        add(figure, name, peak, needed.relation, value, load=answer.load_text(value), **known)
     for peak, stiffness in answer.stiffness.items():
-        row = {"figure": "E_G over thickness [Pa/m]", "value": stiffness}
         how = "secant of the mean gap to Q_A / 3"
-        found.append(row | {"assembly_pressure_Pa": peak, "relation": "=", "how": how})
+        add("E_G over thickness [Pa/m]", None, peak, "=", stiffness, how=how)
     for one in answer.sensitivities:
         for what, slope in (("L", one.leakage), ("Qmin", one.pressure)):
-            known = slope if isfinite(slope) else None
-            row = {"figure": f"d ln {what} / d ln {one.quantity}", "class": answer.at[0]}
-            row |= {"assembly_pressure_Pa": answer.at[1], "relation": "=", "value": known}
-            found.append(row | {"how": one.how})
-    return [dict.fromkeys(_COLUMNS) | row for row in found]
+            figure = f"d ln {what} / d ln {one.quantity}"
+            add(figure, *answer.at, "=", slope if isfinite(slope) else None, how=one.how)
+    return found

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import ceil, inf, isinf
+from math import ceil, inf
 
 import numpy as np
 
@@ -142,11 +142,6 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     return np.where(ok.all(axis=1), 0.0, np.where(first == 0, inf, between))
 
 
-def pressure_for(pressures: Array, fraction: float) -> float:
-    """Lowest pressure that is enough for a fraction of the seals [Pa]: an order statistic, without interpolation."""
-    return float(np.sort(pressures)[_rank(fraction, len(pressures))])
-
-
 def _rank(fraction: float, count: int) -> int:
     return min(max(ceil(fraction * count - 1e-9), 1), count) - 1
 
@@ -185,9 +180,7 @@ class NeededPressure:
     @property
     def relation(self) -> str:
         """ "=", or "<=" or ">" where only a bound is known."""
-        if self.known:
-            return "="
-        return ">" if isinf(self.value) else "<="
+        return {inf: ">", 0.0: "<="}.get(self.value, "=")
 
     def bound(self, value: float) -> float:
         """A pressure, or the load that bounds it."""
@@ -246,9 +239,12 @@ def sealing_load(seals: Seals, fraction: float) -> NeededPressure:
 def _needed(
     seals: Seals, of: Callable[[Seals], Array], steps: Indices, fraction: float
 ) -> NeededPressure:
-    """The pressure that a fraction of the seals needs: as computed, and by both ends of the whole band of error."""
+    """The pressure that a fraction of the seals needs: as computed, and by both ends of the whole band of error.
+
+    It is an order statistic, without interpolation.
+    """
     computed, low, high = (
-        pressure_for(of(replace(seals, leakage=leakage)), fraction)
+        float(np.sort(of(replace(seals, leakage=leakage)))[_rank(fraction, seals.count)])
         for leakage in (seals.leakage, seals.lower, seals.upper)
     )
     pressure = seals.steps.pressures[steps]

@@ -170,21 +170,21 @@ def legend_below(
     title: str | None = None,
 ) -> None:
     """Draw one legend below all panels; length : of its lines, in font sizes."""
-    look: dict[str, Any] = {
-        "frameon": False,
-        "fontsize": 8.5,
-        "title_fontsize": 8.5,
-        "handlelength": length,
-    }
-    figure.legend(handles=handles, loc="lower center", ncols=columns, title=title, **look)
+    figure.legend(
+        handles=handles,
+        loc="lower center",
+        ncols=columns,
+        title=title,
+        frameon=False,
+        fontsize=8.5,
+        title_fontsize=8.5,
+        handlelength=length,
+    )
 
 
-def one_panel(ax: Axes | None, width: float, height: float) -> tuple[Figure, Axes]:
-    """The given axes and their figure, or those of a new figure [inch]."""
-    if ax is None:
-        figure = new_figure(width, height)
-        return figure, figure.add_subplot()
-    return ax.get_figure(root=True), ax  # type: ignore[return-value]
+def root_of(axes: Axes) -> Figure:
+    """The figure that axes are in."""
+    return axes.get_figure(root=True)  # type: ignore[return-value]
 
 
 def branch_styles(count: int) -> list[dict[str, Any]]:
@@ -293,8 +293,7 @@ def lying(size: Pair) -> Pair:
 
 def colour_bar(axes: Axes, image: Any) -> Any:
     """A bar as high as the map."""
-    figure = axes.get_figure(root=True)
-    bar = figure.colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))  # type: ignore[union-attr]
+    bar = root_of(axes).colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))
     if bar.ax.get_yscale() == "log":
         decades(bar.ax.yaxis)
     bar.ax.tick_params(which="both", labelsize=8)

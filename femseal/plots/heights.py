@@ -60,12 +60,7 @@ def height_range(heights: NDArray) -> Pair:
 
 
 def height_panel(
-    axes: Axes,
-    heights: NDArray,
-    size: Pair,
-    title: str = "height [µm]",
-    *,
-    upright: bool = False,
+    axes: Axes, heights: NDArray, size: Pair, title: str = "height [µm]", *, upright: bool = False
 ) -> None:
     """Map of heights (n1, n2) [µm] over a face of a size [mm]; the colour bar says what is out of its range.
 

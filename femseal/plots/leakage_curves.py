@@ -24,7 +24,7 @@ from .drawing import (
     decades,
     legend_below,
     load_axis,
-    one_panel,
+    root_of,
     shows,
 )
 
@@ -66,13 +66,6 @@ class LeakageCurves:
     force: tuple[str, float] | None = None
 
     @property
-    def load(self) -> tuple[str, float]:
-        """The name of the axis of loads, and what a nominal pressure of 1 Pa is on it."""
-        if self.force is None:
-            return "nominal pressure [MPa]", 1e-6
-        return f"force [{self.force[0]}]", self.force[1]
-
-    @property
     def branches(self) -> list[tuple[str, Indices]]:
         """Names, with the forces of the case, and steps of the loading and of each unloading."""
         loading, *unloadings = branches(self.pressure, self.peaks)
@@ -107,7 +100,9 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
 
     before = len(axes.get_legend_handles_labels()[0])
     factor, name = curves.scale
-    load_name, load_factor = curves.load
+    load_name, load_factor = "nominal pressure [MPa]", 1e-6
+    if curves.force is not None:
+        load_name, load_factor = f"force [{curves.force[0]}]", curves.force[1]
     parts = curves.branches
     inside = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
     leakage_axis(axes, np.concatenate([curves.range / factor, *inside]))
@@ -139,11 +134,11 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     """A line for each limit within the scale of a logarithmic axis, with names beside it that share a line of text."""
     low, high = axes.get_ylim()
     named: dict[int, list[str]] = {}
-    seen = {name: limit for name, limit in limits.items() if low < limit < high}
-    for name, limit in seen.items():
-        axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
-        place = np.log(limit / low) / np.log(high / low)
-        named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
+    for name, limit in limits.items():
+        if low < limit < high:
+            axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
+            place = np.log(limit / low) / np.log(high / low)
+            named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
     for lane, names in named.items():
         at = (1.01, lane * _NAME_HEIGHT)
         axes.annotate(", ".join(names), at, xycoords="axes fraction", va="center", fontsize=8)
@@ -163,10 +158,11 @@ def leakage_axis(axes: Axes, values: Array) -> None:
     decades(axes.yaxis)
     if strip:
         # axhspan would take its ends in units of the leakage
-        grey: dict[str, Any] = {"color": "#E4E4E4", "lw": 0, "zorder": 0}
-        axes.add_patch(Rectangle((0, 0), 1, strip, transform=axes.transAxes, **grey))
-        look: dict[str, Any] = {"ha": "center", "va": "center", "color": GREY, "fontsize": 8}
-        axes.annotate("sealed", (0.5, strip / 2), xycoords="axes fraction", **look)
+        axes.add_patch(
+            Rectangle((0, 0), 1, strip, transform=axes.transAxes, color="#E4E4E4", lw=0, zorder=0)
+        )
+        look: Any = {"xycoords": "axes fraction", "ha": "center", "va": "center"}
+        axes.annotate("sealed", (0.5, strip / 2), color=GREY, fontsize=8, **look)
 
 
 def leakage_line(axes: Axes, x: Array, y: Array, **look: Any) -> Any:
@@ -203,7 +199,7 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     common = replace(curves, scale=_COMMON, force=None, limits={})
     leakage_panel(ax, common, f"{label or curves.title}, ")
     ax.legend(framealpha=0.9, edgecolor="none", fontsize=7.5, handlelength=3.4)
-    return one_panel(ax, 0, 0)[0]
+    return root_of(ax)
 
 
 @shows(FaceResult)
@@ -334,7 +330,7 @@ def _pieces(results: Results) -> tuple[Array, Array, Array, Flags]:
     kind = next((kind for kind in ("state", "piece") if f"{kind}_k1" in data), None)
     if kind is None:
         raise InputError(
-            "pieces figure", "results without pieces", "those of a two-scale or a stochastic study"
+            "pieces figure", "results without pieces", "those of two scales or drawn seals"
         )
     fields = (data[f"{kind}_{name}"].values for name in ("k1", "mean_gap", "pressure"))
     k, gap, pressure = (values.reshape(len(values), -1) for values in fields)

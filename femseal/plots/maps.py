@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,8 +35,8 @@ from .drawing import (
     name_sides,
     new_figure,
     on_decades,
-    one_panel,
     panel_title,
+    root_of,
     shows,
     with_closed,
 )
@@ -60,11 +59,6 @@ def default_step(data: xarray.Dataset) -> int:
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0
 
 
-def has_maps(data: xarray.Dataset) -> bool:
-    """Whether there are fields over the face."""
-    return "face_gap" in data
-
-
 def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Maps of the face at one step: contact pressure, gap and fluid pressure in blocks, and the fall of the pressure.
 
@@ -75,15 +69,15 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
     Raises InputError: results without fields over the face, or no such step.
     """
     data = results.dataset
-    if not has_maps(data) and "drawn_corners" not in data:
+    if "face_gap" not in data and "drawn_corners" not in data:
         expected = "those of a two-scale or a deterministic study, or with a drawn seal"
         raise InputError("seal figure", "results without maps", expected)
     s = default_step(data) if step is None else step
     if not 0 <= s < data.sizes["step"]:
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
-    if not has_maps(data):
+    if "face_gap" not in data:
         return drawn_figure(data, s)
-    size = face_size(data)
+    size = sides(data)
     row = map_row(lying(size))
     sheet = Sheet([row, row, row, 2.4], head=0.35)
     contact, gap, fluid = (
@@ -109,7 +103,7 @@ def drop_steps(data: xarray.Dataset, last: int) -> list[int]:
 
 def place_figure(data: xarray.Dataset) -> Figure:
     """Heights of the measured place that leaks most, and its gap at the highest load that leaks where it is known."""
-    size = _sides(data, "place1", "place2")
+    size = sides(data, "place")
     gaps = "place_gap" in data
     sheet = Sheet([map_row(lying(size))] * (1 + gaps))
     heights, s = data["place_height"], default_step(data)
@@ -121,14 +115,9 @@ def place_figure(data: xarray.Dataset) -> Figure:
     return sheet.figure
 
 
-def face_size(data: xarray.Dataset) -> Pair:
-    """Sides of the face [mm]."""
-    return _sides(data, "face1", "face2")
-
-
-def _sides(data: xarray.Dataset, *blocks: str) -> Pair:
-    """Sides [mm] of what blocks cover, by their two coordinates."""
-    one, two = (float(data[name][0] + data[name][-1]) * 1e3 for name in blocks)
+def sides(data: xarray.Dataset, of: str = "face") -> Pair:
+    """Sides of the face [mm], or of a measured place, by the coordinates of its blocks."""
+    one, two = (float(data[f"{of}{n}"][[0, -1]].sum()) * 1e3 for n in (1, 2))
     return one, two
 
 
@@ -147,8 +136,7 @@ def _contact_panel(axes: Axes, pressure: Array, size: Pair, joint: str) -> None:
 
 def _gap_panel(axes: Axes, gap: Array, size: Pair, title: str) -> None:
     """Map of a gap [m]."""
-    shown = np.where(gap > 0, gap, np.nan) * 1e6
-    map_panel(axes, shown, size, with_closed("magma"), title, vmin=0)
+    map_panel(axes, np.where(gap > 0, gap, np.nan) * 1e6, size, with_closed("magma"), title, vmin=0)
 
 
 def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
@@ -157,16 +145,15 @@ def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     x1, p = data["block1"].values, pressure[steps[-1]]
     means = {s: pressure[s].mean(axis=1) for s in steps}
     _lines_over_x1(axes, data, x1, means, "fluid pressure [MPa]")
-    look: dict[str, Any] = {"color": GREY, "alpha": 0.15, "lw": 0, "label": "lowest to highest"}
-    axes.fill_between(x1 * 1e3, p.min(axis=1), p.max(axis=1), **look)
+    ends = p.min(axis=1), p.max(axis=1)
+    axes.fill_between(x1 * 1e3, *ends, color=GREY, alpha=0.15, lw=0, label="lowest to highest")
     axes.legend(fontsize=8, framealpha=0.9)
 
 
 def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     """Mean contact pressure of the rows of the face along the leakage: the band on which a seat touches."""
     rows = {s: data["row_pressure"].values[s] / 1e6 for s in steps}
-    name = "mean contact pressure of rows [MPa]"
-    _lines_over_x1(axes, data, data["row"].values, rows, name)
+    _lines_over_x1(axes, data, data["row"].values, rows, "mean contact pressure of rows [MPa]")
     axes.legend(fontsize=8, framealpha=0.9)
 
 
@@ -246,99 +233,84 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
 def _pressure_figure(values: Array, ax: Axes | None, title: str, unit: str) -> Figure:
     """Map of a fluid pressure (n1, n2)."""
     n1, n2 = values.shape
-    figure, axes = one_panel(ax, 6.2, map_height(lying((n1, n2)), 4.6) + 0.9)
-    map_panel(axes, values, (n1, n2), with_closed("cividis", POCKET), title, unit)
-    return figure
-
-
-class DrawnSeal:
-    """Corners (parts, corners, 2) of the parts of a drawn seal, and the ends of each (parts, 2) [mm].
-
-    strip : whether it is a straight seal; lies : a high one, with x2 to the right. detail : around the largest flow at
-    a step. all : the seal. Both are a lower left and an upper right corner.
-    """
-
-    def __init__(self, data: xarray.Dataset, s: int) -> None:
-        self.corners = data["drawn_corners"].values * 1e3
-        sides = np.ptp(self.corners, axis=(0, 1)).tolist()
-        self.strip = data.attrs["seal"].startswith("a strip")
-        self.lies = lying(sides) != tuple(sides)
-        if self.lies:
-            self.corners = self.corners[..., ::-1]
-        self.low, self.high = self.corners.min(axis=1), self.corners.max(axis=1)
-        low, high = self.all = self.low.min(axis=0), self.high.max(axis=0)
-        side = _DETAIL * data.attrs["seal_size_m"][0] * 1e3
-        flux = np.nan_to_num(np.hypot(*data["drawn_flux"].values[s].T))
-        place = self.corners[np.argmax(flux)].mean(axis=0)
-        start = np.maximum(low, np.minimum(place - side / 2, high - side))
-        self.detail = start, np.minimum(start + side, high)
-
-    def seen(self, low: Array, high: Array) -> Flags:
-        """Parts that lie between two corners, if only with a corner of theirs."""
-        return ((self.high >= low) & (self.low <= high)).all(axis=1)  # type: ignore[no-any-return]
+    if ax is None:
+        ax = new_figure(6.2, map_height(lying((n1, n2)), 4.6) + 0.9).add_subplot()
+    map_panel(ax, values, (n1, n2), with_closed("cividis", POCKET), title, unit)
+    return root_of(ax)
 
 
 def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     """Fluid pressure in the whole seal, and the flow around its largest.
 
     Where the load has a map, or the seal a form, also the contact pressure of the tiles, the form, and the gap that it
-    leaves. A long seal is shown without its proportions.
+    leaves. A long seal is shown without its proportions, a high one lies, with x2 to the right.
     """
-    seal = DrawnSeal(data, s)
-    panels = [(seal.all, draw) for draw in _whole_panels(data, s)]
+    corners = data["drawn_corners"].values * 1e3
+    size = tuple(np.ptp(corners, axis=(0, 1)).tolist())
+    if lies := lying(size) != size:
+        corners = corners[..., ::-1]
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     flow = np.nan_to_num(np.hypot(*data["drawn_flux"].values[s].T))
+    side = _DETAIL * data.attrs["seal_size_m"][0] * 1e3
+    start = np.minimum(corners[np.argmax(flow)].mean(axis=0) - side / 2, high - side)
+    start = np.maximum(low, start)
+    end = np.minimum(start + side, high)
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
-    around = "" if np.array_equal(seal.detail, seal.all) else " around the largest"
+    around = "" if np.array_equal([start, end], [low, high]) else " around the largest"
+    panels: list[tuple[Any, ...]] = [(low, high, *panel) for panel in _whole_panels(data, s)]
     title = f"flow per width [{unit}]{around}"
-    panels.append((seal.detail, partial(_draw, title, flow / factor, "magma", decades=_DECADES)))
+    panels.append((start, end, title, flow / factor, "magma", "failed", _DECADES))
     number, drawn = (data["drawn_corners"].attrs[name] for name in ("realisation", "part"))
-    sizes = [tuple((high - low).tolist()) for (low, high), _ in panels]
+    sizes = [tuple((high - low).tolist()) for low, high, *_ in panels]
     sheet = Sheet([map_row(size) for size in sizes], head=0.3 if drawn == 1 else 0.5)
-    names = (
-        ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"] if seal.strip else ["x [mm]", "y [mm]"]
-    )
-    for n, ((low, high), draw) in enumerate(panels):
+    names = ["x [mm]", "y [mm]"]
+    if data.attrs["seal"].startswith("a strip"):
+        names = ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"]
+    for n, (low, high, *panel) in enumerate(panels):
         axes, (width, height) = sheet.panel(n, MAP), sizes[n]
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set_aspect("equal" if width <= _LONGEST * height else "auto")
-        name_sides(axes, names[::-1] if seal.lies else names)
-        seen = seal.seen(low, high)
-        draw(axes, seal.corners[seen], seen)
+        name_sides(axes, names[::-1] if lies else names)
+        # parts that lie between the ends, if only with a corner of theirs
+        seen = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
+        _draw(axes, corners[seen], seen, *panel)
     part = f"\n{100 * drawn:.2g} % of its length is shown, the rest is alike" if drawn < 1 else ""
     sheet.head(f"{load_names(data)[s]}; drawn seal {number}, the nearest to the median{part}")
     return sheet.figure
 
 
-def _whole_panels(data: xarray.Dataset, s: int) -> list[partial[None]]:
-    """What draws each map of the whole seal, see `_draw`: the contact pressure where it follows a map or a form."""
-    found = []
+def _whole_panels(data: xarray.Dataset, s: int) -> list[tuple[Any, ...]]:
+    """Title, values and colours of each map of the whole seal, and what parts without a value are, see `_draw`."""
+    fields = {
+        name: data[f"drawn_{name}"].values
+        for name in ("contact_pressure", "fluid_pressure", "form", "separation")
+        if f"drawn_{name}" in data
+    }
+    found: list[tuple[Any, ...]] = []
     has_map = json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map")
-    if "drawn_contact_pressure" in data and (has_map or "drawn_form" in data):
-        pressure = data["drawn_contact_pressure"].values[s] / 1e6
-        found.append(partial(_draw, "contact pressure [MPa]", pressure, "viridis"))
-    fluid = data["drawn_fluid_pressure"].values[s] / 1e6
-    found.append(partial(_draw, "fluid pressure [MPa]", fluid, "cividis", bad="pockets"))
-    if "drawn_form" in data:
-        form, apart = data["drawn_form"].values * 1e6, data["drawn_separation"].values[s] * 1e6
-        found.append(partial(_draw, "form of the seal [µm]", form, "cividis"))
-        found.append(partial(_draw, "distance of mean planes [µm]", apart, "viridis"))
+    if "contact_pressure" in fields and (has_map or "form" in fields):
+        found.append(("contact pressure [MPa]", fields["contact_pressure"][s] / 1e6, "viridis"))
+    found.append(("fluid pressure [MPa]", fields["fluid_pressure"][s] / 1e6, "cividis", "pockets"))
+    if "form" in fields:
+        found.append(("form of the seal [µm]", fields["form"] * 1e6, "cividis"))
+        apart = fields["separation"][s] * 1e6
+        found.append(("distance of mean planes [µm]", apart, "viridis"))
     return found
 
 
 def _draw(
-    title: str,
-    values: Array,
-    colours: str,
     axes: Axes,
     corners: Array,
     seen: Flags,
-    *,
-    decades: int = 0,
+    title: str,
+    values: Array,
+    colours: str,
     bad: str = "failed",
+    decades: int = 0,
 ) -> None:
     """Map of values of the parts (parts,), in the colours of all of them, of those that are seen.
 
-    decades : of a logarithmic scale at most; 0: a linear one. bad : what parts without a value are.
+    bad : what parts without a value are. decades : of a logarithmic scale at most; 0: a linear one.
     """
     from matplotlib import colormaps
     from matplotlib.collections import PolyCollection
@@ -350,14 +322,15 @@ def _draw(
     if decades:
         values, norm = on_decades(values, decades)
         notes += ["grey: none"] if (finite == 0).any() else []
-    look: dict[str, Any] = {
-        "norm": norm,
-        "rasterized": True,
-        "edgecolors": "face",
-        "linewidths": 0.1,
-    }
-    look["cmap"] = colormaps[colours].with_extremes(under=CLOSED, bad=POCKET)
-    parts = PolyCollection(corners, array=np.ma.masked_invalid(values[seen]), **look)  # type: ignore[arg-type]
+    parts = PolyCollection(
+        corners,  # type: ignore[arg-type]
+        array=np.ma.masked_invalid(values[seen]),
+        cmap=colormaps[colours].with_extremes(under=CLOSED, bad=POCKET),
+        norm=norm,
+        rasterized=True,
+        edgecolors="face",
+        linewidths=0.1,
+    )
     axes.add_collection(parts, autolim=False)
     colour_bar(axes, parts)
     panel_title(axes, "; ".join(notes))

@@ -42,7 +42,9 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     between the quantiles of the realisations are drawn for up to three runs. Of a sweep, a panel above shows the
     leakage at the highest load at which all leak against the key that has most values.
     """
-    key = _drawn_key(comparison)
+    counts = [len({*values}) for values in zip(*comparison.settings, strict=True)]
+    varied = comparison.common_steps and max(counts, default=0) > 1
+    key = int(np.argmax(counts)) if varied else None
     below = 0.6 + LEGEND_LINE * (len(comparison.labels) + 1.5)
     sheet = Sheet([*([] if key is None else [4.0]), 3.8 + below])
     margins = replace(LINES, top=0.15, bottom=below)
@@ -54,16 +56,10 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     return sheet.figure
 
 
-def run_styles(count: int) -> list[tuple[Any, str]]:
-    """Colour, from dark to bright, and marker of each run."""
-    from matplotlib import colormaps
-
-    shades = np.linspace(0, 0.92, count)
-    return [(colormaps["viridis"](x), MARKERS[n % len(MARKERS)]) for n, x in enumerate(shades)]
-
-
 def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
     """Leakage against nominal pressure; returns the handles of the legend."""
+    from matplotlib import colormaps
+
     count = len(comparison.runs)
     leakages = [np.abs(comparison.leakage(n)) for n in range(count)]
     bands = [comparison.band(n) if count <= _MOST_BANDS else None for n in range(count)]
@@ -71,9 +67,11 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
     leakage_axis(axes, np.concatenate([*leakages, *ends]))
     handles: list[Any] = []
     loads = [run.dataset["nominal_pressure"].values / 1e6 for run in comparison.runs]
-    for n, (colour, marker) in enumerate(run_styles(count)):
+    # from dark to bright
+    colours = colormaps["viridis"](np.linspace(0, 0.92, count))
+    for n, colour in enumerate(colours):
         (_, up), *unloadings = branches_in(comparison.runs[n].dataset)
-        look: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4.5}
+        look: dict[str, Any] = {"color": colour, "marker": MARKERS[n % len(MARKERS)], "ms": 4.5}
         solid = look | {"lw": 1.8, "label": comparison.labels[n]}
         dashed = look | {"ls": "--", "lw": 1.0, "mfc": "white"}
         handles.append(leakage_line(axes, loads[n][up], leakages[n][up], **solid))
@@ -87,17 +85,13 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
     return handles
 
 
-def _drawn_key(comparison: RunComparison) -> int | None:
-    """The key of a sweep with most values, if the runs have loads in common; None without one."""
-    counts = [len({*values}) for values in zip(*comparison.settings, strict=True)]
-    if not counts or max(counts) < 2 or not comparison.common_steps:
-        return None
-    return int(np.argmax(counts))
-
-
 def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
     """Leakage at one load against the values of a key: a line for each choice of the other keys."""
-    step = _shown_step(comparison)
+    # the highest load on loading at which all leak
+    common = comparison.common_steps
+    loading = (step for step in common if step.unloaded_from is None)
+    leaking = [step for step in loading if (_sizes(comparison, step) > 0).all()]
+    step = leaking[-1] if leaking else common[0]
     texts = list(dict.fromkeys(values[key] for values in comparison.settings))
     places = _places(texts)
     others: dict[str, list[int]] = {}
@@ -125,14 +119,6 @@ def _sizes(comparison: RunComparison, step: LoadStep) -> Array:
     """Size of the leakage of every run at a step (runs,)."""
     runs = enumerate(comparison.runs)
     return np.abs([comparison.leakage(n)[run.steps.index(step)] for n, run in runs])
-
-
-def _shown_step(comparison: RunComparison) -> LoadStep:
-    """The highest common step on loading at which all runs leak, or else the first common one."""
-    common = comparison.common_steps
-    loading = (step for step in common if step.unloaded_from is None)
-    leaking = [step for step in loading if (_sizes(comparison, step) > 0).all()]
-    return leaking[-1] if leaking else common[0]
 
 
 def _places(texts: list[str]) -> list[float]:

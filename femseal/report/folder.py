@@ -106,20 +106,19 @@ def write_again(
     if not fields:
         results.dataset.attrs["left_out"] = json.dumps([])
     write = partial(_write_for_people, results, surface, pictures, report)
-    return _replaced(results, target, write, kept, same_numbers=True)
+    return _replaced(results, target, write, kept)
 
 
 def _replaced(
     results: Results,
     target: Path,
     write: Callable[[Path], list[Path]],
-    kept: Sequence[Path] = (),
-    *,
-    same_numbers: bool = False,
+    kept: Sequence[Path] | None = None,
 ) -> list[Path]:
     """Write the files of a run, and put them in the place of those of an earlier one but the kept.
 
-    same_numbers : the earlier results are these, and stay until the new ones are complete: nothing else keeps them.
+    kept : files of the earlier run; its results are then these, and stay until the new ones are complete: nothing else
+        keeps them.
     """
     unfinished = target / UNFINISHED
     # files that a link leads to stay
@@ -133,13 +132,11 @@ def _replaced(
         raise
     try:
         names = [path.relative_to(unfinished) for path in [*write(unfinished), saved]]
-        listed = [*kept, *names]
-        if same_numbers:
-            _list_files(target, dict.fromkeys([*listed, *_former(target)]))
-        else:
+        listed = [*(kept or ()), *names]
+        if kept is None:
             (target / FILE_NAME).unlink(missing_ok=True)
-            _remove_former(target, kept)
-            _list_files(target, listed)
+        former = [name for name in _former(target) if name not in listed]
+        _list_files(target, [*listed, *former])
         for name in names:
             if not is_inside(target, name):
                 raise FemsealError(
@@ -147,8 +144,8 @@ def _replaced(
                 )
             made_folder((target / name).parent)
             os.replace(unfinished / name, target / name)
-        if same_numbers:
-            _remove_former(target, listed)
+        if former:
+            _remove(target, former)
             _list_files(target, listed)
     except Exception as error:
         reason = str(error) or type(error).__name__
@@ -190,13 +187,13 @@ def _former(folder: Path) -> list[Path]:
     ]
 
 
-def _remove_former(folder: Path, kept: Sequence[Path]) -> None:
-    """Remove the files of an earlier run but the kept, and folders that they leave empty.
+def _remove(folder: Path, names: Iterable[Path]) -> None:
+    """Remove files of an earlier run, and folders that they leave empty.
 
     A name that leads out of the folder by a link is passed over.
     """
     parents: set[Path] = set()
-    for name in [name for name in _former(folder) if name not in kept]:
+    for name in names:
         with suppress(OSError):  # no such file, or a name too long to be one
             if is_inside(folder, name):
                 (folder / name).unlink()

@@ -14,11 +14,21 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ..base import AnyPath, FemsealError, InputError, replacing, to_text, write_text, writing
+from ..base import (
+    AnyPath,
+    FemsealError,
+    InputError,
+    format_deviation,
+    number_text,
+    replacing,
+    to_text,
+    write_text,
+    writing,
+)
 from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
 from ..plots.drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, lying, map_row, png
 from ..plots.heights import height_panel
@@ -27,10 +37,9 @@ from ..plots.maps import (
     drawn_figure,
     drop_steps,
     face_leakage,
-    face_size,
-    has_maps,
     place_figure,
     row_panel,
+    sides,
 )
 from ..results.dataset import FILE_NAME, open_results, unfit
 from ..results.results import Results, load_names
@@ -57,55 +66,10 @@ BROWSERS = (
 )
 #: Longest time that a browser may take [s].
 _PATIENCE = 120
-#: Least and largest of values that may be undefined.
-_ENDS = np.nanmin, np.nanmax
 #: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
 FILES = ("surface", "seal", "seat", "place", "drawn", "pieces", "leakage")
 #: Pictures as PNG by their name.
 Drawings = Mapping[str, bytes]
-
-
-class Picture(NamedTuple):
-    """A picture of the page as a data URI, with its caption."""
-
-    uri: str
-    caption: str
-
-
-def page_pictures(results: Results, drawings: Drawings) -> dict[str, Picture]:
-    """The pictures of the page by their name."""
-    captions = _captions(results)
-    return {
-        name: Picture(png_uri(drawing), captions[name])
-        for name, drawing in drawings.items()
-        if name in captions
-    }
-
-
-def _captions(results: Results) -> dict[str, str]:
-    """What each picture of the page shows."""
-    data = results.dataset
-    load = load_names(data)[default_step(data)]
-    drawn_seal = f"The drawn seal nearest to the median, in its plane, at {load}."
-    maps = (
-        f"Contact pressure, gap and fluid pressure of the face at {load}, mean of each block of "
-        "pixels, and the fluid pressure along the leakage from the inlet at x1 = 0."
-    )
-    place = most_leaking_place(results).capitalize() if "place_height" in data else ""
-    return {
-        "face": "The face that was solved: heights of the combined faces.",
-        "seat": "Contact pressure across the seat, mean of each row.",
-        "place": f"{place}: its heights, and its gap with the contact in grey.",
-        "leakage": "Leakage against load, a line for each branch of the load cycle.",
-        "seal": maps if has_maps(data) else drawn_seal,
-        "drawn": drawn_seal,
-        "attempts": "Error of each attempt against its time; the line is the accuracy asked for.",
-        "pieces": "Permeability of pieces against mean gap: wide gaps follow h̄³/12 of parallel "
-        "plates, and narrow gaps close. A piece is closed where nothing passes between its own "
-        "sides; grooves that wind may lead the fluid past it. Below, against contact pressure: "
-        "unloading (squares) lies below loading (circles) because of the plastic deformation that "
-        "the peak left.",
-    }
 
 
 def draw_all(results: Results, surface: Topography | None = None) -> dict[str, bytes]:
@@ -121,7 +85,7 @@ def draw_all(results: Results, surface: Topography | None = None) -> dict[str, b
 def _figures(results: Results, surface: Topography | None) -> dict[str, Callable[[], Figure]]:
     """What draws each picture for which there are data."""
     data, s = results.dataset, default_step(results.dataset)
-    maps, drawn_seal = has_maps(data), "drawn_corners" in data
+    maps, drawn_seal = "face_gap" in data, "drawn_corners" in data
     found = results.attempts or {"attempts": []}
     pictures: dict[str, tuple[bool, Callable[[], Figure]]] = {
         "surface": (surface is not None, lambda: heights_figure(cast(Topography, surface))),
@@ -167,26 +131,13 @@ def _attempts_figure(found: dict[str, Any]) -> Figure:
 
 
 def _face_figure(data: xarray.Dataset) -> Figure:
-    sheet = Sheet([map_row(lying(face_size(data)), HEIGHTS)])
-    height_panel(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, face_size(data))
+    sheet = Sheet([map_row(lying(sides(data)), HEIGHTS)])
+    height_panel(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, sides(data))
     return sheet.figure
 
 
-def most_leaking_place(results: Results) -> str:
-    """Which of several measured places leaks most by itself, and how much, over the loads that count."""
-    about = results.dataset["place_height"].attrs
-    count = results.dataset.sizes["place"]
-    if not about["over_mean"]:
-        return f"place {about['place']} of {count}, of which none leaks"
-    return (
-        f"place {about['place']} of {count} leaks most, {about['over_mean']:.3g} times their mean"
-    )
-
-
 def write_report(
-    results: Results | AnyPath,
-    path: AnyPath | None = None,
-    drawings: Drawings | None = None,
+    results: Results | AnyPath, path: AnyPath | None = None, drawings: Drawings | None = None
 ) -> Path:
     """Write one self-contained HTML page about a run: it loads nothing, and prints.
 
@@ -216,9 +167,7 @@ def write_report(
     if not isinstance(results, Results):
         folder, results = Path(results), open_results(results)
     if path is None and results.folder is None:
-        raise InputError(
-            "path", "none, for results without a folder", "the path of a file to write"
-        )
+        raise InputError("path", "none, for results without a folder", "a file to write")
     target = Path(path or (results.folder or Path()) / REPORT_NAME)
     if target.is_dir() or not os.access(target.parent, os.W_OK):
         raise InputError("path", f"'{target}'", "a file in a folder that can be written")
@@ -236,7 +185,30 @@ def write_report(
 
 def report_html(results: Results, drawings: Drawings | None = None) -> str:
     """The page as text; pictures are drawn unless given."""
-    return page_template().render(_content(results, drawings or draw_all(results)))
+    data, s = results.dataset, default_step(results.dataset)
+    timings = json.loads(data.attrs["timings"])  # also of parts of a study
+    drawn = drawings or draw_all(results)
+    return page_template().render(
+        results=results,
+        data=data,
+        load_names=load_names(data),
+        load=load_names(data)[s],
+        basis=results.leak_basis,
+        key_numbers=report_tables.key_numbers(results),
+        flows=np.nan_to_num(face_leakage(data)[s]) != 0,
+        half_drop=_half_drop(data, s),
+        # the page has a table of classes
+        leakage_table=leakage_table(results).without(["class"]),
+        totals=totals_table(results),
+        classes=report_tables.class_table(results),
+        test_fluid=report_tables.test_fluid(results),
+        design=design_section(results),
+        pictures={name: png_uri(drawing) for name, drawing in drawn.items()},
+        budget=report_tables.budget_table(results),
+        attempts=None if results.attempts is None else attempts_table(results.attempts),
+        stages={name: time for name, time in timings.items() if ": " not in name},
+        case=as_chosen(results.case, results.attempts),
+    )
 
 
 @cache
@@ -251,78 +223,22 @@ def page_template() -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= {
+        "deviation": format_deviation,
+        "flat": flat,
+        "number": number_text,
+        "parsed": json.loads,
+        "si": to_text,
+    }
     return environment.get_template("report.html.jinja")
 
 
-def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
-    """What the template of the page takes."""
-    data = results.dataset
-    return {
-        "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
-        "source": data.attrs["source"],
-        "key_numbers": report_tables.key_numbers(results),
-        "date": str(data.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC"),
-        "digests": json.loads(data.attrs.get("face_files", "{}")),
-        "limiting": report_tables.limiting_text(results),
-        "description": json.loads(data.attrs.get("description", "[]")),
-        "seal": _seal_text(data),
-        "drop_text": _drop_text(data) if has_maps(data) else "",
-        "gas_state": report_tables.gas_state_text(results),
-        # the page has a table of classes
-        "leakage_table": leakage_table(results).without(["class"]),
-        "totals": totals_table(results),
-        "classes": report_tables.class_table(results),
-        "test_fluid": report_tables.test_fluid_sentences(results),
-        "design": design_section(results),
-        "method": results.method,
-        "pictures": page_pictures(results, drawings),
-        "budget": report_tables.budget_table(results),
-        "attempts": None if results.attempts is None else attempts_table(results.attempts),
-        "times": report_tables.time_lines(results),
-        "warnings": results.warnings,
-        "failures": results.failures,
-        "versions": flat(json.loads(data.attrs["versions"])),
-        "machine": flat(json.loads(data.attrs["machine"])),
-        "case": flat(as_chosen(results.case, results.attempts)),
-    }
-
-
-def _seal_text(data: xarray.Dataset) -> str:
-    """Shape and sides of the seal, on what band a seat touches, and how tiles of an uneven seal are pressed."""
-    width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
-    seal = data.attrs["seal"]
-    texts = [f"The seal is {seal}, {width} wide along the leakage and {length} long."]
-    if data.attrs.get("seat") and "band_breadth" in data:
-        least, most = (to_text(f(data["band_breadth"].values), "m", 3) for f in _ENDS)
-        highest = to_text(np.nanmax(data["largest_row_pressure"].values), "Pa", 3)
-        texts.append(
-            f"The seat touches on a band {least} to {most} broad, with at most {highest} as the "
-            "mean of a row."
-        )
-    name = "drawn_nominal_pressure" if "drawn_form" in data else "drawn_contact_pressure"
-    uneven = "drawn_form" in data or json.loads(data.attrs["case"]).get("load", {}).get("map")
-    if uneven and name in data:
-        loads = data["nominal_pressure"].values
-        for s in dict.fromkeys((loads.argmin(), loads.argmax())):
-            at = data[name].values[s]
-            low, high = (to_text(f(at), "Pa", 3) for f in _ENDS)
-            texts.append(
-                f"At {load_names(data)[s]} the tiles are pressed with {low} to {high}, and "
-                f"{(at == 0).mean():.0%} of them stand apart."
-            )
-    return " ".join(texts)
-
-
-def _drop_text(data: xarray.Dataset) -> str:
-    """Number of pieces that carry half of the pressure drop at the step of the maps."""
-    s = default_step(data)
-    if np.nan_to_num(face_leakage(data)[s]) == 0:
-        return f"At {load_names(data)[s]} nothing flows."
+def _half_drop(data: xarray.Dataset, s: int) -> int:
+    """Number of pieces that carry half of the pressure drop at a step; 0 where it is not known."""
     if "piece_drop_fraction" not in data or not data["piece_drop_fraction"][s].notnull().all():
-        return ""
+        return 0
     fraction = np.sort(data["piece_drop_fraction"].values[s].ravel())[::-1]
-    half = np.searchsorted(np.cumsum(fraction), 0.5) + 1
-    return f"Half of the pressure drops in {half} of {fraction.size} pieces."
+    return int(np.searchsorted(np.cumsum(fraction), 0.5)) + 1
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

@@ -7,29 +7,23 @@ from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from ..base import TextTable, format_deviation, number_text, read_plain, to_text
+from ..base import TextTable, format_deviation, read_plain
 from ..base.leak_rates import LEAK_UNITS, leak_classes, within
+from ..budget import ErrorPart
 from ..loads import first_known, least_counted
 from ..results.results import Results, branches_in, load_names, loads_as_given
-from ..results.tables import (
-    class_unit,
-    format_error_band,
-    format_leakage,
-    leakage_texts,
-)
+from ..results.tables import class_unit, format_error_band, format_leakage, leakage_texts
 
 
 def key_numbers(results: Results) -> list[tuple[str, str, str]]:
-    """Numbers at the head of the report: label, value, note.
-
-    Leakage of the whole seal at the first and the highest load and after the last unloading; contact there.
-    """
-    data, leakage, basis = results.dataset, results.leakage.values, results.leak_basis
-    names, budget = load_names(data), results.budget
+    """Leakage of the whole seal at the highest and the first load and after the last unloading: label, value, note."""
+    leakage, basis, budget = results.leakage.values, results.leak_basis, results.budget
+    names = load_names(results.dataset)
     numbers = []
     for s in dict.fromkeys((results.peak, 0, len(names) - 1)):
         unit = results.asked_unit
@@ -42,32 +36,7 @@ def key_numbers(results: Results) -> list[tuple[str, str, str]]:
             ends = budget.lower[s], budget.upper[s]
             note = f"95 % band of error {format_error_band(*ends, factor, leakage[s])}"
         numbers.append((f"whole seal, {names[s]}", value, note))
-    if "contact_fraction" in data:
-        fraction = 100 * float(data["contact_fraction"][results.peak])
-        numbers.append(("in contact at the highest load", f"{fraction:.3g} %", ""))
     return numbers
-
-
-def limiting_text(results: Results) -> str:
-    """What widens the band of error most at the highest load, and how wide the band is; "" without a budget."""
-    budget, peak = results.budget, results.peak
-    if budget is None or not (name := budget.limiting(peak)):
-        return ""
-    half_width = float(budget.half_width(peak))
-    width = format_deviation(half_width) if np.isfinite(half_width) else "one end is unknown"
-    step = load_names(results.dataset)[peak]
-    return f"Half-width of the band of error at {step}: {width}; its widest source: {name}."
-
-
-def gas_state_text(results: Results) -> str:
-    """At what state volumes and pressure × volume of a gas are; "" of a liquid."""
-    basis = results.leak_basis
-    if basis.pressure is None or basis.temperature is None:
-        return ""
-    return (
-        f"Volumes of the gas are those at {basis.pressure:g} Pa and {basis.temperature:g} K, standard ones at 0 °C; "
-        f"its pressure × volume is that at {basis.stated_temperature:g} K."
-    )
 
 
 def class_table(results: Results) -> TextTable | None:
@@ -80,13 +49,10 @@ def class_table(results: Results) -> TextTable | None:
         return None
     limits, met = data["class_limit"].values, data["class_met"].values
     names = data["leak_class"].values.tolist()
+    units, factor = [LEAK_UNITS[c.unit] for c in leak_classes(names)], results.class_basis.factor
     texts = [
-        f"{format_leakage(limit, results.class_basis.factor(unit))} {unit.name}"
-        if limit
-        else "no leakage"
-        for limit, unit in zip(
-            limits, (LEAK_UNITS[c.unit] for c in leak_classes(names)), strict=True
-        )
+        f"{format_leakage(limit, factor(unit))} {unit.name}" if limit else "no leakage"
+        for limit, unit in zip(limits, units, strict=True)
     ]
     columns = [("class", names), ("limit", texts)]
     text = loads_as_given(data)
@@ -127,32 +93,25 @@ def _kept_text(loads: list[str], met: np.ndarray) -> str:
     return "not even at the peak" if good == 0 else f"kept down to {loads[good - 1]}"
 
 
-def test_fluid_sentences(results: Results) -> list[str]:
-    """Leakage of the test fluid at the highest load, how it compares, and what both limits of flow would give."""
-    data, attrs = results.dataset, results.dataset.attrs
+def test_fluid(results: Results) -> dict[str, Any] | None:
+    """Leakage of the test fluid at the highest load, and how many times as much leaks in service; None without one.
+
+    The ratio is of pressure × volume where both are gases, else of volumes; 0 where neither leaks.
+    """
+    data = results.dataset
     if "test_leakage" not in data:
-        return []
-    unit, basis, peak = class_unit(results), results.class_basis, results.peak
+        return None
+    unit, basis = class_unit(results), results.class_basis
     own, test = results.leakage.values, data["test_leakage"].values
-    inlet, outlet = (to_text(attrs[f"test_{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet"))
-    leakage = f"{format_leakage(test[peak], basis.factor(unit))} {unit.name}"
-    sentences = [
-        f"A test fluid, {attrs['test_fluid']}, runs from {inlet} to {outlet} through the same seals: {leakage} at "
-        f"{load_names(data)[peak]}."
-    ]
-    known = np.isfinite(own) & np.isfinite(test) & (test != 0)
-    if not known.any():
-        return sentences
     gases = basis.is_gas and results.leak_basis.is_gas
     common = LEAK_UNITS["Pa·m³/s" if gases else "m³/s"]
     scale = basis.factor(common) / results.leak_basis.factor(common)
-    ratio = scale * np.median(own[known] / test[known])
-    what = "In pressure × volume" if gases else "By volume"
-    viscous, molecular = attrs["test_viscous_factor"], attrs["test_molecular_factor"]
-    limits = [f"flow as a continuum would give {number_text(viscous)}"]
-    limits += [] if np.isnan(molecular) else [f"flow of free molecules {number_text(molecular)}"]
-    text = f"{what} the fluid in service leaks {number_text(ratio)} times as much"
-    return [*sentences, f"{text}; {', '.join(limits)}."]
+    known = np.isfinite(own) & np.isfinite(test) & (test != 0)
+    return {
+        "leakage": f"{format_leakage(test[results.peak], basis.factor(unit))} {unit.name}",
+        "gases": gases,
+        "ratio": scale * np.median(own[known] / test[known]) if known.any() else 0.0,
+    }
 
 
 DESIGN_FILE, DESIGN_PICTURE = "design.json", "design.png"
@@ -195,39 +154,23 @@ def budget_table(results: Results) -> TextTable | None:
     if budget is None:
         return None
     steps, widths = important_steps(results), budget.widths()
-    largest = {
-        name: np.max(np.nan_to_num(width[steps], nan=np.inf), initial=0.0)
-        for name, width in widths.items()
-    }
-    order = sorted(budget.parts, key=lambda part: -largest[part.name])
-    together = "root of the sum of squares of the distances of ln(leakage)"
+
+    def largest(part: ErrorPart) -> float:
+        return float(np.nan_to_num(widths[part.name][steps], nan=np.inf).max())
+
+    order = sorted(budget.parts, key=largest, reverse=True)
     lines = [(part.name, widths[part.name], part.note) for part in order]
     if len(budget.numerical.parts) < len(budget.parts):
         text = "without the model and its input (hardness, fluid pressure, form, …): what an accuracy asks for"
         lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
-    lines.append(("together", np.asarray(budget.half_width()), together))
-    names = load_names(results.dataset)
-    heads = ("source", *(names[s] for s in steps), "how it was estimated")
-    texts = tuple(
-        (name, *(_width_text(width[s]) for s in steps), note) for name, width, note in lines
-    )
-    title = "Half-width of the band of error, by its source, the widest first; ×: a factor"
-    note = (
-        "The band of error of a leakage holds the truth in about 95 of 100 cases: the leakage of such a face on pixels "
-        "as fine as one wants, with the waves that were removed, and without errors of method or draws."
-    )
-    return TextTable(title, heads, texts, names=len(heads), notes=(note,))
-
-
-def _width_text(width: float) -> str:
-    """A half-width of ln(leakage); inf is that of a seal that may leak or be sealed."""
-    known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}.get(f"{width:g}")
-    return format_deviation(width, "× ") if known is None else known
-
-
-def time_lines(results: Results) -> list[tuple[str, str, float]]:
-    """Stage, time, and its fraction of the whole in percent; parts of a study are left out."""
-    timings: dict[str, float] = json.loads(results.dataset.attrs["timings"])
-    stages = {name: seconds for name, seconds in timings.items() if ": " not in name}
-    whole = sum(stages.values()) or 1.0
-    return [(name, f"{t:.3g} s", 100 * t / whole) for name, t in stages.items()]
+    text = "root of the sum of squares of the distances of ln(leakage)"
+    lines.append(("together", np.asarray(budget.half_width()), text))
+    names, widths_of, notes = zip(*lines, strict=True)
+    # inf is of a seal that may leak or be sealed
+    known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}
+    columns: list[tuple[str, Iterable[str]]] = [("source", names)]
+    for s in steps:
+        at = [width[s] for width in widths_of]
+        texts = [known.get(f"{w:g}") or format_deviation(w, "× ") for w in at]
+        columns.append((load_names(results.dataset)[s], texts))
+    return TextTable.of_columns("", [*columns, ("how it was estimated", notes)])

@@ -115,14 +115,17 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
     if not studies:
         raise InputError("results", "no study", "at least one")
     if any(study.steps != scene.steps for study in studies):
-        raise InputError(
-            "results", "a study of another load programme", "studies of the scene's own steps"
-        )
-    known = {STUDIES[study.method].key: study for study in studies}
-    known = {study.key: known[study.key] for study in STUDIES.values() if study.key in known}
+        raise InputError("results", "a study of another load programme", "those of the scene")
+    known = {
+        STUDIES[method].key: study
+        for method in STUDIES
+        for study in studies
+        if study.method == method
+    }
     drawn = known.get("stochastic")
     assert drawn is None or isinstance(drawn, StochasticResult)
-    data = xarray.Dataset(coords=variables.step_coordinates("step", "", scene.steps))
+    data = xarray.Dataset()
+    variables.add_load_steps(data, "step", "", scene.steps)
     _add_studies(data, scene, known, facts.quantiles)
     size = scene.surface.size if drawn is None else drawn.tiles.size
     state = FluidState.of(scene)
@@ -168,8 +171,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
     carries_all[[s for s, _ in scene.parted_steps]] = True
     if "contact_fraction" in data:
         carries_all |= data["contact_fraction"].values == 0
-    unknown = np.isnan(results.leakage.values)
-    data.attrs["open_steps"] = _json(np.flatnonzero(carries_all & unknown))
+    data.attrs["open_steps"] = _json(np.flatnonzero(carries_all & np.isnan(results.leakage.values)))
     variables.add_totals(data, results.leakage, results.leak_basis)
     if facts.test is not None:
         add_test_fluid(data, facts.test, state, facts.throughput_temperature, facts.valve)
@@ -200,9 +202,8 @@ def _add_studies(
     for face in faces:
         study = STUDIES[face.method]
         text = f"leakage per unit seal length, {study.label}"
-        variables.add(
-            data, Field(study.leakage_variable, "m^2/s", text, STEP, study.label), face.leakage
-        )
+        made = Field(study.leakage_variable, "m^2/s", text, STEP, study.label)
+        variables.add(data, made, face.leakage)
     for face in faces[-1:]:
         variables.add_declared(data, face)
         variables.add_block_means(data, scene, face)
@@ -213,8 +214,7 @@ def _add_studies(
                     variables.add(data, made, values)
     breadth = scene.surface.size[0]
     if isinstance(blocks := known.get("blocks"), BlocksResult):
-        cut = Cut.of(scene.surface, blocks.pressure.shape[1:])
-        variables.add_piece_centres(data, "", cut)
+        variables.add_piece_centres(data, "", Cut.of(scene.surface, blocks.pressure.shape[1:]))
         variables.add_declared(data, blocks)
     drawn = known.get("stochastic")
     if isinstance(drawn, StochasticResult):
@@ -222,10 +222,8 @@ def _add_studies(
         variables.add_states(data, drawn.pieces)
         if (median := drawn.median_seal) is not None:
             variables.add_declared(data, median)
-            data["drawn_corners"].attrs |= {
-                "realisation": median.realisation,
-                "part": drawn.tiles.part,
-            }
+            about = {"realisation": median.realisation, "part": drawn.tiles.part}
+            data["drawn_corners"].attrs |= about
         if drawn.row_pressure is not None:
             breadth = drawn.seal.size[0]
     for result in known.values():
@@ -237,8 +235,9 @@ def _add_studies(
         rows = (np.arange(count) + 0.5) * (breadth / count)
         variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
     variables.add_blocks(data, ("face1", "face2"), scene.surface, HEIGHT_BLOCKS)
-    height = Field("face_height", "m", "height of the face, mean of each block", FACE)
-    variables.add(data, height, variables.block_means(scene.surface.heights, HEIGHT_BLOCKS))
+    means = variables.block_means(scene.surface.heights, HEIGHT_BLOCKS)
+    text = "height of the face, mean of each block"
+    variables.add_new(data, "face_height", "m", text, means, FACE)
     fraction = contact_fraction_of(next(iter(known.values())), scene.steps)
     if not np.isnan(fraction).all():
         text = "fraction of the face in contact"
@@ -293,9 +292,8 @@ def save(results: Results, folder: AnyPath) -> Path:
     encoding: dict[Any, dict[str, Any]] = {
         name: dict(packed) for name, v in data.data_vars.items() if v.ndim and v.dtype.kind in "fiu"
     }
-    encoding |= {
-        name: {"_FillValue": None} for name, v in data.coords.items() if v.dtype.kind == "f"
-    }
+    coords = (name for name, v in data.coords.items() if v.dtype.kind == "f")
+    encoding |= {name: {"_FillValue": None} for name in coords}
     # HDF5 ends the process where a disk is full; `to_netcdf` would take a lock from a Dask client where there is one
     content = io.BytesIO()
     store = H5NetCDFStore.open(content, mode="w", lock=False)
@@ -313,17 +311,15 @@ def _refuse_foreign(path: Path) -> None:
     size = 0
     with h5py.File(path, "r") as file:
         for name in file:
-            held = isinstance(file.get(name, getlink=True), h5py.HardLink)
-            item = file[name] if held else None
+            item = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
             if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
                 given = f"{path}, whose '{name}' is not held in the file itself"
                 raise InputError("results file", given, _OURS)
             size += item.size * item.dtype.itemsize if item.size else 0
     if size > (free := free_memory()):
         given = f"{path}, which unpacks to {size / 1e9:.3g} GB"
-        raise InputError(
-            "results file", given, f"what fits into the {free / 1e9:.3g} GB of free memory"
-        )
+        expected = f"what fits into the {free / 1e9:.3g} GB of free memory"
+        raise InputError("results file", given, expected)
 
 
 def open_results(folder: AnyPath) -> Results:

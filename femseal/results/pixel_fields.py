@@ -15,23 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import (
-    AnyPath,
-    Indices,
-    InputError,
-    Pair,
-    Shape,
-    replacing,
-    to_text,
-    writing,
-)
+from ..base import AnyPath, Indices, InputError, Pair, Shape, replacing, to_text, writing
 from ..base.arrays import give_back
-from ..base.fields import (
-    PIXEL,
-    READABLE,
-    Field,
-    fields_of,
-)
+from ..base.fields import PIXEL, READABLE, Field, fields_of
 from . import vtk_files
 from .results import piece as checked_piece
 
@@ -49,10 +35,10 @@ _ROUNDING = 1e-6
 _BYTES = np.dtype(np.float32).itemsize
 
 
-def _in_memory(run: Results) -> Iterator[tuple[Field, Any]]:
+def _in_memory(run: Results) -> list[tuple[Field, Any]]:
     """Fields over all pixels (steps, n1, n2) of a study in memory."""
-    if (study := run.two_scale or run.deterministic) is not None:
-        yield from (pair for pair in fields_of(study) if pair[0].place == PIXEL)
+    study = run.two_scale or run.deterministic
+    return [pair for pair in fields_of(study) if pair[0].place == PIXEL] if study else []
 
 
 def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
@@ -78,21 +64,18 @@ def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
 def write_fields(run: Results, chosen: Indices, folder: Path) -> list[Path]:
     """Write the fields of the studies in memory at some steps."""
     assert run.scene is not None
-    cells = {
-        made.array_name: _scaled(values, made.scale, chosen) for made, values in _in_memory(run)
-    }
-    surface, steps = run.scene.surface, vtk_files.LoadSteps.of(run.dataset, chosen)
-    image = vtk_files.Image(NAME, surface.spacing, (0.0, 0.0), surface.shape, steps, cells)
-    return vtk_files.write_series(image, folder)
+    spacing, loads = run.scene.surface.spacing, vtk_files.loads_of(run.dataset)
 
+    def pixels(step: int) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        for made, values in _in_memory(run):
+            yield made.array_name, values[step] * np.float32(made.scale)
+            give_back(values)
 
-def _scaled(values: Any, scale: float, steps: Indices) -> vtk_files.PixelValues:
-    def at(n: int) -> NDArray[np.float32]:
-        scaled = values[steps[n]] * np.float32(scale)
-        give_back(values)
-        return scaled
+    def at(step: int) -> Any:
+        image = vtk_files.image(spacing, (0.0, 0.0), pixels(step))
+        return vtk_files.with_load(image, loads[step])
 
-    return at
+    return vtk_files.write_series(NAME, at, chosen.tolist(), folder)
 
 
 def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
@@ -115,66 +98,50 @@ def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) 
     data = run.dataset
     if step not in range(data.sizes["step"]):
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
-    found = _from_memory(run, name, step) or _from_folder(run, name, step)
-    if found is None:
+    in_memory = {made.name: (made, values) for made, values in _in_memory(run)}
+    if name in in_memory and run.scene is not None:
+        made, values = in_memory[name]
+        values, spacing = values[step], run.scene.surface.spacing
+    elif (found := _from_folder(run, name, step)) is not None:
+        made, values, spacing = found
+    else:
         at_hand = stored_steps(run)
         expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else WITH_FIELDS
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
-    made, values, spacing = found
-    rows, columns = _pixels(data, piece, values.shape)
-    values = np.asarray(values[rows, columns], np.float64)
-    coordinates = {}
-    for name_, pixels, d in zip(("x1", "x2"), (rows, columns), spacing, strict=True):
-        labels = {"units": "m", "long_name": f"{name_} of pixel centres"}
-        centres = (np.arange(pixels.start, pixels.stop) + 0.5) * d
-        coordinates[name_] = (name_, centres, labels)
+    coordinates = {
+        x: (x, (np.arange(n) + 0.5) * d, {"units": "m", "long_name": f"{x} of pixel centres"})
+        for x, n, d in zip(("x1", "x2"), values.shape, spacing, strict=True)
+    }
     labels = {"units": made.unit, "long_name": f"{made.long_name}, {data['name'].values[step]}"}
-    return xarray.DataArray(values, coordinates, ("x1", "x2"), name, labels)
+    face = xarray.DataArray(values, coordinates, ("x1", "x2"), name, labels)
+    if piece is not None:
+        i, j = checked_piece(data, *piece)
+        n1, n2 = face.sizes["x1"] // data.sizes["piece1"], face.sizes["x2"] // data.sizes["piece2"]
+        face = face[i * n1 : (i + 1) * n1, j * n2 : (j + 1) * n2]
+    return face.astype(np.float64, copy=False)
 
 
 def stored_steps(run: Results) -> list[int]:
     """Steps whose fields are in memory, or else in the results folder."""
-    if any(True for _ in _in_memory(run)):
+    if _in_memory(run):
         return list(range(run.dataset.sizes["step"]))
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
 
 
-def _from_memory(run: Results, name: str, step: int) -> tuple[Field, Any, Pair] | None:
-    """A field in SI over all pixels at a step, and the pixel's size; None where there is none."""
-    there = {made.name: (made, values) for made, values in _in_memory(run)}
-    if name not in there or run.scene is None:
-        return None
-    made, values = there[name]
-    return made, values[step], run.scene.surface.spacing
-
-
 def _from_folder(run: Results, name: str, step: int) -> tuple[Field, Any, Pair] | None:
-    """The same from the image in the folder, whose arrays have their unit in their names."""
+    """A field over all pixels at a step from the folder, where arrays have their unit in their names, and the pixel."""
     path = None if run.folder is None else vtk_files.stored_images(run.folder, NAME).get(step)
     if path is None:
         return None
-    known = {
-        made.array_name: made
-        for unit in READABLE
-        if (made := Field(name, unit, name.replace("_", " "), PIXEL))
-    }
+    text = name.replace("_", " ")
+    fields = (Field(name, unit, text, PIXEL) for unit in READABLE)
+    known = {made.array_name: made for made in fields}
     array, image = vtk_files.read_image(path, known)
     if array is None:
         return None
     shape = tuple(count - 1 for count in image.dimensions[:2])
     values = np.asarray(image.cell_data[array].reshape(shape, order="F"), np.float64)
     return known[array], values / known[array].scale, tuple(image.spacing[:2])
-
-
-def _pixels(
-    data: xarray.Dataset, piece: Shape | None, shape: tuple[int, ...]
-) -> tuple[slice, slice]:
-    """Pixels of a piece along x1 and x2; all of them without one."""
-    if piece is None:
-        return slice(0, shape[0]), slice(0, shape[1])
-    i, j = checked_piece(data, *piece)
-    n1, n2 = shape[0] // data.sizes["piece1"], shape[1] // data.sizes["piece2"]
-    return slice(i * n1, (i + 1) * n1), slice(j * n2, (j + 1) * n2)
 
 
 def export_field(
@@ -219,9 +186,7 @@ def export_field(
     if window is not None and (
         piece is not None or not (window[0] < window[1] and window[2] < window[3])
     ):
-        raise InputError(
-            "window", window, "x1 from and to, x2 from and to [m], rising, and no piece beside"
-        )
+        raise InputError("window", window, "x1 and x2 from and to [m], rising; no piece")
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
@@ -269,24 +234,25 @@ def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) ->
     """Write an archive of NumPy with the field, its pixel and corner, and the load."""
     pixel, corner = _frame(values)
     load = run.steps[step]
-    known: dict[str, Any] = {
-        "step": step,
-        "name": load.name,
-        "nominal_pressure": load.pressure,
-        "spacing": pixel,
-        "origin": corner,
-    }
     with path.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **{str(values.name): values.values}, **known)
+        np.savez_compressed(
+            file,
+            allow_pickle=False,
+            **{str(values.name): values.values},
+            step=step,
+            name=load.name,
+            nominal_pressure=load.pressure,
+            spacing=pixel,
+            origin=corner,
+        )
 
 
 def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
     """Write an image for ParaView."""
-    made, steps = Field.of(values), vtk_files.LoadSteps.of(run.dataset, np.array([step]))
-    cells = {made.array_name: lambda _: values.values * made.scale}
-    n1, n2 = values.shape
-    image = vtk_files.Image(str(values.name), *_frame(values), (n1, n2), steps, cells)
-    path.write_bytes(vtk_files.as_xml(image.at(0)))
+    made = Field.of(values)
+    image = vtk_files.image(*_frame(values), [(made.array_name, values.values * made.scale)])
+    vtk_files.with_load(image, vtk_files.loads_of(run.dataset)[step])
+    path.write_bytes(vtk_files.as_xml(image))
 
 
 _FORMATS: dict[str, Callable[[Path, xarray.DataArray, Results, int], None]] = {

@@ -175,9 +175,13 @@ class Results(Plotted):
     @property
     def steps(self) -> LoadProgramme:
         """The load programme."""
-        loads = (self.dataset[name].values for name in ("nominal_pressure", "unloaded_from"))
-        pairs = zip(*(values.tolist() for values in loads), strict=True)
-        return LoadProgramme(LoadStep(p, None if np.isnan(peak) else peak) for p, peak in pairs)
+        data = self.dataset
+        loads = zip(
+            data["nominal_pressure"].values.tolist(),
+            data["unloaded_from"].values.tolist(),
+            strict=True,
+        )
+        return LoadProgramme(LoadStep(p, None if np.isnan(peak) else peak) for p, peak in loads)
 
     @property
     def peak(self) -> int:
@@ -187,33 +191,35 @@ class Results(Plotted):
     @property
     def warnings(self) -> list[str]:
         """Reasons to doubt the numbers, one line each; empty if there are none."""
-        return json.loads(self.dataset.attrs["warnings"])
+        return self._parsed("warnings")
 
     @property
     def failures(self) -> list[str]:
         """Failures, whose numbers are missing or NaN, one line each; empty if there are none."""
-        return json.loads(self.dataset.attrs["failures"])
+        return self._parsed("failures")
 
     @property
     def open_steps(self) -> list[int]:
         """Numbers of the steps without leakage at which the fluid carries all of the load, so that the seal is open."""
-        return json.loads(self.dataset.attrs.get("open_steps", "[]"))
+        return self._parsed("open_steps", "[]")
 
     @property
     def left_out(self) -> list[str]:
         """Files that were not written to the folder, with the reason, one line each; empty if there are none."""
-        return json.loads(self.dataset.attrs.get("left_out", "[]"))
+        return self._parsed("left_out", "[]")
 
     @property
     def case(self) -> dict[str, Any]:
         """The case in SI, as given to `assemble`; tuples have become lists."""
-        return json.loads(self.dataset.attrs["case"])
+        return self._parsed("case")
 
     @property
     def attempts(self) -> dict[str, Any] | None:
         """The attempts at the accuracy that the case asks for, and whether it is met; None if it asks for none."""
-        text = self.dataset.attrs.get("accuracy")
-        return None if text is None else json.loads(text)
+        return self._parsed("accuracy", "null")
+
+    def _parsed(self, attribute: str, default: str = "") -> Any:
+        return json.loads(self.dataset.attrs.get(attribute, default))
 
     def loading(self) -> xarray.Dataset:
         """Leakage and all other variables over the steps, on loading, over `nominal_pressure` [Pa]."""
@@ -243,10 +249,9 @@ class Results(Plotted):
         raise InputError("from_", from_, f"one of {peaks}")
 
     def _over_pressure(self, steps: Indices) -> xarray.Dataset:
-        names = [
-            name for name, variable in self.dataset.data_vars.items() if "step" in variable.dims
-        ]
-        return self.dataset[names].isel(step=steps).swap_dims(step="nominal_pressure")
+        data = self.dataset
+        names = [name for name in data.data_vars if "step" in data[name].dims]
+        return data[names].isel(step=steps).swap_dims(step="nominal_pressure")
 
     def piece(self, i: int, j: int) -> xarray.Dataset:
         """Curves of the piece (i, j) over the steps of a two-scale study, else over the states that seals draw from.
@@ -255,11 +260,9 @@ class Results(Plotted):
         """
         data = self.dataset
         prefix = "" if "piece1" in data.dims or "state" not in data.dims else "state_"
-        one, two = f"{prefix}piece1", f"{prefix}piece2"
-        at = dict(zip((one, two), piece(data, i, j, (one, two)), strict=True))
-        return data[
-            [name for name, variable in data.data_vars.items() if one in variable.dims]
-        ].isel(at)
+        dims = f"{prefix}piece1", f"{prefix}piece2"
+        names = [name for name in data.data_vars if dims[0] in data[name].dims]
+        return data[names].isel(dict(zip(dims, piece(data, i, j, dims), strict=True)))
 
     def gap(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
         """Deformed gap (x1, x2) [m] at one step, see `pixels`."""
@@ -284,9 +287,7 @@ class Results(Plotted):
         Raises InputError: a case that asks for no accuracy.
         """
         if self.attempts is None:
-            raise InputError(
-                "attempts", "a case that asks for no accuracy", "one with the key accuracy"
-            )
+            raise InputError("attempts", "a case that asks for no accuracy", "one with it")
         return room("results").attempts_table(self.attempts)
 
     def plot_pieces(self) -> Any:
@@ -324,11 +325,6 @@ class Results(Plotted):
         return room("results").summary_html(self)
 
 
-def pressure_text(p: float) -> str:
-    """A nominal pressure [Pa] as text."""
-    return to_text(p, "Pa")
-
-
 def cycle_text(steps: LoadProgramme) -> str:
     """How many steps a load programme has on loading, and how many on unloading from what peaks."""
     up, down = len(steps.loading), ""
@@ -338,7 +334,9 @@ def cycle_text(steps: LoadProgramme) -> str:
     return f"{counted(len(steps), 'step')}: {up} loading{down}"
 
 
-def branch_text(unloaded_from: float | None, text: Callable[[float], str] = pressure_text) -> str:
+def branch_text(
+    unloaded_from: float | None, text: Callable[[float], str] = lambda p: to_text(p, "Pa")
+) -> str:
     """Name of a branch: "loading", or "unloading from 900 MPa"; `unloaded_from` [Pa], NaN or None on loading."""
     if unloaded_from is None or np.isnan(unloaded_from):
         return "loading"
@@ -348,9 +346,8 @@ def branch_text(unloaded_from: float | None, text: Callable[[float], str] = pres
 def force_scale(data: xarray.Dataset) -> tuple[str, float] | None:
     """Unit of the forces of a case for people, and the force in it at a nominal pressure of 1 Pa; None of pressures."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
-    loads = [
-        str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()
-    ]
+    given = [*(table.get("loading") or ()), *(table.get("unload_from") or ())]
+    loads = [str(load).split() for load in given]
     if not loads or len(loads[0]) < 2:
         return None
     highest = max(float(number) for number, _ in loads)
@@ -407,11 +404,7 @@ def piece(
 ) -> Shape:
     """Index of a piece along two dimensions, checked."""
     if dims[0] not in data.dims:
-        raise InputError(
-            "piece",
-            (i, j),
-            "none: the results have no pieces of the kind that a two-scale study has",
-        )
+        raise InputError("piece", (i, j), "none: the results have no pieces")
     m1, m2 = (data.sizes[dim] for dim in dims)
     if i not in range(m1) or j not in range(m2):
         raise InputError("piece", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")

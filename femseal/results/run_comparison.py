@@ -58,9 +58,9 @@ class RunComparison(Plotted):
         results = self.runs[run]
         if results.method != "median" or any(name not in results.dataset for name in BAND):
             return None
+        low, high = (results.dataset[name].values for name in BAND)
         factor = results.leak_basis.factor(self.unit)
-        low, high = (results.dataset[name].values / factor for name in BAND)
-        return low, high
+        return low / factor, high / factor
 
     @property
     def common_steps(self) -> tuple[LoadStep, ...]:
@@ -71,14 +71,11 @@ class RunComparison(Plotted):
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the runs for people: the settings of a sweep that differ, or else their names."""
+        columns = zip(self.keys, *self.settings, strict=True)
         varied = [
-            k for k in range(len(self.keys)) if len({values[k] for values in self.settings}) > 1
+            [f"{key} {value}" for value in values] for key, *values in columns if len({*values}) > 1
         ]
-        if not varied:
-            return self.names
-        return tuple(
-            ", ".join(f"{self.keys[k]} {values[k]}" for k in varied) for values in self.settings
-        )
+        return tuple(map(", ".join, zip(*varied, strict=True))) or self.names
 
     @property
     def label(self) -> str:
@@ -94,8 +91,9 @@ class RunComparison(Plotted):
             data, basis = results.dataset, results.leak_basis
             low, high = self.band(n) or (np.nan, np.nan)
             varied = zip(self.keys, self.settings[n], strict=True) if self.keys else ()
-            columns: dict[str, Any] = {"run": self.names[n]} | dict(varied)
-            columns |= {
+            columns: dict[str, Any] = {
+                "run": self.names[n],
+                **dict(varied),
                 "method": results.method,
                 "seal_length_m": basis.length,
                 "step": data["step"],
@@ -136,10 +134,12 @@ class RunComparison(Plotted):
             return [("highest load of each", [results.peak for results in self.runs])]
         loading = [step for step in common if step.unloaded_from is None]
         chosen = [*(loading[n] for n in (0, len(loading) // 2, -1) if loading), common[-1]]
-        return [
-            (_step_text(step), [results.steps.index(step) for results in self.runs])
-            for step in dict.fromkeys(chosen)
-        ]
+        found = []
+        for step in dict.fromkeys(chosen):
+            loads = [p for p in (step.pressure, step.unloaded_from) if p is not None]
+            text = " from ".join(to_text(p, "Pa", 3) for p in loads)
+            found.append((text, [results.steps.index(step) for results in self.runs]))
+        return found
 
     def write(self, folder: AnyPath, stem: str = "comparison") -> list[Path]:
         """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
@@ -156,12 +156,6 @@ class RunComparison(Plotted):
     def __repr__(self) -> str:
         names = ", ".join(self.names)
         return f"<femseal.RunComparison of {names}, in {self.unit.name}>"
-
-
-def _step_text(step: LoadStep) -> str:
-    if step.unloaded_from is None:
-        return to_text(step.pressure, "Pa", 3)
-    return f"{to_text(step.pressure, 'Pa', 3)} from {to_text(step.unloaded_from, 'Pa', 3)}"
 
 
 Run = Results | AnyPath
@@ -216,9 +210,8 @@ def compared(
 ) -> RunComparison:
     """The comparison of opened runs, see `compare` and `RunComparison`."""
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
-        raise InputError(
-            "compare", f"two runs named {shown(twice[0])}", "a name of its own for each run"
-        )
+        given = f"two runs named {shown(twice[0])}"
+        raise InputError("compare", given, "a name of its own for each run")
     chosen = _unit(runs) if unit is None else leak_unit(unit)
     for results in runs:
         results.leak_basis.factor(chosen)  # raises if the unit is not for the fluid

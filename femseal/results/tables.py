@@ -10,20 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import (
-    TextTable,
-    counted,
-    duration,
-    format_deviation,
-    number_text,
-    rows_of,
-    to_text,
-)
+from ..base import TextTable, counted, duration, format_deviation, number_text, rows_of, to_text
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
 from .pixel_fields import stored_steps
-from .results import BUDGETED, Results, branch_text, cycle_text, force_scale, loads_as_given
+from .results import Results, branch_text, cycle_text, force_scale, loads_as_given
 
 if TYPE_CHECKING:
     import xarray
@@ -73,29 +65,24 @@ def leakage_table(run: Results) -> TextTable:
     unit, factor = run.leak_scale
     leakage = (best.attrs.get("heading", run.method), _cells(best, factor))
     columns: list[tuple[str, Iterable[str]]] = [*_loads(data), leakage]
-    budget = f"leakage_{BUDGETED[run.method]}_budget"
-    if f"{budget}_lower" in data:
-        band = zip(data[f"{budget}_lower"].values, data[f"{budget}_upper"].values, strict=True)
-        texts = [
-            format_error_band(*ends, factor, q) for ends, q in zip(band, best.values, strict=True)
-        ]
+    if (budget := run.budget) is not None:
+        bands = zip(budget.lower, budget.upper, best.values, strict=True)
+        texts = [format_error_band(low, high, factor, q) for low, high, q in bands]
         columns.append(("95 % band of error", texts))
     if "leakage_lower" in data:
-        ends = (100 * data[name].attrs["quantile"] for name in ("leakage_lower", "leakage_upper"))
+        ends = data["leakage_lower"], data["leakage_upper"]
         # second to the band of error, which is of the leakage that is given
-        head = f"redraws of the measured patch, {'–'.join(f'{end:g}' for end in ends)} %"
-        columns.append((head, _redraws(data, factor)))
+        range_ = "–".join(f"{100 * end.attrs['quantile']:g}" for end in ends)
+        lows, highs = (_cells(end, factor) for end in ends)
+        texts = [a if a == b else _joined(a, b) for a, b in zip(lows, highs, strict=True)]
+        columns.append((f"redraws of the measured patch, {range_} %", texts))
     if unit.per_length:
         whole = basis.readable(best.values)
         texts = [format_leakage(q, basis.factor(whole)) for q in best.values]
         columns.append((f"whole seal [{whole.name}]", texts))
-    for name, variable in data.data_vars.items():
+    for name, variable in data.filter_by_attrs(heading=lambda text: text is not None).items():
         # no column for sealed realisations if there are none
-        if (
-            "heading" in variable.attrs
-            and name != best.name
-            and (name != "sealed_fraction" or variable.any())
-        ):
+        if name != best.name and (name != "sealed_fraction" or variable.any()):
             columns.append((variable.attrs["heading"], _cells(variable, factor)))
     if "test_leakage" in data:
         test = class_unit(run)
@@ -115,9 +102,8 @@ def totals_table(run: Results) -> TextTable:
     units = basis.units(USUAL_UNITS)
     units += [] if own in units else [own]
     columns = [(unit.name, leakage_texts(run, basis.factor(unit))) for unit in units]
-    return TextTable.of_columns(
-        "leakage in several units", [*_loads(run.dataset), *columns], grouped=True
-    )
+    columns = [*_loads(run.dataset), *columns]
+    return TextTable.of_columns("leakage in several units", columns, grouped=True)
 
 
 def _loads(data: xarray.Dataset) -> list[tuple[str, list[str]]]:
@@ -158,10 +144,10 @@ def leakage_texts(run: Results, factor: float) -> list[str]:
 
 def _of_steps(run: Results, texts: Iterable[str]) -> list[str]:
     """Texts over the steps, "open" for "failed" where the fluid carries all of the load."""
-    is_open = run.open_steps
-    return [
-        "open" if text == "failed" and step in is_open else text for step, text in enumerate(texts)
-    ]
+    texts = list(texts)
+    for step in run.open_steps:
+        texts[step] = "open" if texts[step] == "failed" else texts[step]
+    return texts
 
 
 def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
@@ -172,14 +158,6 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
     if unit == "1":
         return ["–" if np.isnan(value) else f"{100 * value:.3g}" for value in variable.values]
     return [to_text(value, unit, 3) for value in variable.values]
-
-
-def _redraws(data: xarray.Dataset, factor: float) -> list[str]:
-    """The band between the quantiles of the realisations at every step."""
-    bands = zip(
-        *(_cells(data[f"leakage_{end}"], factor) for end in ("lower", "upper")), strict=True
-    )
-    return [low if low == high else _joined(low, high) for low, high in bands]
 
 
 def _joined(low: str, high: str) -> str:
@@ -223,9 +201,8 @@ def attempt_sentences(found: dict[str, Any]) -> list[str]:
     ]
     if model := found.get("model_parts"):
         both = format_deviation(inf if found["with_model"] is None else found["with_model"])
-        lines.append(
-            f"With the model and its input ({', '.join(model)}) it is known within {both}."
-        )
+        parts = ", ".join(model)
+        lines.append(f"With the model and its input ({parts}) it is known within {both}.")
     if found["half_width"] != 0:
         lines.append(f"It is limited by the {found['limit']}, most at {found['load']}.")
     if found["why"]:
@@ -261,11 +238,10 @@ def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, A
     if found is None:
         return case
     chosen = found["settings"]
-    drawn = case.get("stochastic")
-    if drawn is not None and chosen["realisations"] is not None:
-        drawn = drawn | {"realisations": chosen["realisations"]}
     changed = {"method": chosen["method"], "contact": case["contact"] | {"rtol": chosen["rtol"]}}
-    return case | changed | ({} if drawn is None else {"stochastic": drawn})
+    if case.get("stochastic") is not None and (count := chosen["realisations"]) is not None:
+        changed["stochastic"] = case["stochastic"] | {"realisations": count}
+    return case | changed
 
 
 def _half_width(found: dict[str, Any]) -> str:
@@ -295,8 +271,10 @@ def contents(run: Results) -> dict[str, str]:
     leakage = run.leakage.values[peak]
     text = format_leakage(leakage, factor)
     text += f" {unit.name}" if np.isfinite(leakage) and leakage else ""
-    found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})"}
-    found["load"] = cycle_text(steps)
+    found = {
+        "leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})",
+        "load": cycle_text(steps),
+    }
     if stored := stored_steps(run):
         found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
     for name, texts in (("warnings", run.warnings), ("failures", run.failures)):

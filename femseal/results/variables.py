@@ -73,16 +73,24 @@ def add(data: xarray.Dataset, made: Field, values: Any, **attrs: Any) -> None:
         data[made.name] = (made.place.dims, values, made.attrs | attrs)
 
 
-def add_step(
-    data: xarray.Dataset, name: str, unit: str, long_name: str, values: Any, **attrs: Any
+def add_new(
+    data: xarray.Dataset,
+    name: str,
+    unit: str,
+    long_name: str,
+    values: Any,
+    where: Place = STEP,
+    **attrs: Any,
 ) -> None:
-    """Add a field over the load steps."""
-    add(data, Field(name, unit, long_name, STEP), values, **attrs)
+    """Add a field that no result declares, over the load steps unless it has another place."""
+    add(data, Field(name, unit, long_name, where), values, **attrs)
 
 
-def add_coordinate(data: xarray.Dataset, dim: str, unit: str, long_name: str, values: Any) -> None:
-    """Add the coordinate of a dimension."""
-    data.coords[dim] = (dim, values, Field(dim, unit, long_name, Place("", (dim,))).attrs)
+def add_coordinate(
+    data: xarray.Dataset, name: str, unit: str, long_name: str, values: Any, dim: str = ""
+) -> None:
+    """Add a coordinate, that of its own dimension unless another one is named."""
+    data.coords[name] = (dim or name, values, {"units": unit, "long_name": long_name})
 
 
 def add_declared(data: xarray.Dataset, result: Any) -> None:
@@ -98,20 +106,18 @@ def pressures_and_peaks(steps: Sequence[Any]) -> tuple[Array, Array]:
     return np.array([s.pressure for s in steps], dtype=float), np.array(peaks, dtype=float)
 
 
-def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[str, Any]:
-    """Coordinates that describe the load steps along a dimension; `prefix` is prepended to their names."""
+def add_load_steps(data: xarray.Dataset, dim: str, prefix: str, steps: Sequence[LoadStep]) -> None:
+    """Add the coordinates that describe load steps along a dimension; `prefix` is prepended to their names."""
     pressures, peaks = pressures_and_peaks(steps)
-    columns = {
-        dim: (np.arange(len(steps)), "1", "index of the load step"),
-        f"{prefix}branch": ([s.branch for s in steps], "1", "branch of the load cycle"),
-        f"{prefix}nominal_pressure": (pressures, "Pa", "nominal pressure"),
-        f"{prefix}unloaded_from": (peaks, "Pa", "nominal pressure from which the step is unloaded"),
-        f"{prefix}name": ([s.name for s in steps], "1", "name of the load step"),
-    }
-    return {
-        name: (dim, values, {"units": unit, "long_name": text})
-        for name, (values, unit, text) in columns.items()
-    }
+    load = "nominal pressure"
+    add_coordinate(data, dim, "1", "index of the load step", np.arange(len(steps)))
+    for name, unit, text, values in (
+        ("branch", "1", "branch of the load cycle", [step.branch for step in steps]),
+        ("nominal_pressure", "Pa", load, pressures),
+        ("unloaded_from", "Pa", f"{load} from which the step is unloaded", peaks),
+        ("name", "1", "name of the load step", [step.name for step in steps]),
+    ):
+        add_coordinate(data, f"{prefix}{name}", unit, text, values, dim)
 
 
 def add_piece_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
@@ -133,20 +139,18 @@ def add_realisations(
     for name, q in ends.items():
         of = "median" if name == "median" else f"{name} quantile {q:g}"
         text = f"leakage per unit seal length, {of} of the realisations"
-        add_step(data, f"leakage_{name}", "m^2/s", text, result.quantile(q), quantile=q)
+        add_new(data, f"leakage_{name}", "m^2/s", text, result.quantile(q), quantile=q)
 
 
 def add_states(data: xarray.Dataset, pieces: FacePieces) -> None:
     """Add the states of the face and its pieces in each of them."""
-    for name, entry in step_coordinates("state", "state_", pieces.steps).items():
-        data.coords[name] = entry
+    add_load_steps(data, "state", "state_", pieces.steps)
     add_piece_centres(data, "state_", pieces.cut)
     for made, values in fields_of(pieces):
         if made.place == PIECE:
             name = made.name.replace("piece_", "state_")
-            made = replace(
-                made, name=name, long_name=f"{made.long_name}, by state", place=PIECE_STATE
-            )
+            text = f"{made.long_name}, by state"
+            made = replace(made, name=name, long_name=text, place=PIECE_STATE)
         if not np.isnan(values).all() or made.place == STATE:
             add(data, made, values)
 
@@ -158,9 +162,8 @@ def add_places(
 
     gap : of all places at every step (steps, n1, n2) [m].
     """
-    add_coordinate(
-        data, "place", "1", "number of the measured place", np.arange(1, len(result.alone) + 1)
-    )
+    numbers = np.arange(1, len(result.alone) + 1)
+    add_coordinate(data, "place", "1", "number of the measured place", numbers)
     add_declared(data, result)
     relative = result.relative
     most = int(np.argmax(relative))
@@ -168,10 +171,10 @@ def add_places(
     text = "{} of the place that leaks most, mean of each block"
     about = {"place": most + 1, "over_mean": float(relative[most])}
     heights = block_means(places.divided(places.heights)[most], FIELD_BLOCKS)
-    add(data, Field("place_height", "m", text.format("height"), PLACE_FACE), heights, **about)
+    add_new(data, "place_height", "m", text.format("height"), heights, PLACE_FACE, **about)
     if gap is not None:
         gaps = np.array([block_means(places.divided(of)[most], FIELD_BLOCKS) for of in gap])
-        add(data, Field("place_gap", "m", text.format("gap"), PLACE_BLOCK), gaps)
+        add_new(data, "place_gap", "m", text.format("gap"), gaps, PLACE_BLOCK)
 
 
 def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> None:
@@ -182,22 +185,17 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> No
     add_blocks(data, ("block1", "block2"), scene.surface, FIELD_BLOCKS)
     for made, at_pixels in fields_of(study):
         if made.place == PIXEL:
-            text, name = f"{made.long_name}, mean of each block", f"face_{made.name}"
-            values = np.array(
-                [block_means(values, FIELD_BLOCKS) for values in one_at_a_time(at_pixels)]
-            )
-            add(data, Field(name, made.unit, text, BLOCK), values)
+            means = [block_means(values, FIELD_BLOCKS) for values in one_at_a_time(at_pixels)]
+            text = f"{made.long_name}, mean of each block"
+            add_new(data, f"face_{made.name}", made.unit, text, np.array(means), BLOCK)
 
 
 def add_blocks(data: xarray.Dataset, dims: tuple[str, str], face: Topography, most: int) -> None:
     """Add the coordinates of blocks of a face, at most so many along a side."""
-    for n, (dim, count, length) in enumerate(
-        zip(dims, face.shape, face.size, strict=True), start=1
-    ):
+    for n, dim, count, length in zip((1, 2), dims, face.shape, face.size, strict=True):
         blocks = min(count, most)
-        add_coordinate(
-            data, dim, "m", f"x{n} of block centres", (np.arange(blocks) + 0.5) * length / blocks
-        )
+        centres = (np.arange(blocks) + 0.5) * length / blocks
+        add_coordinate(data, dim, "m", f"x{n} of block centres", centres)
 
 
 def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
@@ -226,13 +224,12 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     ):
         if basis.has(one := LEAK_UNITS[unit]):
             values = leakage.values / basis.factor(one)
-            add_step(data, f"leakage_total{name}", si, f"{whole}, {text}", values)
+            add_new(data, f"leakage_total{name}", si, f"{whole}, {text}", values)
     units = basis.units()
     add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
     values = np.array([leakage.values / basis.factor(unit) for unit in units])
     place = Place("units of leakage", ("leak_unit", "step"))
-    made = Field("leakage_in_units", "1", f"leakage in units of leak_unit{stated}", place)
-    add(data, made, values)
+    add_new(data, "leakage_in_units", "1", f"leakage in units of leak_unit{stated}", values, place)
 
 
 def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> None:
@@ -246,15 +243,15 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
         parts = {part.name: part for part in budget.parts}
         for end in ("lower", "upper"):
             text = f"{end} end of the band of error of the leakage, {method.replace('_', '-')}"
-            add_step(data, f"leakage_{method}_budget_{end}", "m^2/s", text, getattr(budget, end))
+            name = f"leakage_{method}_budget"
+            add_new(data, f"{name}_{end}", "m^2/s", text, getattr(budget, end))
             if len((alone := budget.numerical).parts) < len(budget.parts):
-                name = f"leakage_{method}_budget_numerical_{end}"
-                add_step(data, name, "m^2/s", f"{text}, of its solution alone", getattr(alone, end))
+                of_it = f"{text}, of its solution alone"
+                add_new(data, f"{name}_numerical_{end}", "m^2/s", of_it, getattr(alone, end))
             # a source that the method does not have moves nothing
             ends = [getattr(parts.get(name), end, budget.leakage) for name in names]
-            name = f"leakage_{method}_budget_part_{end}"
-            made = Field(name, "m^2/s", f"{text}, of each source", ERROR_SOURCE)
-            add(data, made, np.array(ends))
+            text += ", of each source"
+            add_new(data, f"{name}_part_{end}", "m^2/s", text, np.array(ends), ERROR_SOURCE)
         notes[method] = {name: parts[name].note for name in names if name in parts}
     data.attrs["error_budget"] = json.dumps(notes, ensure_ascii=False)
 
@@ -283,9 +280,9 @@ def add_test_fluid(
 ) -> None:
     """Add the leakage of the test fluid, and attributes with its state and what both limits of flow would give."""
     text = "leakage per unit seal length, test fluid"
-    add_step(data, "test_leakage", "m^2/s", text, test.leakage)
-    if test.realisations is not None:
-        add(data, Field("test_leakage_realisations", "m^2/s", text, REALISATION), test.realisations)
+    add_new(data, "test_leakage", "m^2/s", text, test.leakage)
+    if (several := test.realisations) is not None:
+        add_new(data, "test_leakage_realisations", "m^2/s", text, several, REALISATION)
     state, factors = test.state, limit_factors(test.state, service)
     basis = leak_basis(state.fluid, 1.0, stated, pressure_drop=state.pressure_drop, **valve)
     data.attrs |= {
@@ -322,15 +319,19 @@ def fluid_text(fluid: Fluid) -> str:
 
 def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:
     """What `basis_of` reads back, without the length."""
-    values = {prefix + attribute: getattr(basis, name) for name, attribute in _BASIS.items()}
-    return {attribute: float(value) for attribute, value in values.items() if value is not None}
+    return {
+        prefix + attribute: float(value)
+        for name, attribute in _BASIS.items()
+        if (value := getattr(basis, name)) is not None
+    }
 
 
 def basis_of(attrs: dict[str, Any], prefix: str = "") -> LeakBasis:
     """Length of the seal and reference state of a fluid, from the attributes of a dataset."""
-    names = {name: prefix + attribute for name, attribute in _BASIS.items()}
     known = {
-        name: float(attrs[attribute]) for name, attribute in names.items() if attribute in attrs
+        name: float(attrs[prefix + attribute])
+        for name, attribute in _BASIS.items()
+        if prefix + attribute in attrs
     }
     return LeakBasis(**{"length": float(attrs["seal_size_m"][1]), "density": np.nan} | known)
 
@@ -359,23 +360,20 @@ def add_classes(
     limits = np.array([c.limit(basis, diameter) for c in classes])
     known = np.isfinite(realisations)
     count = np.maximum(known.sum(axis=0), 1)
-    fraction = np.array(
-        [(within(realisations, limit) & known).sum(axis=0) / count for limit in limits]
-    )
+    fraction = np.sum([within(realisations, limit) & known for limit in limits], axis=1) / count
     fraction[:, ~known.any(axis=0)] = np.nan
     add_coordinate(data, "leak_class", "1", "leakage class", [c.name for c in classes])
     text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
-    add(
-        data, Field("class_limit", "m^2/s", text, Place("leakage classes", ("leak_class",))), limits
-    )
+    place = Place("leakage classes", ("leak_class",))
+    add_new(data, "class_limit", "m^2/s", text, limits, place)
     met = np.array([within(leakage, limit) for limit in limits]).astype(float)
     if upper is not None:
         met[:, (leakage == 0) & ~np.isfinite(upper)] = np.nan
         fraction[:, (realisations == 0).any(axis=0) & ~np.isfinite(upper)] = np.nan
     text = "1 where the leakage given meets the class, 0 where not, NaN: open"
-    add(data, Field("class_met", "1", text, LEAK_CLASS), met)
+    add_new(data, "class_met", "1", text, met, LEAK_CLASS)
     text = "fraction of the realisations that meet the class, NaN: open"
-    add(data, Field("class_fraction", "1", text, LEAK_CLASS), fraction)
+    add_new(data, "class_fraction", "1", text, fraction, LEAK_CLASS)
     return _doubts(classes, basis.length, diameter)
 
 
@@ -383,9 +381,7 @@ def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None)
     """Warnings of limits at second hand, and of a nominal diameter that does not go with the length of the seal."""
     found, second = [], ", ".join(f"{c.name} ({c.edition})" for c in classes if c.second_hand)
     if second:
-        found.append(
-            f"limits of {second} are from tables of others, not checked against the standard's own text"
-        )
+        found.append(f"limits of {second} are from tables of others, not the standard's own text")
     if diameter is None or not any(c.per_diameter for c in classes):
         return found
     round_ = np.pi * diameter

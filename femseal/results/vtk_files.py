@@ -21,18 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import (
-    AnyPath,
-    Array,
-    Indices,
-    Mapper,
-    Pair,
-    Shape,
-    Stage,
-    made_folder,
-    write_bytes,
-    write_text,
-)
+from ..base import AnyPath, Array, Mapper, Pair, Stage, made_folder, write_bytes, write_text
 from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, Field, Place
 from ..topography import Topography
 
@@ -41,7 +30,6 @@ if TYPE_CHECKING:
 
     from .results import Results
 
-PixelValues = Callable[[int], NDArray[Any]]
 #: Ending of an image of pixels in a plane.
 IMAGE = ".vti"
 #: Corners nearer to each other than this fraction of its length are one point of it.
@@ -50,60 +38,41 @@ _ONE_POINT = 1e-9
 _LEVEL = 1
 
 
-@dataclass(frozen=True)
-class LoadSteps:
-    """The steps that a view has, by their index in the load programme, and their loads [Pa]."""
-
-    index: Indices
-    nominal_pressure: Array
-    unloaded_from: Array
-
-    @classmethod
-    def of(cls, data: xarray.Dataset, index: Indices | None = None, dim: str = "step") -> LoadSteps:
-        """Steps of a dataset, or states of its face by `dim`; all of them unless `index` says which."""
-        chosen = np.arange(data.sizes[dim]) if index is None else index
-        prefix = "" if dim == "step" else f"{dim}_"
-        names = dim, f"{prefix}nominal_pressure", f"{prefix}unloaded_from"
-        return cls(*(data[name].values[chosen] for name in names))
-
-    def label(self, mesh: Any, n: int) -> Any:
-        """A data set with the loads of the n-th step; on loading the peak is NaN."""
-        mesh.field_data["nominal_pressure_MPa"] = self.nominal_pressure[n : n + 1] / 1e6
-        mesh.field_data["unloaded_from_MPa"] = self.unloaded_from[n : n + 1] / 1e6
-        return mesh
+def loads_of(data: xarray.Dataset, dim: str = "step") -> Array:
+    """Loads of the steps of a dataset, or of the states of its face by `dim`, and the peaks before (steps, 2) [Pa]."""
+    prefix = "" if dim == "step" else f"{dim}_"
+    loads = (data[f"{prefix}{name}"].values for name in ("nominal_pressure", "unloaded_from"))
+    return np.stack([*loads], axis=1)
 
 
-@dataclass(frozen=True)
-class Image:
-    """Pixels of a plane at some steps: `cells` gives for the n-th of these a field (n1, n2), in single precision."""
+def with_load(mesh: Any, load: Array) -> Any:
+    """A data set with its load; on loading the peak is NaN."""
+    for name, value in zip(("nominal_pressure_MPa", "unloaded_from_MPa"), load / 1e6, strict=True):
+        mesh.field_data[name] = np.array([value])
+    return mesh
 
-    name: str
-    spacing: Pair
-    origin: Pair
-    shape: Shape
-    steps: LoadSteps
-    cells: Mapping[str, PixelValues]
 
-    def at(self, n: int) -> Any:
-        """Image data whose cells are the pixels; x1 runs fastest in VTK, that is order F of an array (n1, n2)."""
-        import pyvista
+def image(spacing: Pair, origin: Pair, pixels: Iterable[tuple[str, NDArray[Any]]]) -> Any:
+    """Image data whose cells are the pixels of fields (n1, n2), in single precision; x1 runs fastest in VTK."""
+    import pyvista
 
-        (n1, n2), (d1, d2), origin = self.shape, self.spacing, (*self.origin, 0.0)
-        image = pyvista.ImageData(
-            dimensions=(n1 + 1, n2 + 1, 1), spacing=(d1, d2, 1.0), origin=origin
-        )
-        for name, field in self.cells.items():
-            image.cell_data[name] = np.asarray(field(n), np.float32).ravel(order="F")
-        return self.steps.label(image, n)
+    made = pyvista.ImageData(spacing=(*spacing, 1.0), origin=(*origin, 0.0))
+    for name, values in pixels:
+        made.dimensions = (values.shape[0] + 1, values.shape[1] + 1, 1)
+        made.cell_data[name] = np.asarray(values, np.float32).ravel(order="F")
+    return made
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Triangles or quadrilaterals by their corners (cells, 3 or 4, 2), with `data` (steps, cells[, 3]) at all steps."""
+    """Triangles or quadrilaterals by their corners (cells, 3 or 4, 2), with `data` (steps, cells[, 3]) at all steps.
+
+    loads : of the steps, see `loads_of`.
+    """
 
     name: str
     corners: Array
-    steps: LoadSteps
+    loads: Array
     data: Mapping[str, NDArray[Any]]
 
     @cached_property
@@ -116,57 +85,41 @@ class Cells:
         mesh = pyvista.UnstructuredGrid({kind: cells}, points)
         return mesh.clean(tolerance=_ONE_POINT * np.ptp(points), produce_merge_map=False)
 
-    def at(self, n: int) -> Any:
+    def at(self, step: int) -> Any:
         """The mesh, which all steps share, with its data."""
         mesh = self._mesh.copy(deep=False)
         for name, values in self.data.items():
-            mesh.cell_data[name] = values[n]
-        return self.steps.label(mesh, n)
+            mesh.cell_data[name] = values[step]
+        return with_load(mesh, self.loads[step])
 
 
-@dataclass(frozen=True)
-class Heights:
+def _heights(surface: Topography) -> Any:
     """Heights of the face as points, so that the map can be warped at once."""
+    import pyvista
 
-    surface: Topography
-    name: str = "surface"
-    steps: None = None
-
-    def at(self, n: int = 0) -> Any:
-        """Image data with `height_um`."""
-        import pyvista
-
-        (n1, n2), (d1, d2) = self.surface.shape, self.surface.spacing
-        image = pyvista.ImageData(
-            dimensions=(n1, n2, 1), spacing=(d1, d2, 1.0), origin=(d1 / 2, d2 / 2, 0.0)
-        )
-        image.point_data["height_um"] = (
-            (self.surface.heights * 1e6).astype(np.float32).ravel(order="F")
-        )
-        return image
+    d1, d2 = surface.spacing
+    first = d1 / 2, d2 / 2, 0.0
+    made = pyvista.ImageData(dimensions=(*surface.shape, 1), spacing=(d1, d2, 1.0), origin=first)
+    made.point_data["height_um"] = (surface.heights * 1e6).astype(np.float32).ravel(order="F")
+    return made
 
 
-#: Data written under one name: a pyvista data set for each step, or a single one without steps.
-View = Image | Cells | Heights
-
-
-def write_series(view: View, folder: Path) -> list[Path]:
-    """Write a view as XML: `name.pvd` after the files that it names in the folder `name`; one file without steps.
+def write_series(
+    name: str, at: Callable[[int], Any], steps: Iterable[int], folder: Path
+) -> list[Path]:
+    """Write the data sets of steps as XML: `name.pvd` after the files that it names in the folder `name`.
 
     Returns paths of all files, each of which is whole or not there.
     """
-    if view.steps is None:
-        return [_save(view.at(0), folder / view.name)]
-    subfolder = made_folder(folder / view.name)
-    index = view.steps.index.tolist()
-    written = [_save(view.at(n), subfolder / f"step_{step:04d}") for n, step in enumerate(index)]
+    subfolder = made_folder(folder / name)
+    written = {step: _save(at(step), subfolder / f"step_{step:04d}") for step in steps}
     lines = [
-        f'    <DataSet timestep="{step}" part="0" file="{escape(f"{view.name}/{path.name}")}"/>'
-        for step, path in zip(index, written, strict=True)
+        f'    <DataSet timestep="{step}" part="0" file="{escape(f"{name}/{path.name}")}"/>'
+        for step, path in written.items()
     ]
     head = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>"]
     text = "\n".join([*head, *lines, "  </Collection>", "</VTKFile>", ""])
-    return [*written, write_text(folder / f"{view.name}.pvd", text)]
+    return [*written.values(), write_text(folder / f"{name}.pvd", text)]
 
 
 def stored_images(folder: Path, name: str) -> dict[int, Path]:
@@ -203,9 +156,8 @@ def as_xml(mesh: Any) -> bytes:
 
     image = isinstance(mesh, pyvista.ImageData)
     # VTK crashes where a disk is full, so it writes into memory
-    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)(
-        "none", mesh
-    ).writer
+    kind = pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter
+    writer = kind("none", mesh).writer
     writer.SetDataModeToAppended()
     writer.SetCompressionLevel(_LEVEL)
     writer.SetEncodeAppendedData(not image)
@@ -233,27 +185,32 @@ def write_vtk(
     Raises InputError: the folder cannot be made.
     """
     data = run.dataset
-    views: list[View] = [
-        pieces_view(name, data, of, LoadSteps.of(data, dim=of.dims[0]))
+    views = [
+        _pieces(name, data, of)
         for name, of, field in (("pieces", PIECE, "piece_k1"), ("states", PIECE_STATE, "state_k1"))
         if field in data
     ]
-    views += [drawn_cells(data)] if "drawn_corners" in data else []
-    views += [] if surface is None else [Heights(surface)]
+    views += [_drawn(data)] if "drawn_corners" in data else []
     target = made_folder(folder)
     # other processes may be at work in another folder
     stage = Stage("files for ParaView", partial(_written, target.absolute()))
-    (names,) = mapper(stage, [views])
+    (names,) = mapper(stage, [views], [surface])
     return [target / name for name in names]
 
 
-def _written(folder: Path, views: list[View]) -> list[Path]:
-    """Write views into an absolute folder; returns paths relative to it."""
-    return [path.relative_to(folder) for view in views for path in write_series(view, folder)]
+def _written(folder: Path, views: list[Cells], surface: Topography | None) -> list[Path]:
+    """Write views and heights into an absolute folder; returns paths relative to it."""
+    written: list[Path] = []
+    for view in views:
+        written += write_series(view.name, view.at, range(len(view.loads)), folder)
+    if surface is not None:
+        written.append(_save(_heights(surface), folder / "surface"))
+    return [path.relative_to(folder) for path in written]
 
 
-def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps) -> Cells:
+def _pieces(name: str, data: xarray.Dataset, place: Place) -> Cells:
     """Pieces of the face with every field of a place, at load steps or in states."""
+    loads = loads_of(data, place.dims[0])
     edges = []
     for dim in place.dims[1:]:
         ends = [0.0]
@@ -269,11 +226,11 @@ def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps)
         if variable.dims == place.dims:
             made = Field.of(variable)
             named = made.array_name.removeprefix("piece_").removeprefix("state_")
-            cell_data[named] = (variable.values * made.scale).reshape(len(steps.index), -1)
-    return Cells(name, np.stack(corners, -1).reshape(-1, 4, 2), steps, cell_data)
+            cell_data[named] = (variable.values * made.scale).reshape(len(loads), -1)
+    return Cells(name, np.stack(corners, -1).reshape(-1, 4, 2), loads, cell_data)
 
 
-def drawn_cells(data: xarray.Dataset) -> Cells:
+def _drawn(data: xarray.Dataset) -> Cells:
     """The drawn seal nearest to the median as triangles or quadrilaterals, with every field of its parts."""
     cell_data = {}
     for variable in data.data_vars.values():
@@ -285,4 +242,4 @@ def drawn_cells(data: xarray.Dataset) -> Cells:
             if variable.dims == PART_VECTOR.dims:
                 values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
             cell_data[made.array_name.removeprefix("drawn_")] = values
-    return Cells("drawn", data["drawn_corners"].values, LoadSteps.of(data), cell_data)
+    return Cells("drawn", data["drawn_corners"].values, loads_of(data), cell_data)

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import pi
+from typing import Any
 
 import numpy as np
 
 from ..base import Array, Indices, Pair
+from .plane import in_space, middles
 from .pressure_map import Frame
 from .tiles import SealTiles
-from .triangulation import in_space
 
 #: Fewest rows and columns of cells of a strip or a ring, and rows where the form is the same all along.
 _ROWS, _COLUMNS, ROWS_OF_PROFILES = 24, 64, 384
@@ -28,14 +29,15 @@ class ContactGrid:
 
     points : their middles in the plane of the seal (n1, n2, 2) [m]. spacing : [m]. boundary : of both axes, see
     `HalfSpace`. tile : number of the tile of every cell (n1, n2), −1 outside of the seal.
-    beside : cells, by their place in the flat grid, for tiles that have none of their own, by number of the tile.
+    averaging : of the cells, in the flat grid, to means over the tiles (tiles, n1·n2); tiles that have no cell of their
+    own have the nearest.
     """
 
     points: Array = field(repr=False)
     spacing: Pair
     boundary: tuple[str, str]
     tile: Indices = field(repr=False)
-    beside: tuple[Indices, Indices]
+    averaging: Any = field(repr=False)
 
     @classmethod
     def over(cls, tiles: SealTiles, frame: Frame, *, profile: bool = False) -> ContactGrid:
@@ -53,9 +55,8 @@ class ContactGrid:
         if frame.size is not None:
             points = np.stack([across, length * along], axis=-1)
         else:
-            points = across[..., None] * np.stack(
-                [np.cos(2 * pi * along), np.sin(2 * pi * along)], axis=-1
-            )
+            angle = 2 * pi * along
+            points = across[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         row, column = (x1 * rows).astype(np.int64), (x2 * columns).astype(np.int64)
         tile = row[:, None] * columns + column
         return cls._of(points, (breadth / n1, length / n2), ("free", "periodic"), tile, tiles)
@@ -69,21 +70,15 @@ class ContactGrid:
         low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
         sides = high - low
         side = 0.5 * (tiles.size[0] * tiles.size[1] / tiles.count) ** 0.5
-        side = min(
-            max(side, float(np.prod(sides) / _MOST_CELLS) ** 0.5),
-            float(sides.max()) / _FEWEST_CELLS,
-        )
+        most = float(sides.max()) / _FEWEST_CELLS
+        side = min(max(side, float(np.prod(sides) / _MOST_CELLS) ** 0.5), most)
         n1, n2 = (max(1, int(np.ceil(length / side))) for length in sides)
         spacing = (float(sides[0] / n1), float(sides[1] / n2))
-        x, y = (
-            a + (np.arange(n) + 0.5) * d for a, n, d in zip(low, (n1, n2), spacing, strict=True)
-        )
-        points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+        points = low + middles(sides, (n1, n2))
         surface = pyvista.PolyData.from_regular_faces(in_space(mesh.p.T), mesh.t.T)
-        element = np.reshape(
-            surface.find_containing_cell(in_space(points.reshape(-1, 2))), (n1, n2)
-        )
-        tile = np.where(element >= 0, tiles.tile[element], -1)
+        element = surface.find_containing_cell(in_space(points))
+        tile = np.where(element >= 0, tiles.tile[element], -1).reshape(n1, n2)
+        points = points.reshape(n1, n2, 2)
         return cls._of(points, spacing, ("free", "free"), tile, tiles)
 
     @classmethod
@@ -96,12 +91,16 @@ class ContactGrid:
         tiles: SealTiles,
     ) -> ContactGrid:
         """The grid, with the cell nearest to the middle of each tile that has none of its own."""
+        from scipy.sparse import csr_array
         from scipy.spatial import cKDTree
 
         inside = np.flatnonzero(tile >= 0)
         without = np.setdiff1d(np.arange(tiles.count), tile)
         near = cKDTree(points.reshape(-1, 2)[inside]).query(tiles.middles[without])[1]
-        return cls(points, spacing, boundary, tile, (without, inside[near]))
+        number = np.r_[tile.ravel()[inside], without]
+        parts, cell = 1 / np.bincount(number)[number], np.r_[inside, inside[near]]
+        averaging = csr_array((parts, (number, cell)), (tiles.count, tile.size))
+        return cls(points, spacing, boundary, tile, averaging)
 
     @property
     def has_rows(self) -> bool:
@@ -116,12 +115,4 @@ class ContactGrid:
     def means(self, values: Array) -> Array:
         """Means (…, tiles) over the tiles of values (…, n1, n2), or (…, n1, 1) where they are the same all along."""
         every = np.broadcast_to(values, (*values.shape[:-2], *self.tile.shape))
-        number, inside = self.tile[self.inside], self.inside
-        without, beside = self.beside
-        tiles = max(int(number.max()), int(without.max(initial=-1))) + 1
-        count = np.maximum(np.bincount(number, minlength=tiles), 1)
-        out = np.empty((*values.shape[:-2], count.size))
-        for at in np.ndindex(*values.shape[:-2]):
-            out[at] = np.bincount(number, every[at][inside], tiles) / count
-            out[at][without] = every[at].ravel()[beside]
-        return out
+        return np.asarray(every.reshape(*values.shape[:-2], -1) @ self.averaging.T)

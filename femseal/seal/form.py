@@ -15,12 +15,12 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, Pair, to_si, to_text, validate
+from ..base import Array, InputError, Pair, shortened, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
 from ..topography import Topography
+from .plane import middles, plane_points
 from .pressure_map import Frame
 from .seal_files import TEXTS, columns_of, read_columns
-from .triangulation import middles
 
 #: How far from measured points their heights hold: in their usual distance, and in the larger side of the seal.
 _BEYOND, _REACH = 3.0, 0.2
@@ -91,15 +91,12 @@ class WavyForm:
 
     def heights(self, points: Array, frame: Frame) -> Array:
         """Half of the height times the cosine."""
-        around = self._count(frame) * frame.angle(points)
-        return 0.5 * self.height * np.cos(around)
+        return 0.5 * self.height * np.cos(self._count(frame) * frame.angle(points))
 
     def __str__(self) -> str:
-        waves = (
-            f"{self.lobes} waves"
-            if self.wavelength is None
-            else f"waves of {to_text(self.wavelength, 'm')}"
-        )
+        waves = f"{self.lobes} waves"
+        if self.wavelength is not None:
+            waves = f"waves of {to_text(self.wavelength, 'm')}"
         return f"{waves} {to_text(self.height, 'm')} high"
 
     def _count(self, frame: Frame) -> int:
@@ -111,11 +108,8 @@ class WavyForm:
             raise InputError("wavelength", to_text(self.wavelength, "m"), "lobes, on a mesh")
         length = frame.size[1] if frame.size else pi * sum(frame.ends or ())
         if self.wavelength > length:
-            raise InputError(
-                "wavelength",
-                to_text(self.wavelength, "m"),
-                f"at most the length, {to_text(length, 'm')}",
-            )
+            expected = f"at most the length, {to_text(length, 'm')}"
+            raise InputError("wavelength", to_text(self.wavelength, "m"), expected)
         return round(length / self.wavelength)
 
 
@@ -141,16 +135,10 @@ class MeasuredForm:
 
         Raises InputError: numbers that are not finite, fewer than three, or not as many points as heights.
         """
-        at, z = np.array(points, float), np.array(heights, float)
-        if at.ndim != 2 or at.shape[1] != 2 or z.shape != (len(at),) or len(z) < 3:
-            given = f"shapes {at.shape} and {z.shape}"
-            raise InputError(
-                "form", given, "points (n, 2) and as many heights (n,), at least three"
-            )
-        if not (np.isfinite(at).all() and np.isfinite(z).all()):
-            raise InputError(
-                "form", "numbers that are not finite", "finite coordinates and heights [m]"
-            )
+        at, z = plane_points("form", points), np.array(heights, float)
+        if z.shape != (len(at),) or not np.isfinite(z).all():
+            expected = f"as many finite heights as points [m], {len(at)}"
+            raise InputError("form", f"heights {shortened(z)}", expected)
         return cls(at, z, polar)
 
     @classmethod
@@ -182,13 +170,12 @@ class MeasuredForm:
             radius, angle = points.T
             points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
         side = (float(np.prod(np.ptp(points, axis=0))) / _MOST_POINTS) ** 0.5
+        every = points
         while len(points) > _MOST_POINTS:
-            _, square = np.unique(np.floor(points / side), axis=0, return_inverse=True)
-            every = np.column_stack([points, values])
+            _, square = np.unique(np.floor(every / side), axis=0, return_inverse=True)
             square, count = square.ravel(), np.bincount(square.ravel())
-            means = np.array([np.bincount(square, column) / count for column in every.T]).T
-            if len(means) <= _MOST_POINTS:
-                return means[:, :2], means[:, 2]
+            x, y, z = (np.bincount(square, of) / count for of in (*every.T, self.values))
+            points, values = np.stack([x, y], axis=1), z
             side *= 1.1
         return points, values
 
@@ -209,9 +196,8 @@ class MeasuredForm:
         far = float(cKDTree(known).query(points)[0].max())
         if far > limit:
             given = f"points up to {to_text(far, 'm', 3)} from places on the seal"
-            expected = (
-                f"points that cover it, within {to_text(limit, 'm', 3)}: is their unit right?"
-            )
+            near = to_text(limit, "m", 3)
+            expected = f"points that cover it, within {near}: is their unit right?"
             raise InputError("form", given, expected)
         level = _less_plane(known, values)
         return _less_plane(points, RBFInterpolator(known, level, kernel="linear", degree=0)(points))
@@ -229,8 +215,7 @@ class FileForm:
 
     kind: ClassVar[str] = "file"
     path: Path = described(
-        "text with columns x, y, z or r, theta, z, or a map of heights",
-        example="flatness.csv",
+        "text with columns x, y, z or r, theta, z, or a map of heights", example="flatness.csv"
     )
     unit: str | None = described(
         "of the heights; that of the file unless given", example="um", default=None

@@ -2,28 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ..base import Array, InputError, Pair, counted, shown, to_si, to_text
+from ..base import Array, InputError, Pair, counted, to_text
 
-#: Directions by name: those of the axes of the plane, and those as seen from the centre of the seal.
-NAMES = ("x1", "x2", "radial", "circumferential")
-ALLOWED = (
-    f"one of {', '.join(NAMES)}, {{angle = '30 deg'}} from x1 to x2, {{kind = 'spiral', lead = '60 um', starts = 1}}, "
-    "or {field = 'file.vtu:name'}"
-)
 #: Sizes between which a seal may lie [m].
 _SIZES = (1e-4, 100.0)
 #: Places of a seal may be so many spacings of its points away from a field.
 _REACH = 2.0
-_SPIRAL_KEYS = {"kind", "lead", "starts", "circumference"}
-#: Smallest circumference of a seal [m].
-_LEAST_TURN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,30 +31,6 @@ class Lay:
     file: Path | None = None
     array: str = ""
 
-    @classmethod
-    def of(cls, given: Any, folder: Path = Path()) -> Lay:
-        """From a name, {"angle": radians or "30 deg"}, {"kind": "spiral", "lead": metres or "60 um", "starts": 1},
-        {"field": "file.vtu:name"} in the folder, or a `Lay`.
-
-        Raises InputError: anything else.
-        """
-        if isinstance(given, Lay):
-            return given
-        if isinstance(given, str) and given in NAMES:
-            return cls(name=given)
-        keys = {*given} if isinstance(given, Mapping) else set()
-        if keys == {"angle"}:
-            return cls(angle=_si(given["angle"], "rad", "lay.angle"))
-        if "kind" in keys <= _SPIRAL_KEYS and given["kind"] == "spiral":
-            around = given.get("circumference")
-            turn = None if around is None else _length(around, "lay.circumference", _LEAST_TURN)
-            return cls(name="spiral", lead=_lead(given), circumference=turn)
-        if keys == {"field"} and isinstance(given["field"], str):
-            path, _, array = given["field"].rpartition(":")
-            if path and array:
-                return cls(file=folder / path, array=array)
-        raise InputError("lay", shown(given), ALLOWED)
-
     def directions(self, places: Array, centre: Pair = (0.0, 0.0), unit: float = 1.0) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
 
@@ -81,9 +46,7 @@ class Lay:
             away = places - np.asarray(centre)
             distance = np.hypot(away[:, 0], away[:, 1])
             if not distance.min(initial=1.0) > 0:
-                raise InputError(
-                    "lay", f"'{self.name}' at the centre itself", "a centre outside of all elements"
-                )
+                raise InputError("lay", f"'{self.name}' at its centre", "one outside of elements")
             radial = away / distance[:, None]
             around = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
             tangent = (self.lead / (2 * np.pi * distance))[:, None]  # tan α of a spiral, else 0
@@ -96,9 +59,8 @@ class Lay:
         """Raise InputError if a groove of the spiral crosses a seal of a breadth [m] within a turn."""
         if self.lead > breadth:
             given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
-            raise InputError(
-                "lay.lead", given, "at most the breadth: the groove would cross it within a turn"
-            )
+            expected = "at most the breadth: the groove would cross it within a turn"
+            raise InputError("lay.lead", given, expected)
 
     def __str__(self) -> str:
         if self.file is not None:
@@ -112,45 +74,18 @@ def check_size(name: str, size: float, unit: str = "") -> None:
     """Raise InputError if a seal has a size [m] that comes from a wrong unit of length."""
     low, high = _SIZES
     if not low <= size <= high:
-        given = f"a seal {to_text(size, 'm', 3)} across" + (
-            f" with the unit '{unit}'" if unit else ""
-        )
-        raise InputError(
-            name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?"
-        )
+        given = f"a seal {to_text(size, 'm', 3)} across{f' with the unit {unit!r}' if unit else ''}"
+        expected = f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?"
+        raise InputError(name, given, expected)
 
 
 def check_ring(inner: float, outer: float, inlet: str) -> None:
     """Raise InputError if radii [m] do not increase, or another than the inner or the outer one is the inlet."""
     if not outer > inner:
-        raise InputError(
-            "outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m"
-        )
+        expected = f"a number > the inner radius, {inner:g} m"
+        raise InputError("outer_radius", f"{outer:g} m", expected)
     if inlet not in ("inner", "outer"):
         raise InputError("inlet", repr(inlet), "'inner' or 'outer'")
-
-
-def _lead(given: Mapping[str, Any]) -> float:
-    """Lead of a spiral times its starts [m]; InputError where either cannot be used."""
-    starts = given.get("starts", 1)
-    if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
-        raise InputError("lay.starts", shown(starts), "a whole number of grooves from 1")
-    return _length(given.get("lead"), "lay.lead") * starts
-
-
-def _si(given: Any, unit: str, name: str) -> float:
-    """A value in SI from text with a unit, or from a finite number."""
-    if isinstance(given, (int, float)) and not isinstance(given, bool) and np.isfinite(given):
-        return float(given)
-    return to_si(given, unit, name)
-
-
-def _length(given: Any, name: str, least: float = 0.0) -> float:
-    """A length from text with a unit, or from a number of metres; InputError where it is less than the least."""
-    value = _si(given, "m", name)
-    if not (np.isfinite(value) and value >= least):
-        raise InputError(name, shown(given), f"a length >= {to_text(least, 'm')}, such as '60 um'")
-    return value
 
 
 def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
@@ -164,9 +99,8 @@ def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
     of_vectors = values.ndim == 2 and values.shape[1] in (2, 3)
     size = np.linalg.norm(values[:, :2], axis=1) if of_vectors else np.zeros(1)
     if not (np.isfinite(values).all() and size.min() > 0):
-        raise InputError(
-            "lay.field", f"'{array}' of '{file}'", "vectors along the lay, finite and not 0"
-        )
+        expected = "vectors along the lay, finite and not 0"
+        raise InputError("lay.field", f"'{array}' of '{file}'", expected)
     tree = cKDTree(points)
     spacing = tree.query(points, k=2)[0][:, 1].max() if len(points) > 1 else np.inf
     distance, nearest = tree.query(places)

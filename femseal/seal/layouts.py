@@ -13,7 +13,7 @@ from math import isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
-from ..base import InputError, Pair, to_si, to_text, validate
+from ..base import InputError, Pair, shown, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
 from .lay import Lay, check_ring, check_size
 from .pressure_map import Frame
@@ -24,8 +24,59 @@ if TYPE_CHECKING:
     from .tiles import PieceSize, SealTiles
 
 
+#: Directions of the lay by name: those of the axes of the plane, and those as seen from the centre of the seal.
+NAMES = ("x1", "x2", "radial", "circumferential")
+_ALLOWED = (
+    f"one of {', '.join(NAMES)}, {{angle = '30 deg'}} from x1 to x2, {{kind = 'spiral', lead = '60 um', starts = 1}}, "
+    "or {field = 'file.vtu:name'}"
+)
+#: Smallest circumference of a seal [m].
+_LEAST_TURN = 1e-6
+
+
+def lay_of(given: Any, folder: Path = Path()) -> Lay:
+    """The lay by its name, {"angle": radians or "30 deg"}, {"kind": "spiral", "lead": metres or "60 um", "starts": 1},
+    {"field": "file.vtu:name"} in the folder, or a `Lay`.
+
+    Raises InputError: anything else.
+    """
+    match given:
+        case Lay():
+            return given
+        case str() if given in NAMES:
+            return Lay(name=given)
+        case {"angle": angle} if len(given) == 1:
+            return Lay(angle=_si(angle, "rad", "lay.angle"))
+        case {"kind": "spiral"} if {*given} <= {"kind", "lead", "starts", "circumference"}:
+            around = given.get("circumference")
+            turn = None if around is None else _length(around, "lay.circumference", _LEAST_TURN)
+            starts = validate.count("lay.starts", given.get("starts", 1))
+            lead = _length(given.get("lead"), "lay.lead")
+            return Lay(name="spiral", lead=lead * starts, circumference=turn)
+        case {"field": str(field)} if len(given) == 1:
+            path, _, array = field.rpartition(":")
+            if path and array:
+                return Lay(file=folder / path, array=array)
+    raise InputError("lay", shown(given), _ALLOWED)
+
+
+def _si(given: Any, unit: str, name: str) -> float:
+    """A value in SI from text with a unit, or from a finite number."""
+    if isinstance(given, (int, float)) and not isinstance(given, bool) and isfinite(given):
+        return float(given)
+    return to_si(given, unit, name)
+
+
+def _length(given: Any, name: str, least: float = 0.0) -> float:
+    """A length from text with a unit, or from a number of metres; InputError where it is less than the least."""
+    value = _si(given, "m", name)
+    if value < least:
+        raise InputError(name, shown(given), f"a length >= {to_text(least, 'm')}, such as '60 um'")
+    return value
+
+
 class Layout(Protocol):
-    """Interface of the shapes of seals that studies take."""
+    """Interface of the shapes of seals that studies take; as text, the name of the seal for people."""
 
     kind: ClassVar[str]
     #: Whether the sampling gives the length of the seal.
@@ -40,10 +91,6 @@ class Layout(Protocol):
 
     def frame(self, size: Pair) -> Frame:
         """Coordinates of maps of the pressure on a seal of this shape, of sides, or breadth and length [m]."""
-        ...
-
-    def __str__(self) -> str:
-        """Name of the seal for people."""
         ...
 
 
@@ -71,11 +118,9 @@ class RectangularLayout:
     lay: Any = described(_LAY, default="x2")
 
     def __post_init__(self) -> None:
-        lay = Lay.of(self.lay)
+        lay = lay_of(self.lay)
         if lay.name == "radial" or lay.file is not None:
-            raise InputError(
-                "lay", f"'{lay}' on a strip", "x1, x2, a spiral, or {angle = '30 deg'}"
-            )
+            raise InputError("lay", f"'{lay}' on a strip", "x1, x2, a spiral or an angle")
         around = lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0)
         object.__setattr__(self, "lay", Lay(name="x2") if around else lay)
 
@@ -123,12 +168,9 @@ class AnnularLayout:
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        lay = Lay.of(self.lay)
-        object.__setattr__(
-            self,
-            "lay",
-            Lay(name="circumferential") if lay.name == "spiral" and not lay.lead else lay,
-        )
+        lay = lay_of(self.lay)
+        around = lay.name == "spiral" and not lay.lead
+        object.__setattr__(self, "lay", Lay(name="circumferential") if around else lay)
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
         check_ring(self.inner_radius, self.outer_radius, self.inlet)
@@ -198,13 +240,9 @@ class MeshLayout:
         to_si(f"1 {self.unit}", "m", "unit")
         if self.length is not None and not (isfinite(self.length) and self.length > 0):
             raise InputError("length", self.length, "a length > 0 [m]")
-        object.__setattr__(self, "lay", Lay.of(self.lay, Path(self.path).parent))
+        object.__setattr__(self, "lay", lay_of(self.lay, Path(self.path).parent))
         if self.lay.name == "spiral":
-            raise InputError(
-                "lay",
-                f"'{self.lay}' on a mesh",
-                "a spiral on a strip or a ring, or {field = 'file.vtu:name'}",
-            )
+            raise InputError("lay", f"'{self.lay}' on a mesh", "a spiral on a strip or a ring")
         for name in ("inlet", "outlet"):
             names = getattr(self, name)
             if isinstance(names, Mapping):
@@ -236,18 +274,16 @@ class MeshLayout:
         return Frame(centre=self.centre)
 
     def __str__(self) -> str:
-        inlets = ", ".join(
-            f"{name} at {to_text(p, 'Pa')}" for name, p in self.inlet_pressures.items()
-        )
-        return f"the mesh {Path(self.path).name}, {f'inlets {inlets}, ' if inlets else ''}lay {self.lay}"
+        texts = [f"{name} at {to_text(p, 'Pa')}" for name, p in self.inlet_pressures.items()]
+        inlets = f"inlets {', '.join(texts)}, " if texts else ""
+        return f"the mesh {Path(self.path).name}, {inlets}lay {self.lay}"
 
 
 def _refuse_sizes(kind: str, pieces: PieceSize) -> None:
     for name, value in (("length", pieces.length), ("breadth", pieces.breadth)):
         if value is not None:
-            raise InputError(
-                name, to_text(value, "m"), f"none with a seal of kind {kind}: it has its own"
-            )
+            expected = f"none with a seal of kind {kind}: it has its own"
+            raise InputError(name, to_text(value, "m"), expected)
 
 
 #: Shapes that a case can choose, by their kind.

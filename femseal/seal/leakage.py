@@ -95,19 +95,22 @@ def pressure_dependent_flow(
 
 def _on_parts(seal: Any, values: Any, pressures: int) -> tuple[Array, ...]:
     """Values of a table, a number or two at each pressure taken for that of all parts; InputError of other shapes."""
-    n1, n2 = seal.cells if isinstance(seal, StructuredSeal) else (0, seal.mesh.nelements)
-    shapes: list[tuple[int, ...]] = [(n1, n2), (n1 - 1, n2)] if n1 else [(n2,)]
+    if isinstance(seal, StructuredSeal):
+        n1, n2 = seal.cells
+        shapes: list[list[tuple[int, ...]]] = [[(n1, n2)], [(n1 - 1, n2)]]
+    else:
+        shapes = [[(seal.mesh.nelements,), (seal.mesh.nelements, 2)]]
     arrays = values if isinstance(values, tuple) else (values,) * len(shapes)
     if len(arrays) != len(shapes):
         raise InputError("permeability", "two arrays", f"{pressures} values of each part")
     found = []
-    for k, shape in zip(arrays, shapes, strict=True):
-        allowed = (shape,) if n1 else (shape, (*shape, 2))
-        if k.shape != (pressures,) and k.shape[1:] not in allowed:
+    for k, (shape, *others) in zip(arrays, shapes, strict=True):
+        if k.ndim == 1:
+            k = np.broadcast_to(k.reshape(-1, *(1,) * len(shape)), (pressures, *shape))
+        if k.shape[1:] not in (shape, *others):
             expected = f"{pressures} values, or as many for each part {shape}"
             raise InputError("permeability", f"shape {k.shape}", expected)
-        each = k.reshape(-1, *(1 for _ in shape)) if k.ndim == 1 else k
-        found.append(np.broadcast_to(each, (pressures, *shape)) if k.ndim == 1 else k)
+        found.append(k)
     return tuple(found)
 
 
@@ -153,9 +156,7 @@ class Leakage(Shown):
         repr=False,
     )
     boundary_rates: dict[str, float] | None = _known(
-        "m^3/s",
-        "flow into the seal through each boundary, of inlets with pressures",
-        default=None,
+        "m^3/s", "flow into the seal through each boundary, of inlets with pressures", default=None
     )
 
 

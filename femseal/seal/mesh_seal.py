@@ -22,8 +22,8 @@ from ..base import Array, Indices, InputError, Pair, to_si, to_text, validate
 from ..flow.mesh import MeshFlow, MeshOperators
 from ..flow.mesh_input import CLOSED_AXIS, is_connected, permeability_tensors
 from ..flow.problem import LINEAR
+from .plane import polygon_areas
 from .seal_files import read_mesh
-from .triangulation import polygon_areas
 
 #: Names of inlets, one or several at one pressure, or pressures [Pa] of inlets by their names.
 Inlet = str | Sequence[str] | Mapping[str, float]
@@ -44,21 +44,21 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     where their extents along the normal of an edge are (separating axis).
     """
     corners = mesh.p.T[mesh.t.T]
+    (x0, y0), (x1, y1) = corners.min(axis=1).T, corners.max(axis=1).T
     along = np.roll(corners, -1, axis=1) - corners
     normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
-    (x0, y0), (x1, y1) = corners.min(axis=1).T, corners.max(axis=1).T
-    for one in np.unique(mesh.f2t[0, mesh.boundary_facets()]):
+    for one in np.unique(mesh.f2t[0, mesh.boundary_facets()]).tolist():
         near = (x0 < x1[one]) & (x1 > x0[one]) & (y0 < y1[one]) & (y1 > y0[one])
-        near[one] = False
-        others = np.flatnonzero(near)
-        own = np.broadcast_to(normals[one], (others.size, *normals[one].shape))
-        axes = np.concatenate([own, normals[others]], axis=1)
-        a, b = axes @ corners[one].T, axes @ corners[others].transpose(0, 2, 1)
-        shared = np.minimum(a.max(axis=2), b.max(axis=2)) - np.maximum(a.min(axis=2), b.min(axis=2))
-        smaller = np.minimum(np.ptp(a, axis=2), np.ptp(b, axis=2))
-        found = others[(shared > _DEPTH * smaller).all(axis=1)]
-        if found.size:
-            return int(one), int(found[0])
+        for other in np.flatnonzero(near).tolist():
+            axes = np.concatenate([normals[one], normals[other]])
+            a, b = corners[one] @ axes.T, corners[other] @ axes.T
+            least, most = (
+                np.maximum(a.min(axis=0), b.min(axis=0)),
+                np.minimum(a.max(axis=0), b.max(axis=0)),
+            )
+            smaller = np.minimum(np.ptp(a, axis=0), np.ptp(b, axis=0))
+            if other != one and (most - least > _DEPTH * smaller).all():
+                return one, other
     return ()
 
 
@@ -83,9 +83,7 @@ class PressureBoundaries:
         Raises InputError: one is both inlet and outlet, or two of them touch.
         """
         if both := [name for name in outlet if name in inlet]:
-            raise InputError(
-                "outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets"
-            )
+            raise InputError("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries")
         names = (*inlet, *dict.fromkeys(outlet))
         facets = tuple(np.unique(mesh.boundaries[name]).astype(np.int64) for name in names)
         for (first, one), (second, other) in itertools.combinations(
@@ -131,18 +129,14 @@ class MeshSeal:
         )
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1):
-            raise InputError(
-                "path",
-                f"a {type(mesh).__name__}",
-                f"a plane mesh of triangles or quadrilaterals, {LINEAR}",
-            )
+            expected = f"a plane mesh of triangles or quadrilaterals, {LINEAR}"
+            raise InputError("path", f"a {type(mesh).__name__}", expected)
         there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
         for role, names in (("inlet", self.inlet), ("outlet", self.outlet)):
             for name in _names(names) or (names,):
                 if name not in (mesh.boundaries or {}):
-                    raise InputError(
-                        role, repr(name), f"the name of a boundary of the mesh: {there}"
-                    )
+                    expected = f"the name of a boundary of the mesh: {there}"
+                    raise InputError(role, repr(name), expected)
         _check_elements(mesh)
         given = self.boundaries  # raises if one is both inlet and outlet
         inlets = [self.ends[0]] if given is None else given.facets[: len(given.pressures)]
@@ -253,9 +247,7 @@ def _check_elements(mesh: Mesh) -> None:
     """Refuse nodes that are not finite, and elements that are degenerate, tangled or on each other."""
     undefined = np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))
     if undefined.size:
-        raise InputError(
-            "path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates"
-        )
+        raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite ones")
     corners = mesh.p.T[mesh.t.T]
     before, after = (np.roll(corners, shift, axis=1) - corners for shift in (1, -1))
     # the Jacobian of a bilinear element is extreme at its corners
@@ -264,17 +256,12 @@ def _check_elements(mesh: Mesh) -> None:
     flat = np.abs(det).min(axis=1) <= 1e-12 * size
     bad = np.flatnonzero(flat | (det.min(axis=1) * det.max(axis=1) <= 0))
     if bad.size:
-        raise InputError(
-            "path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh"
-        )
-    _check_sides(mesh)
-
-
-def _check_sides(mesh: Mesh) -> None:
-    """Refuse elements that overlap: two that share an edge, walked anticlockwise, walk it in opposite directions."""
-    corners, edge = mesh.t.T, mesh.t2f.T
-    direction = np.sign(np.roll(corners, -1, axis=1) - corners)
-    direction *= np.sign(polygon_areas(mesh.p.T[corners]))[:, None].astype(int)
+        given = f"a mesh whose element {bad[0]} is degenerate or tangled"
+        raise InputError("path", given, "a valid mesh")
+    # elements beside each other, walked anticlockwise, walk their edge in opposite directions
+    vertices, edge = mesh.t.T, mesh.t2f.T
+    direction = np.sign(np.roll(vertices, -1, axis=1) - vertices)
+    direction *= np.sign(polygon_areas(corners))[:, None].astype(int)
     count = np.bincount(edge.ravel())
     walked = np.bincount(edge.ravel(), direction.ravel())
     overlapping = (count > 2) | ((count == 2) & (walked != 0))
@@ -338,9 +325,8 @@ class ElementSeal:
 
         bounds : solve both; otherwise the flow is that of linear elements, the upper one, with the same potential.
         """
-        flow = self._operators.flow(
-            self.tensors(permeability), bounds=bounds, solver=_of_meshes(solver)
-        )
+        tensors, solver = self.tensors(permeability), _of_meshes(solver)
+        flow = self._operators.flow(tensors, bounds=bounds, solver=solver)
         if not bounds:
             return flow
         lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
@@ -364,13 +350,11 @@ class ElementSeal:
         Raises InputError: inlets on both sides of the outlet.
         """
         if min(levels) < 0:
-            raise InputError(
-                "inlet", "pressures above and below that of the outlet", "all on one side of it"
-            )
+            given = "pressures on both sides of the outlet's"
+            raise InputError("inlet", given, "all on one side of it")
         operators = MeshOperators(self.mesh, boundaries.facets)
-        flow = operators.flow(
-            self.tensors(permeability), levels, bounds=True, solver=_of_meshes(solver)
-        )
+        tensors, solver = self.tensors(permeability), _of_meshes(solver)
+        flow = operators.flow(tensors, levels, bounds=True, solver=solver)
         outlets = slice(len(boundaries.pressures), None)
         upper, lower = -float(flow.rates[outlets].sum()), -float(flow.flux_rates[outlets].sum())
         if not (lower > self._through_closed_axes(permeability) * max(levels) and upper > 0):

@@ -14,9 +14,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, Pair, counted, to_text, validate
-from .triangulation import Triangulation, polygon_areas
+from ..base import Array, Indices, InputError, Pair, counted, to_text, validate
+from .plane import in_space, plane_points, polygon_areas
 
+#: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
+#: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
+GAP = 4.0
+#: A point so far outside a triangle, in fractions of its heights, takes its values: chords cut the arcs of a ring.
+OUTSIDE = 0.1
 #: Rounding of coordinates, as fractions of a strip of a profile or of a radius.
 _ROUNDING = 1e-9
 
@@ -92,9 +97,8 @@ class Profile:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "fractions", _fractions(self.fractions))
-        object.__setattr__(
-            self, "positions", _rising("positions", self.positions, len(self.fractions), "[m]")
-        )
+        positions = _rising("positions", self.positions, len(self.fractions), "[m]")
+        object.__setattr__(self, "positions", positions)
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Linear between positions; else that of the strip, at an edge the mean of both."""
@@ -107,19 +111,14 @@ class Profile:
                     f"{to_text(a, 'm')} to {to_text(b, 'm')}"
                     for a, b in ((low, high), (least, most))
                 )
-                raise InputError(
-                    "positions", given, f"a range that holds the tiles of the seal, {needed}"
-                )
+                raise InputError("positions", given, f"one that holds all tiles, {needed}")
             return np.interp(across, self.positions, values)
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")
         first, last = frame.ends
         strip = (across - first) / (last - first) * values.size
-        lower, upper = (
-            np.clip(np.floor(strip + e).astype(int), 0, values.size - 1)
-            for e in (-_ROUNDING, _ROUNDING)
-        )
-        return 0.5 * (values[lower] + values[upper])
+        sides = np.floor([strip - _ROUNDING, strip + _ROUNDING]).astype(int)
+        return values[np.clip(sides, 0, values.size - 1)].mean(axis=0)
 
 
 @dataclass(frozen=True)
@@ -146,13 +145,12 @@ class AngleTable:
         object.__setattr__(self, "fractions", _fractions(self.fractions))
         object.__setattr__(self, "repeat", validate.count("repeat", self.repeat))
         period = 2 * pi / self.repeat
-        object.__setattr__(
-            self, "angles", _rising("angles", self.angles, len(self.fractions), "[rad]")
-        )
+        angles = _rising("angles", self.angles, len(self.fractions), "[rad]")
+        object.__setattr__(self, "angles", angles)
         if self.angles and not 0 <= self.angles[0] <= self.angles[-1] < period * (1 - 1e-12):
             given = f"{np.degrees(self.angles[0]):g}° to {np.degrees(self.angles[-1]):g}°"
             raise InputError(
-                "angles", given, f"angles from 0° to below one period, {np.degrees(period):g}°"
+                "angles", given, f"some from 0° to below one period, {np.degrees(period):g}°"
             )
 
     def at(self, points: Array, frame: Frame) -> Array:
@@ -166,10 +164,12 @@ class AngleTable:
 class PressureField:
     """A field in the plane of the seal, such as a flange calculation gives, linear on triangles; see `of`.
 
-    pressure : of the points of the triangulation, in the plane of the seal: x1 and x2 of a strip (m,) [Pa].
+    points : x1 and x2 of a strip, else in the plane of the seal (m, 2) [m]. triangles : between them (t, 3).
+    pressure : of the points (m,) [Pa].
     """
 
-    triangulation: Triangulation = field(repr=False)
+    points: Array = field(repr=False)
+    triangles: Indices = field(repr=False)
     pressure: Array = field(repr=False)
 
     @classmethod
@@ -188,12 +188,54 @@ class PressureField:
         ------
         InputError : numbers that are not finite, negative pressures, points on a line.
         """
-        triangulation = Triangulation.of(points, triangles)
-        return cls(triangulation, _pressures(pressure, len(triangulation.points)))
+        found = plane_points("points", points)
+        corners = _delaunay(found) if triangles is None else np.array(triangles, dtype=np.int64)
+        size = np.ptp(found, axis=0).max()
+        corners = corners[np.abs(polygon_areas(found[corners])) > 1e-12 * size**2]
+        if not len(corners):
+            raise InputError("points", f"{len(found)} points on a line", "some in a plane")
+        return cls(found, corners, _pressures(pressure, len(found)))
 
     def at(self, points: Array, frame: Frame) -> Array:
-        """Linear on the triangle around each point [Pa]."""
-        return self.triangulation.interpolate(self.pressure, points)
+        """Linear on the triangle around each point [Pa]; just outside of all, that of the nearest triangle."""
+        triangle, weights = self._around(points)
+        uncovered = np.flatnonzero(weights.min(axis=1) < -OUTSIDE)
+        if uncovered.size:
+            ends = zip("xy", self.points.min(axis=0), self.points.max(axis=0), strict=True)
+            ranges = ", ".join(f"{name} {low:.4g} to {high:.4g} m" for name, low, high in ends)
+            x, y = points[uncovered[0]]
+            given = f"{ranges}, without places on the seal such as ({x:.4g}, {y:.4g}) m"
+            raise InputError("field", given, "one that covers the seal")
+        inside = np.maximum(weights, 0)
+        inside /= inside.sum(axis=1, keepdims=True)
+        return (inside * self.pressure[self.triangles[triangle]]).sum(axis=1)
+
+    def _around(self, places: Array) -> tuple[Indices, Array]:
+        """Triangle around each place, or nearest to it, and the place in it by its three weights."""
+        import pyvista
+
+        points, corners = in_space(self.points), self.triangles.astype(int)
+        surface = pyvista.PolyData.from_regular_faces(points, corners)
+        triangle = np.atleast_1d(surface.find_closest_cell(in_space(places)))
+        first, *others = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
+        ways = np.stack([other - first for other in others], axis=-1)
+        weights = np.linalg.solve(ways, (places - first)[..., None])[..., 0]
+        return triangle, np.column_stack([1 - weights.sum(axis=1), weights])
+
+
+def _delaunay(points: Array) -> Indices:
+    """Corners of the triangles between points but those that are gaps; none where the points lie on a line."""
+    from scipy.spatial import Delaunay, QhullError
+
+    try:
+        # the size of the whole does not matter to what lies on a line
+        size = np.ptp(points, axis=0).max() or 1.0
+        corners = Delaunay((points - points.mean(axis=0)) / size).simplices
+    except QhullError:
+        return np.empty((0, 3), np.int64)
+    ways = points[corners] - np.roll(points[corners], 1, axis=1)
+    sides = np.linalg.norm(ways, axis=2).max(axis=1)
+    return np.asarray(corners[sides <= GAP * np.median(sides)], np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,9 +259,8 @@ class MapsAtLoads:
                 counted(len(self.pressures), "number"),
                 f"{len(self.maps)}, one for each map",
             )
-        object.__setattr__(
-            self, "pressures", _rising("pressures", self.pressures, len(self.maps), "[Pa]")
-        )
+        pressures = _rising("pressures", self.pressures, len(self.maps), "[Pa]")
+        object.__setattr__(self, "pressures", pressures)
 
 
 #: What fractions can be taken from.
@@ -268,22 +309,18 @@ class PressedSeal:
         known = np.array([self._mean_one(one, points) for one in maps])
         if not isinstance(pressure_map, MapsAtLoads) or len(known) == 1:
             return np.broadcast_to(known[0], (loads.size, len(points)))
-        knots = np.array(pressure_map.pressures)
-        upper = np.clip(np.searchsorted(knots, loads), 1, knots.size - 1)
-        weight = np.clip((loads - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)[
-            :, None
-        ]
-        return (1 - weight) * known[upper - 1] + weight * known[upper]
+        knots = pressure_map.pressures
+        place = np.interp(loads, knots, np.arange(len(knots)))
+        below = np.minimum(place.astype(int), len(knots) - 2)
+        weight = (place - below)[:, None]
+        return (1 - weight) * known[below] + weight * known[below + 1]
 
     def _mean_one(self, pressure_map: PressureMap, points: Array) -> Array:
         over_area, values = (pressure_map.at(where, self.frame) for where in (self.centres, points))
         if not over_area.max() > 0:
             raise InputError("map", "a pressure that is 0 all over the seal", "one > 0 somewhere")
-        if np.all(over_area == over_area[0]) and np.all(
-            values == over_area[0]
-        ):  # without the rounding of a mean
-            return np.ones_like(values)
-        return values / np.average(over_area, weights=self.areas)
+        highest = over_area.max()  # a map of one value has no rounding
+        return values / highest / np.average(over_area / highest, weights=self.areas)
 
 
 def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[float, ...]:
@@ -303,10 +340,8 @@ def _fractions(values: Any) -> tuple[float, ...]:
 
 def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
     """Rising numbers, as many as `count`, or none; InputError of anything else."""
-    if isinstance(values, tuple) and not values:
-        return ()
     numbers = _numbers(name, values, f"a list of numbers {unit}", above=-np.inf)
-    if len(numbers) != count:
+    if numbers and len(numbers) != count:
         raise InputError(name, counted(len(numbers), "number"), f"{count}, one for each value")
     if any(b <= a for a, b in pairwise(numbers)):
         raise InputError(name, list(numbers), f"rising numbers {unit}")
@@ -317,9 +352,7 @@ def _pressures(values: ArrayLike, count: int) -> Array:
     """Contact pressures >= 0, one for each point; InputError of anything else."""
     pressure = np.array(values, dtype=float)
     if pressure.shape != (count,):
-        raise InputError(
-            "pressure", f"shape {pressure.shape}", f"shape {(count,)}, one for each point [Pa]"
-        )
+        raise InputError("pressure", f"shape {pressure.shape}", f"{(count,)}, one for each point")
     if bad := np.count_nonzero(~np.isfinite(pressure) | (pressure < 0)):
         least = to_text(float(pressure.min()), "Pa")
         given = f"{bad} of {count} values not finite or negative, the least {least}"

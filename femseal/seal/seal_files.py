@@ -59,17 +59,16 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     points = _plane(file, data, cells, 1e-9) * unit
     used, renumbered = np.unique(cells, return_inverse=True)
     cells = renumbered.reshape(cells.shape)
-    mesh = getattr(skfem, _KINDS[kind])(
-        np.ascontiguousarray(points[used].T), np.ascontiguousarray(cells.T)
-    )
+    arrays = (np.ascontiguousarray(of.T) for of in (points[used], cells))
+    mesh = getattr(skfem, _KINDS[kind])(*arrays)
     vertex = np.full(len(points), -1)
     vertex[used] = np.arange(used.size)
     boundaries = {
-        name: _facets_of(mesh, vertex[lines]) for name, lines in _named_lines(data).items()
+        name: facets
+        for name, lines in _named_lines(data).items()
+        if (facets := _facets_of(mesh, vertex[lines])).size
     }
-    return mesh.with_boundaries(
-        {name: facets for name, facets in boundaries.items() if facets.size}
-    )
+    return mesh.with_boundaries(boundaries)
 
 
 def read_field(path: str | PathLike[str], name: str) -> tuple[Array, Array]:
@@ -86,9 +85,7 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[Array, Array]:
         return points, np.asarray(data.point_data[name], dtype=float)
     if name in data.cell_data:
         centres = [points[block.data].mean(axis=1) for block in data.cells]
-        return np.vstack(centres), np.concatenate(
-            [np.asarray(v, dtype=float) for v in data.cell_data[name]]
-        )
+        return np.vstack(centres), np.concatenate(data.cell_data[name]).astype(float)
     raise InputError("field", f"'{name}' of '{file}'", f"one of its fields: {_fields(data)}")
 
 
@@ -131,37 +128,34 @@ def read_data(file: Path) -> Any:
             return meshio.read(file)
     except (Exception, SystemExit) as error:
         said = "" if isinstance(error, SystemExit) else " ".join(str(error).split())
-        reason = said or "unknown or damaged format"
         known = meshio.extension_to_filetypes
         which = f": {' '.join(sorted(known))}; gmsh meshes .step"
         if file.suffix.lower() in known:
             which = ", not damaged"
-        expected = f"a mesh in a format that meshio reads{which}"
-        raise InputError("path", f"'{file}' ({reason})", expected) from None
+        given = f"'{file}' ({said or 'unknown or damaged format'})"
+        raise InputError("path", given, f"a mesh in a format that meshio reads{which}") from None
 
 
 def _named_lines(data: Any) -> dict[str, Indices]:
     """End vertices (m, 2) of the line cells of every name."""
-    named: dict[str, list[Indices]] = {}
-    for name, members in data.cell_sets.items():
-        if name.startswith("gmsh:"):
-            continue
-        for block, chosen in zip(data.cells, members, strict=True):
-            if block.type == "line" and chosen is not None and len(chosen):
-                named.setdefault(name, []).append(block.data[chosen])
-    # a tag counts within its dimension: a surface may have the number of a line
-    names = {
-        int(tag): name for name, (tag, dimension) in data.field_data.items() if int(dimension) == 1
+    named = {
+        name: [
+            block.data[np.asarray(chosen, int)]
+            for block, chosen in zip(data.cells, members, strict=True)
+            if block.type == "line" and chosen is not None
+        ]
+        for name, members in data.cell_sets.items()
+        if not name.startswith("gmsh:")
     }
-    arrays: Any = next((data.cell_data[key] for key in _TAGS if key in data.cell_data), [])
-    for block, tags in zip(data.cells, arrays, strict=False):
-        if block.type != "line":
-            continue
-        for tag in np.unique(tags):
-            name = names.get(int(tag), str(tag))
-            if name not in data.cell_sets:
-                named.setdefault(name, []).append(block.data[tags == tag])
-    return {name: np.vstack(parts).astype(np.int64) for name, parts in named.items()}
+    # a tag counts within its dimension: a surface may have the number of a line
+    names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if dimension == 1}
+    found: Any = next((data.cell_data_dict[key] for key in _TAGS if key in data.cell_data), {})
+    tags = found.get("line", [])
+    for tag in np.unique(tags).tolist():
+        name = names.get(tag, str(tag))
+        if not named.get(name):
+            named[name] = [data.cells_dict["line"][tags == tag]]
+    return {name: np.vstack(parts) for name, parts in named.items() if parts}
 
 
 def _facets_of(mesh: Mesh, ends: Indices) -> Indices:
@@ -203,10 +197,8 @@ def read_pressure_field(
     """
     file = Path(fspath(path))
     _check_size(file, _FIELD_FACTOR, "file with a field of pressure")
-    length, unit = (
-        to_si(f"1 {length_unit}", "m", "length_unit"),
-        to_si(f"1 {pressure_unit}", "Pa", "pressure_unit"),
-    )
+    length = to_si(f"1 {length_unit}", "m", "length_unit")
+    unit = to_si(f"1 {pressure_unit}", "Pa", "pressure_unit")
     if file.suffix.lower() in TEXTS:
         numbers = read_columns(file, ("x", "y", name))
         return PressureField.of(length * numbers[:, :2], unit * numbers[:, 2])
@@ -214,9 +206,34 @@ def read_pressure_field(
     return PressureField.of(length * points, unit * values, triangles)
 
 
+def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]]:
+    """Number, text and cells of the lines of a text but comments (#); between cells is what its first line has most of,
+    commas, semicolons, tabs or blanks.
+
+    Raises InputError: not readable, or empty.
+    """
+    try:
+        with within_free_memory():
+            text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError, MemoryError) as error:
+        raise InputError(what, f"'{file}' ({shortened(error)})", "a text with columns") from None
+    lines = {n: line.strip() for n, line in enumerate(text.splitlines(), 1)}
+    lines = {n: line for n, line in lines.items() if line and line[0] != "#"}
+    if not lines:
+        raise InputError(what, f"'{file}', which is empty", "a text with columns")
+    first = next(iter(lines.values()))
+    mark = max(_DELIMITERS, key=first.count)
+    cells = (
+        csv.reader(lines.values(), delimiter=mark)
+        if mark in first
+        else map(str.split, lines.values())
+    )
+    return [(*line, row) for line, row in zip(lines.items(), cells, strict=False)]
+
+
 def columns_of(file: Path) -> list[str]:
     """Names of the columns of a text, by its first line."""
-    return [column.strip() for column in _rows(file)[1][0]]
+    return [column.strip() for column in text_rows(file)[0][2]]
 
 
 def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
@@ -224,73 +241,44 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
 
     Raises InputError: not readable, a column that is missing or there twice, text in place of a number.
     """
-    delimiter, (head, *rows) = _rows(file)
+    (_, _, head), *rows = text_rows(file)
     names = [column.strip() for column in head]
     if missing := [column for column in wanted if names.count(column) != 1]:
         given = f"'{file}' with the columns {', '.join(names)}"
-        raise InputError(
-            "path",
-            given,
-            f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}",
-        )
+        expected = f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
+        raise InputError("path", given, expected)
     places = [names.index(column) for column in wanted]
-    numbers = np.empty((len(rows), len(wanted)))
-    for n, row in enumerate(rows):
+    numbers = []
+    for _, line, row in rows:
         try:
-            numbers[n] = [float(row[place]) for place in places]
+            numbers.append([float(row[place]) for place in places])
         except (ValueError, IndexError):
             allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
-            given = f"'{file}' with the line '{shortened(delimiter.join(row), 60)}'"
+            given = f"'{file}' with the line '{shortened(line, 60)}'"
             raise InputError("path", given, allowed) from None
-    return numbers
-
-
-def _rows(file: Path) -> tuple[str, list[list[str]]]:
-    """What its first line has most of, commas, semicolons, tabs or blanks, and the lines of a text cut there."""
-    try:
-        with within_free_memory():
-            text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError, MemoryError) as error:
-        raise InputError("path", f"'{file}' ({shortened(error)})", "a text with columns") from None
-    lines = [
-        line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        raise InputError("path", f"'{file}', which is empty", "a text with columns")
-    delimiter = max(_DELIMITERS, key=lines[0].count)
-    if delimiter in lines[0]:
-        return delimiter, list(csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter))
-    return " ", [line.split() for line in lines]
+    return np.reshape(numbers, (-1, len(wanted)))
 
 
 def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
     """Points, values and triangles of a mesh; values of cells are at three points of their own for each triangle."""
-
     data = read_data(file)
-    blocks = [n for n, block in enumerate(data.cells) if block.type in _TRIANGLES]
-    if not blocks:
+    used = [
+        (n, block.data[:, list(part)])
+        for n, block in enumerate(data.cells)
+        for part in _TRIANGLES.get(block.type, ())
+    ]
+    if not used:
         found = ", ".join(dict.fromkeys(block.type for block in data.cells)) or "nothing"
-        raise InputError(
-            "path", f"'{file}' with {found}", f"a mesh with cells of {', '.join(_TRIANGLES)}"
-        )
-    parts = [_TRIANGLES[data.cells[n].type] for n in blocks]
-    corners = np.concatenate(
-        [
-            (data.cells[n].data)[:, list(part)]
-            for n, of_block in zip(blocks, parts, strict=True)
-            for part in of_block
-        ]
-    )
+        expected = f"a mesh with cells of {', '.join(_TRIANGLES)}"
+        raise InputError("path", f"'{file}' with {found}", expected)
+    corners = np.concatenate([part for _, part in used])
     points = _plane(file, data, corners, 1e-6)
     if name in data.point_data:
-        used = np.unique(corners)
+        vertices, renumbered = np.unique(corners, return_inverse=True)
         values = _numbers(data.point_data[name], file, name)
-        return points[used], values[used], np.searchsorted(used, corners)
+        return points[vertices], values[vertices], renumbered.reshape(corners.shape)
     if name in data.cell_data:
-        of_cells = [
-            np.tile(_numbers(data.cell_data[name][n], file, name), len(of_block))
-            for n, of_block in zip(blocks, parts, strict=True)
-        ]
+        of_cells = [_numbers(data.cell_data[name][n], file, name) for n, _ in used]
         own = np.arange(corners.size).reshape(-1, 3)
         return points[corners.ravel()], np.repeat(np.concatenate(of_cells), 3), own
     expected = f"the name of data of points or cells in '{file}': {_fields(data)}"

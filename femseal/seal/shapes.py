@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..base import Array, InputError, Pair, Shape, counted, validate
-from ..flow import DarcyFlow, Stencil, solve_flow
+from ..flow import DarcyFlow, solve_flow
 from ..flow.balance import energy_gap
 from ..flow.cell import outward
 from ..flow.grid import Grid, assemble_on_links
@@ -38,30 +38,38 @@ class StructuredSeal:
     cells: Shape
     grid: Any
 
-    def stencil(self, permeability: Any) -> Stencil:
-        """Operator of the flow [m³], whose conductances are those of the links; permeability as in `flow`."""
-        return assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
-
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Flow for a unit drop, potential at the nodes (n1 + 1, n2).
+        """Flow for a unit drop, potential at the nodes (n1 + 1, n2), with an error of 1e-8 in the potential too.
 
         permeability : a number, or the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2) [m³].
-        bounds : enclose the flow of the network of links.
+        bounds : enclose the flow of the network of links, and the value, whatever the error of the solver: the upper
+            bound is the energy of the computed potential, the lower one that of a flux that balances at every node.
         solver : see `femseal.flow.solve_flow`.
 
         Raises InputError: a bad permeability.
         NotConverged : see `femseal.flow.solve_flow`.
         """
-        return structured_flow(self.stencil(permeability), bounds=bounds, solver=solver)
+        stencil = assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
+        flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
+        if not bounds:
+            return flow
+        lower = upper = 0.0
+        if flow.percolates:
+            potential = np.nan_to_num(flow.potential)  # pockets carry no flow
+            # an upper bound for any potential that is 1 and 0 at the ends
+            upper = stencil.energy(potential)
+            lower = max(0.0, upper * (1 - energy_gap(stencil, potential, 1 - potential)))
+            lower, upper = outward(min(lower, flow.conductance), max(upper, flow.conductance))
+        return replace(flow, lower=lower, upper=upper)
 
 
 def link_permeabilities(permeability: Any, cells: Shape) -> tuple[Array, Array]:
     """k1 (n1, n2) and k2 (n1 − 1, n2) [m³] from a number, or a pair of numbers or arrays; or InputError."""
     n1, n2 = cells
     shapes = (n1, n2), (n1 - 1, n2)
-    pair = permeability if isinstance(permeability, (tuple, list)) else (permeability,)
-    if len(pair) == 1 and np.ndim(permeability) == 0:
-        pair = (permeability, permeability)
+    pair = permeability
+    if not isinstance(permeability, (tuple, list)):
+        pair = [permeability] * (1 if np.ndim(permeability) else 2)
     if len(pair) != 2:
         allowed = f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}"
         raise InputError("permeability", counted(len(pair), "array"), allowed)
@@ -70,27 +78,6 @@ def link_permeabilities(permeability: Any, cells: Shape) -> tuple[Array, Array]:
         for name, k, shape in zip(("k1", "k2"), pair, shapes, strict=True)
     )
     return k1, k2
-
-
-def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-    """Flow for a unit drop between the first and the last row of nodes, with an error of 1e-8 in the potential too.
-
-    With `bounds`, the upper bound is the energy of the computed potential and the lower one that of a flux that
-    balances at every node; they enclose the flow of the network, and the value, whatever the error of the solver.
-
-    Raises NotConverged: see `femseal.flow.solve_flow`.
-    """
-    flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
-    if not bounds:
-        return flow
-    if not flow.percolates:
-        return replace(flow, lower=0.0, upper=0.0)
-    potential = np.nan_to_num(flow.potential)  # pockets carry no flow
-    # an upper bound for any potential that is 1 and 0 at the ends
-    upper = stencil.energy(potential)
-    lower = max(0.0, upper * (1 - energy_gap(stencil, potential, 1 - potential)))
-    lower, upper = outward(min(lower, flow.conductance), max(upper, flow.conductance))
-    return replace(flow, lower=lower, upper=upper)
 
 
 class Seal(Protocol):
@@ -139,13 +126,10 @@ class RectangularSeal(StructuredSeal):
     cells: Shape
 
     def __post_init__(self) -> None:
-        try:
-            l1, l2 = self.size
-        except (TypeError, ValueError):
-            raise InputError("size", repr(self.size), "two finite numbers > 0 [m]") from None
-        object.__setattr__(
-            self, "size", tuple(validate.number("size", side, unit="m") for side in (l1, l2))
-        )
+        if np.shape(self.size) != (2,):
+            raise InputError("size", repr(self.size), "two finite numbers > 0 [m]")
+        size = tuple(validate.number("size", side, unit="m") for side in self.size)
+        object.__setattr__(self, "size", size)
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
 
     @property
@@ -157,17 +141,13 @@ class RectangularSeal(StructuredSeal):
     def points(self) -> Array:
         """Coordinates of the nodes (n1 + 1, n2, 2) [m]."""
         x2 = (np.arange(self.cells[1]) + 0.5) * (self.size[1] / self.cells[1])
-        return np.stack(np.meshgrid(self._x1, x2, indexing="ij"), axis=-1)
-
-    @property
-    def _x1(self) -> Array:
-        """x1 of the rows of nodes [m]."""
-        return np.linspace(0.0, self.size[0], self.cells[0] + 1)
+        return np.stack(np.meshgrid(self.grid.lines1, x2, indexing="ij"), axis=-1)
 
     @cached_property
     def grid(self) -> Grid:
         """Nodes in rows x1 and columns x2."""
-        return Grid.of_strip(self._x1, self.size[1] / self.cells[1], self.cells[1])
+        x1 = np.linspace(0.0, self.size[0], self.cells[0] + 1)
+        return Grid.of_strip(x1, self.size[1] / self.cells[1], self.cells[1])
 
 
 @dataclass(frozen=True)
@@ -202,13 +182,9 @@ class AnnularSeal(StructuredSeal):
     inlet: str = "inner"
 
     def __post_init__(self) -> None:
-        inner, outer = (
-            validate.number(name, getattr(self, name), unit="m")
-            for name in ("inner_radius", "outer_radius")
-        )
-        check_ring(inner, outer, self.inlet)
-        object.__setattr__(self, "inner_radius", inner)
-        object.__setattr__(self, "outer_radius", outer)
+        for name in ("inner_radius", "outer_radius"):
+            object.__setattr__(self, name, validate.number(name, getattr(self, name), unit="m"))
+        check_ring(self.inner_radius, self.outer_radius, self.inlet)
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
 
     @property

@@ -18,7 +18,7 @@ from ..base import Array, Indices, InputError, Pair, Shape, counted, to_si, to_t
 from ..flow.spiral import Spiral
 from .lay import Lay, check_size
 from .mesh_seal import ElementSeal, MeshSeal, boundaries_without_name, parts_without_flow
-from .triangulation import middles, polygon_areas
+from .plane import middles, polygon_areas
 
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
 logging.getLogger("skfem.mesh.mesh").addFilter(
@@ -129,9 +129,7 @@ class SealTiles:
             return np.stack([across[..., self.tile], along[..., self.tile]], axis=-1)
         assert self.grid is not None
         in_rows = along.reshape(*along.shape[:-1], *self.grid)
-        grooves = np.broadcast_to(along_grooves(in_rows)[..., None], in_rows.shape).reshape(
-            along.shape
-        )
+        grooves = np.repeat(along_grooves(in_rows), self.grid[1], axis=-1)
         square = self.tangent**2
         radial = (across[..., self.tile] + square * grooves[..., self.tile]) / (1 + square)
         round_ = (along[..., self.tile] + square * across[..., self.tile]) / (1 + square)
@@ -152,7 +150,7 @@ class SealTiles:
         corners, at = self.seal.outlines, np.nan_to_num(potential)[self.seal.mesh.t.T]
         # along two edges of a triangle or both diagonals of a quadrilateral, where differences are those of the middle
         ends, starts = ([1, 2], [0, 0]) if corners.shape[1] == 3 else ([2, 3], [0, 1])
-        ways, drops = corners[:, ends] - corners[:, starts], at[:, ends] - at[:, starts]
+        ways, drops = (of[:, ends] - of[:, starts] for of in (corners, at))
         gradient = np.linalg.solve(ways, drops[..., None])[..., 0]
         axes = _axes(self.lay)
         flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
@@ -189,12 +187,12 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
     size = breadth, cells[1] * d2
     wound = lay.name == "spiral"
     laid = _strip(size, cells, (Lay(name="x2") if wound else lay).directions(middles(size, cells)))
+    tangent = None
     if wound:
         lay.check_lead(size[0])
-        slope = Spiral(lay.lead, lay.circumference).tangent(whole * d2)
-        laid = replace(laid, tangent=np.full(len(laid.tile), slope))
+        tangent = np.full(len(laid.tile), Spiral(lay.lead, lay.circumference).tangent(whole * d2))
     straight = lay.name == "x2" and rows == pieces.rows and abs(breadth / of_face - 1) < _SAME
-    return replace(laid, in_place=straight, part=cells[1] / whole)
+    return replace(laid, in_place=straight, tangent=tangent, part=cells[1] / whole)
 
 
 def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
@@ -228,42 +226,47 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     narrow = 2 * pi * inner / (whole * d2)
     given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
     if narrow < _NARROWEST:
-        raise InputError(
-            "inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them"
-        )
+        expected = f"at least {_NARROWEST:.0%}; a mesh has none of them"
+        raise InputError("inner_radius", given, expected)
     doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     warnings = doubts if narrow < _NARROW else ()
-    alike = lay.name in ("radial", "circumferential", "spiral")
+    wound = lay.name == "spiral"
+    alike = wound or lay.name in ("radial", "circumferential")
     cells = rows, pieces.columns(rows, whole) if alike else whole
     part = cells[1] / whole
     sign = 1.0 if inlet == "inner" else -1.0  # of the way from the inlet along the radius
     radius = np.linspace(inner, outer, cells[0] + 1)[:: int(sign)]
     plain, ring, ends = _periodic_quads(np.abs(np.log(radius / radius[0])), 2 * pi * part, cells[1])
-    r, angle = radius[0] * np.exp(sign * plain.p[0]), plain.p[1]
-    outlines = (r * np.array([np.cos(angle), np.sin(angle)])).T[plain.t.T]
-    centre = plain.p[:, plain.t].mean(axis=1)
-    at = radius[0] * np.exp(sign * centre[0])
-    outward = np.array([np.cos(centre[1]), np.sin(centre[1])])
-    wound = lay.name == "spiral"
+
+    def polar(points: Array) -> tuple[Array, Array]:
+        """Radius and direction from the centre at points (2, …) of the plain mesh."""
+        outward = np.array([np.cos(points[1]), np.sin(points[1])])
+        return radius[0] * np.exp(sign * points[0]), outward
+
+    r, outward = polar(plain.p)
+    outlines = (r * outward).T[plain.t.T]
+    at, outward = polar(plain.p[:, plain.t].mean(axis=1))
     direction = (Lay(name="circumferential") if wound else lay).directions((at * outward).T)
     # components along the way from the inlet and along the angle
     around = np.array([-outward[1], outward[0]])
     frame = np.stack([sign * outward, around]).transpose(2, 0, 1)
     along = np.einsum("nab,nb->na", frame, direction)
-    seal = ElementSeal(ring, *ends, (breadth, 2 * pi * middle * part), outlines, _axes(along))
-    tangent = lay.lead / (2 * pi * at) if wound else None
-    as_broad = cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
-    in_place = lay.name == "circumferential" and as_broad
-    tile = np.arange(len(along))
-    return SealTiles(seal, direction, tile, cells, in_place, tangent, part, warnings)
+    return SealTiles(
+        seal=ElementSeal(ring, *ends, (breadth, 2 * pi * middle * part), outlines, _axes(along)),
+        lay=direction,
+        tile=np.arange(len(along)),
+        grid=cells,
+        in_place=lay.name == "circumferential"
+        and cells[0] == pieces.rows
+        and abs(breadth / (pieces.rows * d1) - 1) < _SAME,
+        tangent=lay.lead / (2 * pi * at) if wound else None,
+        part=part,
+        warnings=warnings,
+    )
 
 
 def laid_on_mesh(
-    pieces: PieceSize,
-    lay: Lay,
-    whole: MeshSeal,
-    length: float | None,
-    centre: Pair,
+    pieces: PieceSize, lay: Lay, whole: MeshSeal, length: float | None, centre: Pair
 ) -> SealTiles:
     """On a mesh: each element is a tile, or shares that of its neighbours where elements are smaller than pieces.
 
@@ -308,9 +311,8 @@ def _periodic_quads(
     at = np.empty(ring.nvertices)
     at[ring.t] = plain.p[0][plain.t]
     facets = ring.boundary_facets()
-    inlet, outlet = (
-        facets[(at[ring.facets[:, facets]] == end).all(axis=0)] for end in (first[0], first[-1])
-    )
+    ends = at[ring.facets[:, facets]]
+    inlet, outlet = (facets[(ends == end).all(axis=0)] for end in (first[0], first[-1]))
     return plain, ring, (inlet, outlet)
 
 

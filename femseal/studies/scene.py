@@ -24,9 +24,9 @@ from ..face.piece_flow import FlowSettings
 from ..flow import critical_constriction
 from ..flow.law import FlowLaw, law_of
 from ..flow.pressure_drop import PressureDrop, pressure_between
-from ..fluids import Fluid, Liquid, capillary_entry_pressure
+from ..fluids import Fluid, Liquid, capillary_entry_pressure, potential_of
 from ..loads import LoadProgramme
-from ..seal import Leakage, RectangularSeal, seal_leakage
+from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Places, Topography
@@ -90,6 +90,8 @@ class Scene:
         for name, choices in (("fluid_pressure", FLUID_EFFECTS), ("nominal", NOMINALS)):
             if getattr(self, name) not in choices:
                 raise InputError(name, getattr(self, name), f"one of {', '.join(choices)}")
+        for name in ("inlet_pressure", "outlet_pressure"):
+            potential_of(self.fluid, name, getattr(self, name))
         flow = self.flow  # raises if the solver is unknown
         if own := getattr(self.layout, "inlet_pressures", {}):
             if flow.drop.law.depends_on_pressure:
@@ -276,7 +278,7 @@ class Scene:
     @property
     def unit_leakage(self) -> float:
         """Leakage per length [m²/s] of a face whose permeability is 1 m³."""
-        return self.leakage(RectangularSeal(self.surface.size, (1, 1)), 1.0).per_length
+        return FluidState.of(self).drop / self.surface.size[0]
 
     def pressure_at(self, potential: Floats) -> Array:
         """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""

@@ -17,7 +17,7 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.report import write_folder
 from femseal.results import assemble
-from femseal.results.vtk_files import Cells, LoadSteps, write_series
+from femseal.results.vtk_files import Cells, write_series
 
 MACRO = Path(__file__).parents[2] / "examples" / "paraview_two_scale.py"
 M1, M2 = 3, 4
@@ -74,8 +74,8 @@ def test_meshio_reads_meshes_of_any_content(tmp_path):
     cells = {f"cell_{n}": rng.normal(size=(n_steps, 2)) for n in range(4)}
     for values in cells.values():
         values[rng.random(values.shape) < rng.random((n_steps, 1))] = 0.0
-    steps = LoadSteps(np.arange(n_steps), np.zeros(n_steps), np.full(n_steps, np.nan))
-    write_series(Cells("grid", np.stack([left, left + np.array([1, 0])]), steps, cells), tmp_path)
+    grid = Cells("", np.stack([left, left + np.array([1, 0])]), np.zeros((n_steps, 2)), cells)
+    write_series("grid", grid.at, range(n_steps), tmp_path)
     for s in range(n_steps):
         mesh = meshio.read(tmp_path / "grid" / f"step_{s:04d}.vtu")
         assert len(mesh.points) == 6
