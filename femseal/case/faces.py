@@ -8,13 +8,21 @@ from __future__ import annotations
 import glob
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base import InputError, shortened
-from ..topography import SPIKES, Instrument, Topography, read_measured, self_affine, turned
+from ..topography import (
+    SPIKES,
+    Instrument,
+    Topography,
+    read_measured,
+    resolved_wave,
+    self_affine,
+    turned,
+)
 from .faults import fault, refusal
 from .values import (
     Angle,
@@ -51,11 +59,20 @@ class GeneratedFace(Table):
     points: tuple[Count, Count] = key("points along x1 and x2", start=[256, 512])
     size: tuple[Side, Side] = key("length along x1 and x2", start=["240 um", "480 um"])
     hurst: Hurst = key("Hurst exponent of the roughness", 0.8)
+    if TYPE_CHECKING:
+        cut_off: float | None
+
+    def each(self, folder: Path) -> list[GeneratedFace]:
+        """The face itself: it is one map."""
+        return [self]
 
     def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
         """The face, which no instrument limits."""
         given = self.model_dump(exclude={"kind", "points", "size"})
-        return type(self).make_heights(self.points, self.size, rng=rng, **given), Instrument()
+        made = self.cut_off or resolved_wave(self.size, self.points)
+        return type(self).make_heights(self.points, self.size, rng=rng, **given), Instrument(
+            made=made
+        )
 
 
 class SelfAffineFace(GeneratedFace):

@@ -3,7 +3,9 @@
 Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 """
 
+import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf, prod
@@ -13,7 +15,6 @@ import numpy as np
 from ..base import InputError, Shape, free_memory, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
-from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
 from ..face.pieces import Cut, usual_pieces
 from ..seal.lay import Lay
 from ..seal.layouts import AnnularLayout, Layout, RectangularLayout
@@ -34,17 +35,25 @@ from ..topography import (
     combine,
     continuation_of,
     default_wave,
-    of_all_places,
     repair,
     representative,
     resolved_wave,
     resolving_shape,
-    shortest_place,
     smooth,
     spectrum,
     spikes_extreme,
 )
 
+#: Arguments of `topography` by their key in a case.
+FACE_KEYS = {"shape": "points"}
+SURFACE_KEYS = {
+    "shortest_wave": "surface.shortest_wave",
+    "max_share": "surface.max_undefined",
+    "continue_spectrum": "surface.continue_spectrum",
+    "shape": "surface.points",
+    "spikes": "surface.spikes",
+    "order": "surface.detrend",
+}
 #: Fraction of the measured rms slope that the pixels of a measured face must keep to be fine enough.
 KEPT_SLOPE = 0.99
 #: Memory that a point of a face takes at least while faces are made, low-passed and resampled [byte].
@@ -75,42 +84,53 @@ class ConditionedFace:
     continuation: Continuation | None
 
 
+@contextmanager
+def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
+    """Raise an InputError with keys instead of names of arguments, after the place of their table if that is given."""
+    try:
+        yield
+    except InputError as error:
+        # a name before "=" is that of another value which is proposed, numbers in brackets a list of the file
+        expected = re.sub(r"\b(\w+)(?==)", lambda name: keys.get(name[1], name[1]), error.expected)
+        expected = re.sub(r"=\((.*?)\)", r" = [\1]", expected)
+        what = re.sub(r"^\w+", lambda name: keys.get(name[0], name[0]), error.what)
+        found = InputError(what, error.given, expected)
+        raise (found.inside(place) if place else found) from error
+
+
 def conditioned_face(case: Case) -> ConditionedFace:
     """Make or read the faces of a case, and condition their sum.
 
     Raises InputError: a face that cannot be read or used, or pieces that do not suit it.
     """
-    for place, table in zip(_face_places(case), case.face, strict=True):
-        if not isinstance(table, FileFace):
-            check_memory_of_points(f"{place}.points", table.points)
-    flat_places, parts, overlap, instrument = _repaired_faces(case)
-    # what was repaired is said of each part
-    flat, repaired = flat_places[0]
-    repaired = replace(repaired, removed=np.zeros(1))
-    if len(flat_places) > 1:
-        with with_keys({"places": "face.places"}):
-            flat = Places([face for face, _ in flat_places])
-    one, cut_off = shortest_place(flat), case.surface.continue_spectrum
-    asked = case.surface.shortest_wave
-    continued = None
-    if cut_off is not None:
-        longest = asked or instrument.resolution
-        with with_keys(SURFACE_KEYS):
-            continued = continuation_of(flat, cut_off, longest=longest, rng=case.seed)
-    shape = _grid(case, flat, instrument)
-    wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
-    check_memory_of_points("surface.points", shape, len(flat.each))
-    pieces = _pieces(case, one, shape, wave)
+    places, parts, overlap, instrument = _repaired_faces(case)
+    flat, repaired = places[0]
+    if len(places) > 1:
+        flat = Places([face for face, _ in places])
+    asked, cut_off = case.surface.shortest_wave, case.surface.continue_spectrum
+    shape, continued = _grid(case, flat, instrument), None
     with with_keys(SURFACE_KEYS):
-        check_wave(wave, one.size, (shape[0], round(shape[1] * one.shape[1] / flat.shape[1])))
+        if cut_off is not None:
+            longest = asked or instrument.resolution
+            continued = continuation_of(flat, cut_off, longest=longest, rng=case.seed)
+        wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
+        check_memory_of_points("surface.points", shape, len(flat.each))
+        place = flat.shortest_place
+        pieces = _pieces(case, place, shape, wave)
+        check_wave(wave, place.size, (shape[0], round(shape[1] * place.shape[1] / flat.shape[1])))
+        # what was repaired is said of each part
         surface, report = smooth(
-            flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument
+            flat,
+            replace(repaired, removed=np.zeros(1)),
+            shortest_wave=wave,
+            shape=shape,
+            instrument=instrument,
         )
     if pieces is not None:
-        Cut.of(shortest_place(surface), pieces)  # refuses pieces of too few points
+        Cut.of(surface.shortest_place, pieces)  # refuses pieces of too few points
         pieces = of_all_places(flat, pieces)
     report = replace(
-        _of_generated(case, flat, report),
+        report,
         undefined_fraction=sum(r.undefined_fraction for _, r in parts) / len(parts),
         spike_points=sum(r.spike_points for _, r in parts),
         spikes_extreme=max(spikes_extreme(face, r.removed, wave) for face, r in parts),
@@ -129,11 +149,6 @@ def conditioned_face(case: Case) -> ConditionedFace:
     return ConditionedFace(surface, report, overlap, pieces, continued)
 
 
-def _face_places(case: Case) -> list[str]:
-    """Where the faces are in the file: one table has no number there."""
-    return ["face"] if len(case.face) == 1 else [f"face.{n}" for n in range(len(case.face))]
-
-
 #: Flat maps, with what was repaired in them.
 Repaired = list[tuple[Topography, Repair]]
 
@@ -147,41 +162,31 @@ def _repaired_faces(case: Case) -> tuple[Repaired, Repaired, Overlap | None, Ins
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     treatment = case.surface.model_dump(include={"max_undefined", "detrend"})
     faces: list[Repaired] = []
-    longest = 0.0
-    for place, table, seed in zip(_face_places(case), case.face, seeds, strict=True):
-        rng = np.random.default_rng(seed)
+    seen: list[float] = []
+    made: list[float] = []
+    for n, (table, seed) in enumerate(zip(case.face, seeds, strict=True)):
+        place, rng = f"face.{n}" if len(seeds) > 1 else "face", np.random.default_rng(seed)
+        spikes = case.surface.spikes
+        if not isinstance(table, FileFace):
+            check_memory_of_points(f"{place}.points", table.points)
+            spikes = inf
         with with_keys(FACE_KEYS, place):
-            tables = table.each(case.folder) if isinstance(table, FileFace) else [table]
-            maps = [one.make(case.folder, rng) for one in tables]
-        spikes = case.surface.spikes if isinstance(table, FileFace) else inf
+            maps = [one.make(case.folder, rng) for one in table.each(case.folder)]
         with with_keys(SURFACE_KEYS | {"heights": place}):
             faces.append([repair(face, spikes=spikes, **treatment) for face, _ in maps])
-        every = zip(faces[-1], maps, strict=True)
-        longest = max(longest, *(own.shortest_wave(flat) for (flat, _), (_, own) in every))
-    instrument = Instrument(resolution=longest or None)
+        own = [instrument for _, instrument in maps]
+        seen += [one.shortest_wave(flat) for one, (flat, _) in zip(own, faces[-1], strict=True)]
+        made += [one.made or 0.0 for one in own]
+    instrument = Instrument(resolution=max(seen) or None, made=min(made) or None)
     if len(faces) == 1:
         return faces[0], faces[0], None, instrument
     # place n of one face lies on place n of the other; where there are fewer they come again
     pairs = [[face[n % len(face)] for face in faces] for n in range(max(map(len, faces)))]
-    table = case.face[1]
-    placement = table.placement if isinstance(table, FileFace) else {}
+    placement = case.face[1].placement if isinstance(case.face[1], FileFace) else {}
     sums, overlaps = zip(*(combine(a, b, **placement) for (a, _), (b, _) in pairs), strict=True)
     with with_keys(SURFACE_KEYS | {"heights": "face"}):
         flat = [repair(face, spikes=inf, **treatment) for face in sums]
     return flat, [*chain(*pairs)], overlaps[0], instrument
-
-
-def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
-    """The report of a generated face says what the low-pass removes of the waves that were made."""
-    made = [
-        table.cut_off or resolved_wave(table.size, table.points)
-        for table in case.face
-        if not isinstance(table, FileFace)
-    ]
-    if len(made) < len(case.face) or min(made) <= report.shortest_measured:
-        return report
-    slope = flat.low_pass(min(made)).rms_slope
-    return replace(report, shortest_measured=min(made), rms_slope_measured=slope)
 
 
 def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
@@ -192,7 +197,7 @@ def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
     """
     cut_off, points = case.surface.continue_spectrum, case.surface.points
     if points is not None:
-        size = shortest_place(flat).size
+        size = flat.shortest_place.size
         if cut_off is not None and cut_off < resolved_wave(size, points) * (1 - 1e-9):
             expected = f"8 pixels to continue_spectrum, {list(resolving_shape(size, cut_off))}"
             raise InputError("surface.points", list(points), expected)
@@ -202,6 +207,11 @@ def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
     if not any(isinstance(face, FileFace) for face in case.face):
         return flat.shape
     return default_grid(flat, case.surface.shortest_wave, instrument)
+
+
+def of_all_places(face: Topography, shape: Shape) -> Shape:
+    """Points of all places of a face together where its shortest has so many."""
+    return shape[0], round(shape[1] * face.shape[1] / face.shortest_place.shape[1])
 
 
 def default_grid(flat: Topography, shortest_wave: float | None, instrument: Instrument) -> Shape:
@@ -267,7 +277,7 @@ def filter_doubts(case: Case, face: Topography, surface: Conditioning) -> Iterat
     )
     unseen = surface.shortest_wave == surface.shortest_seen  # as `femseal check` says
     if not unseen and surface.lost_slope > _LOST_SLOPE:
-        size = shortest_place(face).size
+        size = face.shortest_place.size
         remedy = f"set surface.points = {list(resolving_shape(size, surface.shortest_measured))}"
         if case.surface.shortest_wave is not None:
             also = " and surface.points" if case.surface.points else ""
@@ -307,13 +317,17 @@ def wound_layout(case: Case) -> Layout:
 
     The grooves of one turned face that is generated wind with its pitch, unless the case says how its lay runs.
     """
-    layout, circumference = case.layout, _circumference(case)
+    layout, circumference, face = case.layout, _circumference(case), case.face[0]
     if not isinstance(layout, RectangularLayout | AnnularLayout):
         return layout
     lay = layout.lay
-    face, *others = case.face
-    may_wind = not (others or circumference is None or "lay" in case.seal.model_fields_set)
-    if may_wind and isinstance(face, TurnedFace) and face.pitch < face.size[0]:
+    if (
+        isinstance(face, TurnedFace)
+        and face.pitch < face.size[0]
+        and len(case.face) == 1
+        and circumference is not None
+        and "lay" not in case.seal.model_fields_set
+    ):
         lay = Lay(name="spiral", lead=face.pitch)
     if lay.name == "spiral" and isinstance(layout, RectangularLayout) and lay.circumference is None:
         lay = replace(lay, circumference=circumference)

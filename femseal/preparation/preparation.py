@@ -15,7 +15,6 @@ import numpy as np
 from ..base import Array, InputError, Mapper, to_text
 from ..budget import FormTolerance, ModelChange
 from ..case.case import Case
-from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..case.values import unusual
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.form import SealForm
@@ -43,9 +42,46 @@ from .face import (
     filter_doubts,
     groove_question,
     measured_patch,
+    with_keys,
     wound_layout,
 )
 
+
+def _keys_of(table: str, *names: str) -> dict[str, str]:
+    return {name: f"{table}.{name}" for name in names}
+
+
+#: Arguments of scenes, of seals with their tiles, and of maps of the pressure, by their key in a case.
+_SCENE_KEYS = {
+    "fluid_pressure": "contact.fluid_pressure",
+    "inlet_pressure": "fluid.inlet_pressure",
+    "places": "face.places",
+}
+_SEAL_KEYS = _keys_of("stochastic", "length", "breadth") | _keys_of(
+    "seal",
+    "path",
+    "unit",
+    "inlet",
+    "outlet",
+    "lay",
+    "centre",
+    "inner_radius",
+    "outer_radius",
+    "field",
+)
+_MAP_KEYS = {"map": "load.map"} | _keys_of(
+    "load.map",
+    "fractions",
+    "positions",
+    "angles",
+    "path",
+    "name",
+    "length_unit",
+    "pressure_unit",
+    "points",
+    "pressure",
+    "field",
+)
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
 #: Memory of a tile of a drawn seal, with its element and a row of the solver [byte].
@@ -235,19 +271,21 @@ def prepare(case: Case) -> Prepared:
 
     Raises InputError: a face that cannot be read or used, or pieces or seals that do not suit it.
     """
-    with refused_if_too_large(), with_tables(SCENE_TABLES):
+    with refused_if_too_large(), with_keys(_SCENE_KEYS):
         face = conditioned_face(case)
         surface, cells, layout = face.surface, face.cells, wound_layout(case)
         sampling, size, broader = _seals(case, surface, layout, cells)
         seat = None if case.seat.kind == "flat" else case.seat.make(case.folder)
-        scene = _scene(case, _with_seat(case, seat, surface, broader), layout, size)
+        factor = 1.0 if seat is None else seat.load_factor
+        pressures = _pressures(case, size[0] * size[1] / factor, size[1])
+        scene = _scene(case, _with_seat(case, seat, surface, broader), layout, pressures)
         doubts: tuple[str, ...] = ()
         if sampling is not None:
             forms = tuple(one.make(case.folder) for one in case.seal.form or ())
             forms += (seat,) if broader and seat is not None else ()
             sampling, cells, doubts = _under_map(case, scene, sampling, cells, size, forms)
         methods = frozenset(case.methods)
-        with with_tables(SEAL_TABLES):
+        with with_keys(_SEAL_KEYS):
             if methods & {"deterministic", "two-scale"}:
                 scene.check_spiral()
             if "blocks" in methods:
@@ -305,7 +343,7 @@ def _seals(
     if table.realisations is not None:
         needed = 16 * case.load.steps * table.realisations
         check_memory("stochastic.realisations", table.realisations, needed)
-    with with_tables(SEAL_TABLES):
+    with with_keys(_SEAL_KEYS):
         cut, tiles = laid_out(surface, layout, cells, sampling)
     broader = not tiles.in_place or bool(case.seal.form)
     if length is None:
@@ -331,12 +369,14 @@ def _with_seat(case: Case, seat: Seat | None, surface: Topography, broader: bool
         )
         allowed = "the method stochastic alone, or a seal as broad as the face"
         raise InputError("seat.kind", given, allowed)
-    with with_tables({"path": "seat"}):
+    with with_keys({"path": "seat.path"}):
         return surface if broader else seat.on(surface)
 
 
-def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, float]) -> Scene:
-    """The face between its solids, under its loads, with its fluid."""
+def _scene(
+    case: Case, surface: Topography, layout: Layout, pressures: dict[str, tuple[float, ...]]
+) -> Scene:
+    """The face between its solids, under nominal pressures, with its fluid."""
     fluid = case.fluid
     return Scene(
         surface=surface,
@@ -346,7 +386,7 @@ def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, f
         inlet_pressure=fluid.inlet_pressure,
         outlet_pressure=fluid.outlet_pressure,
         surroundings=fluid.ambient_pressure,
-        **_pressures(case, seal),
+        **pressures,
         boundary=case.contact.boundary,
         rtol=case.contact.rtol,
         fluid_pressure=case.contact.fluid_pressure,
@@ -356,8 +396,8 @@ def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, f
     )
 
 
-def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, ...]]:
-    """Nominal pressures of the cycle on a seal of such a breadth and length [m].
+def _pressures(case: Case, area: float, length: float) -> dict[str, tuple[float, ...]]:
+    """Nominal pressures of the cycle on a seal of an area that carries them [m²] and a length [m].
 
     Raises InputError: a force without a length of the seal, or more pressure than the faces can carry.
     """
@@ -368,8 +408,7 @@ def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, 
         raise InputError(
             "load.loading", given, "pressures, forces per length, or a length in [stochastic]"
         )
-    area = seal[0] * seal[1] / case.seat.make(case.folder).load_factor
-    found = case.load.pressures(area, seal[1])
+    found = case.load.pressures(area, length)
     highest = max((*found["loading"], *found["unload_from"]))
     if highest >= case.law.capacity:
         load = to_text(case.load.highest, case.load.unit)
@@ -389,7 +428,7 @@ def _under_map(
     forms: tuple[SealForm, ...],
 ) -> tuple[Sampling, Pair, tuple[str, ...]]:
     """The sampling with the map of the pressure or the form of the seal, the pieces, and what is not plausible."""
-    with with_tables(MAP_TABLES):
+    with with_keys(_MAP_KEYS):
         if forms:
             sampling = replace(sampling, form=forms)
         else:

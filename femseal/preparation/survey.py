@@ -13,7 +13,6 @@ from typing import Any
 from ..base import InputError, as_text, to_si, to_text, validate, writing
 from ..case.case import Case
 from ..case.faces import SurfaceTable
-from ..case.faults import with_keys
 from ..case.template import as_toml, table_to_paste
 from ..contact.law import PerfectlyPlastic
 from ..plots import survey_figure
@@ -33,7 +32,7 @@ from ..topography import (
     smooth,
 )
 from ..topography.formats import TEXT
-from .face import default_grid
+from .face import default_grid, with_keys
 
 #: Arguments of `topography` by their option.
 SURFACE_OPTIONS = {

@@ -233,16 +233,6 @@ class Places(Topography):
         return self._joined([Topography(z, self.spacing, self.periodic) for z in pieces])
 
 
-def shortest_place(face: Topography) -> Topography:
-    """The shortest along x2 of the places of a face, whose points and pieces a case gives."""
-    return min(face.each, key=lambda place: place.shape[1])
-
-
-def of_all_places(face: Topography, shape: Shape) -> Shape:
-    """Points of all places of a face together where its shortest has so many."""
-    return shape[0], round(shape[1] * face.shape[1] / shortest_place(face).shape[1])
-
-
 def divided(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
     """Values (…, n1, n2) side by side along the last axis, divided into parts of so many columns."""
     return np.split(values, np.cumsum(widths)[:-1], axis=-1)

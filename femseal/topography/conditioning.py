@@ -3,17 +3,21 @@
 The form is fitted to the defined points alone, before anything is filled: filled points would bend it. Points called
 spikes may be part of the face: heights and depths that a face has only by them would decide contact and leakage.
 `spikes_extreme` measures that.
-Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate
-in Fourier space so that the shortest wave is resolved by at least 8 pixels.
+The shortest wave that an instrument sees follows from the radius of its tip or from its lateral resolution: a round tip
+of radius R follows a wave of amplitude a and wavelength λ where it is blunter than the tip, a(2π/λ)² <= 1/R, that is
+λ >= 2π√(aR). Of many waves the curvature of profiles counts, √2 times its rms in place of a(2π/λ)².
+Sources: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate
+in Fourier space so that the shortest wave is resolved by at least 8 pixels; Church and Takacs, Proc. SPIE 1332 (1991)
+504 (tip); ISO 25178-600 (lateral period limit: the wavelength at which the instrument shows half of the height).
 """
 
 import warnings
 from dataclasses import dataclass, field
-from math import atan, ceil, hypot, inf, log2, prod, sqrt
+from math import atan, ceil, hypot, inf, log2, pi, prod, sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len
 
 from ..base import (
     Array,
@@ -28,13 +32,54 @@ from ..base import (
 )
 from .defects import SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
-from .texture import UNKNOWN, UNSEEN, Instrument, spectrum
+from .texture import Spectrum, spectrum
 from .topography import SLACK, Topography
 
 #: Fractions of a face, from its highest and from its lowest points, that contact and the last open paths are made of.
 _EXTREMES = (0.01, 0.03, 0.1)
 #: Fraction of the extreme points from which on leakage may hang on the spikes.
 _NOTABLE = 0.01
+
+
+#: The longest wave that was not seen over the shortest one that counts as removed.
+UNSEEN = 10.0
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """Radius of the tip and lateral period limit [m] of an instrument; None where they are not known.
+
+    made : shortest wave [m] of a face that is generated; None of a measured one.
+    """
+
+    tip_radius: float | None = None
+    resolution: float | None = None
+    made: float | None = None
+
+    def spectrum(self, flat: Topography) -> Spectrum:
+        """Summary of the spectrum of a flat map; of a generated one its shortest wave is known."""
+        return spectrum(flat) if self.made is None else Spectrum(self.made, 0.0, None)
+
+    def shortest_wave(self, flat: Topography) -> float:
+        """Shortest wave [m] of a flat map that it sees; 0 where nothing is known of it, or nothing limits it."""
+        found = [self.resolution or 0.0]
+        if self.tip_radius is not None:
+            found += [
+                _followed(place, axis, self.tip_radius) for place in flat.each for axis in (0, 1)
+            ]
+        return max(found)
+
+
+#: Nothing is known of it.
+UNKNOWN = Instrument()
+
+
+def _followed(flat: Topography, axis: int, radius: float) -> float:
+    """Shortest wave [m] of the profiles along an axis that a tip follows; 0 where it follows all of them."""
+    q, density = flat.psd(axis)
+    square = np.cumsum(q**4 * density) * np.diff(q, prepend=0.0) / pi
+    lost = np.flatnonzero(2 * square > radius**-2)
+    return float(2 * pi / q[max(lost[0] - 1, 1)]) if lost.size else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +286,7 @@ def smooth(
     instrument: Instrument,
 ) -> tuple[Topography, Conditioning]:
     """Low-pass and resample what `repair` returned; other arguments, results and errors are those of `condition`."""
-    waves, seen = spectrum(flat), instrument.shortest_wave(flat)
+    waves, seen = instrument.spectrum(flat), instrument.shortest_wave(flat)
     # without a law what the map shows of waves that are not seen is the least that is there
     measured = max(waves.shortest_wave, seen if waves.law else 0.0)
     unseen = (
@@ -279,7 +324,7 @@ def default_wave(flat: Topography, shape: Shape, instrument: Instrument) -> floa
     A longer one than 8 pixels of the map would be a guess where the instrument is not known: noise is removed on demand
     only.
     """
-    kept = min(spectrum(flat).shortest_wave, resolved_wave(flat.size, flat.shape))
+    kept = min(instrument.spectrum(flat).shortest_wave, resolved_wave(flat.size, flat.shape))
     return max(resolved_wave(flat.size, shape), kept, instrument.shortest_wave(flat))
 
 
@@ -299,7 +344,9 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
     ((1000, 2000), (500, 1000))
     """
     pixel = max(wave / PIXELS_PER_WAVE, sqrt(prod(size) / most))
-    n1, n2 = (next_fast_len(ceil(length / pixel * (1 - SLACK)), real=True) for length in size)
+    n1, n2 = (
+        scipy.fft.next_fast_len(ceil(length / pixel * (1 - SLACK)), real=True) for length in size
+    )
     return n1, n2
 
 

@@ -29,7 +29,7 @@ from ..base import (
     to_si,
 )
 from ..base.machine import within_free_memory
-from .texture import UNKNOWN, Instrument
+from .conditioning import UNKNOWN, Instrument
 
 _HEADER = re.compile(r"^\W*(width|height|value units)\s*[:=]\s*(.+?)\s*$", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")

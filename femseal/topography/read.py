@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ..base import Flags, InputError, Pair, Periodic, Shape, as_text, to_si, to_text, validate
+from .conditioning import Instrument
 from .formats import READERS, TEXT, Raw, Reading, bad_file, read_instrument, reading, unprinted
-from .texture import Instrument
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.

@@ -161,6 +161,11 @@ class Topography(Plotted):
         return (self,)
 
     @property
+    def shortest_place(self) -> Topography:
+        """That of them which is shortest along x2, whose points and pieces a case gives."""
+        return min(self.each, key=lambda place: place.shape[1])
+
+    @property
     def undefined_fraction(self) -> float:
         """Fraction of undefined points, 0 to 1."""
         return float(np.isnan(self.heights).mean())
