@@ -1,38 +1,44 @@
-"""Tables of a case file except those of faces, load, fluid and seal: solid, contact, flow, pieces, draws, output."""
+"""Tables of a case file for the solids, for what is registered by its kind, and for the output.
+
+Neither fluids nor shapes are named here: whatever is registered in `fluids.FLUIDS`, `seal.layouts.LAYOUTS`,
+`seal.form.FORMS` or `topography.seat.SEATS` has a table, with a key for each parameter.
+"""
 
 from __future__ import annotations
 
-import re
-from os.path import isfile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from ..base import InputError, counted, shortened
+from ..base import InputError
 from ..base.leak_rates import BUBBLE, DROP, KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
-from ..flow.solution import SOLVERS
-from ..materials import HARDNESS_FACTOR, Solid, named_solid
-from ..seal.seal_files import columns_of, read_columns
-from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
-from .faults import fault, faults_of, refusal
-from .kinds import AnyFluid, overriding
+from ..fluids import FLUIDS, Fluid
+from ..materials import Solid
+from ..seal.form import FORMS
+from ..seal.lay import NAMES, Lay
+from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
+from ..studies.choices import FIELDS_LIMIT, FORMATS
+from ..topography.seat import SEATS
+from .faults import fault, refusal
+from .filling import HARDNESS_COLUMNS, listed
 from .values import (
-    Amount,
-    Both,
-    Count,
     FileSize,
     Hardening,
     Height,
     Length,
+    LengthUnit,
+    MadeTable,
     Modulus,
     Place,
     Poisson,
-    Ratio,
+    Pressure,
+    Quantity,
+    Shift,
     Strength,
     Table,
     Temperature,
@@ -41,72 +47,306 @@ from .values import (
     VolumeRate,
     key,
     quantity_schema,
+    table_of_any,
 )
 
-Boundary = Literal["periodic", "mirror", "free"]
+if TYPE_CHECKING:
+    from ..studies.scene import FluidState
+
+_PAIR = {
+    "items": quantity_schema("a depth >= 0, then a hardness > 0"),
+    "minItems": 2,
+    "maxItems": 2,
+}
+_ROWS = {"type": "array", "items": {"type": "array"} | _PAIR}
 
 
-class ContactTable(Table):
-    """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
+def _two_rows(value: Any) -> Any:
+    if isinstance(value, (list, tuple)) and len(value) < 2:
+        raise refusal("two rows or more, such as ['0.1 um', '2 GPa']")
+    return value
 
-    boundary: Annotated[tuple[Boundary, Boundary], Both()] = key(
-        "of the whole face along x1 and x2; one word: of both", ("free", "periodic")
+
+class SolidTable(Table):
+    """A solid, see `materials.Solid`, and the law by which it yields."""
+
+    young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
+    poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)
+    yield_stress: Strength | None = key(
+        "hardness is 2.8 times that; without any strength the solid is elastic",
+        None,
+        example="1 GPa",
+        instead="hardness",
     )
-    rtol: float = key("complementarity residual", 1e-5, gt=0, lt=0.1)
-    fluid_pressure: Literal[FLUID_EFFECTS] = key(  # type: ignore[valid-type]
-        "it presses the faces apart, is trapped in closed pockets too, or is ignored",
-        "acts",
+    hardness: Strength | None = key("largest contact pressure", None, start="2.8 GPa")
+    hardening: Hardening | None = key(
+        "rise of the hardness with the yielded depth",
+        None,
+        example="2 GPa/um",
+        since="0.2",
+    )
+    hardness_tolerance: float = key(
+        "relative error of the hardness, for the budget", 0.1, ge=0, lt=1, since="0.2"
+    )
+    nix_gao_depth: Annotated[Height, Usual(1e-8, 1e-4, "m")] | None = key(
+        "depth h* of Nix and Gao: hardness × sqrt(1 + h*/depth)",
+        None,
+        example="1 um",
+        since="0.2",
+        instead="hardening",
+    )
+    smallest_depth: Annotated[Length, Usual(1e-9, 1e-5, "m")] | None = key(
+        "depth up to which that is constant",
+        None,
+        example="0.1 um",
+        since="0.2",
+        instead="hardening",
+    )
+    hardness_table: Annotated[
+        tuple[tuple[Annotated[Place, Usual(1e-10, 1e-3, "m")], Strength], ...] | None,
+        BeforeValidator(_two_rows),
+        WithJsonSchema({"anyOf": [{"type": "string", "expected": HARDNESS_COLUMNS}, _ROWS]}),
+    ] = key(
+        "hardness over the yielded depth, in rows or a file",
+        None,
+        example=[["0.1 um", "2.4 GPa"], ["0.5 um", "2.1 GPa"], ["2 um", "2 GPa"]],
+        since="0.2",
+        instead="hardness",
+    )
+    name: str | None = key(
+        "fills in `young`, `poisson` and `yield_stress`",
+        None,
+        example="copper, soft",
+        since="0.2",
+        max_length=60,
+    )
+
+    @model_validator(mode="after")
+    def _one_law(self) -> SolidTable:
+        """Raise a fault if several keys give the strength, or a curve has none."""
+        given, curves = (
+            [key for key in keys if getattr(self, key) is not None]
+            for keys in (
+                ("yield_stress", "hardness", "hardness_table"),
+                ("hardening", "nix_gao_depth"),
+            )
+        )
+        for keys in (given, curves):
+            if len(keys) > 1:
+                raise refusal(f"{' or '.join(keys)}, not both")
+        if curves and given not in (["yield_stress"], ["hardness"]):
+            raise refusal(f"{curves[0]} with a yield_stress or a hardness")
+        if self.smallest_depth is not None and self.nix_gao_depth is None:
+            raise refusal("smallest_depth with a nix_gao_depth")
+        try:
+            _ = self.law
+        except InputError as error:
+            key = "hardness_table" if self.hardness_table is not None else error.what
+            raise refusal(f"{key}: {error.expected}") from None
+        return self
+
+    @property
+    def solid(self) -> Solid:
+        """The solid; of a table of hardness, with that where it first yields."""
+        table = self.hardness_table
+        return Solid(
+            self.young, self.poisson, self.yield_stress, table[0][1] if table else self.hardness
+        )
+
+    @property
+    def law(self) -> ContactLaw:
+        """The contact law of its keys: perfectly plastic, hardening, or a curve of the depth."""
+        if self.hardness_table is not None:
+            return HardnessTable(*np.array(self.hardness_table, dtype=float).T)
+        hardness = self.solid.hardness
+        assert hardness is not None  # a Solid has one, inf where none is given
+        if self.nix_gao_depth is not None:
+            return NixGao(hardness, self.nix_gao_depth, self.smallest_depth or SMALLEST_DEPTH)
+        return (
+            PerfectlyPlastic(hardness)
+            if self.hardening is None
+            else LinearHardening(hardness, self.hardening)
+        )
+
+
+class FluidTable(MadeTable):
+    """A fluid, with a key for each of its parameters, and its pressures at both ends."""
+
+    makers = FLUIDS
+    if TYPE_CHECKING:
+        inlet_pressure: float
+        outlet_pressure: float
+        ambient_pressure: float | None
+        name: str | None
+
+    @property
+    def fluid(self) -> Fluid:
+        """The fluid."""
+        made: Fluid = self.make()
+        return made
+
+    @property
+    def state(self) -> FluidState:
+        """The fluid with its pressures."""
+        from ..studies.scene import FluidState
+
+        return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
+
+
+def _state(fluid: Any) -> dict[str, Any]:
+    """Keys of every fluid besides its parameters."""
+    inlet = key(
+        'of a gas absolute; gauge as `"99 bar(g)"`',
+        start="10 MPa",
+        needed="unless the inlets of a mesh have pressures",
+    )
+    outlet = key("as the inlet pressure", fluid.outlet_pressure, start="0.1 MPa")
+    ambient = key(
+        "of gauge pressures, and of the outlet unless it is given with them",
+        None,
+        example="1 atm",
+        since="0.2",
+    )
+    named = key(
+        "fills in the keys of its kind; more names after `pip install 'femseal[fluids]'`",
+        None,
+        example="water",
+        max_length=60,
+    )
+    known = "name" in fluid.__dataclass_fields__
+    return {
+        "inlet_pressure": (Annotated[Pressure, Usual(100.0, 2e9, "Pa")], inlet),
+        "outlet_pressure": (Pressure, outlet),
+        "ambient_pressure": (Annotated[Pressure, Usual(100.0, 2e8, "Pa")] | None, ambient),
+        "name": Annotated[str, Field(max_length=60)] if known else (str | None, named),
+    }
+
+
+class FormTable(MadeTable):
+    """A form of the whole seal, with a key for each of its parameters."""
+
+    makers = FORMS
+    place = "seal.form"
+    tolerance: float = key(
+        "relative error of the height, for the budget", 0.0, example=0.2, since="0.2", ge=0, lt=1
+    )
+
+
+_UNITS_OF_FORMS: dict[str, Any] = {"unit": LengthUnit | None, "length_unit": LengthUnit}
+
+if TYPE_CHECKING:
+    AnyForm = FormTable
+else:
+    AnyForm = table_of_any(FORMS, FormTable, lambda form: _UNITS_OF_FORMS)
+
+
+class SealTable(MadeTable):
+    """The shape of the seal, with a key for each of its parameters, and the form of its faces."""
+
+    if TYPE_CHECKING:
+        lay: Any
+    makers = LAYOUTS
+    place = "seal"
+    form: Annotated[tuple[AnyForm, ...], BeforeValidator(listed), Field(max_length=4)] | None = key(
+        "form of the whole seal; several add up",
+        None,
+        since="0.2",
+    )
+    flatness: Annotated[Length, Usual(1e-8, 1e-2, "m")] | None = key(
+        "highest to lowest point of a whole seal of unknown form",
+        None,
+        example="5 um",
         since="0.2",
     )
 
+    def make(self, folder: Path = Path(), **more: Any) -> Layout:
+        """The shape; paths are relative to a folder."""
+        return super().make(folder, lay=Lay.of(self.lay, folder), **more)
 
-class FlowTable(Table):
-    """How flow is solved, in pieces, in whole faces and over the seal."""
 
-    solver: Literal[SOLVERS] = key(  # type: ignore[valid-type]
-        "of the pressure in cells and over the seal", "auto"
+def _lay(value: Any) -> Any:
+    try:
+        lay = Lay.of(value)
+    except InputError as error:
+        raise refusal(error.expected) from None
+    if lay.name == "spiral":
+        turn = {} if lay.circumference is None else {"circumference": lay.circumference}
+        return {"kind": "spiral", "lead": lay.lead} | turn
+    return {"angle": lay.angle} if lay.angle is not None else value
+
+
+def _names(value: Any) -> Any:
+    given = [value] if isinstance(value, str) else value
+    if (
+        not isinstance(given, (list, tuple))
+        or not given
+        or not all(isinstance(n, str) and n for n in given)
+    ):
+        raise refusal("the name of a boundary, or a list of names")
+    return value if isinstance(value, str) else tuple(value)
+
+
+def _inlets(value: Any) -> Any:
+    return (
+        {name: _PRESSURE.read(p) for name, p in value.items()}
+        if isinstance(value, dict)
+        else _names(value)
     )
 
 
-class CellsTable(Table):
-    """Pieces of a measured place for all methods but the deterministic."""
+_LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}]}
+_NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
+_Names = Annotated[str | tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+_PRESSURE: Quantity = get_args(Pressure)[1]
+_PRESSURES_SCHEMA = {
+    "type": "object",
+    "additionalProperties": quantity_schema("a pressure >= 0, such as '10 MPa'"),
+}
+_Inlets = Annotated[
+    str | tuple[str, ...] | dict[str, float],
+    BeforeValidator(_inlets),
+    WithJsonSchema({"anyOf": [*_NAMES_SCHEMA["anyOf"], _PRESSURES_SCHEMA]}),
+]
+#: Keys whose values are not what the fields of the shapes say, or need a unit.
+_KEYS: dict[str, Any] = {
+    "lay": Annotated[Any, BeforeValidator(_lay), WithJsonSchema(_LAY_SCHEMA)],
+    "unit": LengthUnit,
+    "centre": tuple[Shift, Shift],
+    "length": Annotated[Length, Usual(1e-5, 1e3, "m")] | None,
+}
+_KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
 
-    count: tuple[Count, Count] | None = key(
-        "pieces along x1 and x2; unless given as drawn seals need, for two scales eight shortest "
-        "waves a side, for blocks a quarter of a block, 256 points or less",
-        None,
-        example=[4, 8],
+
+def _strip_by_default(value: Any) -> Any:
+    return {"kind": RectangularLayout.kind, **value} if isinstance(value, dict) else value
+
+
+class SeatTable(MadeTable):
+    """The form of the seat, with a key for each of its parameters."""
+
+    makers = SEATS
+    place = "seat"
+    tolerance: float = key(
+        "relative error of the depth of the form, for the budget",
+        0.0,
+        ge=0,
+        lt=1,
     )
-    size: Annotated[Length, Usual(1e-7, 0.1, "m")] | None = key(
-        "approximate side of a piece", None, example="60 um", instead="count"
-    )
-
-    @model_validator(mode="after")
-    def _one_of(self) -> CellsTable:
-        if self.count is not None and self.size is not None:
-            raise refusal("one of `count` and `size`")
-        return self
 
 
-class StochasticTable(Table):
-    """How a seal is drawn, see `studies.Sampling`."""
-
-    length: Length | None = key(
-        "of a strip, along x2; of the face unless given", None, start="10 mm"
-    )
-    breadth: Annotated[Length, Usual(1e-6, 1.0, "m")] | None = key(
-        "of a strip, along x1; of the face unless given", None, example="2 mm"
-    )
-    realisations: Annotated[int, Field(strict=True, ge=2)] | None = key(
-        "number of seals; as the band of error needs unless given", None, example=50
-    )
-    quantiles: tuple[Ratio, Ratio] = key("ends of the band between seals", (0.05, 0.95))
-
-    @model_validator(mode="after")
-    def _ordered(self) -> StochasticTable:
-        if not self.quantiles[0] < self.quantiles[1]:
-            raise refusal("two rising `quantiles`")
-        return self
+if TYPE_CHECKING:
+    AnyFluid = FluidTable
+    AnySeal = SealTable
+    AnySeat = SeatTable
+else:
+    AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
+    AnySeal = Annotated[
+        table_of_any(
+            LAYOUTS, SealTable, lambda one: _KEYS | (_KEYS_OF_MESHES if one is MeshLayout else {})
+        ),
+        BeforeValidator(_strip_by_default),
+    ]
+    AnySeat = table_of_any(SEATS, SeatTable, lambda seat: {"unit": LengthUnit})
 
 
 #: Keys of [output] that say which files are written, and change no number.
@@ -221,175 +461,3 @@ class OutputTable(Table):
     def unit(self) -> LeakUnit | None:
         """The unit, or None for a readable one per length of seal."""
         return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]
-
-
-#: Units of the parameters of a solid that has a name.
-_UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
-#: A column of a file of hardness over depth.
-_COLUMN = re.compile(r"(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]$")
-_FILE_COLUMNS = (
-    "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
-)
-_PAIR = {
-    "items": quantity_schema("a depth >= 0, then a hardness > 0"),
-    "minItems": 2,
-    "maxItems": 2,
-}
-_ROWS = {"type": "array", "items": {"type": "array"} | _PAIR}
-
-
-def _two_rows(value: Any) -> Any:
-    if isinstance(value, (list, tuple)) and len(value) < 2:
-        raise refusal("two rows or more, such as ['0.1 um', '2 GPa']")
-    return value
-
-
-class SolidTable(Table):
-    """A solid, see `materials.Solid`, and the law by which it yields."""
-
-    young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
-    poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)
-    yield_stress: Strength | None = key(
-        "hardness is 2.8 times that; without any strength the solid is elastic",
-        None,
-        example="1 GPa",
-        instead="hardness",
-    )
-    hardness: Strength | None = key("largest contact pressure", None, start="2.8 GPa")
-    hardening: Hardening | None = key(
-        "rise of the hardness with the yielded depth",
-        None,
-        example="2 GPa/um",
-        since="0.2",
-    )
-    hardness_tolerance: float = key(
-        "relative error of the hardness, for the budget", 0.1, ge=0, lt=1, since="0.2"
-    )
-    nix_gao_depth: Annotated[Height, Usual(1e-8, 1e-4, "m")] | None = key(
-        "depth h* of Nix and Gao: hardness × sqrt(1 + h*/depth)",
-        None,
-        example="1 um",
-        since="0.2",
-        instead="hardening",
-    )
-    smallest_depth: Annotated[Length, Usual(1e-9, 1e-5, "m")] | None = key(
-        "depth up to which that is constant",
-        None,
-        example="0.1 um",
-        since="0.2",
-        instead="hardening",
-    )
-    hardness_table: Annotated[
-        tuple[tuple[Annotated[Place, Usual(1e-10, 1e-3, "m")], Strength], ...] | None,
-        BeforeValidator(_two_rows),
-        WithJsonSchema({"anyOf": [{"type": "string", "expected": _FILE_COLUMNS}, _ROWS]}),
-    ] = key(
-        "hardness over the yielded depth, in rows or a file",
-        None,
-        example=[["0.1 um", "2.4 GPa"], ["0.5 um", "2.1 GPa"], ["2 um", "2 GPa"]],
-        since="0.2",
-        instead="hardness",
-    )
-    name: str | None = key(
-        "fills in `young`, `poisson` and `yield_stress`",
-        None,
-        example="copper, soft",
-        since="0.2",
-        max_length=60,
-    )
-
-    @model_validator(mode="after")
-    def _one_law(self) -> SolidTable:
-        """Raise a fault if several keys give the strength, or a curve has none."""
-        given, curves = (
-            [key for key in keys if getattr(self, key) is not None]
-            for keys in (
-                ("yield_stress", "hardness", "hardness_table"),
-                ("hardening", "nix_gao_depth"),
-            )
-        )
-        for keys in (given, curves):
-            if len(keys) > 1:
-                raise refusal(f"{' or '.join(keys)}, not both")
-        if curves and given not in (["yield_stress"], ["hardness"]):
-            raise refusal(f"{curves[0]} with a yield_stress or a hardness")
-        if self.smallest_depth is not None and self.nix_gao_depth is None:
-            raise refusal("smallest_depth with a nix_gao_depth")
-        try:
-            _ = self.law
-        except InputError as error:
-            key = "hardness_table" if self.hardness_table is not None else error.what
-            raise refusal(f"{key}: {error.expected}") from None
-        return self
-
-    @property
-    def solid(self) -> Solid:
-        """The solid; of a table of hardness, with that where it first yields."""
-        table = self.hardness_table
-        return Solid(
-            self.young, self.poisson, self.yield_stress, table[0][1] if table else self.hardness
-        )
-
-    @property
-    def law(self) -> ContactLaw:
-        """The contact law of its keys: perfectly plastic, hardening, or a curve of the depth."""
-        if self.hardness_table is not None:
-            return HardnessTable(*np.array(self.hardness_table, dtype=float).T)
-        hardness = self.solid.hardness
-        assert hardness is not None  # a Solid has one, inf where none is given
-        if self.nix_gao_depth is not None:
-            return NixGao(hardness, self.nix_gao_depth, self.smallest_depth or SMALLEST_DEPTH)
-        return (
-            PerfectlyPlastic(hardness)
-            if self.hardening is None
-            else LinearHardening(hardness, self.hardening)
-        )
-
-
-def with_named_solids(data: dict[str, Any], odd: list[str]) -> dict[str, Any]:
-    """The data of a case with the properties of solids that are given by their name, and tables of hardness from files.
-
-    odd : gets sentences on given keys that differ much from what the name stands for.
-    """
-    folder = Path(data.get("folder", "."))
-    places = [place for place in ("material", "counter_material") if place in data]
-    return data | {place: _filled(data[place], place, folder, odd) for place in places}
-
-
-def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> dict[str, Any]:
-    """The table of a solid; `place` is its key in the case; what is odd in it is added to `odd`."""
-    given = dict(table)
-    if isinstance(path := given.get("hardness_table"), str):
-        given["hardness_table"] = read_hardness_table(folder / path, f"{place}.hardness_table")
-    if "name" not in given:
-        return given
-    with faults_of(place):
-        solid = named_solid(given["name"])
-    assert solid.yield_stress is not None
-    known = {"young": solid.young, "poisson": solid.poisson, "yield_stress": solid.yield_stress}
-    odd += overriding(
-        given, known | {"hardness": HARDNESS_FACTOR * solid.yield_stress}, _UNITS, place
-    )
-    if "hardness" in given or "hardness_table" in given:
-        del known["yield_stress"]
-    return {name: Amount(value, _UNITS[name]) for name, value in known.items()} | given
-
-
-def read_hardness_table(path: Path, key: str) -> list[list[str]]:
-    """Rows of depth and hardness, as text with units, from a file with a line of heads; `key` names it in faults."""
-    name = f"'{shortened(path.name)}'"
-    if not isfile(path):
-        raise fault(key, name, "a file that exists, or rows such as ['0.1 um', '2 GPa']")
-    try:
-        heads = {match[1]: match for match in map(_COLUMN.match, columns_of(path)) if match}
-        columns = heads["depth"], heads["hardness"]
-        numbers = read_columns(path, tuple(column[0] for column in columns))
-    except (InputError, KeyError):
-        raise fault(key, name, _FILE_COLUMNS) from None
-    if len(numbers) < 2:
-        given = f"{name} with {counted(len(numbers), 'row')} of numbers"
-        raise fault(key, given, f"{_FILE_COLUMNS}, and two rows or more")
-    return [
-        [f"{value!r} {column[2]}" for value, column in zip(row, columns, strict=True)]
-        for row in numbers.tolist()
-    ]

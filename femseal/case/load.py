@@ -96,7 +96,6 @@ class MapTable(MadeTable):
     """A map of the contact pressure over the seal, see `seal.pressure_map`."""
 
     makers = _MAPS
-    apart = ("at",)
     place = "load.map"
     kind: str
     at: Load | None = key("load at which one of several maps holds", None, example="200 MPa")
@@ -141,10 +140,7 @@ class FieldMap(MapTable):
     name: str = key("of the array, or of the column", "pressure")
     length_unit: str = key("of the coordinates", example="mm")
     pressure_unit: str = key("of the pressures", example="MPa")
-
-    @model_validator(mode="after")
-    def _possible(self) -> FieldMap:
-        return self  # the file is read once the case is prepared
+    place = ""  # the file is read once the case is prepared
 
 
 AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(discriminator="kind")]
@@ -229,11 +225,6 @@ class LoadTable(Table):
         """Number of load steps, at most."""
         stops = len(self.unloading) + (len(self.peaks) if self.relaxation else 0)
         return len(self.loading) + len(self.peaks) * (1 + stops)
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Files of maps."""
-        return tuple(one.path for one in self.map or () if isinstance(one, FieldMap))
 
     def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:
         """Nominal pressures [Pa] of a seal of an area [m²] and a length [m]: `loading`, `unload_from`, `unloading`."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import reduce
+from inspect import signature
 from operator import or_
 from pathlib import Path
 from typing import (
@@ -185,19 +186,6 @@ class Both:
             ) from None
 
 
-def listed(value: Any) -> Any:
-    """A list of tables from one or several, each of the kind "file" where it has a path or places and no kind."""
-    tables = [value] if isinstance(value, dict) else value
-    if not isinstance(tables, (list, tuple)):
-        return value
-    return [
-        {"kind": "file", **table}
-        if isinstance(table, dict) and {"path", "places"} & {*table}
-        else table
-        for table in tables
-    ]
-
-
 def quantity_schema(described: str) -> dict[str, Any]:
     """JSON schema of a number with a unit, as text."""
     pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"
@@ -319,31 +307,44 @@ class Table(BaseModel):
 
 
 class MadeTable(Table):
-    """A table of the parameters of something that is made, by its kind.
+    """A table with the parameters of something that is made, by its kind.
 
-    makers : what makes it of them, by its kind. apart : keys that are no parameters of it. place : of the table.
+    makers : what makes it of them, by its kind. place : of the table, if it is tried whether it can be made.
     """
 
     if TYPE_CHECKING:
         kind: str
     makers: ClassVar[Mapping[str, Callable[..., Any]]]
-    apart: ClassVar[tuple[str, ...]]
-    place: ClassVar[str]
+    place: ClassVar[str] = ""
 
-    def make(self, folder: Path, **more: Any) -> Any:
+    def make(self, folder: Path = Path(), **more: Any) -> Any:
         """What the table describes; paths are relative to a folder."""
+        maker = self.makers[self.kind]
+        known = signature(maker).parameters
         parameters = {
             name: folder / value if isinstance(value, Path) else value
             for name, value in self
-            if name not in ("kind", *self.apart)
+            if name in known
         }
-        return self.makers[self.kind](**parameters | more)
+        return maker(**parameters | more)
 
     @model_validator(mode="after")
     def _possible(self) -> MadeTable:
-        with faults_of(self.place):
-            self.make(Path())
+        if self.place:
+            with faults_of(self.place):
+                self.make()
         return self
+
+
+def files_of(table: Table, place: str = "") -> Iterator[tuple[str, Path]]:
+    """Key and path of every file that a table, or one in it, names by a path."""
+    for name, value in table:
+        key = f"{place}.{name}".lstrip(".")
+        for one in _single(value):
+            if isinstance(one, Table):
+                yield from files_of(one, key)
+            elif isinstance(one, Path):
+                yield key, one
 
 
 def unusual(table: Table, place: str = "") -> Iterator[str]:

@@ -501,7 +501,7 @@ def test_out_of_memory_is_one_line(monkeypatch, femseal):
     def fail(path):
         raise MemoryError
 
-    monkeypatch.setattr("femseal.case.case.load_case", fail)
+    monkeypatch.setattr("femseal.case.reading.load_case", fail)
     code, _, errors = femseal("check", "case.toml")
     assert code == 1
     assert errors.startswith("femseal: out of memory")

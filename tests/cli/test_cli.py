@@ -85,7 +85,7 @@ def test_a_stop_before_the_work_is_told_and_no_success(femseal, monkeypatch, com
     def stopped(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("femseal.case.case.read_case", stopped)
+    monkeypatch.setattr("femseal.case.reading.read_case", stopped)
     code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml")
     assert code == 1
     assert "stopped" in errors
@@ -199,7 +199,7 @@ def test_errors_are_a_line_and_after_debug_a_traceback(femseal, monkeypatch, tmp
     def fail(path):
         raise ZeroDivisionError("nothing to divide by")
 
-    monkeypatch.setattr("femseal.case.case.load_case", fail)
+    monkeypatch.setattr("femseal.case.reading.load_case", fail)
     assert femseal("check", path) == (1, "", "femseal: ZeroDivisionError: nothing to divide by\n")
     assert "in fail" in femseal("--debug", "check", path)[2]
     assert femseal("check")[0] == 2
