@@ -19,7 +19,6 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ..base import InputError, to_si
 from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
 from ..seal.pressure_map import (
     AngleTable,
@@ -43,26 +42,23 @@ from .values import (
     Usual,
     key,
     quantity_schema,
+    value_of,
 )
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
 _ALLOWED = "a pressure >= 0, such as '300 MPa', or a force on the seal, '10 kN', or on its length, '200 N/mm'"
-_UNITS_OF_LOADS = {unit: Quantity(unit, lambda x: x >= 0, _ALLOWED) for unit in LOAD_UNITS}
 
 
 def _load(value: Any) -> Amount:
     """A pressure, a force or a force per length, whichever the unit says."""
     if isinstance(value, Amount):
         return value
-    for unit, quantity in _UNITS_OF_LOADS.items():
-        try:
-            to_si(value, unit)
-        except InputError:
-            continue
-        return Amount(quantity.read(value), unit)
+    unit = next(
+        (unit for unit in LOAD_UNITS if value_of({"load": value}, "load", unit) is not None), "Pa"
+    )
     try:
-        return Amount(_UNITS_OF_LOADS["Pa"].read(value), "Pa")
+        return Amount(Quantity(unit, lambda x: x >= 0, _ALLOWED).read(value), unit)
     except PydanticCustomError as error:
         # as of a pressure, such as with a decimal comma, but where the unit is unknown
         known = not str(error).startswith("text with a number and a unit of the kind")

@@ -206,11 +206,10 @@ def _channel(value: Any) -> int | str:
     return value
 
 
-def _length_unit(value: Any) -> str:
+def _length_unit(value: Any) -> Any:
     try:
-        if not isinstance(value, str) or not to_si(f"1 {value}", "m") > 0:
-            raise ValueError
-    except ValueError:
+        to_si(f"1 {value}", "m")
+    except InputError:
         raise refusal("a unit of length, such as 'mm'") from None
     return value
 
