@@ -6,14 +6,14 @@ Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from math import inf, prod
 
 import numpy as np
 
 from ..base import InputError, Shape, free_memory, to_text
-from ..case.case import Case
+from ..case.case import Case, CellsTable
 from ..case.faces import FileFace, TurnedFace
 from ..face.pieces import Cut, usual_pieces
 from ..seal.lay import Lay
@@ -41,7 +41,6 @@ from ..topography import (
     resolving_shape,
     smooth,
     spectrum,
-    spikes_extreme,
 )
 
 #: Arguments of `topography` by their key in a case.
@@ -70,20 +69,6 @@ _GROOVED, _EVEN = 0.5, 0.3
 _LEAST_GROOVES = 3
 
 
-@dataclass(frozen=True)
-class ConditionedFace:
-    """The face that is solved, how it was conditioned and continued, and the overlap of two faces.
-
-    cells : number of pieces; None where there are none, or as many as suit the drawn seals.
-    """
-
-    surface: Topography
-    conditioning: Conditioning
-    overlap: Overlap | None
-    cells: Shape | None
-    continuation: Continuation | None
-
-
 @contextmanager
 def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
     """Raise an InputError with keys instead of names of arguments, after the place of their table if that is given."""
@@ -98,8 +83,13 @@ def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
         raise (found.inside(place) if place else found) from error
 
 
-def conditioned_face(case: Case) -> ConditionedFace:
+def conditioned_face(
+    case: Case,
+) -> tuple[Topography, Conditioning, Overlap | None, Continuation | None, Shape | None]:
     """Make or read the faces of a case, and condition their sum.
+
+    Returned: the face that is solved, how it was conditioned, the overlap of two faces, how its spectrum was continued,
+    and the number of pieces: None where there are none, or as many as suit the drawn seals.
 
     Raises InputError: a face that cannot be read or used, or pieces that do not suit it.
     """
@@ -118,10 +108,10 @@ def conditioned_face(case: Case) -> ConditionedFace:
         place = flat.shortest_place
         pieces = _pieces(case, place, shape, wave)
         check_wave(wave, place.size, (shape[0], round(shape[1] * place.shape[1] / flat.shape[1])))
-        # what was repaired is said of each part
         surface, report = smooth(
             flat,
-            replace(repaired, removed=np.zeros(1)),
+            repaired.form,
+            parts,
             shortest_wave=wave,
             shape=shape,
             instrument=instrument,
@@ -129,12 +119,6 @@ def conditioned_face(case: Case) -> ConditionedFace:
     if pieces is not None:
         Cut.of(surface.shortest_place, pieces)  # refuses pieces of too few points
         pieces = of_all_places(flat, pieces)
-    report = replace(
-        report,
-        undefined_fraction=sum(r.undefined_fraction for _, r in parts) / len(parts),
-        spike_points=sum(r.spike_points for _, r in parts),
-        spikes_extreme=max(spikes_extreme(face, r.removed, wave) for face, r in parts),
-    )
     if continued is not None:
         surface = continued.added_to(surface)
         report = replace(
@@ -146,7 +130,7 @@ def conditioned_face(case: Case) -> ConditionedFace:
         )
     if pieces is not None:
         _check_pieces(surface, report.shortest_wave, pieces)
-    return ConditionedFace(surface, report, overlap, pieces, continued)
+    return surface, report, overlap, continued, pieces
 
 
 #: Flat maps, with what was repaired in them.
@@ -162,22 +146,21 @@ def _repaired_faces(case: Case) -> tuple[Repaired, Repaired, Overlap | None, Ins
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     treatment = case.surface.model_dump(include={"max_undefined", "detrend"})
     faces: list[Repaired] = []
-    seen: list[float] = []
-    made: list[float] = []
-    for n, (table, seed) in enumerate(zip(case.face, seeds, strict=True)):
-        place, rng = f"face.{n}" if len(seeds) > 1 else "face", np.random.default_rng(seed)
-        spikes = case.surface.spikes
+    instruments: list[Instrument] = []
+    for n, table in enumerate(case.face):
+        place, spikes = f"face.{n}" if len(case.face) > 1 else "face", case.surface.spikes
         if not isinstance(table, FileFace):
             check_memory_of_points(f"{place}.points", table.points)
             spikes = inf
         with with_keys(FACE_KEYS, place):
+            rng = np.random.default_rng(seeds[n])
             maps = [one.make(case.folder, rng) for one in table.each(case.folder)]
         with with_keys(SURFACE_KEYS | {"heights": place}):
             faces.append([repair(face, spikes=spikes, **treatment) for face, _ in maps])
-        own = [instrument for _, instrument in maps]
-        seen += [one.shortest_wave(flat) for one, (flat, _) in zip(own, faces[-1], strict=True)]
-        made += [one.made or 0.0 for one in own]
-    instrument = Instrument(resolution=max(seen) or None, made=min(made) or None)
+        instruments += [instrument for _, instrument in maps]
+    seen = map(Instrument.shortest_wave, instruments, (flat for flat, _ in chain(*faces)))
+    made = min(instrument.made or 0.0 for instrument in instruments)
+    instrument = Instrument(resolution=max(seen) or None, made=made or None)
     if len(faces) == 1:
         return faces[0], faces[0], None, instrument
     # place n of one face lies on place n of the other; where there are fewer they come again
@@ -237,16 +220,16 @@ def _pieces(case: Case, place: Topography, shape: Shape, wave: float) -> Shape |
 
     Unless the case says how many: of blocks, of drawn seals, or of eight shortest waves or more a side.
     """
-    asked, drawn = case.cells, case.stochastic
+    asked, drawn = case.cells or CellsTable(), case.stochastic
     if case.methods == {"deterministic"}:
         return None
-    if asked is not None and asked.size is not None:
+    if asked.size is not None:
         if asked.size > (shorter := min(place.size)) * (1 + 1e-9):
             expected = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
             raise InputError("cells.size", to_text(asked.size, "m"), expected)
         m1, m2 = (max(1, round(length / asked.size)) for length in place.size)
         return m1, m2
-    if asked is not None and asked.count is not None:
+    if asked.count is not None:
         return asked.count
     if "blocks" in case.methods:
         blocks = usual_blocks(shape)

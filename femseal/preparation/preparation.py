@@ -90,22 +90,14 @@ _TILE_BYTES = 4000
 
 def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topography) -> None:
     """Raise InputError if the tiles of a strip or a ring, as large as pieces of a face, do not fit into memory."""
-    side1, side2 = Cut.of(surface, usual_pieces(surface)).size
+    key, length, breadth = "stochastic.length", sampling.length, sampling.breadth
     if isinstance(layout, AnnularLayout):
-        key, breadth, length = (
-            "seal",
-            layout.outer_radius - layout.inner_radius,
-            layout.circumference,
-        )
-    elif sampling.length is not None:
-        key, breadth, length = (
-            "stochastic.length",
-            sampling.breadth or surface.size[0],
-            sampling.length,
-        )
-    else:
+        key, length = "seal", layout.circumference
+        breadth = layout.outer_radius - layout.inner_radius
+    if length is None:
         return
-    rows, columns = breadth / side1, length / side2
+    side1, side2 = Cut.of(surface, usual_pieces(surface)).size
+    rows, columns = (breadth or surface.size[0]) / side1, length / side2
     if rows <= MOST_ROWS:  # others are refused when they are laid out
         given, tiles = f"a seal {to_text(length, 'm', 3)} long", rows * columns
         check_memory(key, f"{given}, of {tiles:.3g} tiles", tiles * _TILE_BYTES)
@@ -272,8 +264,8 @@ def prepare(case: Case) -> Prepared:
     Raises InputError: a face that cannot be read or used, or pieces or seals that do not suit it.
     """
     with refused_if_too_large(), with_keys(_SCENE_KEYS):
-        face = conditioned_face(case)
-        surface, cells, layout = face.surface, face.cells, wound_layout(case)
+        surface, conditioning, overlap, continuation, cells = conditioned_face(case)
+        layout = wound_layout(case)
         sampling, size, broader = _seals(case, surface, layout, cells)
         seat = None if case.seat.kind == "flat" else case.seat.make(case.folder)
         factor = 1.0 if seat is None else seat.load_factor
@@ -295,9 +287,9 @@ def prepare(case: Case) -> Prepared:
             scene=scene,
             cells=cells,
             sampling=sampling,
-            conditioning=face.conditioning,
-            overlap=face.overlap,
-            continuation=face.continuation,
+            conditioning=conditioning,
+            overlap=overlap,
+            continuation=continuation,
             methods=methods,
             seat="" if seat is None else str(seat),
             form=_form_tolerance(case, sampling, seat),
@@ -306,9 +298,9 @@ def prepare(case: Case) -> Prepared:
             flatness=case.seal.flatness,
             warnings=(
                 *plausibility_warnings(case, scene),
-                *filter_doubts(case, surface, face.conditioning),
+                *filter_doubts(case, surface, conditioning),
                 *groove_question(case, surface),
-                *face.conditioning.spike_doubts,
+                *conditioning.spike_doubts,
                 *(holds.doubts if holds else ()),
                 *(effect.doubts if effect else ()),
                 *doubts,

@@ -164,7 +164,12 @@ def look(
             flat, repaired = repair(face, **treatment)
             shape = default_grid(flat, wave, instrument)
             kept, conditioning = smooth(
-                flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument
+                flat,
+                repaired.form,
+                [(flat, repaired)],
+                shortest_wave=wave,
+                shape=shape,
+                instrument=instrument,
             )
     except InputError as error:
         # the caller's wave, not the face

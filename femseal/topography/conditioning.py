@@ -12,6 +12,7 @@ in Fourier space so that the shortest wave is resolved by at least 8 pixels; Chu
 """
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import atan, ceil, hypot, inf, log2, pi, prod, sqrt
 
@@ -274,18 +275,30 @@ def condition(
     if shortest_wave is not None:
         check_wave(shortest_wave, topography.size, final)
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
-    return smooth(flat, repaired, shortest_wave=shortest_wave, shape=final, instrument=instrument)
+    parts = [(flat, repaired)]
+    return smooth(
+        flat,
+        repaired.form,
+        parts,
+        shortest_wave=shortest_wave,
+        shape=final,
+        instrument=instrument,
+    )
 
 
 def smooth(
     flat: Topography,
-    repaired: Repair,
+    form: Form,
+    parts: Sequence[tuple[Topography, Repair]],
     *,
     shortest_wave: float | None,
     shape: Shape,
     instrument: Instrument,
 ) -> tuple[Topography, Conditioning]:
-    """Low-pass and resample what `repair` returned; other arguments, results and errors are those of `condition`."""
+    """Low-pass and resample a flat map; other arguments, results and errors are those of `condition`.
+
+    form : that was taken off. parts : what `repair` returned of the maps that were measured, or made, for it.
+    """
     waves, seen = instrument.spectrum(flat), instrument.shortest_wave(flat)
     # without a law what the map shows of waves that are not seen is the least that is there
     measured = max(waves.shortest_wave, seen if waves.law else 0.0)
@@ -295,13 +308,13 @@ def smooth(
     wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, shape)
     kept = flat.low_pass(shortest).resample(shape)
-    tilt1, tilt2 = repaired.form.slopes
+    tilt1, tilt2 = form.slopes
     return kept, Conditioning(
-        undefined_fraction=repaired.undefined_fraction,
-        spike_points=repaired.spike_points,
-        spikes_extreme=spikes_extreme(flat, repaired.removed, shortest),
+        undefined_fraction=sum(part.undefined_fraction for _, part in parts) / len(parts),
+        spike_points=sum(part.spike_points for _, part in parts),
+        spikes_extreme=max(spikes_extreme(face, part.removed, shortest) for face, part in parts),
         removed_tilt=(atan(tilt1), atan(tilt2)),
-        removed_curvature=repaired.form.curvatures,
+        removed_curvature=form.curvatures,
         shortest_seen=seen or None,
         unseen_slope=unseen,
         shortest_measured=measured,
