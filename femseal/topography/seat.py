@@ -38,10 +38,11 @@ class Seat:
         check_parameters(self)
 
     def __str__(self) -> str:
-        parameters = [f for f in fields(self) if "unit" in f.metadata]  # type: ignore[arg-type]
-        values = [as_text(getattr(self, f.name), f.metadata["unit"]) for f in parameters]
-        names = [f.name.replace("_", " ") for f in parameters]
-        return ", ".join([self.kind, *map(" ".join, zip(names, values, strict=True))])
+        texts = [
+            f"{f.name.replace('_', ' ')} {as_text(getattr(self, f.name), f.metadata['unit'])}"
+            for f in fields(self)  # type: ignore[arg-type]
+        ]
+        return ", ".join([self.kind, *texts])
 
     def depth(self, x: Array, breadth: float) -> Array:
         """How deep the form lies at x1 from the middle of a breadth [m], up to a constant."""
@@ -84,7 +85,7 @@ class Seat:
 def check_form(
     key: str, shown: str, heights: Array, spacing: Sequence[float], inside: Array | bool = True
 ) -> None:
-    """Refuse a form that is known nowhere on a face, or steeper than an elastic half-space allows.
+    """Refuse a form that is not known somewhere on a face, or steeper than an elastic half-space allows.
 
     heights : (n1,) or (n1, n2) [m] at points a spacing apart [m], NaN beyond the form. inside : whether points count.
 
@@ -96,9 +97,7 @@ def check_form(
     found = f"slopes up to {slope:.2g}"
     if (np.isnan(heights) & inside).any():
         slope, found = np.inf, "slopes up to vertical"
-    if np.isnan(known).all():
-        found = "no height that is known"
-    if not slope <= MOST_SLOPE:
+    if slope > MOST_SLOPE:
         expected = f"heights with slopes up to {MOST_SLOPE:g}: the faces are half-spaces"
         raise InputError(key, f"{shown} with {found}", expected)
 
