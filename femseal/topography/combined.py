@@ -88,16 +88,12 @@ def combine(
         on_grid = second.resample(first.shape)
         both = first + Topography(on_grid.heights, first.spacing, on_grid.periodic)
         return both, Overlap(both.shape, both.size, 1.0, first.shape != second.shape)
-    index = _indices(first, second, angle, move)
     if second.undefined_fraction:
-        raise InputError(
-            "second face", "undefined points", "a map without them: use fill_undefined() first"
-        )
-    edge = 0.5 + 1e-9 * max(second.shape)
-    inside = np.all(
-        [(i >= -edge) & (i <= n - 1 + edge) for i, n in zip(index, second.shape, strict=True)],
-        axis=0,
-    )
+        expected = "a map without them: use fill_undefined() first"
+        raise InputError("second face", "undefined points", expected)
+    index = _indices(first, second, angle, move)
+    middle = (np.array(second.shape)[:, None, None] - 1) / 2
+    inside = np.all(np.abs(index - middle) <= (middle + 0.5) * (1 + 1e-9), axis=0)
     (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
     if end1 <= begin1:
         size = as_text(second.size, "m")
@@ -115,14 +111,16 @@ def combine(
 
 def _indices(first: Topography, second: Topography, angle: float, move: NDArray) -> NDArray:
     """Index (2, n1, n2) into the second face of the pixel centres of the first."""
-    p1, p2 = (
-        (np.arange(n) - (n - 1) / 2) * d - s
-        for n, d, s in zip(first.shape, first.spacing, move, strict=True)
+    p1, p2 = np.meshgrid(
+        *(
+            (np.arange(n) - (n - 1) / 2) * d - s
+            for n, d, s in zip(first.shape, first.spacing, move, strict=True)
+        ),
+        indexing="ij",
     )
-    p1, p2 = p1[:, None], p2[None, :]
-    u1, u2 = cos(angle) * p1 + sin(angle) * p2, cos(angle) * p2 - sin(angle) * p1
-    (n1, n2), (d1, d2) = second.shape, second.spacing
-    return np.stack(np.broadcast_arrays(u1 / d1 + (n1 - 1) / 2, u2 / d2 + (n2 - 1) / 2))
+    u = cos(angle) * p1 + sin(angle) * p2, cos(angle) * p2 - sin(angle) * p1
+    places = zip(u, second.spacing, second.shape, strict=True)
+    return np.stack([along / d + (n - 1) / 2 for along, d, n in places])
 
 
 def _largest_rectangle(inside: Flags) -> tuple[Shape, Shape]:

@@ -113,8 +113,11 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     unit = raw.height_unit
     if given.height_unit is not None:
         unit = to_si(f"1 {given.height_unit}", "m", "height_unit")
-    instrument = {name: getattr(given, name) for name in ("tip_radius", "resolution")}
-    known = {n: validate.number(n, x, unit="m") for n, x in instrument.items() if x is not None}
+    known = {
+        name: validate.number(name, limit, unit="m")
+        for name in ("tip_radius", "resolution")
+        if (limit := getattr(given, name)) is not None
+    }
     instrument_of_map = replace(raw.instrument, **known)
     del raw  # no more than two maps at once
     if file_mask is not None:
@@ -129,12 +132,12 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
         first, second = validate.lengths("size", given.size)
         pixel = first / heights.shape[0], second / heights.shape[1]
     doubts = _pixel_doubts(path, pixel, heights.shape)
+    usable = pixel if pixel and not doubts else _ANY_PIXEL
     if unit is None and path.suffix.lower() not in READERS:
         allowed = "height_unit= such as 'um' (--height-unit)"
         doubts.append(bad_file(path, "no unit of height in the file", allowed))
     heights = heights if unit is None else heights * unit
     try:
-        usable = pixel if pixel and min(pixel) > 0 and max(pixel) < inf else _ANY_PIXEL
         whole = Topography(heights, usable, given.periodic)  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
