@@ -24,7 +24,7 @@ from ..seal.lay import NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
 from ..studies.choices import FIELDS_LIMIT, FORMATS
 from ..topography.seat import SEATS
-from .faults import fault, refusal
+from .faults import fault, refusal, refusals
 from .filling import HARDNESS_COLUMNS, listed
 from .values import (
     FileSize,
@@ -265,10 +265,8 @@ class SealTable(MadeTable):
 
 
 def _lay(value: Any) -> Any:
-    try:
+    with refusals():
         lay = Lay.of(value)
-    except InputError as error:
-        raise refusal(error.expected) from None
     if lay.name == "spiral":
         turn = {} if lay.circumference is None else {"circumference": lay.circumference}
         return {"kind": "spiral", "lead": lay.lead} | turn
@@ -359,17 +357,13 @@ def _text(expected: str) -> WithJsonSchema:
 
 
 def _leak_unit_name(value: Any) -> str:
-    try:
+    with refusals():
         return leak_unit(value).name
-    except InputError as error:
-        raise refusal(error.expected) from None
 
 
 def _class_name(value: Any) -> str:
-    try:
+    with refusals():
         leak_classes([value])
-    except InputError as error:
-        raise refusal(error.expected) from None
     return str(value)
 
 

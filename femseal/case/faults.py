@@ -29,6 +29,15 @@ def refusal(expected: str) -> PydanticCustomError:
 
 
 @contextmanager
+def refusals(expected: str = "") -> Iterator[None]:
+    """Errors of what is called inside as faults of the value of one key; with what they expect unless given."""
+    try:
+        yield
+    except InputError as error:
+        raise refusal(expected or error.expected) from None
+
+
+@contextmanager
 def faults_of(table: str = "") -> Iterator[None]:
     """Errors of what is called inside as faults of a table, of which they name the key; "" if they name it in full."""
     try:

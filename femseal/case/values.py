@@ -39,7 +39,7 @@ from pydantic_core import core_schema
 from ..base import InputError, to_si
 from ..base.quantities import with_its_unit
 from ..materials import YOUNG_LIMITS
-from .faults import faults_of, refusal
+from .faults import faults_of, refusal, refusals
 
 #: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.
 _LARGEST = 1e30
@@ -124,10 +124,8 @@ class Quantity:
 
     def read(self, value: Any) -> float:
         """The value in SI; PydanticCustomError where it cannot be used."""
-        try:
+        with refusals("" if self.unit else self.expected):
             number = in_si(value, self.unit, self.example)
-        except InputError as error:
-            raise refusal(error.expected if self.unit else self.expected) from None
         if not self.test(number):
             raise refusal(self.expected)
         if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
@@ -207,10 +205,8 @@ def _channel(value: Any) -> int | str:
 
 
 def _length_unit(value: Any) -> Any:
-    try:
+    with refusals("a unit of length, such as 'mm'"):
         to_si(f"1 {value}", "m")
-    except InputError:
-        raise refusal("a unit of length, such as 'mm'") from None
     return value
 
 
@@ -393,8 +389,6 @@ def table_of_any(
         `create_model` takes them.
     """
     tables = [_table(kind, made, base, more(made)) for kind, made in registered.items()]
-    if len(tables) == 1:  # a single class needs no discriminator
-        return tables[0]
     return Annotated[reduce(or_, tables), Field(discriminator="kind")]
 
 
