@@ -156,10 +156,7 @@ class Case(Table):
         since="0.2",
         validate_default=True,
     )
-    cells: CellsTable | None = key(
-        "pieces of the face, of several places of each",
-        None,
-    )
+    cells: CellsTable | None = key("pieces of the face, of several places of each", None)
     stochastic: StochasticTable | None = key("seals that are drawn", None)
     output: OutputTable = key("what is written, and how", OutputTable())
     folder: Path = Field(default=Path(), exclude=True)

@@ -80,10 +80,7 @@ class SolidTable(Table):
     )
     hardness: Strength | None = key("largest contact pressure", None, start="2.8 GPa")
     hardening: Hardening | None = key(
-        "rise of the hardness with the yielded depth",
-        None,
-        example="2 GPa/um",
-        since="0.2",
+        "rise of the hardness with the yielded depth", None, example="2 GPa/um", since="0.2"
     )
     hardness_tolerance: float = key(
         "relative error of the hardness, for the budget", 0.1, ge=0, lt=1, since="0.2"
@@ -248,15 +245,10 @@ class SealTable(MadeTable):
     makers = LAYOUTS
     place = "seal"
     form: Annotated[tuple[AnyForm, ...], BeforeValidator(listed), Field(max_length=4)] | None = key(
-        "form of the whole seal; several add up",
-        None,
-        since="0.2",
+        "form of the whole seal; several add up", None, since="0.2"
     )
     flatness: Annotated[Length, Usual(1e-8, 1e-2, "m")] | None = key(
-        "highest to lowest point of a whole seal of unknown form",
-        None,
-        example="5 um",
-        since="0.2",
+        "highest to lowest point of a whole seal of unknown form", None, example="5 um", since="0.2"
     )
 
     def make(self, folder: Path = Path(), **more: Any) -> Layout:
@@ -325,10 +317,7 @@ class SeatTable(MadeTable):
     makers = SEATS
     place = "seat"
     tolerance: float = key(
-        "relative error of the depth of the form, for the budget",
-        0.0,
-        ge=0,
-        lt=1,
+        "relative error of the depth of the form, for the budget", 0.0, ge=0, lt=1
     )
 
 
@@ -380,9 +369,7 @@ class OutputTable(Table):
         "size above which steps are left out", FIELDS_LIMIT, example="1 GB"
     )
     leakage_unit: Annotated[str, BeforeValidator(_leak_unit_name), _text(_LEAK_UNITS)] | None = key(
-        "of tables, pictures and report; a readable one unless given",
-        None,
-        example="mL/min",
+        "of tables, pictures and report; a readable one unless given", None, example="mL/min"
     )
     throughput_temperature: Temperature | None = key(
         "of gases in Pa·m³/s or mbar·L/s; their own unless given", None
@@ -391,23 +378,12 @@ class OutputTable(Table):
         "classes that are judged at every step", (), example=["L0.01", "TA Luft"]
     )
     nominal_diameter: Annotated[Length, Usual(1e-3, 10.0, "m")] | None = key(
-        "of valve, seat or stem, for classes",
-        None,
-        example="50 mm",
+        "of valve, seat or stem, for classes", None, example="50 mm"
     )
-    rated_capacity: VolumeRate | None = key(
-        "flow of the open valve, for FCI 70-2 IV",
-        None,
-    )
-    drop_volume: Volume = key(
-        'of `"drops/min"`; classes have their own',
-        DROP,
-        example="0.05 mL",
-    )
+    rated_capacity: VolumeRate | None = key("flow of the open valve, for FCI 70-2 IV", None)
+    drop_volume: Volume = key('of `"drops/min"`; classes have their own', DROP, example="0.05 mL")
     bubble_volume: Volume = key(
-        'of `"bubbles/min"`; classes have their own',
-        BUBBLE,
-        example="0.15 mL",
+        'of `"bubbles/min"`; classes have their own', BUBBLE, example="0.15 mL"
     )
     test_fluid: AnyFluid | None = key(
         "fluid of a leak test of the same seals, by which classes are judged",

@@ -129,9 +129,7 @@ class MapFile(Table):
         example="face.plu",
     )
     size: tuple[Side, Side] | None = key(
-        "where the file has none or a wrong one",
-        None,
-        example=["1.2 mm", "0.9 mm"],
+        "where the file has none or a wrong one", None, example=["1.2 mm", "0.9 mm"]
     )
     spacing: Annotated[tuple[Pixel, Pixel], Both()] | None = key(
         "size of a pixel along x1 and x2", None, example=["1 um", "2 um"], instead="size"
@@ -164,10 +162,7 @@ class MapFile(Table):
         since="0.3",
     )
     resolution: Wave | None = key(
-        "lateral period limit of the instrument (ISO 25178-600)",
-        None,
-        example="1 um",
-        since="0.3",
+        "lateral period limit of the instrument (ISO 25178-600)", None, example="1 um", since="0.3"
     )
 
 
@@ -214,10 +209,7 @@ class FileFace(MapFile):
         needed="of a second face",
     )
     shift: tuple[Shift, Shift] | None = key(
-        "of its middle along x1 and x2",
-        None,
-        example=["0 um", "20 um"],
-        needed="of a second face",
+        "of its middle along x1 and x2", None, example=["0 um", "20 um"], needed="of a second face"
     )
 
     @property
@@ -279,8 +271,7 @@ class SurfaceTable(Table):
         "robust deviations from which isolated points of files are filled; `inf`: none", SPIKES
     )
     detrend: Literal[0, 1, 2] = key(
-        "form taken off: 0 mean, 1 tilt, 2 curvature too; 2 by default with a curved `[seat]`",
-        1,
+        "form taken off: 0 mean, 1 tilt, 2 curvature too; 2 by default with a curved `[seat]`", 1
     )
     shortest_wave: Wave | None = key(
         "low-pass; 8 pixels unless given, of a file the shortest wave measured",

@@ -15,11 +15,7 @@ INTERNAL = ("folder", "named_warnings")
 
 def fault(what: str, given: object, expected: str) -> PydanticCustomError:
     """Fault of a case that involves several keys, for validators to raise."""
-    context = {
-        "what": what,
-        "given": shortened(given),
-        "expected": shortened(expected, _LONGEST),
-    }
+    context = {"what": what, "given": shortened(given), "expected": shortened(expected, _LONGEST)}
     return PydanticCustomError("input", "{what}: given {given}, expected {expected}", context)
 
 

@@ -20,13 +20,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
-from ..seal.pressure_map import (
-    AngleTable,
-    AnyMap,
-    MapsAtLoads,
-    Profile,
-    Uniform,
-)
+from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, Profile, Uniform
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
 from .faults import fault, faults_of, refusal
@@ -171,10 +165,7 @@ class LoadTable(Table):
     map: Annotated[
         tuple[AnyMapTable, ...] | None,
         BeforeValidator(lambda given: [given] if isinstance(given, dict) else given),
-    ] = key(
-        "shape of the contact pressure over a drawn seal; several hold at their loads",
-        None,
-    )
+    ] = key("shape of the contact pressure over a drawn seal; several hold at their loads", None)
 
     @model_validator(mode="after")
     def _one_kind(self) -> LoadTable:

@@ -109,12 +109,7 @@ def conditioned_face(
         pieces = _pieces(case, place, shape, wave)
         check_wave(wave, place.size, (shape[0], round(shape[1] * place.shape[1] / flat.shape[1])))
         surface, report = smooth(
-            flat,
-            repaired.form,
-            parts,
-            shortest_wave=wave,
-            shape=shape,
-            instrument=instrument,
+            flat, repaired.form, parts, shortest_wave=wave, shape=shape, instrument=instrument
         )
     if pieces is not None:
         Cut.of(surface.shortest_place, pieces)  # refuses pieces of too few points

@@ -439,9 +439,4 @@ def plausibility_warnings(case: Case, scene: Scene) -> tuple[str, ...]:
     if (test := case.output.test_fluid) is not None:
         ends = test.inlet_pressure, test.outlet_pressure
         tested = gas_warnings("output.test_fluid", test.fluid, *ends)
-    return (
-        *unusual(case),
-        *case.named_warnings,
-        *scene_warnings(scene),
-        *tested,
-    )
+    return (*unusual(case), *case.named_warnings, *scene_warnings(scene), *tested)

@@ -20,17 +20,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import (
-    Array,
-    InputError,
-    Labelled,
-    Pair,
-    Shape,
-    counted,
-    labelled,
-    to_text,
-    validate,
-)
+from ..base import Array, InputError, Labelled, Pair, Shape, counted, labelled, to_text, validate
 from .defects import SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
 from .texture import Spectrum, spectrum
@@ -277,12 +267,7 @@ def condition(
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
     parts = [(flat, repaired)]
     return smooth(
-        flat,
-        repaired.form,
-        parts,
-        shortest_wave=shortest_wave,
-        shape=final,
-        instrument=instrument,
+        flat, repaired.form, parts, shortest_wave=shortest_wave, shape=final, instrument=instrument
     )
 
 

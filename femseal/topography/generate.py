@@ -211,10 +211,7 @@ def _grooves(
 
 
 def random_waves(
-    shape: Shape,
-    numbers: tuple[NDArray, NDArray],
-    amplitude: NDArray,
-    rng: np.random.Generator,
+    shape: Shape, numbers: tuple[NDArray, NDArray], amplitude: NDArray, rng: np.random.Generator
 ) -> NDArray:
     """Heights (n1, n2) [m] of waves of random phases, of `wave_numbers` and as many amplitudes [m]."""
     k1, k2 = numbers
