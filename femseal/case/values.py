@@ -190,12 +190,6 @@ def quantity_schema(described: str) -> dict[str, Any]:
     return {"type": "string", "pattern": pattern, "expected": described}
 
 
-def _threshold(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0:
-        raise refusal("a number > 0; inf leaves all points")
-    return float(value)
-
-
 def _channel(value: Any) -> int | str:
     if isinstance(value, str) and value:
         return value
@@ -287,9 +281,7 @@ Channel = Annotated[
     BeforeValidator(_channel),
     WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, {"type": "string"}]}),
 ]
-Threshold = Annotated[
-    float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})
-]
+Threshold = Annotated[float, Field(strict=True, gt=0)]
 Count = Annotated[int, Field(strict=True, ge=1, le=_MOST)]
 #: A whole number that names and does not count, such as a seed.
 Number = Annotated[int, Field(strict=True, ge=0, lt=2**63)]

@@ -177,12 +177,8 @@ class Conditioning(Labelled):
     @property
     def removed_octaves(self) -> float:
         """Octaves of waves that the face lacks: above noise and removed, and those that the instrument did not see."""
-        removed = (
-            max(0.0, log2(self.shortest_wave / self.shortest_measured))
-            if self.lost_slope > 0
-            else 0.0
-        )
-        return removed + (log2(UNSEEN) if self.unseen_slope else 0.0)
+        removed = self.shortest_wave / self.shortest_measured if self.lost_slope > 0 else 1.0
+        return max(0.0, log2(removed)) + (log2(UNSEEN) if self.unseen_slope else 0.0)
 
     @property
     def kept_slope(self) -> float:
@@ -350,10 +346,8 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
 
 def check_wave(wave: float, size: Pair, shape: Shape) -> float:
     """The wave; InputError if it has fewer than 8 pixels of a grid, or is no shorter than a face of such sides [m]."""
-    shortest, resolved = (
-        validate.number("shortest_wave", wave, unit="m"),
-        resolved_wave(size, shape),
-    )
+    shortest = validate.number("shortest_wave", wave, unit="m")
+    resolved = resolved_wave(size, shape)
     if shortest < resolved * (1 - SLACK):
         finer = resolving_shape(size, shortest)
         allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"

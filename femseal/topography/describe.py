@@ -159,9 +159,9 @@ def roughness(flat: Topography) -> dict[str, Any]:
     z = z - _smooth(flat, z, cut_off, (0, 1))
     names = ("profile_cut_off", "ra", "rq", "rz", "rsk")
     areal = dict(zip(("sa", "sq", "ssk"), _moments(z.ravel()), strict=True))
-    profiles = {name: (along[0][n], along[1][n]) for n, name in enumerate(names)}
     areal |= {"sz": float(np.ptp(z)), "sdr": developed_area(z, flat.spacing)}
-    return {**profiles, **areal, **material_ratios(z), "nesting_index": (short, cut_off)}
+    areal |= dict(zip(names, zip(*along, strict=True), strict=True)) | material_ratios(z)
+    return areal | {"nesting_index": (short, cut_off)}
 
 
 #: Fraction of the area of the secant of the core.
