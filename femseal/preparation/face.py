@@ -329,9 +329,8 @@ def groove_question(case: Case, surface: Topography) -> Iterator[str]:
 
 def groove_pitch(surface: Topography) -> float | None:
     """Distance of grooves along x2 [m] that are equally far apart; None where the face has none."""
-    z = surface.heights - surface.heights.mean()
-    profile = z.mean(axis=1)
-    if not profile.var() > _GROOVED * z.var():
+    profile = surface.heights.mean(axis=1)
+    if not profile.var() > _GROOVED * surface.heights.var():
         return None
     n = np.arange(profile.size)
     power = np.abs(np.fft.rfft(profile - np.polyval(np.polyfit(n, profile, 2), n))) ** 2

@@ -135,7 +135,7 @@ def _exchanged(before: NDArray, after: NDArray) -> float:
     for fraction in _EXTREMES:
         high = after > np.quantile(after, 1 - fraction)
         others = high & ~(before > np.quantile(before, 1 - fraction))
-        fractions.append(int(np.count_nonzero(others)) / max(int(np.count_nonzero(high)), 1))
+        fractions.append(float(others.sum() / max(high.sum(), 1)))
     return max(fractions)
 
 
