@@ -47,40 +47,22 @@ from .face import (
 )
 
 
-def _keys_of(table: str, *names: str) -> dict[str, str]:
-    return {name: f"{table}.{name}" for name in names}
+def _keys_of(table: str, names: str) -> dict[str, str]:
+    return {name: f"{table}.{name}" for name in names.split()}
 
 
 #: Arguments of scenes, of seals with their tiles, and of maps of the pressure, by their key in a case.
-_SCENE_KEYS = {
-    "fluid_pressure": "contact.fluid_pressure",
-    "inlet_pressure": "fluid.inlet_pressure",
-    "places": "face.places",
-}
-_SEAL_KEYS = _keys_of("stochastic", "length", "breadth") | _keys_of(
-    "seal",
-    "path",
-    "unit",
-    "inlet",
-    "outlet",
-    "lay",
-    "centre",
-    "inner_radius",
-    "outer_radius",
-    "field",
+_SCENE_KEYS = (
+    _keys_of("contact", "fluid_pressure")
+    | _keys_of("fluid", "inlet_pressure")
+    | _keys_of("face", "places")
 )
-_MAP_KEYS = {"map": "load.map"} | _keys_of(
+_SEAL_KEYS = _keys_of("stochastic", "length breadth") | _keys_of(
+    "seal", "path unit inlet outlet lay centre inner_radius outer_radius field"
+)
+_MAP_KEYS = _keys_of("load", "map") | _keys_of(
     "load.map",
-    "fractions",
-    "positions",
-    "angles",
-    "path",
-    "name",
-    "length_unit",
-    "pressure_unit",
-    "points",
-    "pressure",
-    "field",
+    "fractions positions angles path name length_unit pressure_unit points pressure field",
 )
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
