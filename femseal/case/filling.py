@@ -23,7 +23,7 @@ from .faults import fault, faults_of
 from .values import Amount, value_of
 
 #: Tables in which what is left out is filled in.
-_TABLES = (
+_TABLES = [
     "surface",
     "material",
     "counter_material",
@@ -32,7 +32,7 @@ _TABLES = (
     "seat",
     "stochastic",
     "output",
-)
+]
 #: Ratio of a given property to that of the named fluid or solid from which on a warning says so.
 _ODD_RATIO = 2.0
 #: Units of the parameters of a solid that has a name.

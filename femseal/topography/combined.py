@@ -94,11 +94,11 @@ def combine(
     index = _indices(first, second, angle, move)
     middle = (np.array(second.shape)[:, None, None] - 1) / 2
     inside = np.all(np.abs(index - middle) <= (middle + 0.5) * (1 + 1e-9), axis=0)
-    (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
-    if end1 <= begin1:
+    if not inside.any():
         size = as_text(second.size, "m")
         expected = f"a shift after which the second face, {size}, still overlaps the first"
         raise InputError("shift", as_text(tuple(move), "m"), expected)
+    (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
     if min(second.spacing) < max(first.spacing):
         second = second.low_pass(2 * max(first.spacing))
     part = np.s_[:, begin1:end1, begin2:end2]
@@ -126,8 +126,6 @@ def _indices(first: Topography, second: Topography, angle: float, move: NDArray)
 def _largest_rectangle(inside: Flags) -> tuple[Shape, Shape]:
     """Rows and columns, first and behind the last, of the largest rectangle in a convex set of pixels."""
     rows = np.flatnonzero(inside.any(axis=1))
-    if not rows.size:
-        return (0, 0), (0, 0)
     low = np.argmax(inside[rows], axis=1)
     high = inside.shape[1] - np.argmax(inside[rows, ::-1], axis=1)
     # in a convex set the first and the last row bound all rows between

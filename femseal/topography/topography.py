@@ -346,11 +346,10 @@ class Topography(Plotted):
             for n, wraps in zip(self.shape, self.periodic, strict=True)
         )
         copies = np.outer(first, second)
-        ring = np.rint(q / max(self._wave_steps)).astype(int)
-        ring[0, 0] = -1
-        ring = ring.ravel() + 1
+        ring = np.rint(q / max(self._wave_steps)).astype(int).ravel() + 1
+        ring[0] = 0
         count = np.bincount(ring, copies.ravel())
-        keep = np.flatnonzero(count[1:] > 0) + 1
+        keep = np.flatnonzero(count)[1:]
         waves = np.bincount(ring, (q * copies).ravel())[keep] / count[keep]
         mean_power = np.bincount(ring, powers.ravel())[keep] / count[keep]
         return waves, mean_power * (4 * np.pi**2 / (self._wave_steps[0] * self._wave_steps[1]))
