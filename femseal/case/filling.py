@@ -50,7 +50,11 @@ def filled(data: dict[str, Any]) -> dict[str, Any]:
     odd = {name: data[name] for name in _TABLES if not isinstance(data.get(name, {}), dict)}
     warnings: list[str] = []
     data = _with_what_is_open(data | {name: {} for name in odd})
-    data = _with_solids(_with_fluids(data, warnings), warnings)
+    data = _with_fluids(data, warnings)
+    for place in ("material", "counter_material"):
+        if place in data:
+            folder = Path(data.get("folder", "."))
+            data[place] = _filled_solid(data[place], place, folder, warnings)
     data["named_warnings"] = tuple(warnings)
     if "face" in data:
         data["face"] = listed(data["face"])
@@ -218,17 +222,13 @@ def _overriding(given: dict[str, Any], known: dict[str, Amount], place: str) -> 
             )
 
 
-def _with_solids(data: dict[str, Any], odd: list[str]) -> dict[str, Any]:
-    """The data of a case with the properties that names of solids stand for, and tables of hardness from files."""
-    folder = Path(data.get("folder", "."))
-    places = [place for place in ("material", "counter_material") if place in data]
-    return data | {place: _filled_solid(data[place], place, folder, odd) for place in places}
-
-
 def _filled_solid(
     table: dict[str, Any], place: str, folder: Path, odd: list[str]
 ) -> dict[str, Any]:
-    """The table of a solid; `place` is its key in the case; what is odd in it is added to `odd`."""
+    """The table of a solid with what its name stands for, and its table of hardness from a file, in a folder.
+
+    place : its key in the case. odd : gets sentences on given keys that differ much from what the name stands for.
+    """
     given = dict(table)
     if isinstance(path := given.get("hardness_table"), str):
         given["hardness_table"] = _hardness_rows(folder / path, f"{place}.hardness_table")

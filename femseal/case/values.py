@@ -393,7 +393,9 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
         told = {name: f.metadata[name] for name in _TOLD if name in f.metadata}
         value = hints[f.name]
         if "allowed" in f.metadata:
-            value = Annotated[value, *_quantity(f.metadata)]
+            low, high = f.metadata["usual"]
+            usual = Usual(low, high, f.metadata["unit"])
+            value = Annotated[value, _quantity(f.metadata), usual]
         keys[f.name] = value, key(default=... if f.default is MISSING else f.default, **told)
     keys |= {name: value for name, value in more.items() if isinstance(value, tuple)}
     name, summary = f"{made.__name__}Table", (made.__doc__ or "").split("\n\n")[0]
@@ -406,10 +408,7 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
 _TOLD = ("meaning", "example", "since", "instead", "needed")
 
 
-def _quantity(metadata: Any) -> tuple[Any, ...]:
-    above, inclusive, unit = metadata["above"], metadata["inclusive"], metadata["unit"]
-    quantity = Quantity(
-        unit, lambda x: x > above or (inclusive and x == above), metadata["allowed"]
-    )
-    low, high = metadata["usual"]
-    return quantity, Usual(low, high, unit)
+def _quantity(metadata: Any) -> Quantity:
+    above, reached = metadata["above"], metadata["inclusive"]
+    in_range = (lambda x: x >= above) if reached else (lambda x: x > above)
+    return Quantity(metadata["unit"], in_range, metadata["allowed"])

@@ -124,7 +124,12 @@ def conditioned_face(
             unseen_slope=0.0,
         )
     if pieces is not None:
-        _check_pieces(surface, report.shortest_wave, pieces)
+        least = 2 * report.shortest_wave
+        sides = [side / m for side, m in zip(surface.size, pieces, strict=True)]
+        if min(sides) < least * (1 - 1e-9):
+            given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
+            allowed = f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}"
+            raise InputError("cells", given, allowed)
     return surface, report, overlap, continued, pieces
 
 
@@ -235,15 +240,6 @@ def _pieces(case: Case, place: Topography, shape: Shape, wave: float) -> Shape |
         return usual_pieces(place, in_place=case.layout.has_length and drawn.breadth is None)
     m1, m2 = (max(1, int(length / (8 * wave) + 1e-9)) for length in place.size)
     return m1, m2
-
-
-def _check_pieces(surface: Topography, shortest_wave: float, pieces: Shape) -> None:
-    """Refuse pieces of fewer than two shortest waves a side."""
-    sides = [side / m for side, m in zip(surface.size, pieces, strict=True)]
-    if min(sides) < 2 * shortest_wave * (1 - 1e-9):
-        given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
-        allowed = f"pieces of at least two shortest waves, {to_text(2 * shortest_wave, 'm', 3)}"
-        raise InputError("cells", given, allowed)
 
 
 def filter_doubts(case: Case, face: Topography, surface: Conditioning) -> Iterator[str]:

@@ -5,7 +5,7 @@ Sizes of a case are checked against the free memory before anything is made.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -265,6 +265,10 @@ def prepare(case: Case) -> Prepared:
             if "blocks" in methods:
                 check_blocks(scene, blocks_of(cells))
         holds, effect = measured_patch(case, surface, scene)
+        tested: Iterator[str] = iter(())
+        if (test := case.output.test_fluid) is not None:
+            ends = test.inlet_pressure, test.outlet_pressure
+            tested = gas_warnings("output.test_fluid", test.fluid, *ends)
         return Prepared(
             scene=scene,
             cells=cells,
@@ -279,7 +283,10 @@ def prepare(case: Case) -> Prepared:
             form_effect=effect,
             flatness=case.seal.flatness,
             warnings=(
-                *plausibility_warnings(case, scene),
+                *unusual(case),
+                *case.named_warnings,
+                *scene_warnings(scene),
+                *tested,
                 *filter_doubts(case, surface, conditioning),
                 *groove_question(case, surface),
                 *conditioning.spike_doubts,
@@ -413,12 +420,3 @@ def _under_map(
             form_on_grid(scene, tiles, forms)
         doubts = *tiles.warnings, *check_map(scene, tiles, sampling.pressure_map)
         return sampling, cut.shape, doubts
-
-
-def plausibility_warnings(case: Case, scene: Scene) -> tuple[str, ...]:
-    """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
-    tested: Iterable[str] = ()
-    if (test := case.output.test_fluid) is not None:
-        ends = test.inlet_pressure, test.outlet_pressure
-        tested = gas_warnings("output.test_fluid", test.fluid, *ends)
-    return (*unusual(case), *case.named_warnings, *scene_warnings(scene), *tested)
