@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
-from functools import reduce
+from functools import cache, reduce
 from inspect import signature
 from operator import or_
 from pathlib import Path
@@ -293,6 +293,9 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+_signature = cache(signature)
+
+
 class MadeTable(Table):
     """A table with the parameters of something that is made, by its kind.
 
@@ -307,7 +310,7 @@ class MadeTable(Table):
     def make(self, folder: Path = Path(), **more: Any) -> Any:
         """What the table describes; paths are relative to a folder."""
         maker = self.makers[self.kind]
-        known = signature(maker).parameters
+        known = _signature(maker).parameters
         parameters = {
             name: folder / value if isinstance(value, Path) else value
             for name, value in self
