@@ -85,7 +85,7 @@ class Seat:
 def check_form(
     key: str, shown: str, heights: Array, spacing: Sequence[float], inside: Array | bool = True
 ) -> None:
-    """Refuse a form that is not known somewhere on a face, or steeper than an elastic half-space allows.
+    """Refuse a form that is known nowhere on a face, or steeper than an elastic half-space allows.
 
     heights : (n1,) or (n1, n2) [m] at points a spacing apart [m], NaN beyond the form. inside : whether points count.
 
@@ -97,7 +97,9 @@ def check_form(
     found = f"slopes up to {slope:.2g}"
     if (np.isnan(heights) & inside).any():
         slope, found = np.inf, "slopes up to vertical"
-    if slope > MOST_SLOPE:
+    if np.isnan(known).all():
+        found = "no height that is known"
+    if not slope <= MOST_SLOPE:
         expected = f"heights with slopes up to {MOST_SLOPE:g}: the faces are half-spaces"
         raise InputError(key, f"{shown} with {found}", expected)
 
