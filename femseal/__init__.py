@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from .budget.estimates import error_budget
     from .calibration.calibrating import calibrate
     from .calibration.calibration import Calibration
-    from .case.case import Case, load_case
+    from .case.case import Case
+    from .case.reading import load_case
     from .contact import Contact, HalfSpace, LoadCycle, load_cycle, solve_contact
     from .contact.hardness_curves import HardnessTable, NixGao
     from .contact.law import ContactLaw, LinearHardening, PerfectlyPlastic

@@ -105,7 +105,7 @@ def new(
 @app.command()
 def check(path: CasePath) -> None:
     """Validate a case and say what a run will compute; nothing is written."""
-    from .case.case import load_case
+    from .case.reading import load_case
 
     case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
     from .preparation.preparation import prepare
@@ -139,7 +139,7 @@ def run(
     A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on. With --part
     it computes a part of the work and writes no results; once all parts are done, --resume without --part writes them.
     """
-    from .case.case import load_case
+    from .case.reading import load_case
     from .execution.resuming import parsed_part
 
     folder = output or Path("results") / path.stem

@@ -28,7 +28,8 @@ from ..base import (
     write_text,
 )
 from ..base.leak_rates import LeakUnit
-from ..case.case import Case, load_case, read_case
+from ..case.case import Case
+from ..case.reading import load_case, read_case
 from ..execution.resuming import Part, over_store, writing_in
 from ..execution.run import Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import prepare

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .case import Case, load_case, parse_case
+    from .case import Case
+    from .reading import load_case, parse_case
     from .schema import case_schema
     from .template import case_template
 else:

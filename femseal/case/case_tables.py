@@ -1,38 +1,43 @@
-"""Tables of a case file except those of faces, load, fluid and seal: solid, contact, flow, pieces, draws, output."""
+"""Tables of a case file for the solids, for what is registered by its kind, and for the output.
+
+Neither fluids nor shapes are named here: whatever is registered in `fluids.FLUIDS`, `seal.layouts.LAYOUTS`,
+`seal.form.FORMS` or `topography.seat.SEATS` has a table, with a key for each parameter.
+"""
 
 from __future__ import annotations
 
-import re
-from os.path import isfile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from ..base import InputError, counted, shortened
+from ..base import InputError
 from ..base.leak_rates import BUBBLE, DROP, KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
-from ..flow.problem import SOLVERS
-from ..materials import HARDNESS_FACTOR, Solid, named_solid
-from ..seal.seal_files import columns_of, read_columns
-from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
-from .faults import fault, faults_of, refusal
-from .kinds import AnyFluid, overriding
+from ..fluids import FLUIDS, Fluid
+from ..materials import Solid
+from ..seal.form import FORMS
+from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout, lay_of
+from ..studies.choices import FIELDS_LIMIT, FORMATS
+from ..topography.seat import SEATS
+from .faults import fault, refusal, refusals
+from .filling import HARDNESS_COLUMNS, listed
 from .values import (
-    Amount,
-    Both,
-    Count,
     FileSize,
     Hardening,
     Height,
     Length,
+    LengthUnit,
+    MadeTable,
     Modulus,
     Place,
     Poisson,
-    Ratio,
+    Pressure,
+    Quantity,
+    Shift,
     Strength,
     Table,
     Temperature,
@@ -41,195 +46,12 @@ from .values import (
     VolumeRate,
     key,
     quantity_schema,
+    table_of_any,
 )
 
-Boundary = Literal["periodic", "mirror", "free"]
+if TYPE_CHECKING:
+    from ..studies.scene import FluidState
 
-
-class ContactTable(Table):
-    """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
-
-    boundary: Annotated[tuple[Boundary, Boundary], Both()] = key(
-        "of the whole face along x1 and x2; one word: of both", ("free", "periodic")
-    )
-    rtol: float = key("complementarity residual", 1e-5, gt=0, lt=0.1)
-    fluid_pressure: Literal[FLUID_EFFECTS] = key(  # type: ignore[valid-type]
-        "it presses the faces apart, is trapped in closed pockets too, or is ignored",
-        "acts",
-        since="0.2",
-    )
-
-
-class FlowTable(Table):
-    """How flow is solved, in pieces, in whole faces and over the seal."""
-
-    solver: Literal[SOLVERS] = key(  # type: ignore[valid-type]
-        "of the pressure in cells and over the seal", "auto"
-    )
-
-
-class CellsTable(Table):
-    """Pieces of a measured place for all methods but the deterministic."""
-
-    count: tuple[Count, Count] | None = key(
-        "pieces along x1 and x2; unless given as drawn seals need, for two scales eight shortest "
-        "waves a side, for blocks a quarter of a block, 256 points or less",
-        None,
-        example=[4, 8],
-    )
-    size: Annotated[Length, Usual(1e-7, 0.1, "m")] | None = key(
-        "approximate side of a piece", None, example="60 um", instead="count"
-    )
-
-    @model_validator(mode="after")
-    def _one_of(self) -> CellsTable:
-        if self.count is not None and self.size is not None:
-            raise refusal("one of `count` and `size`")
-        return self
-
-
-class StochasticTable(Table):
-    """How a seal is drawn, see `studies.Sampling`."""
-
-    length: Length | None = key(
-        "of a strip, along x2; of the face unless given", None, start="10 mm"
-    )
-    breadth: Annotated[Length, Usual(1e-6, 1.0, "m")] | None = key(
-        "of a strip, along x1; of the face unless given", None, example="2 mm"
-    )
-    realisations: Annotated[int, Field(strict=True, ge=2)] | None = key(
-        "number of seals; as the band of error needs unless given", None, example=50
-    )
-    quantiles: tuple[Ratio, Ratio] = key("ends of the band between seals", (0.05, 0.95))
-
-    @model_validator(mode="after")
-    def _ordered(self) -> StochasticTable:
-        if not self.quantiles[0] < self.quantiles[1]:
-            raise refusal("two rising `quantiles`")
-        return self
-
-
-#: Keys of [output] that say which files are written, and change no number.
-FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
-_LEAK_UNITS = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
-
-
-def _text(expected: str) -> WithJsonSchema:
-    return WithJsonSchema({"type": "string", "expected": expected})
-
-
-def _leak_unit_name(value: Any) -> str:
-    try:
-        return leak_unit(value).name
-    except InputError as error:
-        raise refusal(error.expected) from None
-
-
-def _class_name(value: Any) -> str:
-    try:
-        leak_classes([value])
-    except InputError as error:
-        raise refusal(error.expected) from None
-    return str(value)
-
-
-class OutputTable(Table):
-    """Optional contents of the results folder, and how leakage is given."""
-
-    pictures: bool = key("false leaves out the report too; `--resume` adds them", True)
-    report: bool = key("`report.html`; `femseal report DIR` makes it later", True)
-    fields: bool = key("gap, contact and fluid pressure of all pixels", True)
-    paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
-        "files for any ParaView, or none", "vtu"
-    )
-    fields_limit: FileSize = key(
-        "size above which steps are left out", FIELDS_LIMIT, example="1 GB"
-    )
-    leakage_unit: Annotated[str, BeforeValidator(_leak_unit_name), _text(_LEAK_UNITS)] | None = key(
-        "of tables, pictures and report; a readable one unless given",
-        None,
-        example="mL/min",
-    )
-    throughput_temperature: Temperature | None = key(
-        "of gases in Pa·m³/s or mbar·L/s; their own unless given", None
-    )
-    classes: tuple[Annotated[str, BeforeValidator(_class_name), _text(KNOWN)], ...] = key(
-        "classes that are judged at every step", (), example=["L0.01", "TA Luft"]
-    )
-    nominal_diameter: Annotated[Length, Usual(1e-3, 10.0, "m")] | None = key(
-        "of valve, seat or stem, for classes",
-        None,
-        example="50 mm",
-    )
-    rated_capacity: VolumeRate | None = key(
-        "flow of the open valve, for FCI 70-2 IV",
-        None,
-    )
-    drop_volume: Volume = key(
-        'of `"drops/min"`; classes have their own',
-        DROP,
-        example="0.05 mL",
-    )
-    bubble_volume: Volume = key(
-        'of `"bubbles/min"`; classes have their own',
-        BUBBLE,
-        example="0.15 mL",
-    )
-    test_fluid: AnyFluid | None = key(
-        "fluid of a leak test of the same seals, by which classes are judged",
-        None,
-        example={"name": "helium", "inlet_pressure": "40 bar"},
-    )
-    budget: bool = key("the band of error of every leakage", True)
-    model_parts: tuple[Literal[MODEL_PARTS], ...] = key(  # type: ignore[valid-type]
-        "sources of the budget that are of model and input", MODEL_PARTS, since="0.2"
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _no_report(cls, data: Any) -> Any:
-        return (
-            {"report": False, **data}
-            if isinstance(data, dict) and data.get("pictures") is False
-            else data
-        )
-
-    @model_validator(mode="after")
-    def _together(self) -> OutputTable:
-        if self.report and not self.pictures:
-            raise fault(
-                "output.report", "true with pictures = false", "false: the page is made of pictures"
-            )
-        return self
-
-    @property
-    def valve(self) -> dict[str, float]:
-        """What units and classes need to know of the valve and its test, see `base.leak_rates.LeakBasis`."""
-        known = {
-            "drop": self.drop_volume,
-            "bubble": self.bubble_volume,
-            "capacity": self.rated_capacity,
-        }
-        return {name: value for name, value in known.items() if value is not None}
-
-    @property
-    def files(self) -> dict[str, Any]:
-        """Which files are written, as arguments of `report.write_folder`."""
-        return self.model_dump(include=set(FILE_KEYS))
-
-    @property
-    def unit(self) -> LeakUnit | None:
-        """The unit, or None for a readable one per length of seal."""
-        return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]
-
-
-#: Units of the parameters of a solid that has a name.
-_UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
-#: A column of a file of hardness over depth.
-_COLUMN = re.compile(r"(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]$")
-_FILE_COLUMNS = (
-    "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
-)
 _PAIR = {
     "items": quantity_schema("a depth >= 0, then a hardness > 0"),
     "minItems": 2,
@@ -257,10 +79,7 @@ class SolidTable(Table):
     )
     hardness: Strength | None = key("largest contact pressure", None, start="2.8 GPa")
     hardening: Hardening | None = key(
-        "rise of the hardness with the yielded depth",
-        None,
-        example="2 GPa/um",
-        since="0.2",
+        "rise of the hardness with the yielded depth", None, example="2 GPa/um", since="0.2"
     )
     hardness_tolerance: float = key(
         "relative error of the hardness, for the budget", 0.1, ge=0, lt=1, since="0.2"
@@ -282,7 +101,7 @@ class SolidTable(Table):
     hardness_table: Annotated[
         tuple[tuple[Annotated[Place, Usual(1e-10, 1e-3, "m")], Strength], ...] | None,
         BeforeValidator(_two_rows),
-        WithJsonSchema({"anyOf": [{"type": "string", "expected": _FILE_COLUMNS}, _ROWS]}),
+        WithJsonSchema({"anyOf": [{"type": "string", "expected": HARDNESS_COLUMNS}, _ROWS]}),
     ] = key(
         "hardness over the yielded depth, in rows or a file",
         None,
@@ -346,50 +165,268 @@ class SolidTable(Table):
         )
 
 
-def with_named_solids(data: dict[str, Any], odd: list[str]) -> dict[str, Any]:
-    """The data of a case with the properties of solids that are given by their name, and tables of hardness from files.
+class FluidTable(MadeTable):
+    """A fluid, with a key for each of its parameters, and its pressures at both ends."""
 
-    odd : gets sentences on given keys that differ much from what the name stands for.
-    """
-    folder = Path(data.get("folder", "."))
-    places = [place for place in ("material", "counter_material") if place in data]
-    return data | {place: _filled(data[place], place, folder, odd) for place in places}
+    makers = FLUIDS
+    if TYPE_CHECKING:
+        inlet_pressure: float
+        outlet_pressure: float
+        ambient_pressure: float | None
+        name: str | None
+
+    @property
+    def fluid(self) -> Fluid:
+        """The fluid."""
+        made: Fluid = self.make()
+        return made
+
+    @property
+    def state(self) -> FluidState:
+        """The fluid with its pressures."""
+        from ..studies.scene import FluidState
+
+        return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
 
 
-def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> dict[str, Any]:
-    """The table of a solid; `place` is its key in the case; what is odd in it is added to `odd`."""
-    given = dict(table)
-    if isinstance(path := given.get("hardness_table"), str):
-        given["hardness_table"] = read_hardness_table(folder / path, f"{place}.hardness_table")
-    if "name" not in given:
-        return given
-    with faults_of(place):
-        solid = named_solid(given["name"])
-    assert solid.yield_stress is not None
-    known = {"young": solid.young, "poisson": solid.poisson, "yield_stress": solid.yield_stress}
-    odd += overriding(
-        given, known | {"hardness": HARDNESS_FACTOR * solid.yield_stress}, _UNITS, place
+def _state(fluid: Any) -> dict[str, Any]:
+    """Keys of every fluid besides its parameters."""
+    inlet = key(
+        'of a gas absolute; gauge as `"99 bar(g)"`',
+        start="10 MPa",
+        needed="unless the inlets of a mesh have pressures",
     )
-    if "hardness" in given or "hardness_table" in given:
-        del known["yield_stress"]
-    return {name: Amount(value, _UNITS[name]) for name, value in known.items()} | given
+    outlet = key("as the inlet pressure", fluid.outlet_pressure, start="0.1 MPa")
+    ambient = key(
+        "of gauge pressures, and of the outlet unless it is given with them",
+        None,
+        example="1 atm",
+        since="0.2",
+    )
+    named = key(
+        "fills in the keys of its kind; more names after `pip install 'femseal[fluids]'`",
+        None,
+        example="water",
+        max_length=60,
+    )
+    known = "name" in fluid.__dataclass_fields__
+    return {
+        "inlet_pressure": (Annotated[Pressure, Usual(100.0, 2e9, "Pa")], inlet),
+        "outlet_pressure": (Pressure, outlet),
+        "ambient_pressure": (Annotated[Pressure, Usual(100.0, 2e8, "Pa")] | None, ambient),
+        "name": Annotated[str, Field(max_length=60)] if known else (str | None, named),
+    }
 
 
-def read_hardness_table(path: Path, key: str) -> list[list[str]]:
-    """Rows of depth and hardness, as text with units, from a file with a line of heads; `key` names it in faults."""
-    name = f"'{shortened(path.name)}'"
-    if not isfile(path):
-        raise fault(key, name, "a file that exists, or rows such as ['0.1 um', '2 GPa']")
-    try:
-        heads = {match[1]: match for match in map(_COLUMN.match, columns_of(path)) if match}
-        columns = heads["depth"], heads["hardness"]
-        numbers = read_columns(path, tuple(column[0] for column in columns))
-    except (InputError, KeyError):
-        raise fault(key, name, _FILE_COLUMNS) from None
-    if len(numbers) < 2:
-        given = f"{name} with {counted(len(numbers), 'row')} of numbers"
-        raise fault(key, given, f"{_FILE_COLUMNS}, and two rows or more")
-    return [
-        [f"{value!r} {column[2]}" for value, column in zip(row, columns, strict=True)]
-        for row in numbers.tolist()
+class FormTable(MadeTable):
+    """A form of the whole seal, with a key for each of its parameters."""
+
+    makers = FORMS
+    place = "seal.form"
+    tolerance: float = key(
+        "relative error of the height, for the budget", 0.0, example=0.2, since="0.2", ge=0, lt=1
+    )
+
+
+_UNITS_OF_FORMS: dict[str, Any] = {"unit": LengthUnit | None, "length_unit": LengthUnit}
+
+if TYPE_CHECKING:
+    AnyForm = FormTable
+else:
+    AnyForm = table_of_any(FORMS, FormTable, lambda form: _UNITS_OF_FORMS)
+
+
+class SealTable(MadeTable):
+    """The shape of the seal, with a key for each of its parameters, and the form of its faces."""
+
+    if TYPE_CHECKING:
+        lay: Any
+    makers = LAYOUTS
+    place = "seal"
+    form: Annotated[tuple[AnyForm, ...], BeforeValidator(listed), Field(max_length=4)] | None = key(
+        "form of the whole seal; several add up", None, since="0.2"
+    )
+    flatness: Annotated[Length, Usual(1e-8, 1e-2, "m")] | None = key(
+        "highest to lowest point of a whole seal of unknown form", None, example="5 um", since="0.2"
+    )
+
+    def make(self, folder: Path = Path(), **more: Any) -> Layout:
+        """The shape; paths are relative to a folder."""
+        return super().make(folder, lay=lay_of(self.lay, folder), **more)
+
+
+def _lay(value: Any) -> Any:
+    with refusals():
+        lay = lay_of(value)
+    if lay.name == "spiral":
+        turn = {} if lay.circumference is None else {"circumference": lay.circumference}
+        return {"kind": "spiral", "lead": lay.lead} | turn
+    return {"angle": lay.angle} if lay.angle is not None else value
+
+
+def _names(value: Any) -> Any:
+    given = [value] if isinstance(value, str) else value
+    if (
+        not isinstance(given, (list, tuple))
+        or not given
+        or not all(isinstance(n, str) and n for n in given)
+    ):
+        raise refusal("the name of a boundary, or a list of names")
+    return value if isinstance(value, str) else tuple(value)
+
+
+def _inlets(value: Any) -> Any:
+    return (
+        {name: _PRESSURE.read(p) for name, p in value.items()}
+        if isinstance(value, dict)
+        else _names(value)
+    )
+
+
+_LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}]}
+_NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
+_Names = Annotated[str | tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+_PRESSURE: Quantity = get_args(Pressure)[1]
+_PRESSURES_SCHEMA = {
+    "type": "object",
+    "additionalProperties": quantity_schema("a pressure >= 0, such as '10 MPa'"),
+}
+_Inlets = Annotated[
+    str | tuple[str, ...] | dict[str, float],
+    BeforeValidator(_inlets),
+    WithJsonSchema({"anyOf": [*_NAMES_SCHEMA["anyOf"], _PRESSURES_SCHEMA]}),
+]
+#: Keys whose values are not what the fields of the shapes say, or need a unit.
+_KEYS: dict[str, Any] = {
+    "lay": Annotated[Any, BeforeValidator(_lay), WithJsonSchema(_LAY_SCHEMA)],
+    "unit": LengthUnit,
+    "centre": tuple[Shift, Shift],
+    "length": Annotated[Length, Usual(1e-5, 1e3, "m")] | None,
+}
+_KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
+
+
+def _strip_by_default(value: Any) -> Any:
+    return {"kind": RectangularLayout.kind, **value} if isinstance(value, dict) else value
+
+
+class SeatTable(MadeTable):
+    """The form of the seat, with a key for each of its parameters."""
+
+    makers = SEATS
+    place = "seat"
+    tolerance: float = key(
+        "relative error of the depth of the form, for the budget", 0.0, ge=0, lt=1
+    )
+
+
+if TYPE_CHECKING:
+    AnyFluid = FluidTable
+    AnySeal = SealTable
+    AnySeat = SeatTable
+else:
+    AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
+    AnySeal = Annotated[
+        table_of_any(
+            LAYOUTS, SealTable, lambda one: _KEYS | (_KEYS_OF_MESHES if one is MeshLayout else {})
+        ),
+        BeforeValidator(_strip_by_default),
     ]
+    AnySeat = table_of_any(SEATS, SeatTable, lambda seat: {"unit": LengthUnit})
+
+
+#: Keys of [output] that say which files are written, and change no number.
+FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
+_LEAK_UNITS = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
+
+
+def _text(expected: str) -> WithJsonSchema:
+    return WithJsonSchema({"type": "string", "expected": expected})
+
+
+def _leak_unit_name(value: Any) -> str:
+    with refusals():
+        return leak_unit(value).name
+
+
+def _class_name(value: Any) -> str:
+    with refusals():
+        leak_classes([value])
+    return str(value)
+
+
+class OutputTable(Table):
+    """Optional contents of the results folder, and how leakage is given."""
+
+    pictures: bool = key("false leaves out the report too; `--resume` adds them", True)
+    report: bool = key("`report.html`; `femseal report DIR` makes it later", True)
+    fields: bool = key("gap, contact and fluid pressure of all pixels", True)
+    paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
+        "files for any ParaView, or none", "vtu"
+    )
+    fields_limit: FileSize = key(
+        "size above which steps are left out", FIELDS_LIMIT, example="1 GB"
+    )
+    leakage_unit: Annotated[str, BeforeValidator(_leak_unit_name), _text(_LEAK_UNITS)] | None = key(
+        "of tables, pictures and report; a readable one unless given", None, example="mL/min"
+    )
+    throughput_temperature: Temperature | None = key(
+        "of gases in Pa·m³/s or mbar·L/s; their own unless given", None
+    )
+    classes: tuple[Annotated[str, BeforeValidator(_class_name), _text(KNOWN)], ...] = key(
+        "classes that are judged at every step", (), example=["L0.01", "TA Luft"]
+    )
+    nominal_diameter: Annotated[Length, Usual(1e-3, 10.0, "m")] | None = key(
+        "of valve, seat or stem, for classes", None, example="50 mm"
+    )
+    rated_capacity: VolumeRate | None = key("flow of the open valve, for FCI 70-2 IV", None)
+    drop_volume: Volume = key('of `"drops/min"`; classes have their own', DROP, example="0.05 mL")
+    bubble_volume: Volume = key(
+        'of `"bubbles/min"`; classes have their own', BUBBLE, example="0.15 mL"
+    )
+    test_fluid: AnyFluid | None = key(
+        "fluid of a leak test of the same seals, by which classes are judged",
+        None,
+        example={"name": "helium", "inlet_pressure": "40 bar"},
+    )
+    budget: bool = key("the band of error of every leakage", True)
+    model_parts: tuple[Literal[MODEL_PARTS], ...] = key(  # type: ignore[valid-type]
+        "sources of the budget that are of model and input", MODEL_PARTS, since="0.2"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_report(cls, data: Any) -> Any:
+        return (
+            {"report": False, **data}
+            if isinstance(data, dict) and data.get("pictures") is False
+            else data
+        )
+
+    @model_validator(mode="after")
+    def _together(self) -> OutputTable:
+        if self.report and not self.pictures:
+            raise fault(
+                "output.report", "true with pictures = false", "false: the page is made of pictures"
+            )
+        return self
+
+    @property
+    def valve(self) -> dict[str, float]:
+        """What units and classes need to know of the valve and its test, see `base.leak_rates.LeakBasis`."""
+        known = {
+            "drop": self.drop_volume,
+            "bubble": self.bubble_volume,
+            "capacity": self.rated_capacity,
+        }
+        return {name: value for name, value in known.items() if value is not None}
+
+    @property
+    def files(self) -> dict[str, Any]:
+        """Which files are written, as arguments of `report.write_folder`."""
+        return self.model_dump(include=set(FILE_KEYS))
+
+    @property
+    def unit(self) -> LeakUnit | None:
+        """The unit, or None for a readable one per length of seal."""
+        return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]

@@ -8,13 +8,21 @@ from __future__ import annotations
 import glob
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base import InputError, shortened
-from ..topography import SPIKES, Instrument, Topography, read_measured, self_affine, turned
+from ..topography import (
+    SPIKES,
+    Instrument,
+    Topography,
+    read_measured,
+    resolved_wave,
+    self_affine,
+    turned,
+)
 from .faults import fault, refusal
 from .values import (
     Angle,
@@ -51,11 +59,20 @@ class GeneratedFace(Table):
     points: tuple[Count, Count] = key("points along x1 and x2", start=[256, 512])
     size: tuple[Side, Side] = key("length along x1 and x2", start=["240 um", "480 um"])
     hurst: Hurst = key("Hurst exponent of the roughness", 0.8)
+    if TYPE_CHECKING:
+        cut_off: float | None
+
+    def each(self, folder: Path) -> list[GeneratedFace]:
+        """The face itself: it is one map."""
+        return [self]
 
     def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
         """The face, which no instrument limits."""
         given = self.model_dump(exclude={"kind", "points", "size"})
-        return type(self).make_heights(self.points, self.size, rng=rng, **given), Instrument()
+        made = self.cut_off or resolved_wave(self.size, self.points)
+        return type(self).make_heights(self.points, self.size, rng=rng, **given), Instrument(
+            made=made
+        )
 
 
 class SelfAffineFace(GeneratedFace):
@@ -112,9 +129,7 @@ class MapFile(Table):
         example="face.plu",
     )
     size: tuple[Side, Side] | None = key(
-        "where the file has none or a wrong one",
-        None,
-        example=["1.2 mm", "0.9 mm"],
+        "where the file has none or a wrong one", None, example=["1.2 mm", "0.9 mm"]
     )
     spacing: Annotated[tuple[Pixel, Pixel], Both()] | None = key(
         "size of a pixel along x1 and x2", None, example=["1 um", "2 um"], instead="size"
@@ -147,10 +162,7 @@ class MapFile(Table):
         since="0.3",
     )
     resolution: Wave | None = key(
-        "lateral period limit of the instrument (ISO 25178-600)",
-        None,
-        example="1 um",
-        since="0.3",
+        "lateral period limit of the instrument (ISO 25178-600)", None, example="1 um", since="0.3"
     )
 
 
@@ -197,10 +209,7 @@ class FileFace(MapFile):
         needed="of a second face",
     )
     shift: tuple[Shift, Shift] | None = key(
-        "of its middle along x1 and x2",
-        None,
-        example=["0 um", "20 um"],
-        needed="of a second face",
+        "of its middle along x1 and x2", None, example=["0 um", "20 um"], needed="of a second face"
     )
 
     @property
@@ -262,8 +271,7 @@ class SurfaceTable(Table):
         "robust deviations from which isolated points of files are filled; `inf`: none", SPIKES
     )
     detrend: Literal[0, 1, 2] = key(
-        "form taken off: 0 mean, 1 tilt, 2 curvature too; 2 by default with a curved `[seat]`",
-        1,
+        "form taken off: 0 mean, 1 tilt, 2 curvature too; 2 by default with a curved `[seat]`", 1
     )
     shortest_wave: Wave | None = key(
         "low-pass; 8 pixels unless given, of a file the shortest wave measured",

@@ -19,15 +19,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ..base import InputError, to_si
 from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
-from ..seal.pressure_map import (
-    AngleTable,
-    AnyMap,
-    MapsAtLoads,
-    Profile,
-    Uniform,
-)
+from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, Profile, Uniform
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
 from .faults import fault, faults_of, refusal
@@ -43,26 +36,23 @@ from .values import (
     Usual,
     key,
     quantity_schema,
+    value_of,
 )
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
 _ALLOWED = "a pressure >= 0, such as '300 MPa', or a force on the seal, '10 kN', or on its length, '200 N/mm'"
-_UNITS_OF_LOADS = {unit: Quantity(unit, lambda x: x >= 0, _ALLOWED) for unit in LOAD_UNITS}
 
 
 def _load(value: Any) -> Amount:
     """A pressure, a force or a force per length, whichever the unit says."""
     if isinstance(value, Amount):
         return value
-    for unit, quantity in _UNITS_OF_LOADS.items():
-        try:
-            to_si(value, unit)
-        except InputError:
-            continue
-        return Amount(quantity.read(value), unit)
+    unit = next(
+        (unit for unit in LOAD_UNITS if value_of({"load": value}, "load", unit) is not None), "Pa"
+    )
     try:
-        return Amount(_UNITS_OF_LOADS["Pa"].read(value), "Pa")
+        return Amount(Quantity(unit, lambda x: x >= 0, _ALLOWED).read(value), unit)
     except PydanticCustomError as error:
         # as of a pressure, such as with a decimal comma, but where the unit is unknown
         known = not str(error).startswith("text with a number and a unit of the kind")
@@ -96,7 +86,6 @@ class MapTable(MadeTable):
     """A map of the contact pressure over the seal, see `seal.pressure_map`."""
 
     makers = _MAPS
-    apart = ("at",)
     place = "load.map"
     kind: str
     at: Load | None = key("load at which one of several maps holds", None, example="200 MPa")
@@ -141,10 +130,7 @@ class FieldMap(MapTable):
     name: str = key("of the array, or of the column", "pressure")
     length_unit: str = key("of the coordinates", example="mm")
     pressure_unit: str = key("of the pressures", example="MPa")
-
-    @model_validator(mode="after")
-    def _possible(self) -> FieldMap:
-        return self  # the file is read once the case is prepared
+    place = ""  # the file is read once the case is prepared
 
 
 AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(discriminator="kind")]
@@ -179,10 +165,7 @@ class LoadTable(Table):
     map: Annotated[
         tuple[AnyMapTable, ...] | None,
         BeforeValidator(lambda given: [given] if isinstance(given, dict) else given),
-    ] = key(
-        "shape of the contact pressure over a drawn seal; several hold at their loads",
-        None,
-    )
+    ] = key("shape of the contact pressure over a drawn seal; several hold at their loads", None)
 
     @model_validator(mode="after")
     def _one_kind(self) -> LoadTable:
@@ -229,11 +212,6 @@ class LoadTable(Table):
         """Number of load steps, at most."""
         stops = len(self.unloading) + (len(self.peaks) if self.relaxation else 0)
         return len(self.loading) + len(self.peaks) * (1 + stops)
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Files of maps."""
-        return tuple(one.path for one in self.map or () if isinstance(one, FieldMap))
 
     def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:
         """Nominal pressures [Pa] of a seal of an area [m²] and a length [m]: `loading`, `unload_from`, `unloading`."""

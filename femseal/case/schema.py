@@ -15,41 +15,16 @@ def case_schema() -> dict[str, Any]:
     schema["definitions"] = schema.pop("$defs")
     for name in INTERNAL:
         del schema["properties"][name]
-    kinds = [
-        schema["definitions"][option["$ref"].split("/")[-1]]
-        for option in schema["properties"]["fluid"]["oneOf"]
-    ]
-    for kind in kinds:  # inlets of the seal may have pressures of their own
-        kind["required"] = [key for key in kind["required"] if key != "inlet_pressure"]
-    # what a name fills in need not be given, nor the kind of a face with a path or of a strip
-    for name in ("SolidTable", "FileFace", "RectangularLayoutTable"):
+    # what a name fills in need not be given, nor the kind of a face with a path or of a strip, nor pressures at inlets
+    fluids = schema["properties"]["fluid"]["oneOf"]
+    kinds = [option["$ref"].split("/")[-1] for option in fluids]
+    for name in (*kinds, "SolidTable", "FileFace", "RectangularLayoutTable"):
         del schema["definitions"][name]["required"]
-    keys = {
-        key: value
-        for kind in reversed(kinds)
-        for key, value in kind["properties"].items()
-        if key != "kind"
-    }
-    names = {
-        "kind": {"enum": [kind["properties"]["kind"]["const"] for kind in kinds]},
-        "name": {"type": "string"},
-    }
-    named = {"type": "object", "properties": keys | names, "required": ["name"]}
-    schema["definitions"]["NamedFluidTable"] = named | {"additionalProperties": False}
-    fluid = {
-        "anyOf": [
-            *schema["properties"]["fluid"]["oneOf"],
-            {"$ref": "#/definitions/NamedFluidTable"},
-        ]
-    }
-    schema["properties"]["fluid"] = schema["definitions"]["OutputTable"]["properties"][
-        "test_fluid"
-    ] = fluid
-    return (
-        {"$schema": "http://json-schema.org/draft-07/schema#"}
-        | _plain(schema)
-        | {"title": "femseal case"}
-    )
+    tables = schema["properties"], schema["definitions"]["OutputTable"]["properties"]
+    for table, key in zip(tables, ("fluid", "test_fluid"), strict=True):
+        table[key] = {"anyOf": fluids}
+    draft = {"$schema": "http://json-schema.org/draft-07/schema#"}
+    return draft | _plain(schema) | {"title": "femseal case"}
 
 
 def _plain(node: Any, names: bool = False) -> Any:

@@ -38,17 +38,17 @@ def table_to_paste(case: type[Table], name: str) -> str:
     if not tables_in(field) or not field.is_required():
         return ""
     keys = {key: one for key, one in keys_of(tables_in(field)[0]).items() if _is_live(one)}
-    return "\n".join(
-        [f"[{name}]", *(f"{key} = {as_toml(example(one))}" for key, one in keys.items())]
-    )
+    return "\n".join([f"[{name}]", *map(_pair, keys, map(example, keys.values()))])
+
+
+def _pair(key: str, value: Any) -> str:
+    return f"{key} = {as_toml(value)}"
 
 
 def as_toml(value: Any) -> str:
     """A value of a TOML file, a table on one line."""
     if isinstance(value, dict):
-        return (
-            "{" + ", ".join(f"{bare_key(key)} = {as_toml(one)}" for key, one in value.items()) + "}"
-        )
+        return f"{{{', '.join(map(_pair, map(bare_key, value), value.values()))}}}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(as_toml, value)) + "]"
     if isinstance(value, str):
@@ -94,18 +94,15 @@ def choices(field: FieldInfo) -> list[Any]:
 
 def quantity_of(field: FieldInfo) -> Quantity | None:
     """The quantity of a key; None where it has none, or several of different units."""
-    found = [
-        one for one in (*field.metadata, *parts(field.annotation)) if isinstance(one, Quantity)
-    ]
+    every = (*field.metadata, *parts(field.annotation))
+    found = [one for one in every if isinstance(one, Quantity)]
     return found[0] if len({one.unit for one in found}) == 1 else None
 
 
 def tables_in(field: FieldInfo) -> list[type[Table]]:
     """The tables that the value of a key may be."""
-    found = [
-        one for one in parts(field.annotation) if isinstance(one, type) and issubclass(one, Table)
-    ]
-    return list(dict.fromkeys(found))
+    types = (one for one in parts(field.annotation) if isinstance(one, type))
+    return list(dict.fromkeys(one for one in types if issubclass(one, Table)))
 
 
 def kind_of(table: type[Table]) -> str | None:
@@ -132,15 +129,10 @@ def _blocks(name: str, field: FieldInfo, seen: list[type[Table]]) -> Iterator[st
     tables, shown = tables_in(field), set[Any]()
     for number, table in enumerate(tables):
         keys = keys_of(table)
-        live = (number == 0 and field.is_required()) or (
-            any(map(_is_live, keys.values())) and len(tables) == 1
-        )
-        live = live and table not in seen
-        rows = (
-            [_line(f"[{name}]", field.description or "", live)]
-            if number == 0
-            else [f"# [{name}]\n"]
-        )
+        first, only = number == 0, len(tables) == 1
+        starts = (first and field.is_required()) or (only and any(map(_is_live, keys.values())))
+        live = starts and table not in seen
+        rows = [_line(f"[{name}]", (field.description or "") if first else "", live)]
         for key, one in keys.items():
             is_table = bool(tables_in(one)) and not one.examples
             told_already = table in seen or (key, one.description) in shown
@@ -164,7 +156,7 @@ def _row(name: str, field: FieldInfo, live: bool, meaning: str | None = None) ->
     value, few = example(field), choices(field)
     if others := ", ".join(as_toml(one) for one in few if one != value and name != "kind"):
         said += f"; of {others}" if isinstance(value, list | tuple) else f"; or {others}"
-    text = f"{name} = {as_toml(value)}"
+    text = _pair(name, value)
     apart = not _is_live(field) and (instead or told(field, "needed"))
     return _line(f"  {text}" if apart else text, said, live and _is_live(field))
 

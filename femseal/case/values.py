@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
-from functools import reduce
+from functools import cache, reduce
+from inspect import signature
 from operator import or_
 from pathlib import Path
 from typing import (
@@ -38,7 +39,7 @@ from pydantic_core import core_schema
 from ..base import InputError, to_si
 from ..base.quantities import with_its_unit
 from ..materials import YOUNG_LIMITS
-from .faults import faults_of, refusal
+from .faults import faults_of, refusal, refusals
 
 #: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.
 _LARGEST = 1e30
@@ -123,10 +124,8 @@ class Quantity:
 
     def read(self, value: Any) -> float:
         """The value in SI; PydanticCustomError where it cannot be used."""
-        try:
+        with refusals("" if self.unit else self.expected):
             number = in_si(value, self.unit, self.example)
-        except InputError as error:
-            raise refusal(error.expected if self.unit else self.expected) from None
         if not self.test(number):
             raise refusal(self.expected)
         if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
@@ -185,29 +184,10 @@ class Both:
             ) from None
 
 
-def listed(value: Any) -> Any:
-    """A list of tables from one or several, each of the kind "file" where it has a path or places and no kind."""
-    tables = [value] if isinstance(value, dict) else value
-    if not isinstance(tables, (list, tuple)):
-        return value
-    return [
-        {"kind": "file", **table}
-        if isinstance(table, dict) and {"path", "places"} & {*table}
-        else table
-        for table in tables
-    ]
-
-
 def quantity_schema(described: str) -> dict[str, Any]:
     """JSON schema of a number with a unit, as text."""
     pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"
     return {"type": "string", "pattern": pattern, "expected": described}
-
-
-def _threshold(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0:
-        raise refusal("a number > 0; inf leaves all points")
-    return float(value)
 
 
 def _channel(value: Any) -> int | str:
@@ -218,12 +198,9 @@ def _channel(value: Any) -> int | str:
     return value
 
 
-def _length_unit(value: Any) -> str:
-    try:
-        if not isinstance(value, str) or not to_si(f"1 {value}", "m") > 0:
-            raise ValueError
-    except ValueError:
-        raise refusal("a unit of length, such as 'mm'") from None
+def _length_unit(value: Any) -> Any:
+    with refusals("a unit of length, such as 'mm'"):
+        to_si(f"1 {value}", "m")
     return value
 
 
@@ -304,9 +281,7 @@ Channel = Annotated[
     BeforeValidator(_channel),
     WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, {"type": "string"}]}),
 ]
-Threshold = Annotated[
-    float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})
-]
+Threshold = Annotated[float, Field(strict=True, gt=0)]
 Count = Annotated[int, Field(strict=True, ge=1, le=_MOST)]
 #: A whole number that names and does not count, such as a seed.
 Number = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
@@ -318,32 +293,48 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class MadeTable(Table):
-    """A table of the parameters of something that is made, by its kind.
+_signature = cache(signature)
 
-    makers : what makes it of them, by its kind. apart : keys that are no parameters of it. place : of the table.
+
+class MadeTable(Table):
+    """A table with the parameters of something that is made, by its kind.
+
+    makers : what makes it of them, by its kind. place : of the table, if it is tried whether it can be made.
     """
 
     if TYPE_CHECKING:
         kind: str
     makers: ClassVar[Mapping[str, Callable[..., Any]]]
-    apart: ClassVar[tuple[str, ...]]
-    place: ClassVar[str]
+    place: ClassVar[str] = ""
 
-    def make(self, folder: Path, **more: Any) -> Any:
+    def make(self, folder: Path = Path(), **more: Any) -> Any:
         """What the table describes; paths are relative to a folder."""
+        maker = self.makers[self.kind]
+        known = _signature(maker).parameters
         parameters = {
             name: folder / value if isinstance(value, Path) else value
             for name, value in self
-            if name not in ("kind", *self.apart)
+            if name in known
         }
-        return self.makers[self.kind](**parameters | more)
+        return maker(**parameters | more)
 
     @model_validator(mode="after")
     def _possible(self) -> MadeTable:
-        with faults_of(self.place):
-            self.make(Path())
+        if self.place:
+            with faults_of(self.place):
+                self.make()
         return self
+
+
+def files_of(table: Table, place: str = "") -> Iterator[tuple[str, Path]]:
+    """Key and path of every file that a table, or one in it, names by a path."""
+    for name, value in table:
+        key = f"{place}.{name}".lstrip(".")
+        for one in _single(value):
+            if isinstance(one, Table):
+                yield from files_of(one, key)
+            elif isinstance(one, Path):
+                yield key, one
 
 
 def unusual(table: Table, place: str = "") -> Iterator[str]:
@@ -393,8 +384,6 @@ def table_of_any(
         `create_model` takes them.
     """
     tables = [_table(kind, made, base, more(made)) for kind, made in registered.items()]
-    if len(tables) == 1:  # a single class needs no discriminator
-        return tables[0]
     return Annotated[reduce(or_, tables), Field(discriminator="kind")]
 
 
@@ -407,7 +396,9 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
         told = {name: f.metadata[name] for name in _TOLD if name in f.metadata}
         value = hints[f.name]
         if "allowed" in f.metadata:
-            value = Annotated[value, *_quantity(f.metadata)]
+            low, high = f.metadata["usual"]
+            usual = Usual(low, high, f.metadata["unit"])
+            value = Annotated[value, _quantity(f.metadata), usual]
         keys[f.name] = value, key(default=... if f.default is MISSING else f.default, **told)
     keys |= {name: value for name, value in more.items() if isinstance(value, tuple)}
     name, summary = f"{made.__name__}Table", (made.__doc__ or "").split("\n\n")[0]
@@ -420,10 +411,7 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
 _TOLD = ("meaning", "example", "since", "instead", "needed")
 
 
-def _quantity(metadata: Any) -> tuple[Any, ...]:
-    above, inclusive, unit = metadata["above"], metadata["inclusive"], metadata["unit"]
-    quantity = Quantity(
-        unit, lambda x: x > above or (inclusive and x == above), metadata["allowed"]
-    )
-    low, high = metadata["usual"]
-    return quantity, Usual(low, high, unit)
+def _quantity(metadata: Any) -> Quantity:
+    above, reached = metadata["above"], metadata["inclusive"]
+    in_range = (lambda x: x >= above) if reached else (lambda x: x > above)
+    return Quantity(metadata["unit"], in_range, metadata["allowed"])

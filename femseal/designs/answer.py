@@ -9,7 +9,8 @@ import numpy as np
 
 from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, check_classes, leak_classes
-from ..case.case import Case, load_case
+from ..case.case import Case
+from ..case.reading import load_case
 from ..case.values import Amount
 from ..execution.run import no_progress
 from ..fluids import leak_basis

@@ -3,17 +3,18 @@
 Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 """
 
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from contextlib import contextmanager
+from dataclasses import replace
 from itertools import chain
 from math import inf, prod
 
 import numpy as np
 
 from ..base import InputError, Shape, free_memory, to_text
-from ..case.case import Case
+from ..case.case import Case, CellsTable
 from ..case.faces import FileFace, TurnedFace
-from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
 from ..face.pieces import Cut, usual_pieces
 from ..seal.lay import Lay
 from ..seal.layouts import AnnularLayout, Layout, RectangularLayout
@@ -34,17 +35,24 @@ from ..topography import (
     combine,
     continuation_of,
     default_wave,
-    of_all_places,
     repair,
     representative,
     resolved_wave,
     resolving_shape,
-    shortest_place,
     smooth,
     spectrum,
-    spikes_extreme,
 )
 
+#: Arguments of `topography` by their key in a case.
+FACE_KEYS = {"shape": "points"}
+SURFACE_KEYS = {
+    "shortest_wave": "surface.shortest_wave",
+    "max_share": "surface.max_undefined",
+    "continue_spectrum": "surface.continue_spectrum",
+    "shape": "surface.points",
+    "spikes": "surface.spikes",
+    "order": "surface.detrend",
+}
 #: Fraction of the measured rms slope that the pixels of a measured face must keep to be fine enough.
 KEPT_SLOPE = 0.99
 #: Memory that a point of a face takes at least while faces are made, low-passed and resampled [byte].
@@ -61,60 +69,51 @@ _GROOVED, _EVEN = 0.5, 0.3
 _LEAST_GROOVES = 3
 
 
-@dataclass(frozen=True)
-class ConditionedFace:
-    """The face that is solved, how it was conditioned and continued, and the overlap of two faces.
+@contextmanager
+def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
+    """Raise an InputError with keys instead of names of arguments, after the place of their table if that is given."""
+    try:
+        yield
+    except InputError as error:
+        # a name before "=" is that of another value which is proposed, numbers in brackets a list of the file
+        expected = re.sub(r"\b(\w+)(?==)", lambda name: keys.get(name[1], name[1]), error.expected)
+        expected = re.sub(r"=\((.*?)\)", r" = [\1]", expected)
+        what = re.sub(r"^\w+", lambda name: keys.get(name[0], name[0]), error.what)
+        found = InputError(what, error.given, expected)
+        raise (found.inside(place) if place else found) from error
 
-    cells : number of pieces; None where there are none, or as many as suit the drawn seals.
-    """
 
-    surface: Topography
-    conditioning: Conditioning
-    overlap: Overlap | None
-    cells: Shape | None
-    continuation: Continuation | None
-
-
-def conditioned_face(case: Case) -> ConditionedFace:
+def conditioned_face(
+    case: Case,
+) -> tuple[Topography, Conditioning, Overlap | None, Continuation | None, Shape | None]:
     """Make or read the faces of a case, and condition their sum.
+
+    Returned: the face that is solved, how it was conditioned, the overlap of two faces, how its spectrum was continued,
+    and the number of pieces: None where there are none, or as many as suit the drawn seals.
 
     Raises InputError: a face that cannot be read or used, or pieces that do not suit it.
     """
-    for place, table in zip(_face_places(case), case.face, strict=True):
-        if not isinstance(table, FileFace):
-            check_memory_of_points(f"{place}.points", table.points)
-    flat_places, parts, overlap, instrument = _repaired_faces(case)
-    # what was repaired is said of each part
-    flat, repaired = flat_places[0]
-    repaired = replace(repaired, removed=np.zeros(1))
-    if len(flat_places) > 1:
-        with with_keys({"places": "face.places"}):
-            flat = Places([face for face, _ in flat_places])
-    one, cut_off = shortest_place(flat), case.surface.continue_spectrum
-    asked = case.surface.shortest_wave
-    continued = None
-    if cut_off is not None:
-        longest = asked or instrument.resolution
-        with with_keys(SURFACE_KEYS):
-            continued = continuation_of(flat, cut_off, longest=longest, rng=case.seed)
-    shape = _grid(case, flat, instrument)
-    wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
-    check_memory_of_points("surface.points", shape, len(flat.each))
-    pieces = _pieces(case, one, shape, wave)
+    places, parts, overlap, instrument = _repaired_faces(case)
+    flat, repaired = places[0]
+    if len(places) > 1:
+        flat = Places([face for face, _ in places])
+    asked, cut_off = case.surface.shortest_wave, case.surface.continue_spectrum
+    shape, continued = _grid(case, flat, instrument), None
     with with_keys(SURFACE_KEYS):
-        check_wave(wave, one.size, (shape[0], round(shape[1] * one.shape[1] / flat.shape[1])))
+        if cut_off is not None:
+            longest = asked or instrument.resolution
+            continued = continuation_of(flat, cut_off, longest=longest, rng=case.seed)
+        wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
+        check_memory_of_points("surface.points", shape, len(flat.each))
+        place = flat.shortest_place
+        pieces = _pieces(case, place, shape, wave)
+        check_wave(wave, place.size, (shape[0], round(shape[1] * place.shape[1] / flat.shape[1])))
         surface, report = smooth(
-            flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument
+            flat, repaired.form, parts, shortest_wave=wave, shape=shape, instrument=instrument
         )
     if pieces is not None:
-        Cut.of(shortest_place(surface), pieces)  # refuses pieces of too few points
+        Cut.of(surface.shortest_place, pieces)  # refuses pieces of too few points
         pieces = of_all_places(flat, pieces)
-    report = replace(
-        _of_generated(case, flat, report),
-        undefined_fraction=sum(r.undefined_fraction for _, r in parts) / len(parts),
-        spike_points=sum(r.spike_points for _, r in parts),
-        spikes_extreme=max(spikes_extreme(face, r.removed, wave) for face, r in parts),
-    )
     if continued is not None:
         surface = continued.added_to(surface)
         report = replace(
@@ -125,13 +124,13 @@ def conditioned_face(case: Case) -> ConditionedFace:
             unseen_slope=0.0,
         )
     if pieces is not None:
-        _check_pieces(surface, report.shortest_wave, pieces)
-    return ConditionedFace(surface, report, overlap, pieces, continued)
-
-
-def _face_places(case: Case) -> list[str]:
-    """Where the faces are in the file: one table has no number there."""
-    return ["face"] if len(case.face) == 1 else [f"face.{n}" for n in range(len(case.face))]
+        least = 2 * report.shortest_wave
+        sides = [side / m for side, m in zip(surface.size, pieces, strict=True)]
+        if min(sides) < least * (1 - 1e-9):
+            given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
+            allowed = f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}"
+            raise InputError("cells", given, allowed)
+    return surface, report, overlap, continued, pieces
 
 
 #: Flat maps, with what was repaired in them.
@@ -147,41 +146,30 @@ def _repaired_faces(case: Case) -> tuple[Repaired, Repaired, Overlap | None, Ins
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     treatment = case.surface.model_dump(include={"max_undefined", "detrend"})
     faces: list[Repaired] = []
-    longest = 0.0
-    for place, table, seed in zip(_face_places(case), case.face, seeds, strict=True):
-        rng = np.random.default_rng(seed)
+    instruments: list[Instrument] = []
+    for n, table in enumerate(case.face):
+        place, spikes = f"face.{n}" if len(case.face) > 1 else "face", case.surface.spikes
+        if not isinstance(table, FileFace):
+            check_memory_of_points(f"{place}.points", table.points)
+            spikes = inf
         with with_keys(FACE_KEYS, place):
-            tables = table.each(case.folder) if isinstance(table, FileFace) else [table]
-            maps = [one.make(case.folder, rng) for one in tables]
-        spikes = case.surface.spikes if isinstance(table, FileFace) else inf
+            rng = np.random.default_rng(seeds[n])
+            maps = [one.make(case.folder, rng) for one in table.each(case.folder)]
         with with_keys(SURFACE_KEYS | {"heights": place}):
             faces.append([repair(face, spikes=spikes, **treatment) for face, _ in maps])
-        every = zip(faces[-1], maps, strict=True)
-        longest = max(longest, *(own.shortest_wave(flat) for (flat, _), (_, own) in every))
-    instrument = Instrument(resolution=longest or None)
+        instruments += [instrument for _, instrument in maps]
+    seen = map(Instrument.shortest_wave, instruments, (flat for flat, _ in chain(*faces)))
+    made = min(instrument.made or 0.0 for instrument in instruments)
+    instrument = Instrument(resolution=max(seen) or None, made=made or None)
     if len(faces) == 1:
         return faces[0], faces[0], None, instrument
     # place n of one face lies on place n of the other; where there are fewer they come again
     pairs = [[face[n % len(face)] for face in faces] for n in range(max(map(len, faces)))]
-    table = case.face[1]
-    placement = table.placement if isinstance(table, FileFace) else {}
+    placement = case.face[1].placement if isinstance(case.face[1], FileFace) else {}
     sums, overlaps = zip(*(combine(a, b, **placement) for (a, _), (b, _) in pairs), strict=True)
     with with_keys(SURFACE_KEYS | {"heights": "face"}):
         flat = [repair(face, spikes=inf, **treatment) for face in sums]
     return flat, [*chain(*pairs)], overlaps[0], instrument
-
-
-def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
-    """The report of a generated face says what the low-pass removes of the waves that were made."""
-    made = [
-        table.cut_off or resolved_wave(table.size, table.points)
-        for table in case.face
-        if not isinstance(table, FileFace)
-    ]
-    if len(made) < len(case.face) or min(made) <= report.shortest_measured:
-        return report
-    slope = flat.low_pass(min(made)).rms_slope
-    return replace(report, shortest_measured=min(made), rms_slope_measured=slope)
 
 
 def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
@@ -192,7 +180,7 @@ def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
     """
     cut_off, points = case.surface.continue_spectrum, case.surface.points
     if points is not None:
-        size = shortest_place(flat).size
+        size = flat.shortest_place.size
         if cut_off is not None and cut_off < resolved_wave(size, points) * (1 - 1e-9):
             expected = f"8 pixels to continue_spectrum, {list(resolving_shape(size, cut_off))}"
             raise InputError("surface.points", list(points), expected)
@@ -202,6 +190,11 @@ def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
     if not any(isinstance(face, FileFace) for face in case.face):
         return flat.shape
     return default_grid(flat, case.surface.shortest_wave, instrument)
+
+
+def of_all_places(face: Topography, shape: Shape) -> Shape:
+    """Points of all places of a face together where its shortest has so many."""
+    return shape[0], round(shape[1] * face.shape[1] / face.shortest_place.shape[1])
 
 
 def default_grid(flat: Topography, shortest_wave: float | None, instrument: Instrument) -> Shape:
@@ -227,16 +220,16 @@ def _pieces(case: Case, place: Topography, shape: Shape, wave: float) -> Shape |
 
     Unless the case says how many: of blocks, of drawn seals, or of eight shortest waves or more a side.
     """
-    asked, drawn = case.cells, case.stochastic
+    asked, drawn = case.cells or CellsTable(), case.stochastic
     if case.methods == {"deterministic"}:
         return None
-    if asked is not None and asked.size is not None:
+    if asked.size is not None:
         if asked.size > (shorter := min(place.size)) * (1 + 1e-9):
             expected = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
             raise InputError("cells.size", to_text(asked.size, "m"), expected)
         m1, m2 = (max(1, round(length / asked.size)) for length in place.size)
         return m1, m2
-    if asked is not None and asked.count is not None:
+    if asked.count is not None:
         return asked.count
     if "blocks" in case.methods:
         blocks = usual_blocks(shape)
@@ -249,15 +242,6 @@ def _pieces(case: Case, place: Topography, shape: Shape, wave: float) -> Shape |
     return m1, m2
 
 
-def _check_pieces(surface: Topography, shortest_wave: float, pieces: Shape) -> None:
-    """Refuse pieces of fewer than two shortest waves a side."""
-    sides = [side / m for side, m in zip(surface.size, pieces, strict=True)]
-    if min(sides) < 2 * shortest_wave * (1 - 1e-9):
-        given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
-        allowed = f"pieces of at least two shortest waves, {to_text(2 * shortest_wave, 'm', 3)}"
-        raise InputError("cells", given, allowed)
-
-
 def filter_doubts(case: Case, face: Topography, surface: Conditioning) -> Iterator[str]:
     """Warn where the low-pass removes much of the measured slope, and say what keeps it."""
     if case.surface.continue_spectrum is not None:
@@ -267,7 +251,7 @@ def filter_doubts(case: Case, face: Topography, surface: Conditioning) -> Iterat
     )
     unseen = surface.shortest_wave == surface.shortest_seen  # as `femseal check` says
     if not unseen and surface.lost_slope > _LOST_SLOPE:
-        size = shortest_place(face).size
+        size = face.shortest_place.size
         remedy = f"set surface.points = {list(resolving_shape(size, surface.shortest_measured))}"
         if case.surface.shortest_wave is not None:
             also = " and surface.points" if case.surface.points else ""
@@ -307,13 +291,17 @@ def wound_layout(case: Case) -> Layout:
 
     The grooves of one turned face that is generated wind with its pitch, unless the case says how its lay runs.
     """
-    layout, circumference = case.layout, _circumference(case)
+    layout, circumference, face = case.layout, _circumference(case), case.face[0]
     if not isinstance(layout, RectangularLayout | AnnularLayout):
         return layout
     lay = layout.lay
-    face, *others = case.face
-    may_wind = not (others or circumference is None or "lay" in case.seal.model_fields_set)
-    if may_wind and isinstance(face, TurnedFace) and face.pitch < face.size[0]:
+    if (
+        isinstance(face, TurnedFace)
+        and face.pitch < face.size[0]
+        and len(case.face) == 1
+        and circumference is not None
+        and "lay" not in case.seal.model_fields_set
+    ):
         lay = Lay(name="spiral", lead=face.pitch)
     if lay.name == "spiral" and isinstance(layout, RectangularLayout) and lay.circumference is None:
         lay = replace(lay, circumference=circumference)
@@ -337,9 +325,8 @@ def groove_question(case: Case, surface: Topography) -> Iterator[str]:
 
 def groove_pitch(surface: Topography) -> float | None:
     """Distance of grooves along x2 [m] that are equally far apart; None where the face has none."""
-    z = surface.heights - surface.heights.mean()
-    profile = z.mean(axis=1)
-    if not profile.var() > _GROOVED * z.var():
+    profile = surface.heights.mean(axis=1)
+    if not profile.var() > _GROOVED * surface.heights.var():
         return None
     n = np.arange(profile.size)
     power = np.abs(np.fft.rfft(profile - np.polyval(np.polyfit(n, profile, 2), n))) ** 2

@@ -5,7 +5,7 @@ Sizes of a case are checked against the free memory before anything is made.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -15,7 +15,6 @@ import numpy as np
 from ..base import Array, InputError, Mapper, to_text
 from ..budget import FormTolerance, ModelChange
 from ..case.case import Case
-from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..case.values import unusual
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.form import SealForm
@@ -43,9 +42,28 @@ from .face import (
     filter_doubts,
     groove_question,
     measured_patch,
+    with_keys,
     wound_layout,
 )
 
+
+def _keys_of(table: str, names: str) -> dict[str, str]:
+    return {name: f"{table}.{name}" for name in names.split()}
+
+
+#: Arguments of scenes, of seals with their tiles, and of maps of the pressure, by their key in a case.
+_SCENE_KEYS = (
+    _keys_of("contact", "fluid_pressure")
+    | _keys_of("fluid", "inlet_pressure")
+    | _keys_of("face", "places")
+)
+_SEAL_KEYS = _keys_of("stochastic", "length breadth") | _keys_of(
+    "seal", "path unit inlet outlet lay centre inner_radius outer_radius field"
+)
+_MAP_KEYS = _keys_of("load", "map") | _keys_of(
+    "load.map",
+    "fractions positions angles path name length_unit pressure_unit points pressure field",
+)
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
 #: Memory of a tile of a drawn seal, with its element and a row of the solver [byte].
@@ -54,22 +72,14 @@ _TILE_BYTES = 4000
 
 def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topography) -> None:
     """Raise InputError if the tiles of a strip or a ring, as large as pieces of a face, do not fit into memory."""
-    side1, side2 = Cut.of(surface, usual_pieces(surface)).size
+    key, length, breadth = "stochastic.length", sampling.length, sampling.breadth
     if isinstance(layout, AnnularLayout):
-        key, breadth, length = (
-            "seal",
-            layout.outer_radius - layout.inner_radius,
-            layout.circumference,
-        )
-    elif sampling.length is not None:
-        key, breadth, length = (
-            "stochastic.length",
-            sampling.breadth or surface.size[0],
-            sampling.length,
-        )
-    else:
+        key, length = "seal", layout.circumference
+        breadth = layout.outer_radius - layout.inner_radius
+    if length is None:
         return
-    rows, columns = breadth / side1, length / side2
+    side1, side2 = Cut.of(surface, usual_pieces(surface)).size
+    rows, columns = (breadth or surface.size[0]) / side1, length / side2
     if rows <= MOST_ROWS:  # others are refused when they are laid out
         given, tiles = f"a seal {to_text(length, 'm', 3)} long", rows * columns
         check_memory(key, f"{given}, of {tiles:.3g} tiles", tiles * _TILE_BYTES)
@@ -235,31 +245,37 @@ def prepare(case: Case) -> Prepared:
 
     Raises InputError: a face that cannot be read or used, or pieces or seals that do not suit it.
     """
-    with refused_if_too_large(), with_tables(SCENE_TABLES):
-        face = conditioned_face(case)
-        surface, cells, layout = face.surface, face.cells, wound_layout(case)
+    with refused_if_too_large(), with_keys(_SCENE_KEYS):
+        surface, conditioning, overlap, continuation, cells = conditioned_face(case)
+        layout = wound_layout(case)
         sampling, size, broader = _seals(case, surface, layout, cells)
         seat = None if case.seat.kind == "flat" else case.seat.make(case.folder)
-        scene = _scene(case, _with_seat(case, seat, surface, broader), layout, size)
+        factor = 1.0 if seat is None else seat.load_factor
+        pressures = _pressures(case, size[0] * size[1] / factor, size[1])
+        scene = _scene(case, _with_seat(case, seat, surface, broader), layout, pressures)
         doubts: tuple[str, ...] = ()
         if sampling is not None:
             forms = tuple(one.make(case.folder) for one in case.seal.form or ())
             forms += (seat,) if broader and seat is not None else ()
             sampling, cells, doubts = _under_map(case, scene, sampling, cells, size, forms)
         methods = frozenset(case.methods)
-        with with_tables(SEAL_TABLES):
+        with with_keys(_SEAL_KEYS):
             if methods & {"deterministic", "two-scale"}:
                 scene.check_spiral()
             if "blocks" in methods:
                 check_blocks(scene, blocks_of(cells))
         holds, effect = measured_patch(case, surface, scene)
+        tested: Iterator[str] = iter(())
+        if (test := case.output.test_fluid) is not None:
+            ends = test.inlet_pressure, test.outlet_pressure
+            tested = gas_warnings("output.test_fluid", test.fluid, *ends)
         return Prepared(
             scene=scene,
             cells=cells,
             sampling=sampling,
-            conditioning=face.conditioning,
-            overlap=face.overlap,
-            continuation=face.continuation,
+            conditioning=conditioning,
+            overlap=overlap,
+            continuation=continuation,
             methods=methods,
             seat="" if seat is None else str(seat),
             form=_form_tolerance(case, sampling, seat),
@@ -267,10 +283,13 @@ def prepare(case: Case) -> Prepared:
             form_effect=effect,
             flatness=case.seal.flatness,
             warnings=(
-                *plausibility_warnings(case, scene),
-                *filter_doubts(case, surface, face.conditioning),
+                *unusual(case),
+                *case.named_warnings,
+                *scene_warnings(scene),
+                *tested,
+                *filter_doubts(case, surface, conditioning),
                 *groove_question(case, surface),
-                *face.conditioning.spike_doubts,
+                *conditioning.spike_doubts,
                 *(holds.doubts if holds else ()),
                 *(effect.doubts if effect else ()),
                 *doubts,
@@ -305,7 +324,7 @@ def _seals(
     if table.realisations is not None:
         needed = 16 * case.load.steps * table.realisations
         check_memory("stochastic.realisations", table.realisations, needed)
-    with with_tables(SEAL_TABLES):
+    with with_keys(_SEAL_KEYS):
         cut, tiles = laid_out(surface, layout, cells, sampling)
     broader = not tiles.in_place or bool(case.seal.form)
     if length is None:
@@ -331,12 +350,14 @@ def _with_seat(case: Case, seat: Seat | None, surface: Topography, broader: bool
         )
         allowed = "the method stochastic alone, or a seal as broad as the face"
         raise InputError("seat.kind", given, allowed)
-    with with_tables({"path": "seat"}):
+    with with_keys({"path": "seat.path"}):
         return surface if broader else seat.on(surface)
 
 
-def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, float]) -> Scene:
-    """The face between its solids, under its loads, with its fluid."""
+def _scene(
+    case: Case, surface: Topography, layout: Layout, pressures: dict[str, tuple[float, ...]]
+) -> Scene:
+    """The face between its solids, under nominal pressures, with its fluid."""
     fluid = case.fluid
     return Scene(
         surface=surface,
@@ -346,7 +367,7 @@ def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, f
         inlet_pressure=fluid.inlet_pressure,
         outlet_pressure=fluid.outlet_pressure,
         surroundings=fluid.ambient_pressure,
-        **_pressures(case, seal),
+        **pressures,
         boundary=case.contact.boundary,
         rtol=case.contact.rtol,
         fluid_pressure=case.contact.fluid_pressure,
@@ -356,8 +377,8 @@ def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, f
     )
 
 
-def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, ...]]:
-    """Nominal pressures of the cycle on a seal of such a breadth and length [m].
+def _pressures(case: Case, area: float, length: float) -> dict[str, tuple[float, ...]]:
+    """Nominal pressures of the cycle on a seal of an area that carries them [m²] and a length [m].
 
     Raises InputError: a force without a length of the seal, or more pressure than the faces can carry.
     """
@@ -368,8 +389,7 @@ def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, 
         raise InputError(
             "load.loading", given, "pressures, forces per length, or a length in [stochastic]"
         )
-    area = seal[0] * seal[1] / case.seat.make(case.folder).load_factor
-    found = case.load.pressures(area, seal[1])
+    found = case.load.pressures(area, length)
     highest = max((*found["loading"], *found["unload_from"]))
     if highest >= case.law.capacity:
         load = to_text(case.load.highest, case.load.unit)
@@ -389,7 +409,7 @@ def _under_map(
     forms: tuple[SealForm, ...],
 ) -> tuple[Sampling, Pair, tuple[str, ...]]:
     """The sampling with the map of the pressure or the form of the seal, the pieces, and what is not plausible."""
-    with with_tables(MAP_TABLES):
+    with with_keys(_MAP_KEYS):
         if forms:
             sampling = replace(sampling, form=forms)
         else:
@@ -400,17 +420,3 @@ def _under_map(
             form_on_grid(scene, tiles, forms)
         doubts = *tiles.warnings, *check_map(scene, tiles, sampling.pressure_map)
         return sampling, cut.shape, doubts
-
-
-def plausibility_warnings(case: Case, scene: Scene) -> tuple[str, ...]:
-    """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
-    tested: Iterable[str] = ()
-    if (test := case.output.test_fluid) is not None:
-        ends = test.inlet_pressure, test.outlet_pressure
-        tested = gas_warnings("output.test_fluid", test.fluid, *ends)
-    return (
-        *unusual(case),
-        *case.named_warnings,
-        *scene_warnings(scene),
-        *tested,
-    )

@@ -13,7 +13,6 @@ from typing import Any
 from ..base import InputError, as_text, to_si, to_text, validate, writing
 from ..case.case import Case
 from ..case.faces import SurfaceTable
-from ..case.faults import with_keys
 from ..case.template import as_toml, table_to_paste
 from ..contact.law import PerfectlyPlastic
 from ..plots import survey_figure
@@ -33,7 +32,7 @@ from ..topography import (
     smooth,
 )
 from ..topography.formats import TEXT
-from .face import default_grid
+from .face import default_grid, with_keys
 
 #: Arguments of `topography` by their option.
 SURFACE_OPTIONS = {
@@ -71,7 +70,7 @@ _SHOWN = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest
 class _Look:
     """What is known of a face, and the `reasons` for which a run refuses it; None is not known."""
 
-    report: SurfaceReport | None = None
+    report: SurfaceReport
     conditioning: Conditioning | None = None
     patch: tuple[Representative | FormEffect, ...] = ()
     first: str = ""
@@ -120,11 +119,14 @@ def survey(
         )
     if path.suffix.lower() in TEXT:
         texts.append(_ORIENTATION)
-    if found.report is not None and found.conditioning is not None:
+    if found.conditioning is not None:
         texts += notes(found.report, found.conditioning)
         texts += [text for one in found.patch for text in one.doubts or [str(one)]]
         texts += [found.first] if found.first else []
-    lines = [str(path), *_description(face, found), *(f"note: {text}" for text in texts)]
+    lines = [str(path), *_indented(found.report)]
+    if found.conditioning is not None:
+        lines += ["what a run does to it", *_indented(found.conditioning)]
+    lines += [f"note: {text}" for text in texts]
     if picture is not None:
         figure = survey_figure(
             face, found.report, found.conditioning, detrend=detrend, spikes=spikes
@@ -152,8 +154,6 @@ def look(
     face: Topography, wave: float | None, treatment: dict[str, Any], instrument: Instrument
 ) -> _Look:
     """Describe and condition the face."""
-    if face.undefined_fraction == 1:
-        return _Look(reasons=("none of its points is defined",))
     reasons: list[str] = []
     try:
         report = describe_surface(face, **treatment)
@@ -165,7 +165,12 @@ def look(
             flat, repaired = repair(face, **treatment)
             shape = default_grid(flat, wave, instrument)
             kept, conditioning = smooth(
-                flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument
+                flat,
+                repaired.form,
+                [(flat, repaired)],
+                shortest_wave=wave,
+                shape=shape,
+                instrument=instrument,
             )
     except InputError as error:
         # the caller's wave, not the face
@@ -185,15 +190,8 @@ def look(
     return replace(found, patch=(representative(kept), form), first=f"at {_LOADS} {first}")
 
 
-def _description(face: Topography, look: _Look) -> list[str]:
-    """Numbers of the face and of what a run does to it, as far as they are known."""
-    if look.report is None:
-        return [f"  {name:16}  {text}" for name, text in face.facts().items()]
-    lines = indent(str(look.report), "  ").splitlines()
-    if look.conditioning is not None:
-        done = indent(str(look.conditioning), "  ").splitlines()
-        lines += ["what a run does to it", *done]
-    return lines
+def _indented(report: object) -> list[str]:
+    return indent(str(report), "  ").splitlines()
 
 
 def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
@@ -246,9 +244,9 @@ def case_of_face(
         f"# size = {as_toml(sides)}  # as the file says: ? is that the field of the instrument",
     ]
     questions, surface = [*map(str, seen.doubts), *found.reasons], []
-    described = "" if found.report is None else str(found.report)
-    lines += [f"#   {line}" for line in described.splitlines() if line.startswith(_SHOWN)]
-    if found.report is not None and found.conditioning is not None:
+    described = str(found.report).splitlines()
+    lines += [f"#   {line}" for line in described if line.startswith(_SHOWN)]
+    if found.conditioning is not None:
         texts = notes(found.report, found.conditioning)
         questions += [text for text in texts if "shortest_wave" not in text]
         questions += [text for one in found.patch for text in one.doubts]

@@ -29,9 +29,9 @@ from ..base import (
 from ..base.arrays import storing
 from ..base.files import remove_foreign
 from ..budget import ErrorBudget
-from ..case.case import Case, load_case
+from ..case.case import Case
 from ..case.case_tables import FILE_KEYS
-from ..case.faces import FileFace
+from ..case.reading import load_case
 from ..execution.resuming import Part, alone_in, checked_part, over_store, writing_in
 from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map
 from ..materials import LINE_CONTACT_YIELD
@@ -277,16 +277,9 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
 
 
 def face_files(case: Case) -> dict[str, str]:
-    """SHA-256 of the file of every face, of its mask, of the seal and of maps, by its path in the case."""
+    """SHA-256 of the file of every face, of its mask, of seal, seat and maps, by its path in the case."""
     digests = {}
-    faces = (face for face in case.face if isinstance(face, FileFace))
-    files = [table for face in faces for table in face.each(case.folder)]
-    paths = [(f"face.{key}", getattr(face, key)) for key in ("path", "mask") for face in files]
-    paths += [(f"seal.{key}", path) for key, path in case.seal.files()]
-    paths += [("load.map.path", path) for path in case.load.files]
-    for key, path in paths:
-        if not path:
-            continue
+    for key, path in case.files():
         try:
             with (case.folder / path).open("rb") as file:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()

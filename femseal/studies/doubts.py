@@ -26,7 +26,7 @@ from ..fluids import Fluid, IdealGas, leak_basis
 from ..materials import YOUNG_LIMITS
 from ..named_fluids import ideal_gas_error
 from ..seal.tiles import SealTiles
-from ..topography import Topography, shortest_place
+from ..topography import Topography
 from ..topography.defects import fit_form
 from .scene import Scene
 
@@ -150,10 +150,10 @@ def form_effect(
     modulus, law, pressures, boundary : of the contact, the pressures > 0 and rising, see `solve_contact`.
     loads : the lowest and the highest pressure as text, unless in Pa.
     """
-    pixel = max(shortest_place(patch).size) / _POINTS * sqrt(len(patch.each))
+    pixel = max(patch.shortest_place.size) / _POINTS * sqrt(len(patch.each))
     n1, n2 = (max(_FEWEST, round(side / pixel)) for side in patch.size)
     few = patch.resample((min(n1, patch.shape[0]), min(n2, patch.shape[1])))
-    place = shortest_place(few)
+    place = few.shortest_place
     longest = min(place.size) / 2
     versions = (few, few.detrend(2), few.high_pass(longest))
     kept = few.rms_slope / patch.rms_slope

@@ -21,7 +21,7 @@ from ..face.piece_flow import Failed, FlowSettings, attempt, resolved_flow
 from ..seal.form import SealForm
 from ..seal.pressure_map import Frame
 from ..seal.tiles import PieceSize, SealTiles
-from ..topography import Representative, shortest_place
+from ..topography import Representative
 from .scene import Scene
 from .seal_contact import RoughLayer, layer_states, seal_contact
 
@@ -79,7 +79,7 @@ def longer_waves(
     does not rise, waves are as high as the flatness. None where a seal is hardly larger than the patch, or the patch
     holds its longest waves and no flatness is given.
     """
-    side = min(shortest_place(scene.surface).size)
+    side = min(scene.surface.shortest_place.size)
     if not holds.rises and flatness is None:
         return None
     piece = PieceSize((side, side), max(1, round(scene.surface.size[0] / side)), length, breadth)

@@ -29,7 +29,6 @@ from ..loads import LoadProgramme, LoadStep
 from ..seal.contact_grid import ContactGrid
 from ..seal.form import SealForm
 from ..seal.tiles import SealTiles
-from ..topography import shortest_place
 from ..topography.seat import check_form
 from .scene import Scene
 
@@ -223,7 +222,7 @@ def opened(separation: Array, opening: Array) -> Array:
 def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
     """The scene whose face has lost the waves that forms of the seal have too: those longer than two tiles."""
     shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
-    if shortest >= 2 * max(shortest_place(scene.surface).size):
+    if shortest >= 2 * max(scene.surface.shortest_place.size):
         return scene
     return replace(scene, surface=scene.surface.high_pass(shortest))
 

@@ -22,7 +22,8 @@ from ..base import (
     shortened,
     shown,
 )
-from ..case.case import Case, parse_case, read_case
+from ..case.case import Case
+from ..case.reading import parse_case, read_case
 from ..execution.resuming import Part, alone_in, own_items
 from ..execution.run import no_progress
 from ..preparation.preparation import prepare

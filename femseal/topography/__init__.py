@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .combined import Overlap, Places, combine, of_all_places, shortest_place
+    from .combined import Overlap, Places, combine
     from .conditioning import (
         MOST_POINTS,
         Conditioning,
+        Instrument,
         Repair,
         check_wave,
         condition,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from .generate import self_affine, turned
     from .read import Look, read_for_a_look, read_measured, read_topography
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
-    from .texture import Instrument, spectrum
+    from .texture import spectrum
     from .topography import Topography
     from .unmeasured import (
         Continuation,

@@ -88,21 +88,17 @@ def combine(
         on_grid = second.resample(first.shape)
         both = first + Topography(on_grid.heights, first.spacing, on_grid.periodic)
         return both, Overlap(both.shape, both.size, 1.0, first.shape != second.shape)
-    index = _indices(first, second, angle, move)
     if second.undefined_fraction:
-        raise InputError(
-            "second face", "undefined points", "a map without them: use fill_undefined() first"
-        )
-    edge = 0.5 + 1e-9 * max(second.shape)
-    inside = np.all(
-        [(i >= -edge) & (i <= n - 1 + edge) for i, n in zip(index, second.shape, strict=True)],
-        axis=0,
-    )
-    (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
-    if end1 <= begin1:
+        expected = "a map without them: use fill_undefined() first"
+        raise InputError("second face", "undefined points", expected)
+    index = _indices(first, second, angle, move)
+    middle = (np.array(second.shape)[:, None, None] - 1) / 2
+    inside = np.all(np.abs(index - middle) <= (middle + 0.5) * (1 + 1e-9), axis=0)
+    if not inside.any():
         size = as_text(second.size, "m")
         expected = f"a shift after which the second face, {size}, still overlaps the first"
         raise InputError("shift", as_text(tuple(move), "m"), expected)
+    (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
     if min(second.spacing) < max(first.spacing):
         second = second.low_pass(2 * max(first.spacing))
     part = np.s_[:, begin1:end1, begin2:end2]
@@ -115,21 +111,21 @@ def combine(
 
 def _indices(first: Topography, second: Topography, angle: float, move: NDArray) -> NDArray:
     """Index (2, n1, n2) into the second face of the pixel centres of the first."""
-    p1, p2 = (
-        (np.arange(n) - (n - 1) / 2) * d - s
-        for n, d, s in zip(first.shape, first.spacing, move, strict=True)
+    p1, p2 = np.meshgrid(
+        *(
+            (np.arange(n) - (n - 1) / 2) * d - s
+            for n, d, s in zip(first.shape, first.spacing, move, strict=True)
+        ),
+        indexing="ij",
     )
-    p1, p2 = p1[:, None], p2[None, :]
-    u1, u2 = cos(angle) * p1 + sin(angle) * p2, cos(angle) * p2 - sin(angle) * p1
-    (n1, n2), (d1, d2) = second.shape, second.spacing
-    return np.stack(np.broadcast_arrays(u1 / d1 + (n1 - 1) / 2, u2 / d2 + (n2 - 1) / 2))
+    u = cos(angle) * p1 + sin(angle) * p2, cos(angle) * p2 - sin(angle) * p1
+    places = zip(u, second.spacing, second.shape, strict=True)
+    return np.stack([along / d + (n - 1) / 2 for along, d, n in places])
 
 
 def _largest_rectangle(inside: Flags) -> tuple[Shape, Shape]:
     """Rows and columns, first and behind the last, of the largest rectangle in a convex set of pixels."""
     rows = np.flatnonzero(inside.any(axis=1))
-    if not rows.size:
-        return (0, 0), (0, 0)
     low = np.argmax(inside[rows], axis=1)
     high = inside.shape[1] - np.argmax(inside[rows, ::-1], axis=1)
     # in a convex set the first and the last row bound all rows between
@@ -231,16 +227,6 @@ class Places(Topography):
         """The places with other heights at the same points."""
         pieces = self.divided(heights)
         return self._joined([Topography(z, self.spacing, self.periodic) for z in pieces])
-
-
-def shortest_place(face: Topography) -> Topography:
-    """The shortest along x2 of the places of a face, whose points and pieces a case gives."""
-    return min(face.each, key=lambda place: place.shape[1])
-
-
-def of_all_places(face: Topography, shape: Shape) -> Shape:
-    """Points of all places of a face together where its shortest has so many."""
-    return shape[0], round(shape[1] * face.shape[1] / shortest_place(face).shape[1])
 
 
 def divided(values: NDArray, widths: Sequence[int]) -> list[NDArray]:

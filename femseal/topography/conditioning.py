@@ -3,38 +3,74 @@
 The form is fitted to the defined points alone, before anything is filled: filled points would bend it. Points called
 spikes may be part of the face: heights and depths that a face has only by them would decide contact and leakage.
 `spikes_extreme` measures that.
-Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate
-in Fourier space so that the shortest wave is resolved by at least 8 pixels.
+The shortest wave that an instrument sees follows from the radius of its tip or from its lateral resolution: a round tip
+of radius R follows a wave of amplitude a and wavelength λ where it is blunter than the tip, a(2π/λ)² <= 1/R, that is
+λ >= 2π√(aR). Of many waves the curvature of profiles counts, √2 times its rms in place of a(2π/λ)².
+Sources: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate
+in Fourier space so that the shortest wave is resolved by at least 8 pixels; Church and Takacs, Proc. SPIE 1332 (1991)
+504 (tip); ISO 25178-600 (lateral period limit: the wavelength at which the instrument shows half of the height).
 """
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import atan, ceil, hypot, inf, log2, prod, sqrt
+from math import atan, ceil, hypot, inf, log2, pi, prod, sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len
 
-from ..base import (
-    Array,
-    InputError,
-    Labelled,
-    Pair,
-    Shape,
-    counted,
-    labelled,
-    to_text,
-    validate,
-)
+from ..base import Array, InputError, Labelled, Pair, Shape, counted, labelled, to_text, validate
 from .defects import SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
-from .texture import UNKNOWN, UNSEEN, Instrument, spectrum
+from .texture import Spectrum, spectrum
 from .topography import SLACK, Topography
 
 #: Fractions of a face, from its highest and from its lowest points, that contact and the last open paths are made of.
 _EXTREMES = (0.01, 0.03, 0.1)
 #: Fraction of the extreme points from which on leakage may hang on the spikes.
 _NOTABLE = 0.01
+
+
+#: The longest wave that was not seen over the shortest one that counts as removed.
+UNSEEN = 10.0
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """Radius of the tip and lateral period limit [m] of an instrument; None where they are not known.
+
+    made : shortest wave [m] of a face that is generated; None of a measured one.
+    """
+
+    tip_radius: float | None = None
+    resolution: float | None = None
+    made: float | None = None
+
+    def spectrum(self, flat: Topography) -> Spectrum:
+        """Summary of the spectrum of a flat map; of a generated one its shortest wave is known."""
+        return spectrum(flat) if self.made is None else Spectrum(self.made, 0.0, None)
+
+    def shortest_wave(self, flat: Topography) -> float:
+        """Shortest wave [m] of a flat map that it sees; 0 where nothing is known of it, or nothing limits it."""
+        found = [self.resolution or 0.0]
+        if self.tip_radius is not None:
+            found += [
+                _followed(place, axis, self.tip_radius) for place in flat.each for axis in (0, 1)
+            ]
+        return max(found)
+
+
+#: Nothing is known of it.
+UNKNOWN = Instrument()
+
+
+def _followed(flat: Topography, axis: int, radius: float) -> float:
+    """Shortest wave [m] of the profiles along an axis that a tip follows; 0 where it follows all of them."""
+    q, density = flat.psd(axis)
+    square = np.cumsum(q**4 * density) * np.diff(q, prepend=0.0) / pi
+    lost = np.flatnonzero(2 * square > radius**-2)
+    return float(2 * pi / q[max(lost[0] - 1, 1)]) if lost.size else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +135,7 @@ def _exchanged(before: NDArray, after: NDArray) -> float:
     for fraction in _EXTREMES:
         high = after > np.quantile(after, 1 - fraction)
         others = high & ~(before > np.quantile(before, 1 - fraction))
-        fractions.append(int(np.count_nonzero(others)) / max(int(np.count_nonzero(high)), 1))
+        fractions.append(float(others.sum() / max(high.sum(), 1)))
     return max(fractions)
 
 
@@ -141,12 +177,8 @@ class Conditioning(Labelled):
     @property
     def removed_octaves(self) -> float:
         """Octaves of waves that the face lacks: above noise and removed, and those that the instrument did not see."""
-        removed = (
-            max(0.0, log2(self.shortest_wave / self.shortest_measured))
-            if self.lost_slope > 0
-            else 0.0
-        )
-        return removed + (log2(UNSEEN) if self.unseen_slope else 0.0)
+        removed = self.shortest_wave / self.shortest_measured if self.lost_slope > 0 else 1.0
+        return max(0.0, log2(removed)) + (log2(UNSEEN) if self.unseen_slope else 0.0)
 
     @property
     def kept_slope(self) -> float:
@@ -229,19 +261,26 @@ def condition(
     if shortest_wave is not None:
         check_wave(shortest_wave, topography.size, final)
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
-    return smooth(flat, repaired, shortest_wave=shortest_wave, shape=final, instrument=instrument)
+    parts = [(flat, repaired)]
+    return smooth(
+        flat, repaired.form, parts, shortest_wave=shortest_wave, shape=final, instrument=instrument
+    )
 
 
 def smooth(
     flat: Topography,
-    repaired: Repair,
+    form: Form,
+    parts: Sequence[tuple[Topography, Repair]],
     *,
     shortest_wave: float | None,
     shape: Shape,
     instrument: Instrument,
 ) -> tuple[Topography, Conditioning]:
-    """Low-pass and resample what `repair` returned; other arguments, results and errors are those of `condition`."""
-    waves, seen = spectrum(flat), instrument.shortest_wave(flat)
+    """Low-pass and resample a flat map; other arguments, results and errors are those of `condition`.
+
+    form : that was taken off. parts : what `repair` returned of the maps that were measured, or made, for it.
+    """
+    waves, seen = instrument.spectrum(flat), instrument.shortest_wave(flat)
     # without a law what the map shows of waves that are not seen is the least that is there
     measured = max(waves.shortest_wave, seen if waves.law else 0.0)
     unseen = (
@@ -250,13 +289,13 @@ def smooth(
     wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, shape)
     kept = flat.low_pass(shortest).resample(shape)
-    tilt1, tilt2 = repaired.form.slopes
+    tilt1, tilt2 = form.slopes
     return kept, Conditioning(
-        undefined_fraction=repaired.undefined_fraction,
-        spike_points=repaired.spike_points,
-        spikes_extreme=spikes_extreme(flat, repaired.removed, shortest),
+        undefined_fraction=sum(part.undefined_fraction for _, part in parts) / len(parts),
+        spike_points=sum(part.spike_points for _, part in parts),
+        spikes_extreme=max(spikes_extreme(face, part.removed, shortest) for face, part in parts),
         removed_tilt=(atan(tilt1), atan(tilt2)),
-        removed_curvature=repaired.form.curvatures,
+        removed_curvature=form.curvatures,
         shortest_seen=seen or None,
         unseen_slope=unseen,
         shortest_measured=measured,
@@ -279,7 +318,7 @@ def default_wave(flat: Topography, shape: Shape, instrument: Instrument) -> floa
     A longer one than 8 pixels of the map would be a guess where the instrument is not known: noise is removed on demand
     only.
     """
-    kept = min(spectrum(flat).shortest_wave, resolved_wave(flat.size, flat.shape))
+    kept = min(instrument.spectrum(flat).shortest_wave, resolved_wave(flat.size, flat.shape))
     return max(resolved_wave(flat.size, shape), kept, instrument.shortest_wave(flat))
 
 
@@ -299,16 +338,16 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
     ((1000, 2000), (500, 1000))
     """
     pixel = max(wave / PIXELS_PER_WAVE, sqrt(prod(size) / most))
-    n1, n2 = (next_fast_len(ceil(length / pixel * (1 - SLACK)), real=True) for length in size)
+    n1, n2 = (
+        scipy.fft.next_fast_len(ceil(length / pixel * (1 - SLACK)), real=True) for length in size
+    )
     return n1, n2
 
 
 def check_wave(wave: float, size: Pair, shape: Shape) -> float:
     """The wave; InputError if it has fewer than 8 pixels of a grid, or is no shorter than a face of such sides [m]."""
-    shortest, resolved = (
-        validate.number("shortest_wave", wave, unit="m"),
-        resolved_wave(size, shape),
-    )
+    shortest = validate.number("shortest_wave", wave, unit="m")
+    resolved = resolved_wave(size, shape)
     if shortest < resolved * (1 - SLACK):
         finer = resolving_shape(size, shortest)
         allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"

@@ -200,19 +200,15 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     hole = np.isnan(heights)
     if not hole.any():
         return heights
-
-    def values_at(points: NDArray) -> scipy.sparse.csr_array:
-        rows = np.arange(points.size + 1)
-        return scipy.sparse.csr_array((np.ones(points.size), points, rows), (own.size, hole.size))
-
     index, own = np.arange(hole.size).reshape(hole.shape), np.flatnonzero(hole)
-    laplacian = 0.0 * values_at(own)
+    value_at = scipy.sparse.eye_array(hole.size, format="csr")
+    laplacian = 0.0 * value_at[own]
     for axis in (0, 1):
         # the neighbour beyond a border is the point on the other side, or the point itself
         mode: Any = "wrap" if periodic[axis] else "clip"
         for step in (-1, 1):
             beside = np.take(index, np.arange(hole.shape[axis]) + step, axis, mode=mode)[hole]
-            difference = values_at(own) - values_at(beside)
+            difference = value_at[own] - value_at[beside]
             laplacian += (spacing[0] / spacing[axis]) ** 2 * difference
     filled = np.where(hole, 0.0, heights)
     filled[hole] = scipy.sparse.linalg.spsolve(laplacian[:, own], -(laplacian @ filled.ravel()))

@@ -142,8 +142,6 @@ _SERIES = (
 )
 #: Sections of the length λc over which Rz is averaged, where as many fit in.
 _SECTIONS = 5
-#: Standard deviation of a Gaussian filter [points] from which cosine transforms take less time than sums of neighbours.
-_WIDE = 4.0
 
 
 def roughness(flat: Topography) -> dict[str, Any]:
@@ -161,9 +159,9 @@ def roughness(flat: Topography) -> dict[str, Any]:
     z = z - _smooth(flat, z, cut_off, (0, 1))
     names = ("profile_cut_off", "ra", "rq", "rz", "rsk")
     areal = dict(zip(("sa", "sq", "ssk"), _moments(z.ravel()), strict=True))
-    profiles = {name: (along[0][n], along[1][n]) for n, name in enumerate(names)}
     areal |= {"sz": float(np.ptp(z)), "sdr": developed_area(z, flat.spacing)}
-    return {**profiles, **areal, **material_ratios(z), "nesting_index": (short, cut_off)}
+    areal |= dict(zip(names, zip(*along, strict=True), strict=True)) | material_ratios(z)
+    return areal | {"nesting_index": (short, cut_off)}
 
 
 #: Fraction of the area of the secant of the core.
@@ -225,13 +223,9 @@ def _smooth(flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...])
         return np.full(z.shape, nan)
     for axis in axes:
         n, deviation = z.shape[axis], sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
-        if deviation < _WIDE:
-            z = scipy.ndimage.gaussian_filter1d(z, deviation, axis, truncate=5.0)
-        else:
-            passed = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
-            z = scipy.fft.idct(
-                scipy.fft.dct(z, axis=axis) * np.expand_dims(passed, 1 - axis), axis=axis
-            )
+        passed = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
+        waves = scipy.fft.dct(z, axis=axis) * np.expand_dims(passed, 1 - axis)
+        z = scipy.fft.idct(waves, axis=axis)
     return z
 
 

@@ -29,7 +29,7 @@ from ..base import (
     to_si,
 )
 from ..base.machine import within_free_memory
-from .texture import UNKNOWN, Instrument
+from .conditioning import UNKNOWN, Instrument
 
 _HEADER = re.compile(r"^\W*(width|height|value units)\s*[:=]\s*(.+?)\s*$", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
@@ -122,14 +122,12 @@ def read_npz(path: Path, said: Reading) -> Raw:
     spacing = stored.pop("spacing", None)
     mask = stored.pop("mask", None) if said.array != "mask" else None
     every = ", ".join(sorted(stored)) or "none"
-    names = [name for name, found in stored.items() if found.ndim == 2 or len(stored) == 1]
-    if said.array is None and len(names) != 1:
-        allowed = "one array, or array= the name of one of them"
-        raise InputError("file", f"the arrays {every}", allowed)
-    name = said.array or names[0]
-    if name not in stored:
-        raise InputError("file", f"array={name!r}", f"one of its arrays: {every}")
-    heights = _numbers(stored[name])
+    maps = [name for name, found in stored.items() if found.ndim == 2 or len(stored) == 1]
+    names = [name for name in maps if name == said.array] if said.array else maps
+    if len(names) != 1:
+        given = f"array={said.array!r} of the arrays {every}"
+        raise InputError("file", given, "one map, or array= the name of one")
+    heights = _numbers(stored[names[0]])
     if mask is not None and (mask.shape != heights.shape or mask.dtype.kind not in _NUMBERS):
         allowed = f"numbers of the shape of the heights, {heights.shape}"
         raise InputError("file", f"an array mask of {mask.dtype} of shape {mask.shape}", allowed)

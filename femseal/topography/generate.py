@@ -62,16 +62,15 @@ def self_affine(
     if (rms_slope is None) == (rms_height is None):
         given = "neither" if rms_slope is None else "both"
         raise InputError("rms_slope, rms_height", given, "exactly one of the two")
-    name, value, unit = (
-        ("rms_height", rms_height, "m") if rms_slope is None else ("rms_slope", rms_slope, "")
-    )
-    target = validate.number(name, value, unit=unit, inclusive=True)
+    if rms_slope is None:
+        target = validate.number("rms_height", rms_height, unit="m", inclusive=True)
+    else:
+        target = validate.number("rms_slope", rms_slope, inclusive=True)
     cut_off = _cut_off(cut_off, spacing, size)
     roll_off = max(size) if roll_off is None else validate.number("roll_off", roll_off, unit="m")
     if roll_off <= cut_off:
-        raise InputError(
-            "roll_off", to_text(roll_off, "m"), f"a wavelength > cut_off = {to_text(cut_off, 'm')}"
-        )
+        expected = f"a wavelength > cut_off = {to_text(cut_off, 'm')}"
+        raise InputError("roll_off", to_text(roll_off, "m"), expected)
 
     k1, k2 = wave_numbers(size, cut_off)
     q = 2 * np.pi * np.hypot(k1 / size[0], k2 / size[1])
@@ -138,10 +137,8 @@ def turned(
     """
     shape, size = validate.grid("shape", shape), validate.lengths("size", size)
     spacing = (size[0] / shape[0], size[1] / shape[1])
-    pitch, depth = (
-        validate.number("pitch", pitch, unit="m"),
-        validate.number("depth", depth, unit="m"),
-    )
+    pitch = validate.number("pitch", pitch, unit="m")
+    depth = validate.number("depth", depth, unit="m")
     cut_off = _cut_off(cut_off, spacing, size)
     if not cut_off < pitch <= size[0] * (1 + SLACK):
         allowed = f"more than cut_off = {to_text(cut_off, 'm')} and at most size[0] = {to_text(size[0], 'm')}"
@@ -160,7 +157,7 @@ def turned(
     rng = _generator(rng)
     wraps = _whole(size[0] / pitch)
     x1 = ((np.arange(shape[0]) + 0.5) * spacing[0])[:, None]
-    turn = (2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1])[None, :]
+    turn = 2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1]
     # An open face needs one more pass than fit, for the groove that its end cuts.
     passes = round(size[0] / pitch) if wraps else int(size[0] / pitch) + 1
     z = _grooves(x1, turn, passes, pitch, radius, (feed_error * pitch, depth_error * depth), rng)
@@ -191,7 +188,7 @@ def _grooves(
     rms_errors: Pair,
     rng: np.random.Generator,
 ) -> NDArray:
-    """Lowest of the passes (n1, n2) [m] at x1 (n1, 1) [m] and turn (1, n2) [rad], with rms errors (2,) [m].
+    """Lowest of the passes (n1, n2) [m] at x1 (n1, 1) [m] and turn (n2,) [rad], with rms errors (2,) [m].
 
     The errors of position and depth are (passes, n2): a constant and a wander along the groove.
     """
@@ -208,18 +205,13 @@ def _grooves(
         number = nearest + k
         # Beyond the ends of an open face its errors are used again: passes must exist there, no matter which.
         groove = number % passes
-        arc = (x1 - (number[:, None] + 0.5) * pitch - shift[groove]) ** 2 / (2 * radius) - drop[
-            groove
-        ]
-        np.minimum(z, arc, out=z)
+        off_bottom = x1 - (number[:, None] + 0.5) * pitch - shift[groove]
+        np.minimum(z, off_bottom**2 / (2 * radius) - drop[groove], out=z)
     return z
 
 
 def random_waves(
-    shape: Shape,
-    numbers: tuple[NDArray, NDArray],
-    amplitude: NDArray,
-    rng: np.random.Generator,
+    shape: Shape, numbers: tuple[NDArray, NDArray], amplitude: NDArray, rng: np.random.Generator
 ) -> NDArray:
     """Heights (n1, n2) [m] of waves of random phases, of `wave_numbers` and as many amplitudes [m]."""
     k1, k2 = numbers
@@ -254,19 +246,14 @@ def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
 
 def _cut_off(cut_off: float | None, spacing: Pair, size: Pair) -> float:
     """The shortest wave [m] as given, or of 8 pixels; raises InputError if the grid or the face has none such."""
-    shortest = 2 * max(spacing)
-    given = (
-        PIXELS_PER_WAVE * max(spacing)
-        if cut_off is None
-        else validate.number("cut_off", cut_off, unit="m")
+    pixel, longest = max(spacing), max(size)
+    given = PIXELS_PER_WAVE * pixel if cut_off is None else cut_off
+    given = validate.number("cut_off", given, unit="m")
+    expected = (
+        f">= 2 pixels = {to_text(2 * pixel, 'm')} and < the larger side = {to_text(longest, 'm')}"
     )
-    if given < shortest * (1 - SLACK):
-        raise InputError(
-            "cut_off", to_text(given, "m"), f"a wavelength >= 2 pixels = {to_text(shortest, 'm')}"
-        )
-    if given >= max(size) * (1 - SLACK):
-        expected = f"a wavelength < the larger side = {to_text(max(size), 'm')}"
-        raise InputError("cut_off", to_text(given, "m"), expected)
+    if not 2 * pixel * (1 - SLACK) <= given < longest * (1 - SLACK):
+        raise InputError("cut_off", to_text(given, "m"), f"a wavelength {expected}")
     return given
 
 
@@ -275,11 +262,10 @@ def _whole(ratio: float) -> bool:
 
 
 def _generator(rng: Any) -> np.random.Generator:
-    if rng is None:
-        raise InputError(
-            "rng", None, "a numpy Generator or a seed, so that the face can be made again"
-        )
     try:
+        if rng is None:
+            raise TypeError
         return np.random.default_rng(rng)
     except (TypeError, ValueError):
-        raise InputError("rng", repr(rng), "a numpy Generator or a seed") from None
+        expected = "a numpy Generator or a seed, so that the face can be made again"
+        raise InputError("rng", repr(rng), expected) from None

@@ -6,6 +6,7 @@ NumPy are taken as they are.
 """
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
@@ -14,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ..base import Flags, InputError, Pair, Periodic, Shape, as_text, to_si, to_text, validate
+from .conditioning import Instrument
 from .formats import READERS, TEXT, Raw, Reading, bad_file, read_instrument, reading, unprinted
-from .texture import Instrument
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
@@ -112,8 +113,11 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     unit = raw.height_unit
     if given.height_unit is not None:
         unit = to_si(f"1 {given.height_unit}", "m", "height_unit")
-    instrument = {name: getattr(given, name) for name in ("tip_radius", "resolution")}
-    known = {n: validate.number(n, x, unit="m") for n, x in instrument.items() if x is not None}
+    known = {
+        name: validate.number(name, limit, unit="m")
+        for name in ("tip_radius", "resolution")
+        if (limit := getattr(given, name)) is not None
+    }
     instrument_of_map = replace(raw.instrument, **known)
     del raw  # no more than two maps at once
     if file_mask is not None:
@@ -128,16 +132,16 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
         first, second = validate.lengths("size", given.size)
         pixel = first / heights.shape[0], second / heights.shape[1]
     doubts = _pixel_doubts(path, pixel, heights.shape)
+    usable = pixel if pixel and not doubts else _ANY_PIXEL
     if unit is None and path.suffix.lower() not in READERS:
         allowed = "height_unit= such as 'um' (--height-unit)"
         doubts.append(bad_file(path, "no unit of height in the file", allowed))
     heights = heights if unit is None else heights * unit
     try:
-        usable = pixel if pixel and min(pixel) > 0 and max(pixel) < inf else _ANY_PIXEL
         whole = Topography(heights, usable, given.periodic)  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
-    doubts = doubts or _implausible(path, whole, given)
+    doubts = doubts or [*_implausible(path, whole, given)]
     kept = whole if given.crop is None else whole.crop_to(given.crop)
     masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
     is_said = pixel is not None, unit is not None
@@ -168,36 +172,35 @@ def _pixel_doubts(path: Path, pixel: Pair | None, shape: tuple[int, ...]) -> lis
     if pixel is None:
         found = f"no pixel size in the file ({as_text(shape)} points)"
         allowed = "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)"
-        return [bad_file(path, found, allowed)]
-    if all(0 < d < inf for d in pixel):
+    elif all(0 < d < inf for d in pixel):
         return []
-    found = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
-    allowed = "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)"
+    else:
+        found = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
+        allowed = "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)"
     return [bad_file(path, found, allowed)]
 
 
-def _implausible(path: Path, topography: Topography, given: Reading) -> list[InputError]:
-    """Values that only a wrong unit explains, unless the caller has given them."""
-    check_size = given.size is None and given.spacing is None
-    check_heights = given.height_unit is None
+def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator[InputError]:
+    """Values that only a wrong unit explains, unless the caller has given them: the slope where the others suit."""
+    open_size = given.size is None and given.spacing is None
+    open_unit = given.height_unit is None
     correct, (shortest, longest) = "if it is right, or to correct it, pass", _SIZE_LIMITS
-    doubts = []
-    if check_size and not all(shortest <= side <= longest for side in topography.size):
+    fine = True
+    if open_size and not all(shortest <= side <= longest for side in topography.size):
         allowed = f"1 nm to 1 m; {correct} size= (--size)"
-        doubts.append(bad_file(path, f"a size of {as_text(topography.size, 'm')}", allowed))
+        yield bad_file(path, f"a size of {as_text(topography.size, 'm')}", allowed)
+        fine = False
     z = topography.heights[:: max(1, topography.shape[0] // _ROWS)]
     defined = z[~np.isnan(z)]
     with np.errstate(over="ignore"):
         deviation = float(defined.std()) if defined.size else 0.0
-    if check_heights and deviation > _RMS_HEIGHT_LIMIT:
+    if open_unit and deviation > _RMS_HEIGHT_LIMIT:
         allowed = f"at most 10 mm; {correct} height_unit= such as 'um' (--height-unit)"
-        doubts.append(bad_file(path, f"Sq = {to_text(deviation, 'm')}", allowed))
-    if doubts or not (check_size or check_heights):
-        return doubts
-    if (slope := _median_slope(topography)) > _SLOPE_LIMIT:
+        yield bad_file(path, f"Sq = {to_text(deviation, 'm')}", allowed)
+        fine = False
+    if fine and (open_size or open_unit) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
         allowed = f"at most 10; {correct} size= and height_unit= (--size, --height-unit)"
-        doubts.append(bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed))
-    return doubts
+        yield bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed)
 
 
 def _median_slope(topography: Topography) -> float:

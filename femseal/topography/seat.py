@@ -38,10 +38,11 @@ class Seat:
         check_parameters(self)
 
     def __str__(self) -> str:
-        parameters = [f for f in fields(self) if "unit" in f.metadata]  # type: ignore[arg-type]
-        values = [as_text(getattr(self, f.name), f.metadata["unit"]) for f in parameters]
-        names = [f.name.replace("_", " ") for f in parameters]
-        return ", ".join([self.kind, *map(" ".join, zip(names, values, strict=True))])
+        texts = [
+            f"{f.name.replace('_', ' ')} {as_text(getattr(self, f.name), f.metadata['unit'])}"
+            for f in fields(self)  # type: ignore[arg-type]
+        ]
+        return ", ".join([self.kind, *texts])
 
     def depth(self, x: Array, breadth: float) -> Array:
         """How deep the form lies at x1 from the middle of a breadth [m], up to a constant."""

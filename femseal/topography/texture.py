@@ -1,15 +1,9 @@
 """Spectrum and texture of a map: shortest wave, range of a power law, autocorrelation length, direction of the lay.
 
-The shortest wave that an instrument sees, from the radius of its tip or from its lateral resolution: a round tip of
-radius R follows a wave of amplitude a and wavelength λ where it is blunter than the tip, a(2π/λ)² <= 1/R, that is
-λ >= 2π√(aR). Of many waves the curvature of profiles counts, √2 times its rms in place of a(2π/λ)².
-
 Symbols: q angular wavenumber [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). The radial
 average of a face of parallel grooves falls with the same exponent as that of an isotropic one of equal H. Sal and Str
 are lengths in which the autocorrelation decays to 0.2, Std the direction of the lay, counted from x1 towards x2.
-Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std); Church and
-Takacs, Proc. SPIE 1332 (1991) 504 (tip); ISO 25178-600 (lateral period limit: the wavelength at which the instrument
-shows half of the height).
+Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std).
 """
 
 from dataclasses import dataclass
@@ -176,10 +170,6 @@ def _binned(q: NDArray, density: NDArray) -> tuple[NDArray, NDArray]:
 
 _DECAYED = 0.2
 _ANGLES = np.deg2rad(np.arange(180))
-#: Waves with a smaller number on a side have too few directions, and belong to the form.
-_LEAST_WAVES = 2.5
-#: Width of the sectors over which power is summed [rad].
-_LOBE = np.deg2rad(8)
 #: Aspect ratio above which a face has no direction (ISO 25178-2).
 ISOTROPIC = 0.5
 
@@ -199,18 +189,27 @@ def texture(topography: Topography) -> Texture:
 
     Sal is the shortest distance in which the autocorrelation falls to 0.2, Str that over the longest; where the map
     ends before it falls, its reach is taken for the longest and Str is an upper bound. Std is the direction of the
-    lay from x2, at right angles to the waves with most power; NaN where Str > 0.5, and all of it where the map is
-    flat or a single row.
+    lay from x2, to a degree: that in which the autocorrelation is largest on the mean; NaN where Str > 0.5, and all of
+    it where the map is flat or a single row.
     """
     if topography.rms_height == 0 or min(topography.shape) < 2:
         return Texture(nan, nan, False, nan)
-    distance, reach = _decay(topography)
-    fallen = np.isfinite(distance)
-    longest = np.where(fallen, distance, reach).max()
-    shortest = distance.min() if fallen.any() else longest
-    ratio = float(shortest / longest)
-    lay = _lay(topography) if ratio <= ISOTROPIC else nan
-    return Texture(float(shortest), ratio, not bool(fallen.all()), lay)
+    middle, spacing = np.array([n // 2 for n in topography.shape]), np.array(topography.spacing)
+    direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T
+    reach = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
+    step = spacing.min() / 2
+    r = np.arange(0, reach.max() + step / 2, step)
+    places = middle + (direction / spacing)[:, None] * r[:, None]
+    correlation = autocorrelation(topography)
+    found = scipy.ndimage.map_coordinates(correlation, places.T, order=1, mode="nearest").T
+    below = (found < _DECAYED) & (r < reach[:, None] + step / 2)
+    fallen = below.any(axis=1)
+    distance = np.where(fallen, r[np.argmax(below, axis=1)], reach)
+    shortest = distance[fallen].min() if fallen.any() else reach.max()
+    ratio = float(shortest / distance.max())
+    alike = found[:, r < reach.min()].mean(axis=1)
+    lay = pi / 2 - (-_ANGLES[np.argmax(alike)]) % pi if ratio <= ISOTROPIC else nan
+    return Texture(float(shortest), ratio, not bool(fallen.all()), float(lay))
 
 
 def autocorrelation(topography: Topography) -> Array:
@@ -226,70 +225,3 @@ def autocorrelation(topography: Topography) -> Array:
     pairs = np.outer(n1 - np.abs(i), n2 - np.abs(j))
     lagged = sums[np.ix_(i, j)] / pairs
     return lagged / lagged[m1, m2]
-
-
-def _decay(topography: Topography) -> tuple[NDArray, NDArray]:
-    """Distance (180,) [m] to the level 0.2 in each direction, inf where it is not reached, and the reach of the map."""
-    correlation = autocorrelation(topography)
-    middle, spacing = np.array([n // 2 for n in topography.shape]), np.array(topography.spacing)
-    direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T
-    reach = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
-    step = spacing.min() / 2
-    r = np.arange(0, reach.max() + step / 2, step)
-    places = middle + (direction / spacing)[:, None] * r[:, None]
-    found = scipy.ndimage.map_coordinates(correlation, places.T, order=1, mode="nearest").T
-    below = (found < _DECAYED) & (r < reach[:, None] + step / 2)
-    return np.where(below.any(axis=1), r[np.argmax(below, axis=1)], np.inf), reach
-
-
-def _lay(topography: Topography) -> float:
-    """Direction [rad] from x2 in (−π/2, π/2] of the lines along which heights stay the same."""
-    n1, n2 = topography.shape
-    window = np.outer(np.hanning(n1 + 2)[1:-1], np.hanning(n2 + 2)[1:-1])
-    power = np.abs(scipy.fft.fft2((topography.heights - topography.heights.mean()) * window)) ** 2
-    k1, k2 = n1 * scipy.fft.fftfreq(n1)[:, None], n2 * scipy.fft.fftfreq(n2)[None, :]
-    power[np.hypot(k1, k2) < _LEAST_WAVES] = 0
-    angle = np.arctan2(k2 / topography.size[1], k1 / topography.size[0]) % pi
-    sector = np.rint(np.rad2deg(angle)).astype(int) % 180
-    spectrum = np.bincount(sector.ravel(), power.ravel(), 180)
-    direction = _ANGLES[np.argmax(scipy.ndimage.uniform_filter1d(spectrum, 5, mode="wrap"))]
-    # the mean over a lobe about the strongest sector is not in its middle; that about the mean is
-    for _ in range(3):
-        beside = (angle - direction + pi / 2) % pi - pi / 2
-        near = np.abs(beside) < _LOBE
-        if power[near].any():
-            direction += np.average(beside[near], weights=power[near])
-    return float(pi / 2 - (pi / 2 - direction) % pi)
-
-
-#: The longest wave that was not seen over the shortest one that counts as removed.
-UNSEEN = 10.0
-
-
-@dataclass(frozen=True)
-class Instrument:
-    """Radius of the tip and lateral period limit [m] of an instrument; None where they are not known."""
-
-    tip_radius: float | None = None
-    resolution: float | None = None
-
-    def shortest_wave(self, flat: Topography) -> float:
-        """Shortest wave [m] of a flat map that it sees; 0 where nothing is known of it, or nothing limits it."""
-        found = [self.resolution or 0.0]
-        if self.tip_radius is not None:
-            found += [
-                _followed(place, axis, self.tip_radius) for place in flat.each for axis in (0, 1)
-            ]
-        return max(found)
-
-
-#: Nothing is known of it.
-UNKNOWN = Instrument()
-
-
-def _followed(flat: Topography, axis: int, radius: float) -> float:
-    """Shortest wave [m] of the profiles along an axis that a tip follows; 0 where it follows all of them."""
-    q, density = flat.psd(axis)
-    square = np.cumsum(q**4 * density) * np.diff(q, prepend=0.0) / pi
-    lost = np.flatnonzero(2 * square > radius**-2)
-    return float(2 * pi / q[max(lost[0] - 1, 1)]) if lost.size else 0.0

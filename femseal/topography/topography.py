@@ -42,8 +42,8 @@ SLACK = 1e-9
 def power(z: NDArray, periodic: Periodic) -> NDArray:
     """Fraction (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
     mirrored, wrapped = _axes(periodic)
-    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
-    c = scipy.fft.fftn(c, axes=wrapped, norm="ortho") if wrapped else c
+    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
+    c = scipy.fft.fftn(c, axes=wrapped, norm="ortho")
     return (c * c.conj()).real / z.size
 
 
@@ -61,16 +61,15 @@ def wavenumber_grids(shape: Shape, spacing: Pair, periodic: Periodic) -> tuple[N
 def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDArray:
     """Waves of `z` with |q| <= `limit` [rad/m]."""
     mirrored, wrapped = _axes(periodic)
-    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
     # of the last periodic axis waves k >= 0 alone
     c = scipy.fft.rfftn(c, axes=wrapped, norm="ortho") if wrapped else c
     q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
     c[q1[: c.shape[0]] ** 2 + q2[:, : c.shape[1]] ** 2 > (limit * (1 + SLACK)) ** 2] = 0
     if wrapped:
-        c = scipy.fft.irfftn(
-            c, [z.shape[axis] for axis in wrapped], axes=wrapped, norm="ortho", overwrite_x=True
-        )
-    return scipy.fft.idctn(c, axes=mirrored, norm="ortho", overwrite_x=True) if mirrored else c
+        points = [z.shape[axis] for axis in wrapped]
+        c = scipy.fft.irfftn(c, points, axes=wrapped, norm="ortho", overwrite_x=True)
+    return scipy.fft.idctn(c, axes=mirrored, norm="ortho", overwrite_x=True)
 
 
 def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
@@ -83,29 +82,20 @@ def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
     if m == n:
         return z
     if not periodic:
-        return scipy.fft.idct(_fit(scipy.fft.dct(z, axis=axis), n, axis), axis=axis) * (n / m)
+        return scipy.fft.idct(scipy.fft.dct(z, axis=axis), n=n, axis=axis) * (n / m)
     k = np.arange(min(m, n) // 2 + 1)
     weight = np.exp(1j * np.pi * k * (1 / n - 1 / m)) * (n / m)
     # The sampled Nyquist wave stands for a pair ±k: going up it is shared between both, going down it
     # collects both.
     if min(m, n) % 2 == 0:
         weight[-1] *= 0.5 if m < n else 2.0
-    shape = [1, 1]
-    shape[axis] = k.size
-    kept = _fit(scipy.fft.rfft(z, axis=axis), k.size, axis) * weight.reshape(shape)
+    kept = np.take(scipy.fft.rfft(z, axis=axis), k, axis) * np.expand_dims(weight, 1 - axis)
     return scipy.fft.irfft(kept, n, axis=axis)
 
 
 def _axes(periodic: Periodic) -> tuple[list[int], list[int]]:
     """Mirror axes and periodic ones."""
     return [k for k in (0, 1) if not periodic[k]], [k for k in (0, 1) if periodic[k]]
-
-
-def _fit(c: NDArray, n: int, axis: int) -> NDArray:
-    """First `n` coefficients along `axis`, zeros behind where there are fewer."""
-    kept = np.moveaxis(c, axis, 0)[:n]
-    missing = np.zeros((n - len(kept), kept.shape[1]), c.dtype)
-    return np.moveaxis(np.concatenate((kept, missing)), 0, axis)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -159,6 +149,11 @@ class Topography(Plotted):
     def each(self) -> tuple[Topography, ...]:
         """The places of the face that are measured, see `Places`: this one alone."""
         return (self,)
+
+    @property
+    def shortest_place(self) -> Topography:
+        """That of them which is shortest along x2, whose points and pieces a case gives."""
+        return min(self.each, key=lambda place: place.shape[1])
 
     @property
     def undefined_fraction(self) -> float:
@@ -294,14 +289,10 @@ class Topography(Plotted):
         """
         if not isinstance(other, Topography):
             return NotImplemented
-        if self.shape != other.shape:
-            raise InputError(
-                "shape of the second face", other.shape, f"that of the first, {self.shape}"
-            )
-        if not np.allclose(self.spacing, other.spacing, rtol=1e-9, atol=0):
-            raise InputError(
-                "spacing of the second face", other.spacing, f"that of the first, {self.spacing}"
-            )
+        for name in ("shape", "spacing"):
+            own, its = getattr(self, name), getattr(other, name)
+            if not np.allclose(own, its, rtol=1e-9, atol=0):
+                raise InputError(f"{name} of the second face", its, f"that of the first, {own}")
         periodic = (self.periodic[0] and other.periodic[0], self.periodic[1] and other.periodic[1])
         return Topography(self._defined("a sum") + other._defined("a sum"), self.spacing, periodic)
 
@@ -355,11 +346,10 @@ class Topography(Plotted):
             for n, wraps in zip(self.shape, self.periodic, strict=True)
         )
         copies = np.outer(first, second)
-        ring = np.rint(q / max(self._wave_steps)).astype(int)
-        ring[0, 0] = -1
-        ring = ring.ravel() + 1
+        ring = np.rint(q / max(self._wave_steps)).astype(int).ravel() + 1
+        ring[0] = 0
         count = np.bincount(ring, copies.ravel())
-        keep = np.flatnonzero(count[1:] > 0) + 1
+        keep = np.flatnonzero(count)[1:]
         waves = np.bincount(ring, (q * copies).ravel())[keep] / count[keep]
         mean_power = np.bincount(ring, powers.ravel())[keep] / count[keep]
         return waves, mean_power * (4 * np.pi**2 / (self._wave_steps[0] * self._wave_steps[1]))

@@ -103,7 +103,7 @@ SOLID_AT_2_GPA = {
         ("surface.filter_sensitivity", True, "removed; the row"),
         ("surface.shortest_wave", "1 um", r"given 1 µm, .*surface.points = \[480, 960\]"),
         ("surface.shortest_wave", "1 mm", "given 1 mm, expected less than the larger side"),
-        *(("surface.spikes", value, "a number > 0") for value in (0, -6, "six", True)),
+        *(("surface.spikes", value, "a number|greater than 0") for value in (0, -6, "six", True)),
         ("material.hardness", "1 GPa", "material: .*not both"),
         ("material.young", "0 GPa", "young: .* > 0"),
         ("material.poisson", 0.51, "poisson: given 0.51, .* at most 0.5"),
@@ -501,7 +501,7 @@ def test_out_of_memory_is_one_line(monkeypatch, femseal):
     def fail(path):
         raise MemoryError
 
-    monkeypatch.setattr("femseal.case.case.load_case", fail)
+    monkeypatch.setattr("femseal.case.reading.load_case", fail)
     code, _, errors = femseal("check", "case.toml")
     assert code == 1
     assert errors.startswith("femseal: out of memory")

@@ -12,6 +12,7 @@ import femseal as fs
 from femseal.base import to_si
 from femseal.base.quantities import absolute_pressure
 from femseal.case import case_schema, parse_case
+from femseal.case.filling import filled
 from femseal.preparation import prepare
 
 ATMOSPHERE, PSI = 101_325.0, 6894.757293168361
@@ -150,15 +151,13 @@ def test_of_inlets_of_a_mesh():
         "seal": {"kind": "mesh", "path": "seal.msh", "unit": "mm", "outlet": "rim"},
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "ambient_pressure": "1 bar"},
     }
-    from femseal.case.kinds import with_absolute_pressures, with_inlet_pressure
-
     data["seal"]["inlet"] = {"bore": "10 bar(g)", "port": "4 bar"}
-    found = with_inlet_pressure(with_absolute_pressures(data))
+    found = filled(data)
     assert found["seal"]["inlet"]["bore"] == found["fluid"]["inlet_pressure"] == 1.1e6
     assert found["seal"]["inlet"]["port"] == "4 bar"
     assert found["fluid"]["outlet_pressure"] == 1e5
     del data["fluid"]["ambient_pressure"]
-    assert with_absolute_pressures(data)["fluid"]["outlet_pressure"] == ATMOSPHERE
+    assert filled(data)["fluid"]["outlet_pressure"] == ATMOSPHERE
     data["seal"]["inlet"]["port"] = "-4 bar(g)"
     with pytest.raises(
         fs.InputError, match=r"seal.inlet.port: given '-4 bar\(g\)', expected a pressure not below"

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import SWEPT as CASE
 
 import femseal as fs
-from femseal.case.case import read_case
+from femseal.case.reading import read_case
 from femseal.runs import job
 from femseal.sweeps.sweeping import parsed_keys, variations
 
