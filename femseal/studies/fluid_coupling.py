@@ -128,7 +128,6 @@ class FluidPressure:
         *,
         pressure: float,
         former: TrappedLiquid | None = None,
-        start: Array | None = None,
         share: float = 1.0,
         **settings: Any,
     ) -> Contact | CoupledContact:
@@ -136,15 +135,15 @@ class FluidPressure:
 
         The contact alone where the fluid carries less than 1e-4 of the load and none is trapped.
 
-        former : liquid in the pockets of the load before. start : fluid pressure of the first round; that of an even
-        drop unless given. share : of the tolerance. settings : other arguments of `solve_contact`.
+        former : liquid in the pockets of the load before. share : of the tolerance. settings : other arguments of
+        `solve_contact`.
 
         Raises NotConverged: a contact failed.
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
         together = self.nominal == "total"
-        p_f = self.even_drop(half_space.shape) if start is None else start
+        p_f = self.even_drop(half_space.shape)
         law = contact_law(settings.get("hardness", np.inf))
         most = _MOST_OF_HARDNESS * float(np.min(law.yield_pressure()))
         if former is not None:  # a load moves pockets as if they carried all of it
@@ -221,16 +220,12 @@ class FluidPressure:
 
         known: dict[float, Any] = {}
         alone = replace(self, nominal="contact", trapped=False)
-        start = even = self.even_drop(half_space.shape)
 
         def total(load: float) -> float:
-            nonlocal start
             if load not in known:
                 known[load] = alone.contact(
-                    gap0, half_space, pressure=load, start=start, share=_SHARE, **settings
+                    gap0, half_space, pressure=load, share=_SHARE, **settings
                 )
-                if not isinstance(flow := known[load].flow, Failed):
-                    start = self._pressure(flow, start)
             return load + known[load].carried
 
         loads = (_LOADS * max(abs(self.inlet), abs(self.outlet))).tolist()
@@ -253,6 +248,7 @@ class FluidPressure:
             return known[
                 brentq(lambda load: total(load) - pressure, above / _STEP, above, rtol=_LOAD_RTOL)
             ]
+        even = self.even_drop(half_space.shape)
         contact = solve_contact(
             gap0, half_space, pressure=float(even.mean()), fluid_pressure=even, **settings
         )
