@@ -145,12 +145,6 @@ def run(
     folder = output or Path("results") / path.stem
     own = parsed_part(part)
     case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
-    if scheduler is None and not resume and own is None:
-        from .execution.processes import start_processes
-
-        start_processes(
-            workers, "femseal.studies.worker_process"
-        )  # while this process loads the solvers too
     with loading():
         from .runs import job
 
