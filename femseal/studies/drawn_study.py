@@ -19,9 +19,8 @@ from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
 from .doubts import scene_warnings
 from .drawn_error import half_width
-from .face_states import PlaceLeakage, fields_of_rows
-from .face_study import cut_into_pieces
-from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
+from .face_study import cut_into_pieces, fields_of_rows
+from .piece_states import FacePieces, PlaceLeakage, along_paths, ladder_of, pieces_on_ladder
 from .sampling import (
     FEWEST_SEALS,
     MOST_SEALS,
