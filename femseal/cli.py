@@ -18,6 +18,7 @@ import typer
 from .base import FemsealError, InputError, PartsMissing, shortened, writing
 from .base.lazy_package import loading
 from .commands import Resume, calibrate, compare, design, sweep
+from .execution.run import reporting_compilation
 from .execution.terminal import (
     CasePath,
     PartOption,
@@ -110,7 +111,6 @@ def check(path: CasePath) -> None:
     case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
     from .preparation.preparation import prepare
     from .runs.forecast import describe, refuse_too_large
-    from .studies.compiling import reporting_compilation
 
     with reporting_compilation(lambda what, done, _: None if done else typer.echo(what, err=True)):
         prepared = prepare(case)
@@ -145,12 +145,6 @@ def run(
     folder = output or Path("results") / path.stem
     own = parsed_part(part)
     case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
-    if scheduler is None and not resume and own is None:
-        from .execution.processes import start_processes
-
-        start_processes(
-            workers, "femseal.studies.worker_process"
-        )  # while this process loads the solvers too
     with loading():
         from .runs import job
 

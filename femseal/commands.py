@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .base import FemsealError
-from .execution.run import Progress
+from .execution.run import Progress, reporting_compilation
 from .execution.terminal import (
     CasePath,
     PartOption,
@@ -32,8 +32,6 @@ def all_progress(quiet: bool, again: str) -> Iterator[Progress]:
 
     again : what goes on where it is stopped.
     """
-    from .studies.compiling import reporting_compilation
-
     try:
         with show_progress(quiet) as progress, reporting_compilation(progress):
             yield progress

@@ -1,9 +1,4 @@
-"""Errors of a leakage by the size of its pixels, and by waves that the face does not have.
-
-The change of ln(leakage) from grid to grid is a smooth function of neither load nor pixel: where contacts open and
-close it has either sign, and near closing it is a shift of the load at which the seal closes. So the error of a step is
-taken from the changes at its neighbours too, and from the typical shift of the load over the whole cycle.
-Source: Celik, Ghia, Roache, Freitas, Coleman & Raad, J. Fluids Eng. 130, 2008, 078001.
+"""Errors of a leakage by waves that the face does not have, and of one that was solved on one grid.
 
 Waves that the face does not have are those a low-pass removed, and those nobody measured. Of waves that continue a
 spectrum the phases count, and those beyond. Waves that a low-pass took lie below an upper end: put back they keep the
@@ -19,7 +14,7 @@ import numpy as np
 from scipy.special import erf, erfinv, stdtrit
 
 from ..base import Array, Flags
-from ..loads import LoadProgramme, least_counted
+from ..loads import LoadProgramme
 from ..studies import Scene
 from ..studies.drawn_error import COVERAGE
 from .error_parts import (
@@ -28,24 +23,8 @@ from .error_parts import (
     load_sensitivity,
     mean_shift,
     part_of_changes,
-    scale_of_changes,
 )
 
-#: Order of the leakage in the size of pixels. Measured on 320 faces of 64² to 256² points: 1.9 in the median.
-ORDER = 2.0
-#: Error over the scale of the changes to half the points a side, see `scale_of_changes`. Measured on 154 faces of six
-#: kinds, at the loads that leak more than 1e-3 of the first: 0.28 holds 95 of 100 errors, 0.31 96.5, and 0.43 98, which
-#: on other faces held 97.
-PER_CHANGE = 0.43
-#: The factor besides where few loads were solved on both grids, by their number; measured as above.
-FEW_LOADS = {0: 3.0, 1: 3.0, 2: 1.45, 3: 1.15}
-#: The least shift of the load, that of all faces, and the least slope of ln(leakage) over ln(load) that it is counted
-#: with. Measured as above: with a third of the shift and a fifth of the slope as wide bands hold 94.5 in place of 97.
-_LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
-#: Pixels to the shortest wave of the faces on which that was measured.
-USUAL_PIXELS = 8.0
-#: Error of ln(leakage) from which on a step near closing may be sealed.
-_MAY_CLOSE = 1.5
 #: Effect of an octave of waves on ln(leakage) over that of the next longer one.
 DECAY = 0.4
 #: Error by one removed octave over the change without the next longer one and its mean shift of the load: where the
@@ -63,33 +42,6 @@ LOAD_POWER = 1.25
 SEALED_CONTACT = 0.6
 #: Fraction of the slope that must be kept where the leakage is known at one load only, so that nothing gives its slope.
 _LEAST_KEPT = 0.5
-
-
-def pixels_part(
-    scene: Scene, leakage: Array, coarse: CoarserSolution, wave_pixels: float = USUAL_PIXELS
-) -> ErrorPart:
-    """Part of the pixels, from the solution on a coarser grid.
-
-    A step that is open on one grid and sealed on the other may be either. wave_pixels : to the shortest wave; where
-    they are more than usual, the least shift of the load is in proportion to the size of the pixels.
-    """
-    q, steps = np.abs(np.asarray(leakage, dtype=float)), scene.steps
-    coarsening = float(np.sqrt(np.prod(scene.surface.shape) / np.prod(coarse.points)))
-    change = coarse.change(leakage)
-    slope = np.maximum(load_sensitivity(steps, leakage), _LEAST_SLOPE)
-    # as if the change were that to half the points a side, by the order of the leakage
-    scaled = change * (2.0**ORDER - 1) / (coarsening**ORDER - 1)
-    least = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)
-    scale = np.hypot(scale_of_changes(steps, scaled, slope), least * slope)
-    loads = int((np.isfinite(change) & steps.on_loading).sum())
-    distance = PER_CHANGE * FEW_LOADS.get(loads, 1.0) * scale
-    may_close = (q < least_counted(q)) & (distance > _MAY_CLOSE)
-    below = np.where(may_close | np.isneginf(change), np.inf, distance)
-    grid = " × ".join(map(str, coarse.points))
-    note = f"change of ln(leakage) to {grid} points, at a load and its neighbours; order {ORDER:g} expected"
-    return part_of_changes(
-        "pixels", steps, leakage, below, distance, note, change=change, coarse=coarse
-    )
 
 
 def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:

@@ -11,7 +11,6 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, lru_cache, partial
-from importlib import import_module
 from itertools import chain, islice
 from pathlib import Path
 from shutil import rmtree
@@ -58,49 +57,6 @@ def over_processes(count: int) -> Iterator[Mapper]:
     except BaseException:
         end_processes(kill=True)
         raise
-
-
-def start_processes(count: int | None, module: str) -> None:
-    """Start the processes of `over_processes` with a module loaded, and return at once.
-
-    Where the system can, one process loads it and the others are copies of that one. They import the main module of
-    this program, which must not start it again; so that this is for the command line only.
-
-    count : one for each core unless given; one is none, as this process computes then.
-    """
-    import multiprocessing
-
-    import joblib
-    from joblib.externals.loky.backend.context import set_start_method
-
-    count = count or joblib.cpu_count()
-    if count <= 1:
-        return
-
-    _end_at_exit()
-    if "forkserver" in multiprocessing.get_all_start_methods():
-        from multiprocessing import forkserver
-
-        multiprocessing.set_forkserver_preload([module])
-        # its socket is in the folder for temporary files, whose path may be too long for one
-        with suppress(OSError), starting_processes():
-            forkserver.ensure_running()
-            set_start_method("forkserver", force=True)
-
-    def start() -> None:
-        settings = joblib.parallel_config("loky", inner_max_num_threads=1)
-        # of processes that die, or where this one ends meanwhile, as when a case is refused
-        with suppress(RuntimeError), settings, starting_processes():
-            joblib.Parallel(n_jobs=count, max_nbytes=None)(
-                joblib.delayed(_load)(os.getpid(), module) for _ in range(count)
-            )
-
-    threading.Thread(target=start).start()
-
-
-def _load(parent: int, module: str) -> None:
-    _end_with(parent)
-    import_module(module)
 
 
 def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:

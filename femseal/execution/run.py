@@ -21,10 +21,51 @@ log = logging.getLogger("femseal")
 Progress = Callable[[str, int, int | None], None]
 #: Time between two log lines on a running stage [s].
 LOG_SECONDS = 60.0
+#: What is said while loops are compiled.
+COMPILING = "compiling, once after an installation"
+#: What reports that loops are compiled; empty where nothing does.
+_reported: list[Any] = []
 
 
 def no_progress(stage: str, done: int, total: int | None) -> None:
     """Progress that nobody watches."""
+
+
+@contextmanager
+def reporting_compilation(progress: Progress) -> Iterator[None]:
+    """Context in which loops that are compiled are reported, as they take a minute after an installation.
+
+    progress : called as progress(stage, done, total): when the first one begins, when one is done, and at the end; how
+        many there will be is not known before. Within another such context that one reports.
+    """
+    from numba.core import event
+
+    if _reported:
+        yield
+        return
+
+    class Loops(event.Listener):  # type: ignore[misc]
+        begun, done = False, 0
+
+        def on_start(self, _: event.Event) -> None:
+            if not self.begun:
+                log.info("%s", COMPILING)
+                progress(COMPILING, 0, None)
+            self.begun = True
+
+        def on_end(self, _: event.Event) -> None:
+            self.done += 1
+            progress(COMPILING, self.done, None)
+
+    loops = Loops()
+    _reported.append(loops)
+    try:
+        with event.install_listener("numba:compile", loops):
+            yield
+    finally:
+        _reported.clear()
+    if loops.done:
+        progress(COMPILING, loops.done, loops.done)
 
 
 @dataclass(eq=False)

@@ -40,9 +40,8 @@ from ..face.pieces import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis
 from ..loads import LoadProgramme, LoadStep
 from ..studies import FaceResult, Scene, StochasticResult
-from ..studies.face_states import PlaceLeakage
 from ..studies.other_fluid import OtherLeakage, limit_factors
-from ..studies.piece_states import FacePieces
+from ..studies.piece_states import FacePieces, PlaceLeakage
 from ..studies.scene import FluidState
 from ..topography import Places, Topography
 

@@ -33,7 +33,7 @@ from ..case.case import Case
 from ..case.case_tables import FILE_KEYS
 from ..case.reading import load_case
 from ..execution.resuming import Part, alone_in, checked_part, over_store, writing_in
-from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map
+from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map, reporting_compilation
 from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import Prepared, prepare
 from ..refinement.budgets import budgets_of
@@ -42,7 +42,7 @@ from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
 from ..store.store import Store, begin_run, remove_run, resumable, store_folder
 from ..studies import FluidState, OtherLeakage, drop_ratio
-from ..studies.compiling import compile_ahead, reporting_compilation
+from ..studies.compiling import compile_ahead
 from ..studies.doubts import flow_warnings
 from .description import described, solids_text
 from .forecast import refuse_too_large

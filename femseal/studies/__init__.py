@@ -8,9 +8,8 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     scene               the face, its load, its fluid              -> contact_states: contact at every step
     fluid_coupling      contact of the whole face and flow through its gap, solved in turn: the fluid presses it apart
     trapped_liquid      pressures of pockets that keep their liquid
-    face_states         a face in a state; leakage of each measured place, and of all but each
-    face_study          states -> a FaceResult, also with the pieces of the face
-    piece_states        the pieces of a face in its states, or along a ladder of nominal pressures
+    piece_states        the pieces of a face along a ladder of nominal pressures; leakage of its measured places
+    face_study          states of a face -> a FaceResult, also with its pieces
     blocks              a large face by blocks in their own contact -> a BlocksResult
     sampling            options of a drawn seal -> its tiles and, under a map, their pressure
     seal_contact        pressure of the tiles of a seal that has a form

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numba
 import numpy as np
 from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
-from numba.core import event
 
 from .. import contact, flow
 from ..base import Array
 from ..base.stage import Mapper, Stage
+from ..execution.run import COMPILING, Progress, no_progress
 from ..face.piece_flow import FlowSettings, piece_permeability
 from ..flow.cell import harmonic_fill
 from ..flow.grid import energy_of
@@ -27,51 +27,9 @@ from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import hierarchy
 
 log = logging.getLogger("femseal")
-#: What is said while loops are compiled.
-_COMPILING = "compiling, once after an installation"
-#: What reports that loops are compiled; empty where nothing does.
-_REPORTED: list[event.Listener] = []
 
 
-@contextmanager
-def reporting_compilation(progress: Callable[[str, int, int | None], None]) -> Iterator[None]:
-    """Context in which loops that are compiled are reported, as they take a minute after an installation.
-
-    progress : called as progress(stage, done, total): when the first one begins, when one is done, and at the end; how
-        many there will be is not known before. Within another such context that one reports.
-    """
-    if _REPORTED:
-        yield
-        return
-
-    class Loops(event.Listener):  # type: ignore[misc]
-        begun, done = False, 0
-
-        def on_start(self, _: event.Event) -> None:
-            if not self.begun:
-                log.info("%s", _COMPILING)
-                progress(_COMPILING, 0, None)
-            self.begun = True
-
-        def on_end(self, _: event.Event) -> None:
-            self.done += 1
-            progress(_COMPILING, self.done, None)
-
-    loops = Loops()
-    _REPORTED.append(loops)
-    try:
-        with event.install_listener("numba:compile", loops):
-            yield
-    finally:
-        _REPORTED.clear()
-    if loops.done:
-        progress(_COMPILING, loops.done, loops.done)
-
-
-def compile_ahead(
-    mapper: Mapper,
-    progress: Callable[[str, int, int | None], None] = lambda stage, done, total: None,
-) -> None:
+def compile_ahead(mapper: Mapper, progress: Progress = no_progress) -> None:
     """Compile the loops of contact and flow by the processes of a mapper, unless that was done on this machine.
 
     progress : called as progress(stage, done, total).
@@ -79,7 +37,7 @@ def compile_ahead(
     done = _record()
     if done is None or done.exists():
         return
-    stage = Stage(_COMPILING, _compile)
+    stage = Stage(COMPILING, _compile)
     log.info("%s", stage.name)
     progress(stage.name, 0, len(_PARTS))
     for count, _ in enumerate(mapper(stage, list(_PARTS)), start=1):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from math import isfinite
 from typing import Any
 
@@ -19,9 +20,8 @@ from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
 from .doubts import scene_warnings
 from .drawn_error import half_width
-from .face_states import PlaceLeakage, fields_of_rows
-from .face_study import cut_into_pieces
-from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
+from .face_study import cut_into_pieces, fields_of_rows
+from .piece_states import FacePieces, PlaceLeakage, along_paths, ladder_of, pieces_on_ladder
 from .sampling import (
     FEWEST_SEALS,
     MOST_SEALS,
@@ -88,26 +88,26 @@ def stochastic(
     formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
     if formed is None:
         fractions = pressure_fractions(scene, tiles, sampling.pressure_map)
-        supply = _supply(scene, cut, tiles, fractions, mapper)
     else:
-        supply = _supply(scene, cut, tiles, formed.fractions, mapper, formed.opened)
+        fractions = formed.fractions
+    supply = _supply(scene, cut, tiles, fractions, mapper)
+    if formed is not None:
+        supply = replace(supply, opened=formed.opened)
     pieces = supply.pieces
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"pieces: every flow failed; the first: {pieces.failures[0]}")
-    drawn = _drawn(supply, sampling, mapper)
-    leakage = np.array([one.leakage for one in drawn])
-    median = None
+    leakages, texts, counts = zip(*_drawn(supply, sampling, mapper), strict=True)
+    leakage, median = np.array(leakages), None
     few = sampling.median_fields and len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
     if few and (chosen := nearest_to_median(leakage)) is not None:
         fields = partial(_median_seal, supply=supply, seed=sampling.seed)
         (median,) = mapper(Stage("median seal", fields), [chosen])
         if formed is not None:
             median = _with_form(median, tiles, formed)
-    rows, row_breadth = pieces.rows if supply.tiles.in_place else None, scene.surface.spacing[0]
+    rows = fields_of_rows(pieces.rows, scene.surface.spacing[0]) if tiles.in_place else {}
     if formed is not None and formed.grid.has_rows:
-        rows, row_breadth = formed.rows, formed.grid.spacing[0]
-    unsolved = [f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved]
-    failures = (*pieces.failures, *(text for one in drawn for text in one.failures), *unsolved)
+        rows = fields_of_rows(formed.rows, formed.grid.spacing[0])
+    unsolved = (f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved)
     return StochasticResult(
         steps=scene.steps,
         tiles=tiles,
@@ -116,11 +116,11 @@ def stochastic(
         leakage=leakage,
         contact_fraction=1 - supply.over_tiles(1 - pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(supply, leakage),
-        **({} if rows is None else fields_of_rows(rows, row_breadth)),
+        **rows,
         median_seal=median,
-        failures=failures,
+        failures=(*pieces.failures, *chain(*texts), *unsolved),
         warnings=(*scene_warnings(scene), *tiles.warnings),
-        solvers=SolveCounts.total((pieces.counts, *(one.solvers for one in drawn))),
+        solvers=SolveCounts.total((pieces.counts, *counts)),
     )
 
 
@@ -132,11 +132,8 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
     cut, tiles = laid_out(scene.surface, scene.layout, cells, sampling)
     if scene.traps_liquid and not tiles.in_place:
         given = "'trapped' with a seal that takes pieces anywhere of the face"
-        raise InputError(
-            "fluid_pressure",
-            given,
-            "'acts' there, or a seal as broad as the face and pressed evenly",
-        )
+        expected = "'acts' there, or a seal as broad as the face and pressed evenly"
+        raise InputError("fluid_pressure", given, expected)
     return cut, tiles
 
 
@@ -164,9 +161,8 @@ class _Supply:
     @property
     def solved(self) -> list[int]:
         """Numbers of the steps at which permeabilities are known."""
-        unsolved = {s for s, _ in self.unsolved}
-        steps = range(self.k.shape[2])
-        return [s for s in steps if s not in unsolved and np.isfinite(self.k[:, :, s]).all()]
+        known = np.flatnonzero(np.isfinite(self.k).all(axis=(0, 1, 3, 4)))
+        return np.setdiff1d(known, [s for s, _ in self.unsolved]).tolist()
 
     def draw(self, seed: int, realisation: int) -> Indices:
         """Numbers of the pieces of the tiles (tiles,) in a realisation, whoever draws it."""
@@ -201,14 +197,7 @@ class _Supply:
         return curves.along(np.maximum(paths - relief, 0.0), self.scene.steps) @ weights
 
 
-def _supply(
-    scene: Scene,
-    cut: Cut,
-    tiles: SealTiles,
-    fractions: Array,
-    mapper: Mapper,
-    opened: Array | None = None,
-) -> _Supply:
+def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:
     """Pieces at the loads of the scene, or along a ladder of the pressures that tiles have."""
     steps, drop = scene.steps, scene.flow.drop
     if tiles.in_place:
@@ -231,26 +220,21 @@ def _supply(
         k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], 1, -1)
     else:
         k = fluid.own(along_paths(pieces, each, steps))
-    return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.parted_steps, opened)
+    return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.parted_steps)
 
 
-@dataclass(frozen=True, eq=False)
-class _Realisation:
-    """Leakage of one drawn seal at every step (steps,) [m²/s], NaN where it failed."""
-
-    leakage: Array
-    failures: tuple[str, ...]
-    solvers: SolveCounts
+#: Leakage of one drawn seal at every step (steps,) [m²/s], NaN where it failed, why it did, and what was solved.
+_Drawn = tuple[Array, list[str], SolveCounts]
 
 
-def _drawn(supply: _Supply, sampling: Sampling, mapper: Mapper) -> list[_Realisation]:
+def _drawn(supply: _Supply, sampling: Sampling, mapper: Mapper) -> list[_Drawn]:
     """The given number of seals, or as many as the band needs."""
     stage = Stage("drawn seals", partial(_realise, supply=supply, seed=sampling.seed))
     kind, count = _kind(supply.tiles, sampling), sampling.realisations or FEWEST_SEALS
     drawn = list(mapper(stage, range(count)))
     while sampling.realisations is None:
-        wanted = _needed(supply.scene.steps, np.array([one.leakage for one in drawn]), kind)
-        more = min(wanted, 4 * len(drawn))
+        leakage = np.array([one for one, *_ in drawn])
+        more = min(_needed(supply.scene.steps, leakage, kind), 4 * len(drawn))
         if more <= len(drawn):
             break
         drawn += mapper(stage, range(len(drawn), more))
@@ -276,7 +260,7 @@ def _needed(steps: LoadProgramme, leakage: Array, kind: str) -> int:
     return int(np.clip(np.ceil(most), FEWEST_SEALS, MOST_SEALS))
 
 
-def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
+def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Drawn:
     """Draw one seal and solve its flow at every step that has one.
 
     Where pieces stay in their rows, the seal leaks what the face leaks, times the ratio of its tiles to the pieces in
@@ -297,7 +281,7 @@ def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
         solvers.append(SolveCounts.of(found))
         if supply.tiles.in_place:
             leakage[s] = face[s] * np.clip(leakage[s] / own[s], 1 / MOST_RATIO, MOST_RATIO)
-    return _Realisation(leakage, tuple(failures), SolveCounts.total(solvers))
+    return leakage, failures, SolveCounts.total(solvers)
 
 
 def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:

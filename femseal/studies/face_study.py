@@ -1,4 +1,4 @@
-"""Contact and flow of a whole face at full resolution, and of its pieces."""
+"""Contact and flow of a whole face at full resolution in each of its states, and its pieces."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, Shape, Shown, Singles
+from ..base import Array, InputError, Mapper, Shape, Shown, Singles, Stage
 from ..base.arrays import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..base.fields import PIXEL, ROW, STEP, declared
+from ..contact import LoadState
 from ..contact.workspace import KEPT_POINTS
-from ..face.piece_flow import SolveCounts
-from ..face.pieces import Cut
+from ..face.piece_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
+from ..face.pieces import Cut, PieceState
 from ..loads import LoadProgramme
+from ..topography import Places
 from .doubts import scene_warnings
-from .face_states import FaceState, PlaceLeakage, fields_of_rows, place_leakage
-from .piece_states import FacePieces, pieces_of_states
+from .fluid_coupling import CoupledContact
+from .piece_states import FacePieces, PlaceLeakage, joined, permeabilities_of_places
 from .scene import Scene
 
 #: Memory that a pixel of a state takes [byte]: gap, contact pressure and potential, and a bit that says whether it is
@@ -26,6 +29,72 @@ STATE_BYTES, RESULT_BYTES = 12.125, 16.125
 #: Memory that contact and flow of a step take for each pixel, and what the contact of smaller faces keeps for its next
 #: [byte]. Measured on 512² to 4096² pixels.
 _STATE_BYTES, _KEPT_BYTES = 130.0, 130.0
+
+
+@dataclass(frozen=True, eq=False)
+class FaceState:
+    """The contact of the whole face at one step, and the flow through it.
+
+    gap [m], pressure [Pa] : (n1, n2). plastic : a bit for every pixel at the hardness. potential : of the flow, 1 at
+    the inlet and 0 at the outlet, NaN in contact and in pockets (n1, n2).
+    rows : mean pressure of rows (n1,) [Pa]. carried : mean pressure that the fluid carries [Pa].
+    permeability : of the face [m³], NaN where its flow failed, for the `failed` reason.
+    """
+
+    gap: Singles
+    pressure: Singles
+    plastic: NDArray[np.uint8]
+    potential: Singles
+    rows: Array
+    contact_fraction: float
+    plastic_fraction: float
+    mean_gap: float
+    residual: float
+    carried: float
+    permeability: float
+    solvers: SolveCounts
+    failed: str = ""
+
+    @classmethod
+    def of(cls, state: LoadState, flow: FlowSettings) -> FaceState:
+        """Solve the flow through the gap of a step."""
+        contact, carried = state.contact, 0.0
+        found: Any
+        if isinstance(contact, CoupledContact):
+            found, carried = contact.flow, contact.carried
+        else:
+            found = attempt(resolved_flow, contact.gap, contact.half_space.spacing, flow)
+        unknown = np.full(contact.gap.shape, np.nan)
+        return cls(
+            gap=contact.gap.astype(np.float32),
+            pressure=contact.pressure.astype(np.float32),
+            plastic=np.packbits(contact.plastic),
+            potential=getattr(found, "potential", unknown).astype(np.float32),
+            rows=contact.pressure.mean(axis=1),
+            contact_fraction=contact.area_fraction,
+            plastic_fraction=contact.plastic_fraction,
+            mean_gap=contact.mean_gap,
+            residual=contact.residual,
+            carried=carried,
+            permeability=found.permeability,
+            solvers=getattr(found, "solvers", SolveCounts()),
+            failed=getattr(found, "reason", ""),
+        )
+
+
+def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
+    """Fields of a result by their name, from the mean pressure of rows (steps, n1) [Pa], a spacing apart [m].
+
+    The breadth of the band is the distance of the first row in contact from the last, both included.
+    """
+    touching = row_pressure > 0
+    n1 = touching.shape[1]
+    between = n1 - touching.argmax(axis=1) - touching[:, ::-1].argmax(axis=1)
+    return {
+        "row_pressure": row_pressure,
+        "band_breadth": np.where(touching.any(axis=1), between, 0) * spacing,
+        "largest_row_pressure": row_pressure.max(axis=1),
+    }
 
 
 @dataclass(frozen=True, repr=False)
@@ -159,26 +228,28 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
         states.append(replace(state, **{name: v[len(states)] for name, v in fields.items()}))
     for values in (*fields.values(), fluid_pressure):
         values.flags.writeable = False
-    names = "contact_fraction", "plastic_fraction", "mean_gap"
-    means: dict[str, Any] = {n: np.array([getattr(s, n) for s in states]) for n in names}
+    places = None
+    if isinstance(surface, Places):
+        flow = partial(permeabilities_of_places, surface.widths, surface.spacing, scene.flow)
+        found = mapper(Stage("flow of places", flow), fields["gap"])
+        places = PlaceLeakage(scene.unit_leakage * np.array(list(found)).T)
+    names = "contact_fraction", "plastic_fraction", "mean_gap", "rows", "permeability", "carried"
+    of_states: dict[str, Any] = {n: np.array([getattr(s, n) for s in states]) for n in names}
+    failed = zip(scene.steps, states, strict=True)
     return FaceResult(
         steps=scene.steps,
-        leakage=scene.unit_leakage * np.array([state.permeability for state in states]),
-        **means,
-        **fields_of_rows(np.array([state.rows for state in states]), surface.spacing[0]),
+        leakage=scene.unit_leakage * of_states.pop("permeability"),
+        carried_pressure=of_states.pop("carried"),
+        **fields_of_rows(of_states.pop("rows"), surface.spacing[0]),
+        **of_states,
         gap=fields["gap"],
         contact_pressure=fields["pressure"],
         fluid_pressure=fluid_pressure,
-        carried_pressure=np.array([state.carried for state in states]),
         entry_pressure=scene.entry_pressures(one_at_a_time(fields["gap"])),
-        places=place_leakage(scene, fields["gap"], mapper),
+        places=places,
         states=tuple(states),
         residual=max(state.residual for state in states),
-        failures=tuple(
-            f"{step.name}: {s.failed}"
-            for step, s in zip(scene.steps, states, strict=True)
-            if s.failed
-        ),
+        failures=tuple(f"{step.name}: {state.failed}" for step, state in failed if state.failed),
         warnings=scene_warnings(scene),
         face_solvers=SolveCounts.total(state.solvers for state in states),
     )
@@ -222,5 +293,20 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
 def cut_into_pieces(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
     """The solution of a face, with the pieces of a cut."""
     face = deterministic(scene, mapper=mapper)
-    pieces = pieces_of_states(scene, cut, face.states, face.leakage, face.places, mapper)
+    solve = partial(_pieces, cut=cut, flow=scene.flow)
+    found = list(mapper(Stage("pieces of the face", solve), face.states))
+    pieces = joined(scene, cut, scene.steps, found)
+    pieces = replace(pieces, face=face.leakage, places=face.places)
     return replace(face, pieces=pieces, failures=(*face.failures, *pieces.failures))
+
+
+def _pieces(state: FaceState, *, cut: Cut, flow: FlowSettings) -> PieceState:
+    """Cut the fields of a state into pieces, and solve the flow through each."""
+    gap, fractions = state.gap.astype(float), state.potential.astype(float)
+    plastic = np.unpackbits(state.plastic, count=gap.size).view(bool).reshape(gap.shape)
+    if np.isfinite(fractions).any():
+        fractions = drop_fractions(gap, cut.spacing, fractions, flow)
+    # grooves that wind are those of the seal
+    flow = replace(flow, spiral=None)
+    pieces = PieceState.of(gap, state.pressure, cut, flow, plastic, fractions)
+    return replace(pieces, failed=state.failed)

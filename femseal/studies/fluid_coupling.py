@@ -23,25 +23,25 @@ from ..flow.cell import harmonic_fill
 from ..flow.pressure_drop import pressure_between
 from ..fluids import Fluid
 from ..topography import Places
-from .trapped_liquid import PocketPressures, TrappedLiquid
+from .trapped_liquid import TrappedLiquid, liquid_in_pockets
 
 #: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
 #: faces of 256² points, p̄/H .02 to .2: two to five for p_in/p̄ up to .3, at most six up to 1.
 #: Pockets of liquid that lift the faces off each other's rims take up to twenty-five.
-RTOL, MOST_ROUNDS, MOST_TRAPPED_ROUNDS = 1e-3, 40, 60
+RTOL, MOST_ROUNDS = 1e-3, 60
 #: Mean fluid pressure over the nominal pressure below which it changes leakage by less than 0.5 % and is left out.
 LEAST_FRACTION = 1e-4
 _POINTS = 201
 #: Part of the nominal pressure that the fluid carries at most in the first round; part left to the contact where the
 #: rounds end and the load is sought at which the faces part.
 _FIRST_CARRIED, _LEAST_ROOM = 0.9, 0.01
-#: Rounds after which half of each step is taken.
-_WHOLE_STEPS = 10
 #: Loads of the contact over the pressure of the inlet among which the least nominal pressure is sought; the factor from
 #: one load to the next above them; relative error of a load; share of the tolerance of the rounds under it.
 _LOADS, _STEP, _LOAD_RTOL, _SHARE = np.array([1e-4, 1e-2, 1e-1]), 3.0, 1e-4, 0.1
-#: Rounds after which a face that holds trapped liquid counts as closed.
-_CLOSED_ROUNDS = 4
+#: Rounds after which a face that holds trapped liquid counts as closed, and after which its liquid only leaves.
+_CLOSED_ROUNDS, _RELEASE_ROUNDS = 4, 25
+#: The metal around a pocket flows under a liquid at its hardness. What would need more than this fraction escapes.
+_MOST_OF_HARDNESS = 0.9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +128,6 @@ class FluidPressure:
         *,
         pressure: float,
         former: TrappedLiquid | None = None,
-        start: Array | None = None,
         share: float = 1.0,
         **settings: Any,
     ) -> Contact | CoupledContact:
@@ -136,86 +135,72 @@ class FluidPressure:
 
         The contact alone where the fluid carries less than 1e-4 of the load and none is trapped.
 
-        former : liquid in the pockets of the load before. start : fluid pressure of the first round; that of an even
-        drop unless given. share : of the tolerance, which is enough once the rounds are many. settings : other
-        arguments of `solve_contact`.
+        former : liquid in the pockets of the load before. share : of the tolerance. settings : other arguments of
+        `solve_contact`.
 
         Raises NotConverged: a contact failed.
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
         together = self.nominal == "total"
-        p_f = self.even_drop(half_space.shape) if start is None else start
-        around, trapped, pockets, most = p_f, None, None, MOST_ROUNDS
-        if self.trapped:
-            law, most = contact_law(settings.get("hardness", np.inf)), MOST_TRAPPED_ROUNDS
-            pockets = PocketPressures(
-                former,
-                half_space,
-                bulk_modulus=getattr(self.fluid, "bulk_modulus", None) or np.inf,
-                hardness=float(np.min(law.yield_pressure())),
-                load=pressure,
-            )
-            p_f = pockets.first(p_f)
-        last, error = np.nan, np.inf
-        scale = max(abs(self.inlet), abs(self.outlet))
-        given, gave, closed, part = p_f, p_f, 0, 1.0
-        for n in range(1, most + 1):
+        p_f = self.even_drop(half_space.shape)
+        law = contact_law(settings.get("hardness", np.inf))
+        most = _MOST_OF_HARDNESS * float(np.min(law.yield_pressure()))
+        if former is not None:  # a load moves pockets as if they carried all of it
+            p_f = np.minimum(former.on(p_f, pressure - former.load), most)
+        trapped, last, error, closed, part = None, np.nan, np.inf, 0, 1.0
+        scale, given, gave = max(abs(self.inlet), abs(self.outlet)), p_f, p_f
+        for n in range(1, MOST_ROUNDS + 1):
             carried = float(p_f.mean())
-            liquid = former if trapped is None else trapped
-            if liquid is not None and together and self.carried < 0.9 * pressure < carried:
-                # pockets that carry all of the load open; what flows around them may carry more than most of it
-                above = np.where(liquid.pocket > 0, np.maximum(p_f - around, 0.0), 0.0)
-                whole = max(float(above.mean()), 1e-300)
-                p_f = p_f - above * min((carried - 0.9 * pressure) / whole, 1.0)
-                carried = float(p_f.mean())
             if n == 1 and together and carried > _FIRST_CARRIED * pressure:
                 p_f = given = gave = p_f * (_FIRST_CARRIED * pressure / carried)
                 carried = float(p_f.mean())
-            room, load = (
-                (pressure - carried, pressure) if together else (np.inf, pressure + carried)
-            )
-            contact = solve_contact(
-                gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings
-            )
+            room = pressure - carried if together else np.inf
+            load = pressure if together else max(pressure + carried, 0.0)
+            contact = solve_contact(gap0, half_space, pressure=load, fluid_pressure=p_f, **settings)
             flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings)
             if isinstance(flow, Failed):
                 break
-            last_p_f = p_f
-            around = found = self._pressure(flow, last_p_f)
-            if pockets is not None:
-                is_pocket = np.isnan(self.above_surroundings(flow.potential)) & (contact.gap > 0)
-                trapped = pockets.next(contact.gap, is_pocket, last_p_f, found)
-                in_contact = np.nan if contact.gap.any() else found
-                filled = np.where(contact.gap > 0, trapped.on(found), in_contact)
-                found = harmonic_fill(filled)
+            found, is_open = self._pressure(flow, p_f), contact.gap > 0
+            if self.trapped:
+                trapped = liquid_in_pockets(
+                    former,
+                    half_space,
+                    contact.gap,
+                    np.isnan(flow.potential) & is_open,
+                    given=p_f,
+                    around=found,
+                    bulk_modulus=getattr(self.fluid, "bulk_modulus", None) or np.inf,
+                    most=most,
+                    load=pressure,
+                    leaves=n > _RELEASE_ROUNDS,
+                )
+                in_contact = np.nan if is_open.any() else found
+                found = harmonic_fill(np.where(is_open, trapped.on(found), in_contact))
                 scale = max(scale, float(np.abs(found).max()))
-            p_f, given, gave = _mixed(last_p_f, found, given, gave), last_p_f, found
+            p_f, given, gave = _mixed(p_f, found, given, gave), p_f, found
             if trapped is not None:
                 p_f = trapped.on(p_f)
-            taken, part = part, 1.0 if n <= _WHOLE_STEPS or trapped is not None else 0.5
+            taken, part = part, 1.0
             if (more := float(p_f.mean()) - carried) >= room:
                 part = 0.5 * room / more  # half of the way to where the contact carries nothing
-            if part < 1:
-                p_f = last_p_f + part * (p_f - last_p_f)
+                p_f = given + part * (p_f - given)
             k = flow.permeability
             if last:
                 error = abs(k / last - 1) / taken
             else:  # closed faces have to stay as they are
-                moved = float(np.abs((found - last_p_f).mean(axis=1)).max()) / scale
+                moved = float(np.abs((found - given).mean(axis=1)).max()) / scale
                 error = moved if k == 0 else np.inf
             if trapped is not None:  # of closed faces only the volumes have to stay
                 closed = closed + 1 if k == 0 else 0
                 error = max(error if closed < _CLOSED_ROUNDS else 0.0, trapped.error)
-            if error <= (share if n <= _WHOLE_STEPS else 1.0) * RTOL:
+            if error <= share * RTOL:
                 return CoupledContact(
                     **vars(contact), flow=flow, carried=carried, rounds=n, trapped=trapped
                 )
             if room <= _LEAST_ROOM * pressure:
-                break
+                return self._near_opening(gap0, half_space, pressure, settings)
             last = k
-        if room <= _LEAST_ROOM * pressure:
-            return self._near_opening(gap0, half_space, pressure, settings)
         if not isinstance(flow, Failed):
             flow = Failed(
                 f"contact and fluid pressure: after {n} rounds the permeability still changes by {error:.1e}"
@@ -235,16 +220,12 @@ class FluidPressure:
 
         known: dict[float, Any] = {}
         alone = replace(self, nominal="contact", trapped=False)
-        start = even = self.even_drop(half_space.shape)
 
         def total(load: float) -> float:
-            nonlocal start
             if load not in known:
                 known[load] = alone.contact(
-                    gap0, half_space, pressure=load, start=start, share=_SHARE, **settings
+                    gap0, half_space, pressure=load, share=_SHARE, **settings
                 )
-                if not isinstance(flow := known[load].flow, Failed):
-                    start = self._pressure(flow, start)
             return load + known[load].carried
 
         loads = (_LOADS * max(abs(self.inlet), abs(self.outlet))).tolist()
@@ -267,6 +248,7 @@ class FluidPressure:
             return known[
                 brentq(lambda load: total(load) - pressure, above / _STEP, above, rtol=_LOAD_RTOL)
             ]
+        even = self.even_drop(half_space.shape)
         contact = solve_contact(
             gap0, half_space, pressure=float(even.mean()), fluid_pressure=even, **settings
         )

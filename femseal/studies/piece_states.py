@@ -1,34 +1,29 @@
-"""States of a face cut into pieces, at the loads of a scene or along a ladder of nominal pressures."""
+"""States of a face cut into pieces along a ladder of nominal pressures, and leakage of its measured places."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
-from ..base import Array, Mapper, Stage
-from ..base.fields import PIECE, STATE, Field, declared
+from ..base import Array, Floats, Mapper, Pair, Shown
+from ..base.fields import PIECE, PLACE, STATE, STEP, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
-from ..face.piece_flow import (
-    Failed,
-    FlowSettings,
-    SolveCounts,
-    attempt,
-    drop_fractions,
-    resolved_flow,
-)
+from ..face.piece_flow import Failed, FlowSettings, SolveCounts, attempt, resolved_flow
 from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
-from ..loads import LoadProgramme, LoadStep
+from ..loads import LoadProgramme, LoadStep, least_counted
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
-from .face_states import FaceState, PlaceLeakage, permeabilities_of_places
+from ..topography.combined import divided
 from .scene import Scene
 
+#: Places from which on their scatter tells how far the leakage of more of them may lie.
+FEWEST = 3
 #: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
 #: straight in it: on four faces under a map of ± 40 % and fluids that act, leakage on loading is within 1.2 % of that
 #: of states of its own, down to a hundredth of the first; with 1/16 within 2.5 %.
@@ -40,6 +35,77 @@ _STOPS, _PEAK_STEP, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1 / 12
 #: Relative distance to a peak, or to the lowest or highest pressure, within which there is no rung; and to a peak
 #: within which these need no state of their own: a slope between closer states is that of their errors.
 _NEAR, _SAME = 0.02, 1e-3
+
+
+@dataclass(frozen=True, repr=False)
+class PlaceLeakage(Shown):
+    """Leakage by places, NaN where the flow failed.
+
+    kept : of each place by itself, continued periodically, and from three on of all but each, side by side
+        (2 places, steps) [m²/s].
+    """
+
+    kept: Array = field(metadata={"unit": "m^2/s"})
+
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "alone": Field(
+            "leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE
+        ),
+        "without": Field(
+            "leakage_without_place",
+            "m^2/s",
+            "leakage per unit seal length, of all places but one",
+            PLACE,
+        ),
+        "scatter": Field(
+            "place_scatter",
+            "1",
+            "standard deviation of the leakage of single places over its mean",
+            STEP,
+            "places ± [%]",
+        ),
+    }
+
+    @property
+    def alone(self) -> Array:
+        """Leakage of each place by itself (places, steps)."""
+        return self.kept if self.without is None else self.kept[: len(self.without)]
+
+    @property
+    def without(self) -> Array | None:
+        """Leakage of all places but each (places, steps); None of two."""
+        places = len(self.kept) // 2
+        return self.kept[places:] if places >= FEWEST else None
+
+    @property
+    def relative(self) -> Array:
+        """Leakage of each place over that of their mean (places,), mean over the loads that count; 0 if none leaks."""
+        mean = self.alone.mean(axis=0)
+        counts = mean > least_counted(mean)
+        return (self.alone[:, counts] / mean[counts]).sum(axis=1) / max(1, counts.sum())
+
+    @property
+    def scatter(self) -> Array:
+        """Standard deviation of the leakage of single places over its mean (steps,); NaN where none leaks."""
+        mean = self.alone.mean(axis=0)
+        return np.divide(
+            self.alone.std(axis=0, ddof=1), mean, out=np.full(mean.shape, np.nan), where=mean > 0
+        )
+
+
+def permeabilities_of_places(
+    widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, gap: Floats
+) -> Array:
+    """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed.
+
+    gap : of all places beside each other (n1, n2) [m]. widths : of each, in points.
+    """
+    pieces = divided(gap, widths)
+    chosen = [[piece] for piece in pieces]
+    if len(pieces) >= FEWEST:
+        chosen += [[*pieces[:n], *pieces[n + 1 :]] for n in range(len(pieces))]
+    gaps = (np.concatenate(some, axis=1) for some in chosen)
+    return np.array([attempt(resolved_flow, gap, spacing, settings).permeability for gap in gaps])
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,23 +181,6 @@ class FacePieces:
         return factors(self.face, self.own, self.steps)
 
 
-def pieces_of_states(
-    scene: Scene,
-    cut: Cut,
-    states: Sequence[FaceState],
-    leakage: Array,
-    places: PlaceLeakage | None,
-    mapper: Mapper,
-) -> FacePieces:
-    """The pieces of a face in its states at the loads of the scene.
-
-    leakage, places : of the face [m²/s], and by measured places.
-    """
-    solve = partial(_of_face_state, cut=cut, flow=scene.flow)
-    found = list(mapper(Stage("pieces of the face", solve), states))
-    return replace(_joined(scene, cut, scene.steps, found), face=leakage, places=places)
-
-
 def pieces_on_ladder(
     scene: Scene,
     cut: Cut,
@@ -148,7 +197,7 @@ def pieces_on_ladder(
         flow=replace(scene.flow, spiral=None),
         widths=getattr(scene.surface, "widths", ()),
     )
-    return _joined(scene, cut, steps, list(dry.contact_states(take, steps=steps, mapper=mapper)))
+    return joined(scene, cut, steps, list(dry.contact_states(take, steps=steps, mapper=mapper)))
 
 
 def _of_state(
@@ -157,27 +206,13 @@ def _of_state(
     """Cut the contact of a state into pieces, and solve the flow through the face and its places."""
     gap = state.contact.gap
     pieces = PieceState.of(gap, state.contact.pressure, cut, flow)
-    of_places = permeabilities_of_places(gap, widths, cut.spacing, flow) if widths else None
+    of_places = permeabilities_of_places(widths, cut.spacing, flow, gap) if widths else None
     through = attempt(resolved_flow, gap, cut.spacing, flow)
     failed = getattr(through, "reason", "")
     return replace(pieces, face=through.permeability, places=of_places, failed=failed)
 
 
-def _of_face_state(state: FaceState, *, cut: Cut, flow: FlowSettings) -> PieceState:
-    """Cut the fields of a state into pieces, and solve the flow through each."""
-    gap, potential = state.gap.astype(float), state.potential.astype(float)
-    plastic = np.unpackbits(state.plastic, count=gap.size).view(bool).reshape(gap.shape)
-    fractions = potential
-    if not np.isnan(potential).all():
-        fractions = drop_fractions(gap, cut.spacing, potential, flow)
-    flow = replace(flow, spiral=None)
-    pieces = PieceState.of(gap, state.pressure, cut, flow, plastic, fractions)
-    return replace(pieces, failed=state.failed)
-
-
-def _joined(
-    scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[PieceState]
-) -> FacePieces:
+def joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[PieceState]) -> FacePieces:
     """Join the states, and solve the flow over the pieces in their own order."""
     pressures = tuple(scene.flow.drop.pressures)
     k = np.stack([state.k for state in taken], axis=2)

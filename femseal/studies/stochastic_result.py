@@ -25,8 +25,7 @@ from ..face.piece_flow import SolveCounts
 from ..loads import FLOOR, LoadProgramme
 from ..seal.mesh_seal import ElementSeal
 from ..seal.tiles import SealTiles
-from .face_states import PlaceLeakage
-from .piece_states import FacePieces
+from .piece_states import FacePieces, PlaceLeakage
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,13 +13,6 @@ from numpy.typing import NDArray
 from ..base import Array, Flags, Indices
 from ..contact import HalfSpace
 
-#: Fraction of a Newton step that is taken: pockets lift each other's rims. Largest step over the load.
-_DAMPING, _LARGEST_STEP = 0.7, 0.3
-#: The metal around a pocket flows under a liquid at its hardness. What would need more than this fraction escapes.
-_MOST_OF_HARDNESS = 0.9
-#: Rounds after which pressures only fall.
-_RELEASE_ROUNDS = 25
-
 
 @dataclass(frozen=True, eq=False)
 class TrappedLiquid:
@@ -41,110 +34,83 @@ class TrappedLiquid:
     error: float = 0.0
 
     def on(self, around: Array, step: Array | float | None = None) -> Array:
-        """Fluid pressures (n1, n2) [Pa]: those of the pockets after a step [Pa], `step` unless given; else `around`."""
-        own = np.r_[np.nan, np.maximum(self.pressure + (self.step if step is None else step), 0.0)][
-            np.maximum(self.pocket, 0)
-        ]
+        """Fluid pressures (n1, n2) [Pa]: those of the pockets after a step, their own unless given; else `around`."""
+        after = np.maximum(self.pressure + (self.step if step is None else step), 0.0)
+        own = np.r_[np.nan, after][np.maximum(self.pocket, 0)]
         return np.where(np.isnan(own), around, own)
 
 
-class PocketPressures:
-    """Finds the pressures of pockets, round by round, at one load.
+def liquid_in_pockets(
+    former: TrappedLiquid | None,
+    half_space: HalfSpace,
+    gap: Array,
+    is_pocket: Flags,
+    *,
+    given: Array,
+    around: Array,
+    bulk_modulus: float,
+    most: float,
+    load: float,
+    leaves: bool,
+) -> TrappedLiquid:
+    """Pressures of pockets, and a step of Newton's method towards their amounts.
 
-    former : liquid that the load before has left. bulk_modulus : B [Pa], inf of an incompressible liquid.
-    hardness : the least of the face [Pa]. load : nominal pressure [Pa].
+    former : liquid that the load before has left. gap : (n1, n2) [m] under the pressure `given` (n1, n2) [Pa].
+    is_pocket : open points that no end reaches. around : pressure that a liquid has which does not keep its volume
+    [Pa]. bulk_modulus : B [Pa], inf of an incompressible liquid. most : of a pressure [Pa]. load : nominal pressure
+    [Pa]. leaves : pressures only fall, as liquid that lifts its rim again and again is lost.
+
+    Notes
+    -----
+    Slope of the volume: that of a circle of the same area A in a half-space, 16 A √(A/π) / (3π E*). Parts of a
+    pocket that divides have one pressure at this load, and so have pockets that join.
     """
+    pocket, n = label_pockets(is_pocket)
+    point = float(np.prod(half_space.spacing))
+    old = np.zeros_like(pocket) if former is None else np.maximum(former.pocket, 0)
+    kept = np.zeros(0) if former is None else former.amount / point
+    group, count = _groups(pocket, n, old, kept.size)
+    of_point = np.r_[0, group + 1][pocket]
+    points = np.bincount(of_point.ravel(), minlength=count + 1)[1:]
+    total, area = _sums(of_point, count, gap) * point, points * point
+    p, outside = (_sums(of_point, count, field) / points for field in (given, around))
+    amount = gap * np.exp(around / bulk_modulus)
+    if former is not None:
+        volume = _sums(old, kept.size, gap)
+        density = np.divide(kept, volume, out=np.zeros_like(volume), where=volume > 0)
+        amount[former.pocket != 0] = 0.0
+        amount += gap * np.r_[0.0, density][old]
+    known = np.isin(np.arange(1, count + 1), of_point[old > 0])
+    wanted = _sums(of_point, count, amount) * point
+    miss = wanted * np.exp(-p / bulk_modulus) - total
+    slope = 16 * area * np.sqrt(area / np.pi) / (3 * np.pi * half_space.modulus)
+    slope += total / bulk_modulus
+    # no tension: vapour takes what the liquid does not fill
+    least = np.minimum(outside, 0.0)
+    new = np.clip(p + miss / slope, least, np.maximum(most, least))
+    if leaves:
+        new = np.minimum(new, p)
+    stays = known & (new < most) & ~((miss > 0) & leaves)
+    counted = stays & (new > least)
+    error = float(np.abs(miss[counted]).sum() / total.sum()) if count else 0.0
+    own, step = np.where(known, p, outside), np.where(known, new - p, np.nan)
+    left = np.where(stays, wanted / total, np.exp(own / bulk_modulus))
+    volumes = _sums(pocket, n, gap) * point
+    pocket = np.where(gap > 0, pocket, np.int32(-1))
+    return TrappedLiquid(pocket, own[group], left[group] * volumes, load, step[group], error)
 
-    def __init__(
-        self,
-        former: TrappedLiquid | None,
-        half_space: HalfSpace,
-        *,
-        bulk_modulus: float,
-        hardness: float,
-        load: float,
-    ):
-        self.former, self.half_space, self.bulk_modulus, self.load = (
-            former,
-            half_space,
-            bulk_modulus,
-            load,
-        )
-        self.most = _MOST_OF_HARDNESS * hardness
-        self.rounds = 0
 
-    def first(self, around: Array) -> Array:
-        """Fluid pressures (n1, n2) [Pa] to begin with: a load moves pockets as if they carried all of it."""
-        if self.former is None:
-            return around
-        return np.minimum(self.former.on(around, self.load - self.former.load), self.most)
+def _groups(
+    pocket: NDArray[np.int32], n: int, old: NDArray[np.int32], former: int
+) -> tuple[Indices, int]:
+    """Number of the group of each of n pockets, which has one pressure, and how many groups there are.
 
-    def next(self, gap: Array, is_pocket: Flags, given: Array, around: Array) -> TrappedLiquid:
-        """Pressures of pockets, and a step of Newton's method towards their amounts.
-
-        gap : (n1, n2) [m] under the pressure `given` (n1, n2) [Pa]. is_pocket : open points that no end reaches.
-        around : pressure that a liquid has which does not keep its volume [Pa].
-
-        Notes
-        -----
-        Slope of the volume: that of a circle of the same area A in a half-space, 16 A √(A/π) / (3π E*). Parts of a
-        pocket that divides have one pressure at this load, and so have pockets that join.
-        """
-        self.rounds += 1
-        pocket, n = label_pockets(is_pocket)
-        point = float(np.prod(self.half_space.spacing))
-        group, count = self._groups(pocket, n)
-        of_point = np.r_[0, group + 1][pocket]
-        points = np.bincount(of_point.ravel(), minlength=count + 1)[1:]
-        total, area = _sums(of_point, count, gap) * point, points * point
-        p, outside = (_sums(of_point, count, field) / points for field in (given, around))
-        amount = gap * np.exp(around / self.bulk_modulus)
-        known = np.zeros(count, bool)
-        if self.former is not None:
-            old = np.maximum(self.former.pocket, 0)
-            former = self.former.amount / point
-            volume = _sums(old, former.size, gap)
-            density = np.divide(former, volume, out=np.zeros_like(volume), where=volume > 0)
-            amount[self.former.pocket != 0] = 0.0
-            amount += gap * np.r_[0.0, density][old]
-            both = (pocket > 0) & (old > 0)
-            known = np.bincount(of_point[both] - 1, minlength=count) > 0
-        wanted = _sums(of_point, count, amount) * point
-        miss = wanted * np.exp(-p / self.bulk_modulus) - total
-        slope = 16 * area * np.sqrt(area / np.pi) / (3 * np.pi * self.half_space.modulus)
-        slope += total / self.bulk_modulus
-        largest = _LARGEST_STEP * self.load
-        step = np.clip(_DAMPING * miss / slope, -largest, largest)
-        # no tension: vapour takes what the liquid does not fill
-        least = np.minimum(outside, 0.0)
-        new = np.clip(p + step, least, np.maximum(self.most, least))
-        late = self.rounds > _RELEASE_ROUNDS
-        if late:  # what lifts its rim again and again loses liquid
-            new = np.minimum(new, p)
-        escapes = (new >= self.most) | ((miss > 0) & late)
-        counted = known & ~escapes & (new > least)
-        error = float(np.abs(miss[counted]).sum() / total.sum()) if count else 0.0
-        left = np.where(
-            known & ~escapes,
-            wanted / total,
-            np.exp(np.where(known, p, outside) / self.bulk_modulus),
-        )
-        volumes = _sums(pocket, n, gap) * point
-        own, step = np.where(known, p, outside), np.where(known, new - p, np.nan)
-        pocket = np.where(gap > 0, pocket, np.int32(-1))
-        return TrappedLiquid(
-            pocket, own[group], left[group] * volumes, self.load, step[group], error
-        )
-
-    def _groups(self, pocket: NDArray[np.int32], n: int) -> tuple[Indices, int]:
-        """Number of the group of each of n pockets, which has one pressure, and how many groups there are."""
-        if self.former is None or n == 0:
-            return np.arange(n), n
-        both = (pocket > 0) & (self.former.pocket > 0)
-        a, b = pocket[both] - 1, n + self.former.pocket[both] - 1
-        group = _components(a, b, n + self.former.amount.size)
-        numbers, of_pocket = np.unique(group[:n], return_inverse=True)
-        return of_pocket, numbers.size
+    old : numbers of the pockets of the load before, of which there were `former`.
+    """
+    both = (pocket > 0) & (old > 0)
+    group = _components(pocket[both] - 1, n + old[both] - 1, n + former)
+    numbers, of_pocket = np.unique(group[:n], return_inverse=True)
+    return of_pocket, numbers.size
 
 
 def label_pockets(is_pocket: Flags) -> tuple[NDArray[np.int32], int]:

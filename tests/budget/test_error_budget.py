@@ -11,9 +11,9 @@ from small_cases import SWEPT, steel_scene
 
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
-from femseal.budget.error_parts import scale_of_changes
+from femseal.budget.error_parts import pixels_part, scale_of_changes
 from femseal.budget.estimates import median_interval
-from femseal.budget.resolution import filter_part, pixels_part
+from femseal.budget.resolution import filter_part
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
 from femseal.refinement.budgets import coarser_points
