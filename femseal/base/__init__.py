@@ -5,19 +5,6 @@ from typing import TYPE_CHECKING
 from .lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .arrays import (
-        AnyPath,
-        Array,
-        Flags,
-        Floats,
-        Indices,
-        Lengths,
-        Pair,
-        Periodic,
-        Shape,
-        Singles,
-        reals,
-    )
     from .errors import (
         FemsealError,
         InputError,
@@ -25,13 +12,12 @@ if TYPE_CHECKING:
         NotConverged,
         NotKept,
         PartsMissing,
-        counted,
         shortened,
         shown,
     )
     from .files import made_folder, read_plain, replacing, write_bytes, write_text, writing
     from .machine import free_memory, numerical_versions, versions
-    from .quantities import to_si, to_text
+    from .quantities import counted, to_si, to_text
     from .stage import Mapper, Stage
     from .text import (
         Labelled,
@@ -45,6 +31,19 @@ if TYPE_CHECKING:
         labelled,
         number_text,
         rows_of,
+    )
+    from .validate import (
+        AnyPath,
+        Array,
+        Flags,
+        Floats,
+        Indices,
+        Lengths,
+        Pair,
+        Periodic,
+        Shape,
+        Singles,
+        reals,
     )
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from reprlib import Repr
-from typing import Any, SupportsInt
+from typing import Any
 
 #: Longest text of a user in a message, in characters; longer ones lose their middle.
 _LONGEST = 160
@@ -66,7 +66,7 @@ class InputErrors(InputError):
     def __str__(self) -> str:
         lines = [str(fault) for fault in self.faults[:_MOST_FAULTS]]
         more = len(self.faults) - len(lines)
-        return "\n".join([*lines, counted(more, "more fault")] if more else lines)
+        return "\n".join([*lines, f"{more} more fault{'s' * (more > 1)}"] if more else lines)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return InputErrors, (self.faults,)
@@ -85,15 +85,6 @@ def shortened(given: object, longest: int = _LONGEST) -> str:
         return text
     half = (longest - 1) // 2
     return f"{text[:half]}…{text[-half:]}"
-
-
-def counted(count: SupportsInt, noun: str) -> str:
-    """A number of things for a message.
-
-    >>> counted(1, "more step"), counted(2, "piece")
-    ('1 more step', '2 pieces')
-    """
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def shown(given: object) -> str:

@@ -22,8 +22,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Flags, reals
 from .errors import InputError, shown
+from .validate import Flags, reals
 
 Kind = Literal["volume", "mass", "throughput", "standard", "drops", "bubbles"]
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).

@@ -3,7 +3,7 @@
 import re
 from functools import cache, lru_cache
 from math import isfinite
-from typing import Any
+from typing import Any, SupportsInt
 
 from .errors import InputError, shown
 
@@ -194,6 +194,15 @@ def to_text(value: float, unit: str, digits: int = 4) -> str:
         return f"{value:g} {unit}"
     factor, prefix = next((p for p in _PREFIXES if abs(value) >= p[0] * (1 - 1e-12)), _PREFIXES[-1])
     return f"{value / factor:.{digits}g} {prefix}{unit}"
+
+
+def counted(count: SupportsInt, noun: str) -> str:
+    """A number of things for a message.
+
+    >>> counted(1, "more step"), counted(2, "piece")
+    ('1 more step', '2 pieces')
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def unit_text(unit: str) -> str:

@@ -14,9 +14,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .errors import counted
 from .lazy_package import displays
-from .quantities import to_text, with_its_unit
+from .quantities import counted, to_text, with_its_unit
 
 #: Width of the column under the names of groups in the terminal.
 _GROUP = 13

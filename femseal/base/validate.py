@@ -1,10 +1,11 @@
-"""Checks of arguments: each returns the clean value or raises an InputError that names the argument.
+"""Types of arguments and their checks: each returns the clean value or raises an InputError that names the argument.
 
 Parameters of classes that a case can choose, such as fluids, are declared once with unit and range; the case file gets
 a key for each of them from the same metadata.
 """
 
 import dataclasses
+import os
 from collections.abc import Mapping
 from math import inf, isfinite
 from numbers import Real
@@ -12,10 +13,30 @@ from operator import index
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Array, Pair, Periodic, Shape
-from .errors import InputError, counted
-from .quantities import unit_text
+from .errors import InputError
+from .quantities import counted, unit_text
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+#: Real numbers in single precision, and in any.
+Singles = NDArray[np.float32]
+Floats = NDArray[np.floating]
+#: Of a file or a folder.
+AnyPath = str | os.PathLike[str]
+#: Along x1 and x2: points, lengths, whether a map repeats itself.
+Shape = tuple[int, int]
+Pair = tuple[float, float]
+Periodic = tuple[bool, bool]
+#: Along x1 and x2, or the same along both.
+Lengths = float | Pair
+
+
+def reals(values: ArrayLike) -> Array:
+    """Values as an array of real numbers."""
+    return np.asarray(values, dtype=np.float64)
 
 
 def number(

@@ -22,8 +22,7 @@ import numpy as np
 import psutil
 
 from ..base import FemsealError, Mapper, Stage, free_memory
-from ..base.arrays import sharing
-from ..base.threads import using
+from ..base.machine import sharing
 
 log = logging.getLogger("femseal.execution.processes")
 #: Fraction of the free memory that the concurrent calls of a stage may take together.
@@ -211,6 +210,8 @@ def _end_at_exit() -> None:
 def _call_stored(parent: int, path: str, threads: int, *args: Any) -> Any:
     _folders.add(str(Path(path).parent))
     _end_with(parent)
+    from ..base.compiled import using  # numba is not loaded by the process that starts others
+
     with using(threads):
         return _stored(path)(*args)
 

@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import ElementQuadRT0
 
 from ..base import Array, Lengths, Shown, validate
-from ..base.compiled import compiled
-from ..base.threads import number, over, rows, using
+from ..base.compiled import compiled, number, over, rows, using
 from . import forms
 from .balance import balanced_link_fluxes
 from .coefficient import links_of_rows, unit_spacing, validated_cell

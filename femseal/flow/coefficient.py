@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, Lengths, validate
-from ..base.compiled import compiled, inner
-from ..base.threads import over, rows
+from ..base.compiled import compiled, inner, over, rows
 from .law import cubic_law
 
 SIDES = ("mirror", "periodic")

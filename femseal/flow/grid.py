@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 
 from ..base import Array, Indices, InputError
-from ..base.compiled import compiled
-from ..base.threads import over, rows
+from ..base.compiled import compiled, over, rows
 from . import forms
 
 #: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that the edge of each sample joins.

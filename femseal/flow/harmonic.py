@@ -6,8 +6,7 @@ Links of five points between unknown pixels, and to the known ones beside them; 
 
 import numpy as np
 
-from ..base import Array
-from ..base.arrays import Flags, Singles
+from ..base import Array, Flags, Singles
 from .solvers.hierarchy import levels_of
 from .solvers.multigrid import cycle
 

@@ -21,9 +21,8 @@ from math import frexp, ldexp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.arrays import Array, Flags, Lengths
-from ..base.compiled import compiled, inner
-from ..base.threads import over, rows
+from ..base import Array, Flags, Lengths
+from ..base.compiled import compiled, inner, over, rows
 from .coefficient import gap_on_links, validated_cell
 from .grid import Stencil
 

@@ -15,7 +15,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.arrays import Array
+from ..base import Array
 from ..base.fixed_point import fixed_point
 from .law import CUBIC_LAW, FlowLaw, law_of, widened
 from .percolation import critical_constriction

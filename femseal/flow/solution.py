@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..base.arrays import Array
+from ..base import Array
 from ..base.errors import InputError
 
 #: Solvers of the flow through a grid.

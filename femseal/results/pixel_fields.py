@@ -25,13 +25,13 @@ from ..base import (
     to_text,
     writing,
 )
-from ..base.arrays import give_back
 from ..base.fields import (
     PIXEL,
     READABLE,
     Field,
     fields_of,
 )
+from ..base.machine import give_back
 from . import vtk_files
 from .results import piece as checked_piece
 

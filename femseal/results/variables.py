@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, to_text
-from ..base.arrays import one_at_a_time
 from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,
@@ -34,6 +33,7 @@ from ..base.fields import (
     fields_of,
 )
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakClass, leak_classes, within
+from ..base.machine import one_at_a_time
 from ..base.quantities import with_its_unit
 from ..budget import ErrorBudget, ErrorPart
 from ..face.pieces import Cut

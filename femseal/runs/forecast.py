@@ -16,7 +16,7 @@ import psutil
 from scipy import fft
 
 from ..base import FemsealError, InputError, counted, duration, free_memory, to_text
-from ..base.arrays import storing
+from ..base.machine import storing
 from ..budget import model_changes
 from ..case.case import Case
 from ..contact import Contact, HalfSpace, solve_contact

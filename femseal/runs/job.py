@@ -26,13 +26,23 @@ from ..base import (
     to_text,
     writing,
 )
-from ..base.arrays import storing
 from ..base.files import remove_foreign
+from ..base.machine import storing
 from ..budget import ErrorBudget
 from ..case.case import Case, load_case
 from ..case.case_tables import FILE_KEYS
 from ..case.faces import FileFace
-from ..execution.resuming import Part, alone_in, checked_part, over_store, writing_in
+from ..execution.resuming import (
+    Part,
+    alone_in,
+    begin_run,
+    checked_part,
+    over_store,
+    remove_run,
+    resumable,
+    store_folder,
+    writing_in,
+)
 from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map
 from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import Prepared, prepare
@@ -40,7 +50,7 @@ from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import chosen, last_version, refine_to_accuracy
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
-from ..store.store import Store, begin_run, remove_run, resumable, store_folder
+from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead, reporting_compilation
 from ..studies.doubts import flow_warnings

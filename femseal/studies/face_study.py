@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, InputError, Mapper, Shape, Shown, Singles
-from ..base.arrays import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..base.fields import PIXEL, ROW, STEP, declared
+from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact.workspace import KEPT_POINTS
 from ..face.piece_flow import SolveCounts
 from ..face.pieces import Cut

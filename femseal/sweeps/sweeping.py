@@ -23,14 +23,13 @@ from ..base import (
     shown,
 )
 from ..case.case import Case, parse_case, read_case
-from ..execution.resuming import Part, alone_in, own_items
+from ..execution.resuming import Part, alone_in, own_items, refuse_unfinished
 from ..execution.run import no_progress
 from ..preparation.preparation import prepare
 from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
 from ..runs import job
 from ..runs.forecast import refuse_too_large
-from ..store.store import refuse_unfinished
 
 log = logging.getLogger("femseal.sweeps")
 #: Subfolder of the store that the cases share while the sweep is under way.

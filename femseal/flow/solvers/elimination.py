@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...base.arrays import Array, Indices
+from ...base import Array, Indices
 from ...base.compiled import compiled, inner
 
 #: Pivots eliminated one by one before what follows takes them as one product of matrices.

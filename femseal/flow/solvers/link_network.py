@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.arrays import Array, Flags, Indices
+from ...base import Array, Flags, Indices
 from ...base.compiled import compiled, inner
 from ..grid import Stencil
 from .elimination import Links, Order, factored, find_potentials
