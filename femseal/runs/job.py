@@ -7,7 +7,7 @@ import json
 import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -47,15 +47,19 @@ from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map
 from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import Prepared, prepare
 from ..refinement.budgets import budgets_of
-from ..refinement.refine_to_accuracy import chosen, last_version, refine_to_accuracy
+from ..refinement.refine_to_accuracy import (
+    first_settings,
+    first_version,
+    last_version,
+    refine_to_accuracy,
+)
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead, reporting_compilation
 from ..studies.doubts import flow_warnings
-from .description import described, solids_text
-from .forecast import refuse_too_large
+from .forecast import described, refuse_too_large, solids_text
 
 log = logging.getLogger("femseal")
 
@@ -236,7 +240,7 @@ def _results(
         "face_files": json.dumps(faces),
         "solids": solids_text(case),
         "description": json.dumps([*described(case, prepared)], ensure_ascii=False),
-        "chosen": json.dumps(chosen(case, made)),
+        "chosen": json.dumps(_chosen(case, made)),
     }
     warnings = prepared.warnings
     if refined is not None:
@@ -376,7 +380,7 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     if _numbers(results.case) != _numbers(echo) or face_files != faces:
         return None
     prepared = prepare(case)
-    same_choices = then == chosen(case, prepared)
+    same_choices = then == _chosen(case, prepared)
     if same_choices and results.case == echo:
         return results
     if not same_choices or _lacks(results.case["output"], echo["output"]):
@@ -390,6 +394,15 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
         )
         log.info("other files written to %s", folder)
     return results
+
+
+def _chosen(case: Case, made: Prepared) -> dict[str, Any]:
+    """What a run of a prepared case computes first, see `Prepared.chosen`, and the settings of an accuracy."""
+    if case.accuracy is None:
+        return made.chosen
+    settings = asdict(first_settings(case, made))
+    first = first_version(case, made).chosen
+    return first | {f"settings.{name}": value for name, value in settings.items()}
 
 
 def _numbers(echo: dict[str, Any]) -> dict[str, Any]:
