@@ -348,11 +348,11 @@ def _table(name: str, temperature: float) -> _Table:
         try:
             slopes(limit)
             break
-        except ValueError as error:
+        except ValueError as failure:
             limit, saturates = 0.5 * limit, False
             if limit < _FIRST_PRESSURE:
                 known_ones = "a gas whose density and viscosity CoolProp knows"
-                _refuse(name, temperature, f"{known_ones}: {shown(str(error))}")
+                _refuse(name, temperature, f"{known_ones}: {shown(str(failure))}")
     first = min(_FIRST_PRESSURE, 0.5 * limit)
     pressures = np.append(0.0, np.geomspace(first, limit, _FEWEST))
     known, wrong = np.append(0.0, slopes(pressures[1:])), np.zeros(1, int)
