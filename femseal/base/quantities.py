@@ -120,12 +120,9 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
     if written and not _UNIT.fullmatch(written):
         raise refused(example)
     if (factor := _factor(written, unit)) is None:
-        alike = [
-            each
-            for each, (kind, _) in _USUAL.items()
-            if kind == unit and each.lower() == written.lower()
-        ]
-        hint = f"; capitals count: {' or '.join(alike)}" if alike else ""
+        of_kind = (one for one, (kind, _) in _USUAL.items() if kind == unit)
+        alike = " or ".join(one for one in of_kind if one.lower() == written.lower())
+        hint = f"; capitals count: {alike}" if alike else ""
         raise refused(f"{example}{hint}")
     # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
     return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)
@@ -141,8 +138,7 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
     >>> absolute_pressure("10 bar(g)", 101325.0), absolute_pressure("10 bara", 101325.0)
     (1101325.0, 1000000.0)
     """
-    match = _REFERENCE.search(text) if isinstance(text, str) and len(text) <= _LONGEST else None
-    if match is None or not isinstance(text, str):
+    if not isinstance(text, str) or len(text) > _LONGEST or not (match := _REFERENCE.search(text)):
         return None
     above = ambient if {"g", "G", "ü", "Ü"} & {*match.groups()} else 0.0
     try:
@@ -166,16 +162,11 @@ def _factor(written: str, unit: str) -> float | None:
         # N/mm2 is N/mm^2, mPas is mPa*s
         spelled = _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", written.replace(".", "*")))
         parsed, wanted = _registry().parse_units(spelled), unit or "dimensionless"
-        # a scale with another zero has no factor
-        return (
-            None
-            if (0.0 * parsed).to(wanted).magnitude
-            else float((1.0 * parsed).to(wanted).magnitude)
-        )
-    except (
-        Exception
-    ):  # a parser of units fails on unknown names in many ways, all of which mean the same
+        zero, factor = ((number * parsed).to(wanted).magnitude for number in (0.0, 1.0))
+    # a parser of units fails on unknown names in many ways, all of which mean the same
+    except Exception:
         return None
+    return None if zero else float(factor)  # a scale with another zero has no factor
 
 
 def _finite(value: float, given: object, name: str, allowed: str) -> float:

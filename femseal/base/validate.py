@@ -6,8 +6,9 @@ a key for each of them from the same metadata.
 
 import dataclasses
 import os
-from collections.abc import Mapping
-from math import inf, isfinite
+from collections.abc import Callable, Mapping
+from functools import partial
+from math import inf, isfinite, nan
 from numbers import Real
 from operator import index
 from typing import Any
@@ -43,17 +44,16 @@ def number(
     name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False
 ) -> float:
     """A finite number > `above`, or >= `above` when `inclusive`; above −inf, any."""
-    shown = value
     try:
         if isinstance(value, (str, bytes, bool)):
             raise TypeError
         given = float(value)
-        if isfinite(given) and (given > above or (given == above and inclusive)):
-            return given
     except (TypeError, ValueError):
-        shown = repr(value)
+        given, value = nan, repr(value)
+    if isfinite(given) and (given >= above if inclusive else given > above):
+        return given
     least = f" {'>=' if inclusive else '>'} {above:g}" if isfinite(above) else ""
-    raise InputError(name, shown, "a finite number" + least + (f" [{unit}]" if unit else ""))
+    raise InputError(name, value, "a finite number" + least + (f" [{unit}]" if unit else ""))
 
 
 def tolerance(name: str, value: Any) -> float:
@@ -109,28 +109,25 @@ def count(name: str, value: Any, least: int = 1) -> int:
     return given
 
 
+def _two(name: str, value: Any, check: Callable[[Any], Any], allowed: str) -> tuple[Any, Any]:
+    """Two clean values, along x1 and x2."""
+    try:
+        first, second = map(check, value)
+    except (TypeError, ValueError, KeyError):
+        raise InputError(name, repr(value), f"{allowed}, along x1 and x2") from None
+    return first, second
+
+
 def lengths(name: str, value: Any) -> Pair:
     """Two finite lengths > 0 [m], along x1 and x2; a single number is both."""
-    allowed = "two finite numbers > 0 [m], along x1 and x2"
-    try:
-        first, second = (float(v) for v in ((value, value) if isinstance(value, Real) else value))
-    except (TypeError, ValueError):
-        raise InputError(name, repr(value), allowed) from None
-    if not (isfinite(first) and isfinite(second) and first > 0 and second > 0):
-        raise InputError(name, value, allowed)
-    return first, second
+    pair = (value, value) if isinstance(value, Real) else value
+    return _two(name, pair, partial(number, name), "two finite numbers > 0 [m]")
 
 
 def grid(name: str, value: Any, *, minimum: int = 1) -> Shape:
     """Two whole numbers >= `minimum`, along x1 and x2."""
-    allowed = f"two whole numbers >= {minimum}, along x1 and x2"
-    try:
-        first, second = (index(v) for v in value)
-    except (TypeError, ValueError):
-        raise InputError(name, repr(value), allowed) from None
-    if first < minimum or second < minimum:
-        raise InputError(name, value, allowed)
-    return first, second
+    check = partial(count, name, least=minimum)
+    return _two(name, value, check, f"two whole numbers >= {minimum}")
 
 
 def pressures(name: str, value: Mapping[str, Any]) -> dict[str, float]:
@@ -144,13 +141,8 @@ def pressures(name: str, value: Mapping[str, Any]) -> dict[str, float]:
 
 def flags(name: str, value: Any) -> Periodic:
     """Two truth values, along x1 and x2; a single one is both."""
-    try:
-        first, second = (value, value) if isinstance(value, bool) else value
-        if first not in (True, False) or second not in (True, False):
-            raise ValueError
-    except (TypeError, ValueError):
-        raise InputError(name, repr(value), "two of True and False, along x1 and x2") from None
-    return bool(first), bool(second)
+    pair = (value, value) if isinstance(value, bool) else value
+    return _two(name, pair, {True: True, False: False}.__getitem__, "two of True and False")
 
 
 def axis_number(axis: Any) -> int:

@@ -28,9 +28,9 @@ from ..base import (
     Stage,
     counted,
     read_plain,
-    replacing,
     shortened,
     shown,
+    write_text,
 )
 from ..base.files import remove_foreign
 from ..store.store import SUFFIX, Store, Unnamed
@@ -101,10 +101,7 @@ def parts_of(items: Iterable[int], part: Part, count: int) -> list[int]:
 
 def missing_parts(part: Part, stage: str, missing: list[int]) -> PartsMissing:
     """What to say of a stage of which a part has done its own items, and others have not."""
-    shown_ones = ", ".join(map(str, missing[:20])) + (
-        f" and {len(missing) - 20} more" if len(missing) > 20 else ""
-    )
-    named = f"{'part' if len(missing) == 1 else 'parts'} {shown_ones} of {part[1]}"
+    named = f"part{'s' * (len(missing) > 1)} {shortened(', '.join(map(str, missing)))} of {part[1]}"
     return PartsMissing(
         f"part {part[0]}/{part[1]}: '{stage}' needs {named}; run this part again after them"
     )
@@ -152,9 +149,8 @@ def await_parts(folder: Path, part: Part, stage: str, missing: Callable[[], list
     """
     said, waits = False, True
     while left := missing():
-        if (
-            not waits
-        ):  # asked before the last look: a part that has ended since then has kept its items
+        # asked before the last look: a part that has ended since then has kept its items
+        if not waits:
             raise missing_parts(part, stage, left)
         waits = all(n != part[0] and is_under_way(folder, (n, part[1])) for n in left)
         if waits:
@@ -174,13 +170,11 @@ def _locked(folder: Path, name: str) -> Iterator[None]:
         held = _acquired(path)
     except Timeout:
         given = f"'{folder}', where {_holder(path)} is under way"
-        raise InputError(
-            "output", given, "another folder, or this one when that run has ended"
-        ) from None
+        expected = "another folder, or this one when that run has ended"
+        raise InputError("output", given, expected) from None
     except OSError as error:
-        raise InputError(
-            "output", f"'{folder}'", f"a folder that can be written ({error.strerror})"
-        ) from None
+        expected = f"a folder that can be written ({error.strerror})"
+        raise InputError("output", f"'{folder}'", expected) from None
     try:
         with suppress(OSError):  # on a full disk the lock holds all the same
             since = strftime("%H:%M on %d %B")
@@ -230,11 +224,9 @@ def writing_in(
     is under way.
     """
     with alone_in(folder, part):
-        if resume:
-            yield resumable(folder, identity)
-        else:
+        if not resume:
             refuse_unfinished(folder)
-            yield False
+        yield resume and resumable(folder, identity)
 
 
 def over_store(
@@ -296,22 +288,18 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
         given = f"'{path}', which cannot be read ({error})"
         expected = f"an intact file; remove '{path.parent}' to start anew"
         raise InputError("resume", given, expected) from None
-    old, new = _flat(former), _flat(_plain(identity))
-    changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
-    if changed:
-        lines = [
-            f"{shortened(key)}: was {shortened(old.get(key, 'not given'))}, is {shortened(new.get(key, 'not given'))}"
-            for key in changed[:_MOST_CHANGES]
-        ]
-        if more := changed[_MOST_CHANGES:]:
-            lines.append(counted(len(more), "more key"))
-        expected = (
-            f"that of the same case, files and versions; remove '{path.parent}' to start anew"
-        )
-        raise InputError(
-            "resume", "an unfinished run of another case", "\n".join([expected, *lines])
-        )
-    return True
+    # data as JSON returns it, with lists in place of tuples
+    old, new = _flat(former), _flat(json.loads(json.dumps(identity)))
+    changed = [key for key in old | new if old.get(key) != new.get(key)]
+    if not changed:
+        return True
+    lines = [f"that of the same case, files and versions; remove '{path.parent}' to start anew"]
+    for key in changed[:_MOST_CHANGES]:
+        was, now = (shortened(values.get(key, "not given")) for values in (old, new))
+        lines.append(f"{shortened(key)}: was {was}, is {now}")
+    if more := changed[_MOST_CHANGES:]:
+        lines.append(counted(len(more), "more key"))
+    raise InputError("resume", "an unfinished run of another case", "\n".join(lines))
 
 
 def refuse_unfinished(output: Path, name: str = FOLDER) -> None:
@@ -351,29 +339,19 @@ def begin_run(output: Path, identity: dict[str, Any]) -> None:
     Raises FemsealError: the folder cannot be written.
     """
     folder = store_folder(output)
-    text = json.dumps(_plain(identity), indent=1, ensure_ascii=False)
+    text = json.dumps(identity, indent=1, ensure_ascii=False)
     try:
         folder.mkdir(exist_ok=True)
-        with replacing(folder / MANIFEST) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(folder / MANIFEST, text)
     except OSError as error:
         raise FemsealError(f"store: '{folder}' could not be written ({error.strerror})") from error
 
 
-def _plain(identity: dict[str, Any]) -> Any:
-    """Data as JSON returns it, with lists in place of tuples."""
-    return json.loads(json.dumps(identity))
-
-
 def _flat(value: Any, key: str = "") -> dict[str, Any]:
     """Nested tables as dotted keys; lists of plain values stay whole."""
-    if isinstance(value, dict) or (
-        isinstance(value, list) and any(isinstance(v, dict) for v in value)
-    ):
-        pairs = value.items() if isinstance(value, dict) else enumerate(value)
-        return {
-            k: v
-            for name, part in pairs
-            for k, v in _flat(part, f"{key}.{name}" if key else str(name)).items()
-        }
-    return {key: value}
+    if isinstance(value, list) and any(isinstance(part, dict) for part in value):
+        value = dict(enumerate(value))
+    if not isinstance(value, dict):
+        return {key: value}
+    parts = (_flat(part, f"{key}.{name}".removeprefix(".")) for name, part in value.items())
+    return {name: part for flat in parts for name, part in flat.items()}

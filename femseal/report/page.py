@@ -269,7 +269,7 @@ def _content(results: Results, drawings: Drawings) -> dict[str, Any]:
         "drop_text": _drop_text(data) if has_maps(data) else "",
         "gas_state": report_tables.gas_state_text(results),
         # the page has a table of classes
-        "leakage_table": leakage_table(results).without(["class"]),
+        "leakage_table": leakage_table(results).without("class"),
         "totals": totals_table(results),
         "classes": report_tables.class_table(results),
         "test_fluid": report_tables.test_fluid_sentences(results),
