@@ -2,12 +2,9 @@
 
 import os
 
-from ..base.lazy_package import loading
-
 # before a library starts threads: the processes share the cores
 os.environ.update(
     dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 )
 
-with loading():
-    from . import study_registry  # noqa: F401
+from . import study_registry  # noqa: F401
