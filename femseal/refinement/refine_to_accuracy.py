@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import FemsealError, NotKept, duration, format_deviation, free_memory, to_text
+from ..base import FemsealError, NotKept, as_text, duration, format_deviation, free_memory, to_text
 from ..budget import MODEL_PARTS, ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
@@ -138,7 +138,7 @@ def refined(
     """
     rtol, grid = settings.rtol / 10, settings.grid + 1
     seals = HALVING * (settings.realisations or 0)
-    points = " × ".join(map(str, grid_points(made, grid)))
+    points = as_text(grid_points(made, grid))
     # a setting, its finer value and that as a text, whether it is too fine, and why
     steps: dict[str, tuple[str, Any, str, bool, str]] = {
         "solver": (
@@ -199,9 +199,8 @@ class Attempt:
 
     def __str__(self) -> str:
         """The attempt as a line of the log."""
-        points = " × ".join(map(str, self.points))
         return (
-            f"{self.settings.method} on {points} points in {self.seconds:.3g} s, within "
+            f"{self.settings.method} on {as_text(self.points)} points in {self.seconds:.3g} s, within "
             f"{format_deviation(self.half_width)} at {self.load}, limited by {self.limit}"
         )
 

@@ -8,11 +8,12 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import prod
+from operator import itemgetter
 
 import numpy as np
 import psutil
 
-from ..base import InputError, Shape, counted, duration, free_memory, to_text
+from ..base import InputError, Shape, as_text, counted, duration, free_memory, to_text
 from ..base.machine import storing
 from ..budget import model_changes
 from ..case.case import Case
@@ -65,20 +66,32 @@ def describe(case: Case, made: Prepared) -> list[str]:
 
 def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     """Name and text of each line; one that goes on with the name before has none."""
-    prepared = made if case.accuracy is None else first_version(case, made)
+    prepared, attempt = made, ""
     yield "case", f"{case.title or '(no title)'}: valid"
+    if case.accuracy is not None:
+        prepared, attempt = first_version(case, made), "first attempt: "
     yield from described(case, prepared)
-    yield from _accuracy_facts(case, made)
+    if case.accuracy is not None:
+        chosen = first_settings(case, made)
+        first = f"{as_text(grid_points(made, chosen.grid))} points, contact.rtol {chosen.rtol:.0e}"
+        if chosen.realisations is not None:
+            first += f", {counted(chosen.realisations, 'seal')}"
+        limit = (
+            f"then what limits is refined, for at most {duration(case.time_limit or TIME_LIMIT)}"
+        )
+        text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {first}"
+        yield "accuracy", f"{text}; {limit}"
     if again := budget_inputs(case, prepared):
-        counts = Counter[tuple[int, int]]()
+        counts = Counter[Shape]()
         for one in again:
             counts[one.scene.surface.shape] += _face_states(one)
-        states = (
-            f"{count} on {' × '.join(map(str, shape))} points" for shape, count in counts.items()
-        )
+        states = (f"{count} on {as_text(shape)} points" for shape, count in counts.items())
         yield "error budget", f"states again, {' and '.join(states)}"
-    first = "" if case.accuracy is None else "first attempt: "
-    yield "expected", first + _expected_text(forecast(case, prepared, again=again))
+    expected, cores = forecast(case, prepared, again=again), psutil.cpu_count() or 1
+    alone, shared = duration(expected.seconds()), duration(expected.seconds(cores))
+    times = f"about {alone} on one core, {shared} on the {cores} of this machine"
+    further = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
+    yield "expected", f"{attempt}{times}; {expected.memory / 1e9:.1f} GB of memory, {further}"
     yield "disk", str(disk(case, prepared, again))
     quick = prepared.first_answer
     fast = () if quick is None else flow_warnings(prepared.scene, quick.leakage, quick.mean_gap)
@@ -88,9 +101,9 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
 
 def _face_states(prepared: Prepared) -> int:
     """Number of states of the whole face that are solved, about."""
-    sampling, steps = prepared.sampling, len(prepared.scene.steps)
+    sampling = prepared.sampling
     if sampling is None or _keeps_states(prepared) or not on_ladder(prepared.scene, sampling):
-        return steps
+        return len(prepared.scene.steps)
     return round(LADDER_STATES)
 
 
@@ -108,16 +121,11 @@ def forecast(
     known = efforts(prepared.scene) if known is None else known
     again = budget_inputs(case, prepared) if again is None else again
     with storing(None, case.memory):
-        costs = [prepared.cost(study, known) for study in prepared.solved_studies]
-        for coarse in again:
-            costs += [coarse.cost(study, known) for study in coarse.solved_studies]
-        test = case.output.test_fluid
+        solved, test = [prepared, *again], case.output.test_fluid
         if test is not None and drop_ratio(test.state, prepared.scene) is None:
-            scene = test.state.in_scene(prepared.scene)
-            methods = frozenset({prepared.answer.name})
-            costs.append(
-                replace(prepared, methods=methods, scene=scene).cost(prepared.answer, known)
-            )
+            methods, scene = frozenset({prepared.answer.name}), test.state.in_scene(prepared.scene)
+            solved.append(replace(prepared, methods=methods, scene=scene))
+        costs = [one.cost(study, known) for one in solved for study in one.solved_studies]
     own = _START_SECONDS + _PICTURES_SECONDS * (case.output.pictures or case.output.report)
     seconds, memory = zip(*costs, strict=True)
     # what a study holds stays until the results are written; what it works with does not
@@ -134,7 +142,7 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
     needed = forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
     if needed <= most:
         return
-    points = " × ".join(map(str, prepared.scene.surface.shape))
+    points = as_text(prepared.scene.surface.shape)
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
     advice = "fewer surface.points or load steps, or the method blocks, which solves a block of a face at a time"
     if most <= START_MEMORY:
@@ -144,28 +152,6 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
     raise InputError("memory", given, expected)
-
-
-def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
-    """What the first attempt at a wanted accuracy takes."""
-    if case.accuracy is None:
-        return
-    chosen = first_settings(case, made)
-    points = " × ".join(map(str, grid_points(made, chosen.grid)))
-    first = [f"{points} points", f"contact.rtol {chosen.rtol:.0e}"]
-    first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
-    text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
-    limit = duration(case.time_limit or TIME_LIMIT)
-    yield "accuracy", f"{text}; then what limits is refined, for at most {limit}"
-
-
-def _expected_text(expected: Forecast) -> str:
-    cores = psutil.cpu_count() or 1
-    return (
-        f"about {duration(expected.seconds())} on one core, {duration(expected.seconds(cores))} on the {cores} of this "
-        f"machine; {expected.memory / 1e9:.1f} GB of memory, and {_WORKER_MEMORY / 1e9:.2g} GB or more for each "
-        "further worker"
-    )
 
 
 @dataclass(frozen=True)
@@ -272,13 +258,10 @@ def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield "", f"contact modulus {to_text(scene.modulus, 'Pa')}, {scene.law}"
     for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
         if table is not None:
-            inlet, outlet = (
-                to_text(table.inlet_pressure, "Pa"),
-                to_text(table.outlet_pressure, "Pa"),
-            )
+            ends = table.inlet_pressure, table.outlet_pressure
             text, name = fluid_text(table.fluid), table.name or ""
             text = text if name in text else f"{name}: {text}"
-            yield "fluid", f"{what}{text}, from {inlet} to {outlet}"
+            yield "fluid", f"{what}{text}, from {' to '.join(to_text(p, 'Pa') for p in ends)}"
         if table is case.fluid:
             yield "", scene.fluid_effect
     yield "flow", f"solver {scene.solver}"
@@ -297,13 +280,11 @@ def solids_text(case: Case) -> str:
         return f"{_solid_text(face)} against a rigid flat"
     text = f"{_solid_text(face)} against {_solid_text(counter)}"
     hardness = {"face": face.law.mean_hardness, "counter-face": counter.law.mean_hardness}
-    softer, _ = sorted(hardness, key=hardness.__getitem__)
-    low, high = sorted(hardness.values())
+    (softer, low), (_, high) = sorted(hardness.items(), key=itemgetter(1))
     if low == np.inf:
         return text
     other = to_text(high, "Pa") if high < np.inf else "no pressure"
-    text += f"; the {softer} yields, at {to_text(low, 'Pa')}, and the other at {other}"
-    return text
+    return f"{text}; the {softer} yields, at {to_text(low, 'Pa')}, and the other at {other}"
 
 
 def _solid_text(solid: SolidTable) -> str:
@@ -330,12 +311,10 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Points, roughness and filter of the face."""
     scene, report = prepared.scene, prepared.conditioning
     surface = scene.surface
-    size, pixel = (
-        " × ".join(to_text(x, "m", 4) for x in pair) for pair in (surface.size, surface.spacing)
-    )
-    yield "surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"
+    points = f"{as_text(surface.shape)} points, {as_text(surface.size, 'm')}"
+    yield "surface", f"{points}, pixel {as_text(surface.spacing, 'm')}"
     height, slope = to_text(surface.rms_height, "m", 3), surface.rms_slope
-    hard = ": a flat face" if not slope else ""
+    hard = "" if slope else ": a flat face"
     if slope and np.isfinite(scene.law.mean_hardness):  # of elastic faces it is not
         hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}"
     yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
@@ -384,8 +363,9 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
     if "blocks" in prepared.methods:
         b1, b2 = blocks_of(prepared.cells)
-        points = f"{scene.surface.shape[0] // b1} × {scene.surface.shape[1] // b2} points"
-        yield "blocks", f"{b1} × {b2} blocks of {points}, about {LADDER_STATES:.0f} states of each"
+        n1, n2 = scene.surface.shape
+        blocks = f"{b1} × {b2} blocks of {n1 // b1} × {n2 // b2} points"
+        yield "blocks", f"{blocks}, about {LADDER_STATES:.0f} states of each"
     if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
         return
     _, tiles = prepared.cut_and_tiles
