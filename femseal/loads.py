@@ -105,9 +105,8 @@ class LoadProgramme(tuple[LoadStep, ...]):
     @property
     def unloading(self) -> tuple[float, ...]:
         """Pressures at which any unloading stops, falling [Pa]."""
-        return tuple(
-            sorted({s.pressure for s in self if s.unloaded_from is not None}, reverse=True)
-        )
+        stops = {s.pressure for s in self if s.unloaded_from is not None}
+        return tuple(sorted(stops, reverse=True))
 
     @property
     def on_loading(self) -> Flags:
@@ -117,11 +116,8 @@ class LoadProgramme(tuple[LoadStep, ...]):
     @property
     def peak_indices(self) -> Indices:
         """Index of the loading step from which each step is unloaded (steps,); on loading its own."""
-        loading = {s.pressure: n for n, s in enumerate(self) if s.unloaded_from is None}
-        found = [
-            n if s.unloaded_from is None else loading[s.unloaded_from] for n, s in enumerate(self)
-        ]
-        return np.array(found, dtype=np.int64)
+        peaks = (s.pressure if s.unloaded_from is None else s.unloaded_from for s in self)
+        return np.array([self.loading.index(peak) for peak in peaks], dtype=np.int64)
 
     @property
     def branches(self) -> list[Indices]:

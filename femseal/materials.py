@@ -51,16 +51,18 @@ class Solid:
         validate.number("young", self.young, unit="Pa")
         if not -1 < self.poisson <= 0.5:
             raise InputError("poisson", self.poisson, "a number in (-1, 0.5]")
-        if self.yield_stress is not None and self.hardness is not None:
-            if self.hardness != HARDNESS_FACTOR * self.yield_stress:
+        hardness = inf
+        if self.yield_stress is not None:
+            hardness = HARDNESS_FACTOR * validate.number(
+                "yield_stress", self.yield_stress, unit="Pa"
+            )
+            if self.hardness not in (None, hardness):
                 raise InputError("hardness", self.hardness, "yield_stress or hardness, not both")
-        elif self.yield_stress is not None:
-            yield_stress = validate.number("yield_stress", self.yield_stress, unit="Pa")
-            object.__setattr__(self, "hardness", HARDNESS_FACTOR * yield_stress)
-        elif self.hardness is None:
-            object.__setattr__(self, "hardness", inf)
-        if self.hardness is None or not self.hardness > 0:
-            raise InputError("hardness", self.hardness, "a number > 0 [Pa]")
+        elif self.hardness is not None:
+            hardness = self.hardness
+        if not hardness > 0:
+            raise InputError("hardness", hardness, "a number > 0 [Pa]")
+        object.__setattr__(self, "hardness", hardness)
 
 
 def contact_modulus(a: Solid, b: Solid | None = None) -> float:
