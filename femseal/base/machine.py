@@ -8,6 +8,8 @@ begins from are the results in its `store`, where each state is as soon as it is
 Versions come from the metadata of the installation, without importing the packages.
 """
 
+from __future__ import annotations
+
 import hashlib
 import math
 import mmap
@@ -20,13 +22,14 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import psutil
-from numpy.typing import NDArray
 
 from .. import __version__
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 def machine() -> dict[str, str | int]:
@@ -121,6 +124,8 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     Within `sharing` on Linux, views of it are sent to processes and come back by reference: what a process writes is
     written here. Memory and file are given back with the last view, also when the run is killed.
     """
+    import numpy as np  # not loaded for a question of versions
+
     size = math.prod(shape) * np.dtype(dtype).itemsize
     on_disk = lies_on_disk(size)
     if not size or not (on_disk or _shared) or (_shared and not hasattr(os, "memfd_create")):

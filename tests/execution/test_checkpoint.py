@@ -177,8 +177,8 @@ def test_kills_besides_the_studies_leave_the_same_numbers(tmp_path):
 ON_DISK = """
 import os, signal, sys
 import femseal as fs
-from femseal.base import arrays
-arrays.PART_OF_MEMORY = 0
+from femseal.base import machine
+machine.PART_OF_MEMORY = 0
 def progress(stage, done, total):
     if stage.endswith("contact of the whole face") and done:
         os.kill(os.getpid(), signal.SIGKILL)
