@@ -131,21 +131,21 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     if not size or not (on_disk or _shared) or (_shared and not hasattr(os, "memfd_create")):
         return np.empty(shape, dtype)
     with suppress(OSError):  # this system has no such files, or no room for more of them
-        if not on_disk:
-            descriptor = os.memfd_create("femseal")
+        folder = _stores[-1][0] if _stores else None
+        with (
+            tempfile.TemporaryFile(dir=folder)
+            if on_disk
+            else open(os.memfd_create("femseal"), "r+b")
+        ) as file:
+            # a page of a mapped file for which a disk has no room would end the process
+            if on_disk and hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+            else:
+                os.ftruncate(file.fileno(), size)
+            if not _shared:
+                return np.memmap(file, dtype, "r+", shape=shape)
+            descriptor = os.dup(file.fileno())
             _shared[-1].append(descriptor)
-            os.ftruncate(descriptor, size)
-        else:
-            with tempfile.TemporaryFile(dir=_stores[-1][0] if _stores else None) as file:
-                # a page of a mapped file for which a disk has no room would end the process
-                if hasattr(os, "posix_fallocate"):
-                    os.posix_fallocate(file.fileno(), 0, size)
-                else:
-                    os.ftruncate(file.fileno(), size)
-                if not _shared:
-                    return np.memmap(file, dtype, "r+", shape=shape)
-                descriptor = os.dup(file.fileno())
-                _shared[-1].append(descriptor)
         # joblib passes views of mapped files by the name of the file
         return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
     return np.empty(shape, dtype)

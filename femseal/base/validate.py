@@ -78,17 +78,14 @@ def field(
     undefined : whether points may be NaN.
     """
     try:
-        plain = type(value) is np.ndarray and value.dtype == np.float64
-        if not plain and (np.ma.is_masked(value) or np.iscomplexobj(value)):
+        if np.ma.is_masked(value) or np.iscomplexobj(value):
             raise TypeError
         array = np.array(value, dtype=float, copy=True if copy else None)
         # the last digits of results depend on the alignment in memory, which differs for arrays sent by a cluster
-        if not array.flags.carray:
-            array = np.require(array, requirements=("C", "ALIGNED"))
+        array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError):
-        raise InputError(
-            name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]"
-        ) from None
+        expected = f"an array (n1, n2) of real numbers [{unit}]"
+        raise InputError(name, f"a {type(value).__name__}", expected) from None
     if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):
         raise InputError(name, f"shape {array.shape}", f"shape {shape or '(n1, n2)'}")
     bad = np.isinf(array) if undefined else ~np.isfinite(array)
