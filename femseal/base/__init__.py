@@ -17,14 +17,13 @@ if TYPE_CHECKING:
     )
     from .files import made_folder, read_plain, replacing, write_bytes, write_text, writing
     from .machine import free_memory, numerical_versions, versions
-    from .quantities import counted, to_si, to_text
+    from .quantities import as_text, counted, to_si, to_text
     from .stage import Mapper, Stage
     from .text import (
         Labelled,
         Plotted,
         Shown,
         TextTable,
-        as_text,
         comma_separated,
         duration,
         format_deviation,

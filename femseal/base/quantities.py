@@ -2,7 +2,7 @@
 
 import re
 from functools import cache, lru_cache
-from math import isfinite
+from math import degrees, isfinite, isnan
 from typing import Any, SupportsInt
 
 from .errors import InputError, shown
@@ -214,3 +214,25 @@ def with_its_unit(value: float, unit: str) -> str:
     if unit.startswith(("P", "m", "N", "s")) and "^" not in unit:
         return to_text(value, unit_text(unit))
     return f"{value:.4g} {unit_text(unit)}".rstrip()
+
+
+def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "", **_: Any) -> str:
+    """A value in SI for people: angles in degrees, fractions in per cent, None and NaN as a dash; `joint` between two.
+
+    >>> as_text((1e-6, 2e-6), "m"), as_text(0.5, "rad"), as_text(0.0023, "", percent=True)
+    ('1 µm × 2 µm', '28.65°', '0.23 %')
+    """
+    if isinstance(value, tuple):
+        joint = joint or (" × " if unit == "m" or isinstance(value[0], int) else ", ")
+        return joint.join(as_text(v, unit, percent=percent) for v in value)
+    if value is None or (isinstance(value, float) and isnan(value)):
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return str(value)
+    if percent:
+        return f"{100 * value:.3g} %"
+    if unit == "rad":
+        return f"{degrees(value):.4g}°"
+    return to_text(value, unit) if unit == "m" else f"{value:.4g} {unit}".strip()

@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from html import escape
-from math import degrees, expm1, isfinite, isnan
+from math import expm1, isfinite, isnan
 from textwrap import fill
 from types import ModuleType
 from typing import Any, ClassVar
@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .lazy_package import displays
-from .quantities import counted, to_text, with_its_unit
+from .quantities import as_text, counted, with_its_unit
 
 #: Width of the column under the names of groups in the terminal.
 _GROUP = 13
@@ -289,25 +289,3 @@ class Labelled:
             f"{m['label']:{width}}  {as_text(getattr(self, name), **m)}"
             for name, m in metadata.items()
         )
-
-
-def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "", **_: Any) -> str:
-    """A value in SI for people: angles in degrees, fractions in per cent, None and NaN as a dash; `joint` between two.
-
-    >>> as_text((1e-6, 2e-6), "m"), as_text(0.5, "rad"), as_text(0.0023, "", percent=True)
-    ('1 µm × 2 µm', '28.65°', '0.23 %')
-    """
-    if isinstance(value, tuple):
-        joint = joint or (" × " if unit == "m" or isinstance(value[0], int) else ", ")
-        return joint.join(as_text(v, unit, percent=percent) for v in value)
-    if value is None or (isinstance(value, float) and isnan(value)):
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        return str(value)
-    if percent:
-        return f"{100 * value:.3g} %"
-    if unit == "rad":
-        return f"{degrees(value):.4g}°"
-    return to_text(value, unit) if unit == "m" else f"{value:.4g} {unit}".strip()
