@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
 from ..base import Array, Indices, Shape, counted
-from ..loads import LoadProgramme, least_counted, load_sensitivity, neighbouring_steps
+from ..solids_and_loads import LoadProgramme, least_counted, load_sensitivity, neighbouring_steps
 
 #: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
 MODEL_PARTS = (

@@ -23,7 +23,7 @@ from ..base.leak_rates import LeakUnit, leak_unit
 from ..case.case import Case
 from ..case.values import Amount
 from ..fluids import leak_basis
-from ..loads import LoadProgramme, LoadStep
+from ..solids_and_loads import LoadProgramme, LoadStep
 from .surrogate import Surrogate
 
 COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"

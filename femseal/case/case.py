@@ -18,8 +18,8 @@ from ..base import InputError, InputErrors, shortened, to_text
 from ..base.leak_rates import check_classes
 from ..contact import ContactLaw, softer_of
 from ..fluids import leak_basis, potential_of
-from ..materials import Solid, contact_modulus
 from ..seal.layouts import Layout, MeshLayout
+from ..solids_and_loads import Solid, contact_modulus
 from .case_tables import (
     CellsTable,
     ContactTable,

@@ -16,8 +16,8 @@ from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..flow.solution import SOLVERS
-from ..materials import HARDNESS_FACTOR, Solid, named_solid
 from ..seal.seal_files import columns_of, read_columns
+from ..solids_and_loads import HARDNESS_FACTOR, Solid, named_solid
 from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
 from .faults import fault, faults_of, refusal
 from .kinds import AnyFluid, overriding
@@ -245,7 +245,7 @@ def _two_rows(value: Any) -> Any:
 
 
 class SolidTable(Table):
-    """A solid, see `materials.Solid`, and the law by which it yields."""
+    """A solid, see `solids_and_loads.Solid`, and the law by which it yields."""
 
     young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
     poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)

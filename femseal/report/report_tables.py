@@ -13,7 +13,6 @@ import numpy as np
 
 from ..base import TextTable, format_deviation, number_text, read_plain, to_text
 from ..base.leak_rates import LEAK_UNITS, leak_classes, within
-from ..loads import first_known, least_counted
 from ..results.results import Results, branches_in, load_names, loads_as_given
 from ..results.tables import (
     class_unit,
@@ -21,6 +20,7 @@ from ..results.tables import (
     format_leakage,
     leakage_texts,
 )
+from ..solids_and_loads import first_known, least_counted
 
 
 def key_numbers(results: Results) -> list[tuple[str, str, str]]:

@@ -44,7 +44,6 @@ from ..execution.resuming import (
     writing_in,
 )
 from ..execution.run import LogFile, Progress, Run, logging_to, no_progress, ordered_map
-from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import Prepared, prepare
 from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import (
@@ -55,6 +54,7 @@ from ..refinement.refine_to_accuracy import (
 )
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
+from ..solids_and_loads import LINE_CONTACT_YIELD
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead, reporting_compilation

@@ -20,7 +20,7 @@ from ..face.piece_flow import (
     attempt,
     resolved_flow,
 )
-from ..loads import least_counted
+from ..solids_and_loads import least_counted
 from ..topography import Places
 from ..topography.combined import divided
 from .fluid_coupling import CoupledContact

@@ -14,7 +14,7 @@ from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact.workspace import KEPT_POINTS
 from ..face.piece_flow import SolveCounts
 from ..face.pieces import Cut
-from ..loads import LoadProgramme
+from ..solids_and_loads import LoadProgramme
 from .doubts import scene_warnings
 from .face_states import FaceState, PlaceLeakage, fields_of_rows, place_leakage
 from .piece_states import FacePieces, pieces_of_states

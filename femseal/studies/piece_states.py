@@ -23,9 +23,9 @@ from ..face.piece_flow import (
 )
 from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
-from ..loads import LoadProgramme, LoadStep
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
+from ..solids_and_loads import LoadProgramme, LoadStep
 from .face_states import FaceState, PlaceLeakage, permeabilities_of_places
 from .scene import Scene
 
