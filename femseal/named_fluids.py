@@ -126,7 +126,10 @@ def _known_to_coolprop(name: Any, temperature: float) -> Any:
     fluids = _names_in_coolprop()
     if str(name).casefold() not in fluids:
         known = ", ".join(sorted({*fluids.values()}))
-        _refuse(name, temperature, f"{table}, or a fluid of CoolProp: {known}")
+        expected = f"{table}, or a fluid of CoolProp: {known}"
+        if str(name).casefold() in _BY_NAME:
+            _refuse(name, temperature, expected)
+        raise InputError("name", shown(name), expected)
     low, high = _state(name).Tmin(), _state(name).Tmax()
     if not low <= temperature <= high:
         known = f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C"

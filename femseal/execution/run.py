@@ -68,15 +68,14 @@ class Run:
             name = f"{part}: {stage.name}"
             self.progress(name, 0, total)
             start = said = time.monotonic()
-            done = done_then = 0
+            done = 0
             for done, item in enumerate(self.mapper(stage, *iterables), start=1):
                 self.progress(name, done, total)
                 yield item
                 if (now := time.monotonic()) - said >= LOG_SECONDS:
-                    rate = (done - done_then) / (now - said)
+                    said, rate = now, done / (now - start)
                     left = "" if total is None else f", {(total - done) / rate:.0f} s left"
                     log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
-                    said, done_then = now, done
             seconds = time.monotonic() - start
             self.timings[name] = self.timings.get(name, 0.0) + seconds
             if done:
