@@ -29,7 +29,6 @@ from ..base.fields import (
     STATE,
     STEP,
     Field,
-    Place,
     fields_of,
 )
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakClass, leak_classes, within
@@ -70,7 +69,7 @@ _BASIS = {
 def add(data: xarray.Dataset, made: Field, values: Any, **attrs: Any) -> None:
     """Add a field; one of this name that is there stays."""
     if made.name not in data:
-        data[made.name] = (made.place.dims, values, made.attrs | attrs)
+        data[made.name] = (made.place, values, made.attrs | attrs)
 
 
 def add_step(
@@ -82,7 +81,7 @@ def add_step(
 
 def add_coordinate(data: xarray.Dataset, dim: str, unit: str, long_name: str, values: Any) -> None:
     """Add the coordinate of a dimension."""
-    data.coords[dim] = (dim, values, Field(dim, unit, long_name, Place("", (dim,))).attrs)
+    data.coords[dim] = (dim, values, Field(dim, unit, long_name, (dim,)).attrs)
 
 
 def add_declared(data: xarray.Dataset, result: Any) -> None:
@@ -230,7 +229,7 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     units = basis.units()
     add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
     values = np.array([leakage.values / basis.factor(unit) for unit in units])
-    place = Place("units of leakage", ("leak_unit", "step"))
+    place = ("leak_unit", "step")
     made = Field("leakage_in_units", "1", f"leakage in units of leak_unit{stated}", place)
     add(data, made, values)
 
@@ -365,9 +364,7 @@ def add_classes(
     fraction[:, ~known.any(axis=0)] = np.nan
     add_coordinate(data, "leak_class", "1", "leakage class", [c.name for c in classes])
     text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
-    add(
-        data, Field("class_limit", "m^2/s", text, Place("leakage classes", ("leak_class",))), limits
-    )
+    add(data, Field("class_limit", "m^2/s", text, ("leak_class",)), limits)
     met = np.array([within(leakage, limit) for limit in limits]).astype(float)
     if upper is not None:
         met[:, (leakage == 0) & ~np.isfinite(upper)] = np.nan

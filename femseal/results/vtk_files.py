@@ -234,7 +234,7 @@ def write_vtk(
     """
     data = run.dataset
     views: list[View] = [
-        pieces_view(name, data, of, LoadSteps.of(data, dim=of.dims[0]))
+        pieces_view(name, data, of, LoadSteps.of(data, dim=of[0]))
         for name, of, field in (("pieces", PIECE, "piece_k1"), ("states", PIECE_STATE, "state_k1"))
         if field in data
     ]
@@ -255,7 +255,7 @@ def _written(folder: Path, views: list[View]) -> list[Path]:
 def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps) -> Cells:
     """Pieces of the face with every field of a place, at load steps or in states."""
     edges = []
-    for dim in place.dims[1:]:
+    for dim in place[1:]:
         ends = [0.0]
         for centre in data[dim].values:
             ends.append(2 * centre - ends[-1])
@@ -266,7 +266,7 @@ def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps)
     ]
     cell_data: dict[str, NDArray[Any]] = {}
     for variable in data.data_vars.values():
-        if variable.dims == place.dims:
+        if variable.dims == place:
             made = Field.of(variable)
             named = made.array_name.removeprefix("piece_").removeprefix("state_")
             cell_data[named] = (variable.values * made.scale).reshape(len(steps.index), -1)
@@ -277,12 +277,12 @@ def drawn_cells(data: xarray.Dataset) -> Cells:
     """The drawn seal nearest to the median as triangles or quadrilaterals, with every field of its parts."""
     cell_data = {}
     for variable in data.data_vars.values():
-        if variable.dims in (PART.dims, PART_FORM.dims, PART_VECTOR.dims):
+        if variable.dims in (PART, PART_FORM, PART_VECTOR):
             made = Field.of(variable)
             values = variable.values * made.scale
-            if variable.dims == PART_FORM.dims:
+            if variable.dims == PART_FORM:
                 values = np.broadcast_to(values, (data.sizes["step"], values.size))
-            if variable.dims == PART_VECTOR.dims:
+            if variable.dims == PART_VECTOR:
                 values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
             cell_data[made.array_name.removeprefix("drawn_")] = values
     return Cells("drawn", data["drawn_corners"].values, LoadSteps.of(data), cell_data)
