@@ -139,37 +139,19 @@ def refined(
     rtol, grid = settings.rtol / 10, settings.grid + 1
     seals = HALVING * (settings.realisations or 0)
     points = as_text(grid_points(made, grid))
-    # a setting, its finer value and that as a text, whether it is too fine, and why
-    steps: dict[str, tuple[str, Any, str, bool, str]] = {
-        "solver": (
-            "rtol",
-            rtol,
-            f"contact.rtol {rtol:.0e}",
-            rtol < LEAST_RTOL * (1 - 1e-9),
-            f"contact.rtol is {settings.rtol:.0e}, as small as it gets",
-        ),
-        "pixels": (
-            "grid",
-            grid,
-            f"{points} points",
-            grid > MOST_GRID,
-            f"pixels are {2**MOST_GRID} times finer than those of the face",
-        ),
-        "realisations": (
-            "realisations",
-            seals,
-            f"{seals} seals",
-            seals > MOST_SEALS,
-            f"{settings.realisations} seals are drawn, the most that are",
-        ),
+    # a setting, its finer value, that as a text, and whether an attempt may have it
+    steps: dict[str, tuple[str, Any, str, bool]] = {
+        "solver": ("rtol", rtol, f"contact.rtol {rtol:.0e}", rtol >= LEAST_RTOL * (1 - 1e-9)),
+        "pixels": ("grid", grid, f"{points} points", grid <= MOST_GRID),
+        "realisations": ("realisations", seals, f"{seals} seals", seals <= MOST_SEALS),
     }
     if part not in steps:
         return None, _BY_NOTHING.get(part, "nothing refines it")
-    key, value, text, too_fine, why = steps[part]
+    key, value, text, allowed = steps[part]
     if (by := given_settings(case).get(key)) is not None:
         return None, f"{by} is given in the case"
-    if too_fine:
-        return None, why
+    if not allowed:
+        return None, f"{text} is finer than any attempt"
     finer = replace(settings, **{key: value})
     needed = expected_cost(apply_settings(made, finer))[1]
     if needed <= memory:
