@@ -1,5 +1,6 @@
 """What worker processes load before their first item: the solvers."""
 
+import gc
 import os
 
 # before a library starts threads: the processes share the cores
@@ -8,3 +9,5 @@ os.environ.update(
 )
 
 from . import study_registry  # noqa: F401
+
+gc.freeze()  # copies of this process share these objects, as no garbage is looked for among them
