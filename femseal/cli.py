@@ -15,8 +15,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from .base import FemsealError, InputError, PartsMissing, shortened, writing
-from .base.lazy_package import loading
+from .base import FemsealError, InputError, shortened, writing
 from .commands import Resume, calibrate, compare, design, sweep
 from .execution.run import reporting_compilation
 from .execution.terminal import (
@@ -145,8 +144,7 @@ def run(
     folder = output or Path("results") / path.stem
     own = parsed_part(part)
     case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
-    with loading():
-        from .runs import job
+    from .runs import job
 
     again = f"femseal run {path} -o {folder}"
     try:
@@ -225,13 +223,9 @@ def export(
     from .base.quantities import to_si
     from .results import open_results
 
-    ends = None
-    if window is not None:
-        a, b, c, d = (to_si(text, "m", "window") for text in window)
-        ends = a, b, c, d
-    for path in open_results(folder).export(
-        output, step=step, field=field, piece=piece, window=ends
-    ):
+    ends = None if window is None else tuple(to_si(text, "m", "window") for text in window)
+    options = {"step": step, "field": field, "piece": piece, "window": ends}
+    for path in open_results(folder).export(output, **options):
         typer.echo(path)
 
 
@@ -310,8 +304,6 @@ def schema() -> None:
 
 
 _debug = False
-#: Exit codes of errors that are not 1.
-_CODES = {InputError: 2, PartsMissing: 3}
 #: Exit code that shells and typer have for a Ctrl-C.
 _INTERRUPTED = 130
 
@@ -328,16 +320,12 @@ def main() -> None:
             raise KeyboardInterrupt if code == _INTERRUPTED else SystemExit(code)
         sys.stdout.flush()
     except FemsealError as error:
-        codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
-        _stop(error, str(error), next(codes, 1))
+        _stop(error, str(error), error.exit_code)
     except KeyboardInterrupt as error:
         _stop(error, "stopped", 1)
     except MemoryError as error:
-        _stop(
-            error,
-            f"out of memory ({error or 'no more is free'}); `femseal check` says what a run takes",
-            1,
-        )
+        text = f"out of memory ({error or 'no more is free'})"
+        _stop(error, f"{text}; `femseal check` says what a run takes", 1)
     except Exception as error:
         if isinstance(error, OSError) and _is_of_output(error):
             _stop(error, f"standard output: cannot be written ({error.strerror})", 1)

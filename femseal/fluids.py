@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base import Array, InputError, Pair, reals
+from .base import Array, InputError, Pair, reals, validate
 from .base.leak_rates import GAS_CONSTANT, LeakBasis
 from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
@@ -48,13 +48,17 @@ class Fluid(Protocol):
 #: What the keys of several fluids mean.
 _VISCOSITY = 'dynamic, or kinematic such as `"46 cSt"` beside a density'
 _NAMELESS = "without a `name`"
-_DENSITY = "at the reference state"
 _BARUS = "rise of viscosity with pressure: by Barus, or by Roelands"
 
 
 def _viscosity(example: str) -> Any:
     allowed = f"a viscosity > 0, such as '{example}'"
     return parameter("Pa*s", allowed, _VISCOSITY, usual=(1e-6, 1e3), needed=_NAMELESS)
+
+
+def _density(default: float) -> Any:
+    allowed, meaning = "a density > 0, such as '870 kg/m^3'", "at the reference state"
+    return parameter("kg/m^3", allowed, meaning, usual=(50.0, 2.5e4), default=default)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,13 +142,7 @@ class Liquid(_OnFaces):
 
     kind: ClassVar[str] = "liquid"
     viscosity: float = _viscosity("1 mPa*s")
-    density: float = parameter(
-        "kg/m^3",
-        "a density > 0, such as '870 kg/m^3'",
-        _DENSITY,
-        usual=(50.0, 2.5e4),
-        default=1000.0,
-    )
+    density: float = _density(1000.0)
     pressure_viscosity: float = parameter(
         "1/Pa",
         "a coefficient >= 0, such as '20 1/GPa'",
@@ -161,10 +159,7 @@ class Liquid(_OnFaces):
 
     def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa]."""
-        p, α = (
-            reals(potential) * self.viscosity / self.density,
-            self.pressure_viscosity,
-        )
+        p, α = reals(potential) * self.viscosity / self.density, self.pressure_viscosity
         return p if α == 0 else -np.log1p(-α * p) / α
 
 
@@ -196,13 +191,7 @@ class RoelandsLiquid(_OnFaces):
     pressure_viscosity: float = parameter(
         "1/Pa", "a coefficient > 0, such as '20 1/GPa'", _BARUS, usual=(1e-10, 1e-7)
     )
-    density: float = parameter(
-        "kg/m^3",
-        "a density > 0, such as '870 kg/m^3'",
-        _DENSITY,
-        usual=(50.0, 2.5e4),
-        default=870.0,
-    )
+    density: float = _density(870.0)
 
     @property
     def _laws(self) -> Pair:
@@ -228,11 +217,10 @@ class RoelandsLiquid(_OnFaces):
         """Inverse of `potential` [Pa], by Newton's method; inf where no pressure has it."""
         φ = reals(potential)
         # φ rises ever more slowly, so that p is always below the solution
-        start, slope = (
-            φ * self.viscosity / self.density,
-            lambda p: self.density / self.viscosity_at(p),
+        start = φ * self.viscosity / self.density
+        return with_potential(
+            φ, start, self.potential, lambda p: self.density / self.viscosity_at(p)
         )
-        return with_potential(φ, start, self.potential, slope)
 
 
 @dataclass(frozen=True)
@@ -323,24 +311,18 @@ def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
     Raises InputError: no finite number, or a pressure that the potential does not give back, as of a liquid that is
     solid there.
     """
-    try:
-        p = float(pressure)
-    except (TypeError, ValueError):
-        p = np.nan
-    if not np.isfinite(p):
-        raise InputError(name, repr(pressure), "a finite number [Pa]")
+    p = validate.number(name, pressure, unit="Pa", above=-inf)
     if hasattr(fluid, "check_pressure"):
         fluid.check_pressure(name, p)
     with np.errstate(all="ignore"):
         potential = float(fluid.potential(p))
         back = float(fluid.pressure(potential))
-    if not abs(back - p) <= 1e-6 * abs(p):
-        raise InputError(
-            name,
-            f"{p:g} Pa",
-            f"a pressure that {fluid} can have (of a gas absolute, >= 0; of a liquid αp below 20)",
-        )
-    return potential
+    if abs(back - p) <= 1e-6 * abs(p):
+        return potential
+    can_have = (
+        f"a pressure that {fluid} can have (of a gas absolute, >= 0; of a liquid αp below 20)"
+    )
+    raise InputError(name, f"{p:g} Pa", can_have)
 
 
 def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from math import sqrt
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,14 +27,13 @@ from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko
 TABLE_TEMPERATURE = 293.15
 #: Pressure of the table [Pa].
 TABLE_PRESSURE = 101_325.0
-#: Relative error of the cubic in the middle of two points of the table up to which no more points are sought; the
-#: middle is a point then, so that the error left is a sixteenth of it.
+#: Relative error of the potential, by that of its slope in the middle of two points of the table, up to which no point
+#: is added there.
 _ERROR = 1e-7
-#: First pressure of the table above 0 [Pa]; those that follow are twice as high.
-_FIRST_PRESSURE = 1e5
+#: First pressure of the table above 0 [Pa], and the number of points with which it begins.
+_FIRST_PRESSURE, _FEWEST = 1e5, 33
 #: Highest pressure of tables [Pa]: no seal carries more, and equations of state are extrapolated there.
 _HIGHEST = 1e9
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 #: Largest relative distance of a molar mass by which a gas is known; ethylene is at 1.5e-3 of nitrogen.
 _SAME_MASS = 1.3e-3
 #: The slope of a potential is 0 at no pressure, where it does not count [s/m²].
@@ -100,16 +99,14 @@ def named_fluid(
     if known and abs(temperature - TABLE_TEMPERATURE) < 0.01:
         return known
     properties = _known_to_coolprop(name, temperature)
-    _check_temperature(name, temperature)
     try:
         phases = {properties.PhaseSI("T", temperature, "P", max(p, 1.0), name) for p in pressures}
         state = ("T", temperature, "P", max(sum(pressures) / 2, 1.0), name)
         viscosity, density = (float(properties.PropsSI(letter, *state)) for letter in "VD")
         molar_mass = float(properties.PropsSI("M", name))
     except ValueError as error:
-        _refuse(
-            name, temperature, f"a fluid and a temperature that CoolProp knows: {shown(str(error))}"
-        )
+        known_ones = "a fluid and a temperature that CoolProp knows"
+        _refuse(name, temperature, f"{known_ones}: {shown(str(error))}")
     is_gas = {"gas" in phase or phase == "supercritical" for phase in phases}
     if len(is_gas) > 1 or "twophase" in phases:
         _refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
@@ -119,28 +116,24 @@ def named_fluid(
 
 
 def _known_to_coolprop(name: Any, temperature: float) -> Any:
-    """The module CoolProp, where it is there and knows the fluid; InputError otherwise."""
-    table = ", ".join(TABLE)
+    """The module CoolProp, where it is there and knows the fluid at the temperature [K]; InputError otherwise."""
+    table = f"one of {', '.join(TABLE)} at 20 °C"
     try:
         from CoolProp import CoolProp
     except ImportError:
-        allowed = (
-            f"one of {table} at 20 °C; others, and real gases, after: pip install 'femseal[fluids]'"
-        )
-        _refuse(name, temperature, allowed)
-    aliases = _names_in_coolprop()
-    if str(name).casefold() not in aliases:
+        others = "others, and real gases, after: pip install 'femseal[fluids]'"
+        _refuse(name, temperature, f"{table}; {others}")
+    fluids = _names_in_coolprop()
+    if str(name).casefold() not in fluids:
+        known = ", ".join(sorted({*fluids.values()}))
+        expected = f"{table}, or a fluid of CoolProp: {known}"
         if str(name).casefold() in _BY_NAME:
-            _refuse(
-                name,
-                temperature,
-                "20 °C for a fluid that CoolProp does not know; or its viscosity and density",
-            )
-        raise InputError(
-            "name",
-            shown(name),
-            f"one of {table}, or a fluid of CoolProp: {', '.join(sorted({*aliases.values()}))}",
-        )
+            _refuse(name, temperature, expected)
+        raise InputError("name", shown(name), expected)
+    low, high = _state(name).Tmin(), _state(name).Tmax()
+    if not low <= temperature <= high:
+        known = f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C"
+        _refuse(name, temperature, known)
     return CoolProp
 
 
@@ -157,16 +150,7 @@ def _names_in_coolprop() -> dict[str, str]:
     }
 
 
-def _check_temperature(name: str, temperature: float) -> None:
-    """Raise InputError for a temperature [K] outside of those that CoolProp knows of a fluid."""
-    state = _state(name)
-    low, high = state.Tmin(), state.Tmax()
-    if not low <= temperature <= high:
-        known = f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C"
-        _refuse(name, temperature, known)
-
-
-def _refuse(name: Any, temperature: float, allowed: str) -> Any:
+def _refuse(name: Any, temperature: float, allowed: str) -> NoReturn:
     """Raise InputError for a fluid at a temperature [K]."""
     raise InputError("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)
 
@@ -286,7 +270,7 @@ class RealGas(Gas):
         """Inverse of `potential` [Pa], absolute, by Newton's method."""
         table, φ = _table(self.name, self.temperature), reals(potential)
         # φ goes with p² in a thin gas
-        start = np.interp(np.sqrt(φ), np.sqrt(table.potentials), table.pressures)
+        start = np.interp(np.sqrt(φ), np.sqrt(table.potential(table.pressures)), table.pressures)
         return with_potential(
             φ, start, table.potential, lambda p: np.maximum(table.slope(p), _LEAST_SLOPE)
         )
@@ -317,10 +301,9 @@ def with_potential(
 
 
 class _Table(NamedTuple):
-    """Potentials [kg/(m³ s)] at rising pressures [Pa] from 0 on, cubics between them and their slopes; M [kg/mol]."""
+    """Rising pressures [Pa] from 0 on, splines of the potential [kg/(m³ s)] and its slope over them; M [kg/mol]."""
 
     pressures: Array
-    potentials: Array
     potential: Any
     slope: Any
     saturates: bool
@@ -348,62 +331,44 @@ def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Arr
 
 @cache
 def _table(name: str, temperature: float) -> _Table:
-    """The potential of a gas at a temperature [K], by quadrature of 12 points between two pressures of the table.
+    """The potential of a gas at a temperature [K], the integral of a spline of its slope.
 
-    Points are added until the cubics between them are right; it ends at saturation, or where CoolProp knows no more.
+    Points are added until the spline is right between them; it ends at saturation, or where CoolProp knows no more.
     """
-    from scipy.interpolate import CubicHermiteSpline
+    import CoolProp
+    from scipy.interpolate import CubicSpline
 
-    limit, saturates = _limit(name, temperature)
-
-    def slopes(pressure: Array) -> Array:
+    def slopes(pressure: ArrayLike) -> Array:
         density, viscosity = _properties(name, temperature, pressure)
         return density / viscosity
 
-    points = [(0.0, 0.0, 0.0)]  # pressure, potential, slope
-    edges = [limit]
-    while edges[-1] > _FIRST_PRESSURE:
-        edges.append(max(0.5 * edges[-1], _FIRST_PRESSURE))
-    while edges:
-        (a, φ, slope), b = points[-1], edges[-1]
-        half = 0.5 * (b - a)
-        try:
-            within = slopes(a + half * np.array([0.5 * (1 + _POINTS), 0.5 * (3 + _POINTS)]))
-            middle, end = slopes(np.array([a + half, b]))
-        except ValueError as error:
-            if len(points) == 1:
-                _refuse(
-                    name,
-                    temperature,
-                    f"a gas whose density and viscosity CoolProp knows: {shown(str(error))}",
-                )
-            break
-        parts = 0.5 * half * (within @ _WEIGHTS)
-        by_cubic = φ + 0.5 * parts.sum() + 0.25 * half * (slope - end)
-        if abs(by_cubic - (φ + parts[0])) > _ERROR * (φ + parts[0]):
-            edges.append(a + half)
-            continue
-        points += [(a + half, φ + parts[0], middle), (b, φ + parts.sum(), end)]
-        edges.pop()
-    pressures, potentials, known = (np.array(column) for column in zip(*points, strict=True))
-    potential = CubicHermiteSpline(pressures, potentials, known)
-    slope, molar_mass = potential.derivative(), float(_state(name).molar_mass())
-    return _Table(pressures, potentials, potential, slope, saturates and not edges, molar_mass)
-
-
-def _limit(name: str, temperature: float) -> tuple[float, bool]:
-    """Pressure up to which a table goes [Pa], and whether the gas saturates there.
-
-    Raises InputError: a temperature outside of those that CoolProp knows.
-    """
-    import CoolProp
-
     state = _state(name)
-    _check_temperature(name, temperature)
-    if temperature >= state.T_critical():
-        return min(state.pmax(), _HIGHEST), False
-    state.update(CoolProp.QT_INPUTS, 1.0, temperature)
-    return (1 - 1e-6) * state.p(), True
+    limit, saturates = min(state.pmax(), _HIGHEST), temperature < state.T_critical()
+    if saturates:
+        state.update(CoolProp.QT_INPUTS, 1.0, temperature)
+        limit = (1 - 1e-6) * state.p()
+    while True:
+        try:
+            slopes(limit)
+            break
+        except ValueError as failure:
+            limit, saturates = 0.5 * limit, False
+            if limit < _FIRST_PRESSURE:
+                known_ones = "a gas whose density and viscosity CoolProp knows"
+                _refuse(name, temperature, f"{known_ones}: {shown(str(failure))}")
+    first = min(_FIRST_PRESSURE, 0.5 * limit)
+    pressures = np.append(0.0, np.geomspace(first, limit, _FEWEST))
+    known, wrong = np.append(0.0, slopes(pressures[1:])), np.zeros(1, int)
+    while wrong.size:
+        slope = CubicSpline(pressures, known)
+        potential = slope.antiderivative()
+        middle = 0.5 * (pressures[1:] + pressures[:-1])
+        found = slopes(middle)
+        error = np.abs(slope(middle) - found) * np.diff(pressures) / potential(middle)
+        wrong = np.flatnonzero(error > _ERROR)
+        pressures = np.insert(pressures, wrong + 1, middle[wrong])
+        known = np.insert(known, wrong + 1, found[wrong])
+    return _Table(pressures, potential, slope, saturates, float(state.molar_mass()))
 
 
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> tuple[str, float] | None:

@@ -5,7 +5,33 @@ from typing import TYPE_CHECKING
 from .lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .arrays import (
+    from .errors import (
+        FemsealError,
+        InputError,
+        InputErrors,
+        NotConverged,
+        NotKept,
+        PartsMissing,
+        shortened,
+        shown,
+    )
+    from .files import made_folder, read_plain, replacing, write_bytes, write_text, writing
+    from .machine import free_memory, numerical_versions, versions
+    from .quantities import as_text, counted, to_si, to_text
+    from .stage import Mapper, Stage
+    from .text import (
+        Labelled,
+        Plotted,
+        Shown,
+        TextTable,
+        comma_separated,
+        duration,
+        format_deviation,
+        labelled,
+        number_text,
+        rows_of,
+    )
+    from .validate import (
         AnyPath,
         Array,
         Flags,
@@ -17,34 +43,6 @@ if TYPE_CHECKING:
         Shape,
         Singles,
         reals,
-    )
-    from .errors import (
-        FemsealError,
-        InputError,
-        InputErrors,
-        NotConverged,
-        NotKept,
-        PartsMissing,
-        counted,
-        shortened,
-        shown,
-    )
-    from .files import made_folder, read_plain, replacing, write_bytes, write_text, writing
-    from .machine import free_memory, numerical_versions, versions
-    from .quantities import to_si, to_text
-    from .stage import Mapper, Stage
-    from .text import (
-        Labelled,
-        Plotted,
-        Shown,
-        TextTable,
-        as_text,
-        comma_separated,
-        duration,
-        format_deviation,
-        labelled,
-        number_text,
-        rows_of,
     )
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from reprlib import Repr
-from typing import Any, SupportsInt
+from typing import Any
 
 #: Longest text of a user in a message, in characters; longer ones lose their middle.
 _LONGEST = 160
@@ -17,7 +17,12 @@ _REPR.maxstring = _REPR.maxother = _REPR.maxlong = 80
 
 
 class FemsealError(Exception):
-    """Base of every error that femseal raises on purpose."""
+    """Base of every error that femseal raises on purpose.
+
+    exit_code : of the command that it ends.
+    """
+
+    exit_code = 1
 
 
 class NotKept(FemsealError):
@@ -27,6 +32,8 @@ class NotKept(FemsealError):
 class PartsMissing(NotKept):
     """A part of a run has done what it can: it needs results of other parts, which are not there yet."""
 
+    exit_code = 3
+
 
 class InputError(FemsealError, ValueError):
     """An input cannot be used: `what` it is, what was `given` ("" where that says nothing), and what is `expected`.
@@ -34,6 +41,8 @@ class InputError(FemsealError, ValueError):
     >>> str(InputError("pressure", -1.0, "a number >= 0 [Pa]"))
     'pressure: given -1.0, expected a number >= 0 [Pa]'
     """
+
+    exit_code = 2
 
     def __init__(self, what: str, given: object, expected: str) -> None:
         self.what, self.given, self.expected = what, given, expected
@@ -49,11 +58,8 @@ class InputError(FemsealError, ValueError):
         return InputError(f"{place}.{self.what}", self.given, self.expected)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return InputError, (
-            self.what,
-            shortened(self.given),
-            self.expected,
-        )  # whatever was given, its text can be sent
+        # whatever was given, its text can be sent
+        return InputError, (self.what, shortened(self.given), self.expected)
 
 
 class InputErrors(InputError):
@@ -66,7 +72,7 @@ class InputErrors(InputError):
     def __str__(self) -> str:
         lines = [str(fault) for fault in self.faults[:_MOST_FAULTS]]
         more = len(self.faults) - len(lines)
-        return "\n".join([*lines, counted(more, "more fault")] if more else lines)
+        return "\n".join([*lines, f"{more} more fault{'s' * (more > 1)}"] if more else lines)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return InputErrors, (self.faults,)
@@ -85,15 +91,6 @@ def shortened(given: object, longest: int = _LONGEST) -> str:
         return text
     half = (longest - 1) // 2
     return f"{text[:half]}…{text[-half:]}"
-
-
-def counted(count: SupportsInt, noun: str) -> str:
-    """A number of things for a message.
-
-    >>> counted(1, "more step"), counted(2, "piece")
-    ('1 more step', '2 pieces')
-    """
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def shown(given: object) -> str:

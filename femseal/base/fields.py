@@ -15,32 +15,26 @@ if TYPE_CHECKING:
     import xarray
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where the values of a field live: what they belong to, and their dimensions in order."""
-
-    of: str
-    dims: tuple[str, ...]
-
-
-STEP = Place("load steps", ("step",))
-PIECE = Place("pieces of the face", ("step", "piece1", "piece2"))
-STATE = Place("states of the face", ("state",))
-PIECE_STATE = Place("pieces of the face in its states", ("state", "state_piece1", "state_piece2"))
-ROW = Place("rows of pixels of the face", ("step", "row"))
-PIXEL = Place("pixels of the face", ("step", "x1", "x2"))
-BLOCK = Place("blocks of pixels", ("step", "block1", "block2"))
-FACE = Place("blocks of the face, of no load step", ("face1", "face2"))
-REALISATION = Place("realisations of a seal", ("realisation", "step"))
-PLACE = Place("measured places of the face", ("place", "step"))
-PLACE_FACE = Place("blocks of one measured place, of no load step", ("place1", "place2"))
-PLACE_BLOCK = Place("blocks of one measured place", ("step", "place1", "place2"))
-PART = Place("parts of the drawn seal", ("step", "part"))
-PART_FORM = Place("parts of the drawn seal, of no load step", ("part",))
-PART_VECTOR = Place("vectors of the parts of the drawn seal", ("step", "part", "plane"))
-CORNER = Place("corners of the parts of the drawn seal", ("part", "corner", "plane"))
-LEAK_CLASS = Place("leakage classes", ("leak_class", "step"))
-ERROR_SOURCE = Place("sources of error", ("budget_part", "step"))
+#: Where the values of a field live: their dimensions in order, and what they belong to.
+Place = tuple[str, ...]
+STEP = ("step",)  # load steps
+PIECE = ("step", "piece1", "piece2")  # pieces of the face
+STATE = ("state",)  # states of the face
+PIECE_STATE = ("state", "state_piece1", "state_piece2")  # pieces of the face in its states
+ROW = ("step", "row")  # rows of pixels of the face
+PIXEL = ("step", "x1", "x2")  # pixels of the face
+BLOCK = ("step", "block1", "block2")  # blocks of pixels
+FACE = ("face1", "face2")  # blocks of the face, of no load step
+REALISATION = ("realisation", "step")  # realisations of a seal
+PLACE = ("place", "step")  # measured places of the face
+PLACE_FACE = ("place1", "place2")  # blocks of one measured place, of no load step
+PLACE_BLOCK = ("step", "place1", "place2")  # blocks of one measured place
+PART = ("step", "part")  # parts of the drawn seal
+PART_FORM = ("part",)  # parts of the drawn seal, of no load step
+PART_VECTOR = ("step", "part", "plane")  # vectors of the parts of the drawn seal
+CORNER = ("part", "corner", "plane")  # corners of the parts of the drawn seal
+LEAK_CLASS = ("leak_class", "step")  # leakage classes
+ERROR_SOURCE = ("budget_part", "step")  # sources of error
 
 #: Signs of units in names of ASCII letters, digits and underscores.
 _LETTERS = str.maketrans({"/": "_per_", "·": "_", "*": "_", " ": "_"}) | str.maketrans(
@@ -75,7 +69,7 @@ class Field:
         """The declaration of a variable of a dataset."""
         attrs, dims = variable.attrs, tuple(map(str, variable.dims))
         heading = str(attrs.get("heading", ""))
-        return cls(str(variable.name), attrs["units"], attrs["long_name"], Place("", dims), heading)
+        return cls(str(variable.name), attrs["units"], attrs["long_name"], dims, heading)
 
     @property
     def attrs(self) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Fixed points of two functions of arrays, such as fluid pressures and the permeabilities that depend on them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -42,22 +42,21 @@ def fixed_point(
     coefficient : of a state, such as permeabilities of pressures.
     solve : from a coefficient to the rate, the state that has it, and whatever is to be kept.
     state : the first one; NaN where there is none.
-    rtol : relative error of the rate, estimated from the last three rates, whose differences fall by a factor each.
+    rtol : relative error of the rate, estimated as its last change, of the third solution or a later one.
     name : of the problem, for the message.
 
     Raises NotConverged: the rate still changes after 40 solutions.
     """
-    rates: list[float] = []
-    error = np.inf
+    error = last = np.inf
     for n in range(1, _MOST_SOLUTIONS + 1):
         given = coefficient(state)
         former = state
         rate, state, found = solve(given)
         if rate == 0:
             return FixedPoint(found, given, 0.0, n, 0.0)
-        rates.append(rate)
-        error = _change(rates[-3:])
-        if error <= rtol:
+        error, last = abs(rate / last - 1), rate
+        # two that differ little may do so by chance
+        if n > 2 and error <= rtol:
             return FixedPoint(found, given, rate, n, error)
         if n > _UNDAMPED:
             half_way = 0.5 * (former + state)
@@ -67,15 +66,3 @@ def fixed_point(
         "try pressures at both ends that are nearer to each other",
         error,
     )
-
-
-def _change(rates: Sequence[float]) -> float:
-    """Estimated relative error of the last of up to three rates; of two that differ little, that may be by chance."""
-    if len(rates) < 2:
-        return np.inf
-    change = abs(rates[-1] / rates[-2] - 1)
-    if len(rates) == 2:
-        return float(np.sqrt(change))
-    before = abs(rates[-2] / rates[0] - 1)
-    ratio = change / before if before > 0 else 1.0
-    return change * ratio / (1 - ratio) if ratio < 0.5 else change

@@ -2,11 +2,10 @@
 
 import ast
 import atexit
-import gc
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -32,22 +31,15 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     def homes() -> dict[str, str]:
         """Name to the module it comes from, relative to the package."""
         tree = ast.parse(module.__spec__.loader.get_source(package))  # type: ignore[union-attr]
-        imports = (node for part in tree.body if isinstance(part, ast.If) for node in part.body)
-        found = {
-            name.name: f".{name.name}"
-            for name in iter_modules(module.__path__)
-            if name.name[0] != "_"
-        }
-        return found | {
-            alias.asname or alias.name: "." * node.level + (node.module or "")
-            for node in imports
-            if isinstance(node, ast.ImportFrom)
-            for alias in node.names
-        }
+        found = {name.name: f".{name.name}" for name in iter_modules(module.__path__)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom):
+                home = "." * node.level + (node.module or "")
+                found |= {alias.asname or alias.name: home for alias in node.names}
+        return found
 
     def load(name: str) -> Any:
-        home = homes().get(name)
-        if home is None:
+        if (home := homes().get(name)) is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         found = import_module(home, package)
         value = found if home == f".{name}" else getattr(found, name)
@@ -55,17 +47,6 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
         return value
 
     return load, lambda: sorted({*vars(module), *homes()})
-
-
-@contextmanager
-def loading() -> Iterator[None]:
-    """Context of imports: hundreds of thousands of objects and no garbage, which is not looked for among them."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()
 
 
 def name_cache(package: Path) -> None:

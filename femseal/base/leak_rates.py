@@ -15,6 +15,7 @@ Other limits are leakages with their unit, such as "5 mL/min".
 
 import re
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, isnan
 from typing import Literal
@@ -22,8 +23,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Flags, reals
 from .errors import InputError, shown
+from .validate import Flags, reals
 
 Kind = Literal["volume", "mass", "throughput", "standard", "drops", "bubbles"]
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
@@ -168,9 +169,8 @@ class LeakBasis:
         Raises InputError: a unit of gases for a liquid, or of liquids for a gas.
         """
         if lack := self.lacks(unit):
-            raise InputError(
-                "leakage_unit", f"{unit.name} for a {'gas' if self.is_gas else 'liquid'}", lack
-            )
+            fluid = "gas" if self.is_gas else "liquid"
+            raise InputError("leakage_unit", f"{unit.name} for a {fluid}", lack)
         pressure, temperature = self.pressure or 1.0, self.temperature or 1.0
         # pressure × volume of the same amount of gas goes with its temperature
         ratio = (self.stated or temperature) / temperature if self.temperature else 1.0
@@ -186,7 +186,7 @@ class LeakBasis:
 
     def units(self, names: Iterable[str] = USUAL_UNITS) -> list[LeakUnit]:
         """Those of the named units in which leakage of the fluid can be given."""
-        return [unit for unit in map(LEAK_UNITS.__getitem__, names) if self.has(unit)]
+        return [LEAK_UNITS[name] for name in names if self.has(LEAK_UNITS[name])]
 
     def readable(self, values: ArrayLike) -> LeakUnit:
         """One unit of volume rate of the whole seal for all the leakages [m²/s] given."""
@@ -253,7 +253,7 @@ class LeakClass:
     """A class of leakage: what leaks no more than its limit meets it.
 
     name : as the standard writes it. family : the standard; "" for a leakage of the user's own.
-    amount, unit : the limit, and its unit in `LEAK_UNITS`. gas_amount : that of gases, where it differs.
+    amount, gas_amount, unit : the limit of liquids and of gases, and their unit in `LEAK_UNITS`.
     per : by what the amounts are multiplied. tested : the only fluid that it is defined for, "" where for any.
     edition : of the standard. second_hand : whether the limit is from tables of others, not from the standard's text.
     """
@@ -261,8 +261,8 @@ class LeakClass:
     name: str
     family: str
     amount: float
+    gas_amount: float
     unit: str
-    gas_amount: float | None = None
     per: tuple[str, ...] = ()
     tested: str = ""
     edition: str = ""
@@ -282,20 +282,16 @@ class LeakClass:
         Raises InputError: what a class needs is not given or beyond its table, another fluid than it is defined for,
         or a unit that is not for the fluid.
         """
+        fluid = "gas" if basis.is_gas else "liquid"
         is_helium = basis.molar_mass is not None and abs(basis.molar_mass / HELIUM - 1) < _SAME_GAS
-        fits = {"": True, "helium": is_helium, "gas": basis.is_gas, "liquid": not basis.is_gas}
-        if not fits[self.tested]:
+        if self.tested not in ("", fluid, "helium" if is_helium else ""):
             defined = f"{self.name}, which is defined for {self.tested}"
-            raise InputError(
-                "classes",
-                defined,
-                f"a class for the fluid, or {self.tested} as the fluid or the test fluid",
-            )
+            expected = f"a class for the fluid, or {self.tested} as the fluid or the test fluid"
+            raise InputError("classes", defined, expected)
         unit = LEAK_UNITS[self.unit]
         if lack := basis.lacks(unit):
-            fluid = "gas" if basis.is_gas else "liquid"
             raise InputError("classes", f"{self.name}, a limit in {self.unit}, for a {fluid}", lack)
-        amount = self.gas_amount if basis.is_gas and self.gas_amount is not None else self.amount
+        amount = self.gas_amount if basis.is_gas else self.amount
         known = {
             "nominal_diameter": diameter,
             "pressure_drop": basis.pressure_drop,
@@ -349,18 +345,10 @@ ISO 15848-1 CH | ISO 15848-1 | 1.78e-4       | mbar·L/s     | mm       | helium
 def _made_class(line: str) -> LeakClass:
     """The class in a line of the table."""
     name, family, limits, unit, per, tested, edition, hand = (p.strip() for p in line.split("|"))
-    amount, *gas = map(float, limits.split())
-    return LeakClass(
-        name,
-        family,
-        amount,
-        unit,
-        gas_amount=gas[0] if gas else None,
-        per=tuple(key for key in _PER if key in per),
-        tested=tested,
-        edition=edition,
-        second_hand=bool(hand),
-    )
+    amounts = [float(limit) for limit in limits.split()]
+    keys = tuple(key for key in _PER if key in per)
+    limit = amounts[0], amounts[-1], unit
+    return LeakClass(name, family, *limit, keys, tested, edition, bool(hand))
 
 
 #: All classes by name, in each family from the tightest.
@@ -385,18 +373,13 @@ def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
 
     Raises InputError: a name that is neither.
     """
-    found: dict[str, LeakClass] = {}
-    for name in names:
-        for one in _named(name):
-            found[one.name] = one
-    return tuple(found.values())
+    return tuple({one.name: one for name in names for one in _named(name)}.values())
 
 
 def check_classes(names: Iterable[str], diameter: float | None, basis: LeakBasis) -> None:
     """Raise InputError for an unknown class, or one that needs a diameter or another fluid."""
     for one in leak_classes(names):
-        if not np.isfinite(one.limit(basis, diameter)):
-            raise InputError("classes", one.name, "a class with a limit")
+        one.limit(basis, diameter)
 
 
 def _named(name: str) -> list[LeakClass]:
@@ -404,17 +387,14 @@ def _named(name: str) -> list[LeakClass]:
     if isinstance(name, str):
         key = _class_key(name)
         for kind in ("name", "family"):
-            if chosen := [
-                one for one in LEAK_CLASSES.values() if _class_key(getattr(one, kind)) == key
-            ]:
+            known = LEAK_CLASSES.values()
+            if chosen := [one for one in known if _class_key(getattr(one, kind)) == key]:
                 return chosen
-        if match := _LIMIT.match(name):
-            try:
-                unit = leak_unit(match[2])
-            except InputError:
-                raise InputError("classes", shown(name), KNOWN) from None
-            if 0 < (amount := float(match[1])) < inf:
-                return [LeakClass(f"{amount:g} {unit.name}", "", amount, unit.name)]
+        with suppress(InputError):  # of another unit
+            match = _LIMIT.match(name)
+            if match and 0 < (amount := float(match[1])) < inf:
+                unit = leak_unit(match[2]).name
+                return [LeakClass(f"{amount:g} {unit}", "", amount, amount, unit)]
     raise InputError("classes", shown(name), KNOWN)
 
 

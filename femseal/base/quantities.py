@@ -2,8 +2,8 @@
 
 import re
 from functools import cache, lru_cache
-from math import isfinite
-from typing import Any
+from math import degrees, isfinite, isnan
+from typing import Any, SupportsInt
 
 from .errors import InputError, shown
 
@@ -120,12 +120,9 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
     if written and not _UNIT.fullmatch(written):
         raise refused(example)
     if (factor := _factor(written, unit)) is None:
-        alike = [
-            each
-            for each, (kind, _) in _USUAL.items()
-            if kind == unit and each.lower() == written.lower()
-        ]
-        hint = f"; capitals count: {' or '.join(alike)}" if alike else ""
+        of_kind = (one for one, (kind, _) in _USUAL.items() if kind == unit)
+        alike = " or ".join(one for one in of_kind if one.lower() == written.lower())
+        hint = f"; capitals count: {alike}" if alike else ""
         raise refused(f"{example}{hint}")
     # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
     return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)
@@ -141,8 +138,7 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
     >>> absolute_pressure("10 bar(g)", 101325.0), absolute_pressure("10 bara", 101325.0)
     (1101325.0, 1000000.0)
     """
-    match = _REFERENCE.search(text) if isinstance(text, str) and len(text) <= _LONGEST else None
-    if match is None or not isinstance(text, str):
+    if not isinstance(text, str) or len(text) > _LONGEST or not (match := _REFERENCE.search(text)):
         return None
     above = ambient if {"g", "G", "ü", "Ü"} & {*match.groups()} else 0.0
     try:
@@ -166,16 +162,11 @@ def _factor(written: str, unit: str) -> float | None:
         # N/mm2 is N/mm^2, mPas is mPa*s
         spelled = _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", written.replace(".", "*")))
         parsed, wanted = _registry().parse_units(spelled), unit or "dimensionless"
-        # a scale with another zero has no factor
-        return (
-            None
-            if (0.0 * parsed).to(wanted).magnitude
-            else float((1.0 * parsed).to(wanted).magnitude)
-        )
-    except (
-        Exception
-    ):  # a parser of units fails on unknown names in many ways, all of which mean the same
+        zero, factor = ((number * parsed).to(wanted).magnitude for number in (0.0, 1.0))
+    # a parser of units fails on unknown names in many ways, all of which mean the same
+    except Exception:
         return None
+    return None if zero else float(factor)  # a scale with another zero has no factor
 
 
 def _finite(value: float, given: object, name: str, allowed: str) -> float:
@@ -196,6 +187,15 @@ def to_text(value: float, unit: str, digits: int = 4) -> str:
     return f"{value / factor:.{digits}g} {prefix}{unit}"
 
 
+def counted(count: SupportsInt, noun: str) -> str:
+    """A number of things for a message.
+
+    >>> counted(1, "more step"), counted(2, "piece")
+    ('1 more step', '2 pieces')
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def unit_text(unit: str) -> str:
     """A unit as people write it; nothing for a plain number, "1" in declarations of fields.
 
@@ -214,3 +214,25 @@ def with_its_unit(value: float, unit: str) -> str:
     if unit.startswith(("P", "m", "N", "s")) and "^" not in unit:
         return to_text(value, unit_text(unit))
     return f"{value:.4g} {unit_text(unit)}".rstrip()
+
+
+def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "", **_: Any) -> str:
+    """A value in SI for people: angles in degrees, fractions in per cent, None and NaN as a dash; `joint` between two.
+
+    >>> as_text((1e-6, 2e-6), "m"), as_text(0.5, "rad"), as_text(0.0023, "", percent=True)
+    ('1 µm × 2 µm', '28.65°', '0.23 %')
+    """
+    if isinstance(value, tuple):
+        joint = joint or (" × " if unit == "m" or isinstance(value[0], int) else ", ")
+        return joint.join(as_text(v, unit, percent=percent) for v in value)
+    if value is None or (isinstance(value, float) and isnan(value)):
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return str(value)
+    if percent:
+        return f"{100 * value:.3g} %"
+    if unit == "rad":
+        return f"{degrees(value):.4g}°"
+    return to_text(value, unit) if unit == "m" else f"{value:.4g} {unit}".strip()

@@ -7,16 +7,15 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from html import escape
-from math import degrees, expm1, isfinite, isnan
+from math import expm1, isfinite, isnan
 from textwrap import fill
 from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
 
-from .errors import counted
 from .lazy_package import displays
-from .quantities import to_text, with_its_unit
+from .quantities import as_text, counted, with_its_unit
 
 #: Width of the column under the names of groups in the terminal.
 _GROUP = 13
@@ -49,12 +48,11 @@ class TextTable:
         heads, texts = zip(*columns, strict=True)
         return cls(title, tuple(heads), tuple(zip(*texts, strict=True)), **options)
 
-    def without(self, heads: Sequence[str]) -> TextTable:
-        """The table without the columns of some headings."""
-        kept = [n for n, head in enumerate(self.heads) if head not in heads]
-        lines = tuple(tuple(line[n] for n in kept) for line in self.lines)
-        names = sum(n < self.names for n in kept)
-        return replace(self, heads=tuple(self.heads[n] for n in kept), lines=lines, names=names)
+    def without(self, head: str) -> TextTable:
+        """The table without the column of numbers of a heading."""
+        kept = [n for n, other in enumerate(self.heads) if other != head]
+        heads, *lines = (tuple(line[n] for n in kept) for line in (self.heads, *self.lines))
+        return replace(self, heads=heads, lines=tuple(lines))
 
     def __rich__(self) -> Any:
         """The table as `rich.print` shows it."""
@@ -65,20 +63,25 @@ class TextTable:
         from rich.text import Text
 
         table = Table(
-            box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_header=bool(self.heads)
+            box=SIMPLE_HEAD,
+            pad_edge=False,
+            padding=(0, 1, 0, 0),
+            show_header=bool(self.heads),
+            caption=plain("\n".join(self.notes)) or None,
+            caption_justify="left",
         )
-        table.caption, table.caption_justify = plain("\n".join(self.notes)) or None, "left"
-        first = 1 if self.grouped else 0
+        first = int(self.grouped)
         for n, head in list(enumerate(self.heads or self.lines[0]))[first:]:
             text = fill(head, self.wrap, break_long_words=False) if self.wrap else head
             # names of groups are broken, which leaves the width to the numbers
-            grouped = self.grouped and n == first
+            width = _GROUP if self.grouped and n == first else None
+            left = n < self.names or width
             table.add_column(
-                plain(text) if self.heads else "",
-                justify="left" if n < self.names or grouped else "right",
+                plain(text),
+                justify="left" if left else "right",
                 overflow="fold",
-                min_width=_GROUP if grouped else None,
-                max_width=_GROUP if grouped else None,
+                min_width=width,
+                max_width=width,
             )
         former = None
         for line in self.lines:
@@ -181,9 +184,9 @@ def format_deviation(half_width: float, factor: str = "a factor of ") -> str:
     >>> format_deviation(0.0953), format_deviation(1.5), format_deviation(800.0), format_deviation(float("inf"))
     ('10 %', 'a factor of 4.5', 'a factor of more than 10000', 'an unknown factor')
     """
-    if not half_width < 700:
-        return "an unknown factor" if not isfinite(half_width) else f"{factor}more than 10000"
-    change = expm1(half_width)
+    if not isfinite(half_width):
+        return "an unknown factor"
+    change = expm1(min(half_width, 10.0))
     if change < 1:
         return f"{100 * change:.2g} %"
     return f"{factor}{1 + change:.2g}" if change < 1e4 else f"{factor}more than 10000"
@@ -220,52 +223,43 @@ class Shown(Plotted):
     _derived: ClassVar[dict[str, str]] = {}
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(f'{name} {text}' for name, text, _ in self._facts(whole=False))})"
+        facts = (f"{name} {text}" for name, text, _ in self._facts(whole=False))
+        return f"{type(self).__name__}({', '.join(facts)})"
 
     def _repr_html_(self) -> str:
         return TextTable(type(self).__name__, (), tuple(self._facts(whole=True)))._repr_html_()
 
     def _facts(self, whole: bool) -> list[tuple[str, str, str]]:
         """Name, value as text, meaning."""
-        facts = [
-            (name, value_text(getattr(self, name), unit), "")
-            for name, unit in self._derived.items()
+        told = [(name, unit, "") for name, unit in self._derived.items()]
+        told += [
+            (f.name, f.metadata.get("unit", "1"), f.metadata.get("long_name", ""))
+            for f in fields(self)  # type: ignore[arg-type]
+            if whole or f.repr
         ]
-        for f in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, f.name)
-            if (whole or f.repr) and not _says_nothing(value):
-                text = value_text(value, f.metadata.get("unit", "1"))
-                facts.append((f.name, text, f.metadata.get("long_name", "")))
-        return facts
-
-
-def _says_nothing(value: Any) -> bool:
-    """Whether a value is None, NaN or an empty tuple."""
-    return (
-        value is None
-        or (isinstance(value, float) and np.isnan(value))
-        or (isinstance(value, tuple) and not value)
-    )
+        facts = ((name, value_text(getattr(self, name), unit), what) for name, unit, what in told)
+        return [fact for fact in facts if fact[1]]
 
 
 def value_text(value: Any, unit: str = "1") -> str:
-    """A value of a result as short text; `unit` as in the metadata of its field.
+    """A value of a result as short text, "" of None, NaN and an empty tuple; `unit` as in the metadata of its field.
 
     >>> value_text(2.5e-6, "m"), value_text(np.array([[0.0, 2e8], [np.nan, 1e9]]), "Pa"), value_text(1.5e-18, "m^3")
     ('2.5 µm', '(2 × 2: 0 Pa … 1 GPa)', '1.5e-18 m³')
     """
+    if value is None or (isinstance(value, tuple) and not value):
+        return ""
     if isinstance(value, np.ndarray):
-        value = np.asarray(value)
         return f"({' × '.join(map(str, value.shape))}: {_range_text(value, unit)})"
     if isinstance(value, (bool, np.bool_, str, int, np.integer)):
         return str(value)
     if isinstance(value, (float, np.floating)):
-        return with_its_unit(float(value), unit)
+        return "" if isnan(value) else with_its_unit(float(value), unit)
     if isinstance(value, dict):
         return ", ".join(f"{name} {value_text(each, unit)}" for name, each in value.items())
-    if isinstance(value, tuple) and value and all(hasattr(v, "pressure") for v in value):
+    if isinstance(value, tuple) and hasattr(value[0], "pressure"):
         return f"of {counted(len(value), 'load step')}"
-    if isinstance(value, tuple) and value and all(isinstance(v, str) for v in value):
+    if isinstance(value, tuple) and isinstance(value[0], str):
         return f"{len(value)}, the first: {value[0]}"
     return repr(value)
 
@@ -295,25 +289,3 @@ class Labelled:
             f"{m['label']:{width}}  {as_text(getattr(self, name), **m)}"
             for name, m in metadata.items()
         )
-
-
-def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "", **_: Any) -> str:
-    """A value in SI for people: angles in degrees, fractions in per cent, None and NaN as a dash; `joint` between two.
-
-    >>> as_text((1e-6, 2e-6), "m"), as_text(0.5, "rad"), as_text(0.0023, "", percent=True)
-    ('1 µm × 2 µm', '28.65°', '0.23 %')
-    """
-    if isinstance(value, tuple):
-        joint = joint or (" × " if unit == "m" or isinstance(value[0], int) else ", ")
-        return joint.join(as_text(v, unit, percent=percent) for v in value)
-    if value is None or (isinstance(value, float) and isnan(value)):
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        return str(value)
-    if percent:
-        return f"{100 * value:.3g} %"
-    if unit == "rad":
-        return f"{degrees(value):.4g}°"
-    return to_text(value, unit) if unit == "m" else f"{value:.4g} {unit}".strip()

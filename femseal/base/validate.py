@@ -1,38 +1,59 @@
-"""Checks of arguments: each returns the clean value or raises an InputError that names the argument.
+"""Types of arguments and their checks: each returns the clean value or raises an InputError that names the argument.
 
 Parameters of classes that a case can choose, such as fluids, are declared once with unit and range; the case file gets
 a key for each of them from the same metadata.
 """
 
 import dataclasses
-from collections.abc import Mapping
-from math import inf, isfinite
+import os
+from collections.abc import Callable, Mapping
+from functools import partial
+from math import inf, isfinite, nan
 from numbers import Real
 from operator import index
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Array, Pair, Periodic, Shape
-from .errors import InputError, counted
-from .quantities import unit_text
+from .errors import InputError
+from .quantities import counted, unit_text
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+#: Real numbers in single precision, and in any.
+Singles = NDArray[np.float32]
+Floats = NDArray[np.floating]
+#: Of a file or a folder.
+AnyPath = str | os.PathLike[str]
+#: Along x1 and x2: points, lengths, whether a map repeats itself.
+Shape = tuple[int, int]
+Pair = tuple[float, float]
+Periodic = tuple[bool, bool]
+#: Along x1 and x2, or the same along both.
+Lengths = float | Pair
+
+
+def reals(values: ArrayLike) -> Array:
+    """Values as an array of real numbers."""
+    return np.asarray(values, dtype=np.float64)
 
 
 def number(
     name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False
 ) -> float:
     """A finite number > `above`, or >= `above` when `inclusive`; above −inf, any."""
-    shown = value
     try:
         if isinstance(value, (str, bytes, bool)):
             raise TypeError
         given = float(value)
-        if isfinite(given) and (given > above or (given == above and inclusive)):
-            return given
     except (TypeError, ValueError):
-        shown = repr(value)
+        given, value = nan, repr(value)
+    if isfinite(given) and (given >= above if inclusive else given > above):
+        return given
     least = f" {'>=' if inclusive else '>'} {above:g}" if isfinite(above) else ""
-    raise InputError(name, shown, "a finite number" + least + (f" [{unit}]" if unit else ""))
+    raise InputError(name, value, "a finite number" + least + (f" [{unit}]" if unit else ""))
 
 
 def tolerance(name: str, value: Any) -> float:
@@ -57,17 +78,14 @@ def field(
     undefined : whether points may be NaN.
     """
     try:
-        plain = type(value) is np.ndarray and value.dtype == np.float64
-        if not plain and (np.ma.is_masked(value) or np.iscomplexobj(value)):
+        if np.ma.is_masked(value) or np.iscomplexobj(value):
             raise TypeError
         array = np.array(value, dtype=float, copy=True if copy else None)
         # the last digits of results depend on the alignment in memory, which differs for arrays sent by a cluster
-        if not array.flags.carray:
-            array = np.require(array, requirements=("C", "ALIGNED"))
+        array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError):
-        raise InputError(
-            name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]"
-        ) from None
+        expected = f"an array (n1, n2) of real numbers [{unit}]"
+        raise InputError(name, f"a {type(value).__name__}", expected) from None
     if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):
         raise InputError(name, f"shape {array.shape}", f"shape {shape or '(n1, n2)'}")
     bad = np.isinf(array) if undefined else ~np.isfinite(array)
@@ -88,28 +106,25 @@ def count(name: str, value: Any, least: int = 1) -> int:
     return given
 
 
+def _two(name: str, value: Any, check: Callable[[Any], Any], allowed: str) -> tuple[Any, Any]:
+    """Two clean values, along x1 and x2."""
+    try:
+        first, second = map(check, value)
+    except (TypeError, ValueError, KeyError):
+        raise InputError(name, repr(value), f"{allowed}, along x1 and x2") from None
+    return first, second
+
+
 def lengths(name: str, value: Any) -> Pair:
     """Two finite lengths > 0 [m], along x1 and x2; a single number is both."""
-    allowed = "two finite numbers > 0 [m], along x1 and x2"
-    try:
-        first, second = (float(v) for v in ((value, value) if isinstance(value, Real) else value))
-    except (TypeError, ValueError):
-        raise InputError(name, repr(value), allowed) from None
-    if not (isfinite(first) and isfinite(second) and first > 0 and second > 0):
-        raise InputError(name, value, allowed)
-    return first, second
+    pair = (value, value) if isinstance(value, Real) else value
+    return _two(name, pair, partial(number, name), "two finite numbers > 0 [m]")
 
 
 def grid(name: str, value: Any, *, minimum: int = 1) -> Shape:
     """Two whole numbers >= `minimum`, along x1 and x2."""
-    allowed = f"two whole numbers >= {minimum}, along x1 and x2"
-    try:
-        first, second = (index(v) for v in value)
-    except (TypeError, ValueError):
-        raise InputError(name, repr(value), allowed) from None
-    if first < minimum or second < minimum:
-        raise InputError(name, value, allowed)
-    return first, second
+    check = partial(count, name, least=minimum)
+    return _two(name, value, check, f"two whole numbers >= {minimum}")
 
 
 def pressures(name: str, value: Mapping[str, Any]) -> dict[str, float]:
@@ -123,13 +138,8 @@ def pressures(name: str, value: Mapping[str, Any]) -> dict[str, float]:
 
 def flags(name: str, value: Any) -> Periodic:
     """Two truth values, along x1 and x2; a single one is both."""
-    try:
-        first, second = (value, value) if isinstance(value, bool) else value
-        if first not in (True, False) or second not in (True, False):
-            raise ValueError
-    except (TypeError, ValueError):
-        raise InputError(name, repr(value), "two of True and False, along x1 and x2") from None
-    return bool(first), bool(second)
+    pair = (value, value) if isinstance(value, bool) else value
+    return _two(name, pair, {True: True, False: False}.__getitem__, "two of True and False")
 
 
 def axis_number(axis: Any) -> int:

@@ -30,12 +30,12 @@ from ..base import (
 from ..base.leak_rates import LeakUnit
 from ..case.case import Case
 from ..case.reading import load_case, read_case
-from ..execution.resuming import Part, over_store, writing_in
+from ..execution.resuming import Part, begin_run, over_store, remove_run, store_folder, writing_in
 from ..execution.run import Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import prepare
 from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
-from ..store.store import Store, begin_run, remove_run, store_folder
+from ..store.store import Store
 from ..studies.compiling import compile_ahead
 from ..studies.study_registry import usual_efforts
 from ..topography import resolved_wave

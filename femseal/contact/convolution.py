@@ -33,8 +33,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from ..base import Array, Indices, Shape
-from ..base.compiled import compiled
-from ..base.threads import on_threads, parts
+from ..base.compiled import compiled, on_threads, parts
 
 #: Kind of each axis, periodic, mirror or free.
 Boundary = tuple[str, str]

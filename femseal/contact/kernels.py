@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Indices
-from ..base.compiled import by_items, compiled, leader, summed
-from ..base.threads import number, over, parts
+from ..base.compiled import by_items, compiled, leader, number, over, parts, summed
 
 #: Rows of `Points.lists`: indices of the points near contact, of the free ones, and of these in the first list.
 NEAR, FREE, PLACE = range(3)

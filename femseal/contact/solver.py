@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, Flags, InputError, NotConverged, Shown, validate
-from ..base.threads import number, over, rows, using
+from ..base.compiled import number, over, rows, using
 from . import kernels
 from .active_sets import ActiveSets
 from .half_space import HalfSpace

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, Indices
-from ..base.threads import number
+from ..base.compiled import number
 from .convolution import Convolution
 from .gradient_kernels import restart, step, turn
 from .half_space import HalfSpace, stiffness_stencil

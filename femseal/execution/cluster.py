@@ -39,31 +39,29 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
         from dask import config
         from distributed import Client, LocalCluster
     except ImportError:
-        raise InputError(
-            "scheduler", f"'{scheduler}'", "one after: pip install 'femseal[cluster]'"
-        ) from None
+        expected = "one after: pip install 'femseal[cluster]'"
+        raise InputError("scheduler", f"'{scheduler}'", expected) from None
 
     if scheduler != "local":
         with _connected(scheduler) as client:
             yield partial(_map, client)
         return
+    prefix = "distributed.nanny.pre-spawn-environ"
+    environment = {f"{prefix}.{name}": value for name, value in ENVIRONMENT.items()}
     with ExitStack() as stack:
-        environment = {
-            f"distributed.nanny.pre-spawn-environ.{name}": value
-            for name, value in ENVIRONMENT.items()
-        }
         with starting_processes(), config.set(environment):
-            one_each: dict[str, Any] = {
-                "n_workers": count,
-                "threads_per_worker": 1,
-                "processes": True,
-            }
             cluster = LocalCluster(
-                **one_each, dashboard_address="127.0.0.1:0", silence_logs=logging.ERROR
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.ERROR,
             )
             # results that bypass the scheduler take half the time; libraries send their own work to a default client
-            options: dict[str, Any] = {"direct_to_workers": True, "set_as_default": False}
-            client = stack.enter_context(Client(stack.enter_context(cluster), **options))
+            client = Client(
+                stack.enter_context(cluster), direct_to_workers=True, set_as_default=False
+            )
+            stack.enter_context(client)
         yield partial(_map, client)
 
 
@@ -81,9 +79,8 @@ def _connected(scheduler: str) -> Any:
             # a client would wait forever for a service of another kind
             # in a thread, because the caller may run an event loop
             with ThreadPoolExecutor(1) as thread:
-                thread.submit(
-                    lambda: asyncio.run(asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS))
-                ).result()
+                answer = asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS)
+                thread.submit(asyncio.run, answer).result()
             client = Client(scheduler, timeout=ANSWER_SECONDS, set_as_default=False)
             stack.callback(client.close)
             _await_worker(client)
@@ -94,18 +91,14 @@ def _connected(scheduler: str) -> Any:
                 f"the address of a running scheduler with workers that have femseal ({reason})"
             )
             raise InputError("scheduler", f"'{scheduler}'", expected) from None
-        here = numerical_versions()
         for worker, found in there.items():
-            if found != here:
-                other = ", ".join(
-                    f"{n} {found.get(n)} instead of {v}"
-                    for n, v in here.items()
-                    if found.get(n) != v
-                )
+            here = numerical_versions().items()
+            if other := [
+                f"{n} {found.get(n)} instead of {v}" for n, v in here if found.get(n) != v
+            ]:
+                given = f"'{scheduler}' whose worker {worker} has {', '.join(other)}"
                 expected = "workers with the versions of this process: else results would depend on who computes them"
-                raise InputError(
-                    "scheduler", f"'{scheduler}' whose worker {worker} has {other}", expected
-                )
+                raise InputError("scheduler", given, expected)
         stack.pop_all()
     return client
 

@@ -21,8 +21,7 @@ import numpy as np
 import psutil
 
 from ..base import FemsealError, Mapper, Stage, free_memory
-from ..base.arrays import sharing
-from ..base.threads import using
+from ..base.machine import sharing
 
 log = logging.getLogger("femseal.execution.processes")
 #: Fraction of the free memory that the concurrent calls of a stage may take together.
@@ -70,37 +69,34 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         return
     with NamedTemporaryFile(suffix=".pickle", dir=folder, delete=False) as file:
         pickle.dump(stage, file, protocol=5)
+    under_way: Any = "2 * n_jobs"
+    if stage.memory:
+        under_way = int(np.clip(FREE_FRACTION * free_memory() / stage.memory, 1, 2 * count))
+    # processes without an item leave their cores to the others
+    threads = max(1, count // min(under_way if stage.memory else count, len(first)))
+    results = None
     try:
-        under_way: Any = "2 * n_jobs"
-        if stage.memory:
-            under_way = int(np.clip(FREE_FRACTION * free_memory() / stage.memory, 1, 2 * count))
-        # processes without an item leave their cores to the others
-        threads = max(1, count // min(under_way if stage.memory else count, len(first)))
-        results = None
-        try:
-            with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
-                # large arrays of items go through pipes: files for them would outlive a run that is killed
-                pool = joblib.Parallel(
-                    return_as="generator", n_jobs=count, pre_dispatch=under_way, max_nbytes=None
-                )
-                call = joblib.delayed(_call_stored)
-                results = pool(
-                    call(os.getpid(), file.name, threads, *args) for args in chain(first, items)
-                )
-            _end_at_exit()
-            for result in results:  # noqa: UP028, as it would close them here
-                yield result
-        except TerminatedWorkerError as error:
-            reason = "a process died, as when memory runs out; try fewer workers"
-            raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
-        finally:
-            with warnings.catch_warnings():
-                warnings.filterwarnings(
-                    "ignore", ".* tasks "
-                )  # a stopped run needs no more results
-                if results is not None:
-                    results.close()
+        with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
+            # large arrays of items go through pipes: files for them would outlive a run that is killed
+            pool = joblib.Parallel(
+                return_as="generator", n_jobs=count, pre_dispatch=under_way, max_nbytes=None
+            )
+            call = joblib.delayed(_call_stored)
+            results = pool(
+                call(os.getpid(), file.name, threads, *args) for args in chain(first, items)
+            )
+        _end_at_exit()
+        for result in results:  # noqa: UP028, as it would close them here
+            yield result
+    except TerminatedWorkerError as error:
+        reason = "a process died, as when memory runs out; try fewer workers"
+        raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
     finally:
+        with warnings.catch_warnings():
+            # a stopped run needs no more results
+            warnings.filterwarnings("ignore", ".* tasks ")
+            if results is not None:
+                results.close()
         Path(file.name).unlink(missing_ok=True)
 
 
@@ -167,6 +163,8 @@ def _end_at_exit() -> None:
 def _call_stored(parent: int, path: str, threads: int, *args: Any) -> Any:
     _folders.add(str(Path(path).parent))
     _end_with(parent)
+    from ..base.compiled import using  # numba is not loaded by the process that starts others
+
     with using(threads):
         return _stored(path)(*args)
 

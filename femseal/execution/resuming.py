@@ -1,5 +1,6 @@
 """One run in a folder at a time, or several parts of one, which share a store; runs that are resumed.
 
+A run that was ended has its store in the output folder, with what its results depend on, so that it can be resumed.
 A run holds a lock on a file in its folder. The system gives the lock back when the process ends, however it ends. File
 systems without locks, among them some of networks, have a file in its place that names the process.
 Part 3 of 16 computes the third sixteenth of the items of every stage, consecutive ones, and reads those of the others.
@@ -7,21 +8,41 @@ A stage of fewer items than parts leaves some without work.
 """
 
 import errno
+import json
 import logging
 import os
 import platform
 import re
+import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import sleep, strftime
 from typing import Any
 
-from ..base import InputError, Mapper, PartsMissing, Stage, shortened, shown
-from ..base.files import read_plain, remove_foreign
-from ..store.store import Store, Unnamed, refuse_unfinished, resumable
+from ..base import (
+    FemsealError,
+    InputError,
+    Mapper,
+    PartsMissing,
+    Stage,
+    counted,
+    read_plain,
+    shortened,
+    shown,
+    write_text,
+)
+from ..base.files import remove_foreign
+from ..store.store import SUFFIX, Store, Unnamed
 from .run import Progress
 
+#: Subfolder of the output folder with the store of its run, and what that depends on.
+FOLDER = ".checkpoint"
+MANIFEST = "manifest.json"
+#: No manifest is larger [byte].
+_LARGEST_MANIFEST = 1e8
+#: Changed keys that a message names.
+_MOST_CHANGES = 20
 #: Number of a part, from 1, and how many there are.
 Part = tuple[int, int]
 #: Most parts.
@@ -80,10 +101,7 @@ def parts_of(items: Iterable[int], part: Part, count: int) -> list[int]:
 
 def missing_parts(part: Part, stage: str, missing: list[int]) -> PartsMissing:
     """What to say of a stage of which a part has done its own items, and others have not."""
-    shown_ones = ", ".join(map(str, missing[:20])) + (
-        f" and {len(missing) - 20} more" if len(missing) > 20 else ""
-    )
-    named = f"{'part' if len(missing) == 1 else 'parts'} {shown_ones} of {part[1]}"
+    named = f"part{'s' * (len(missing) > 1)} {shortened(', '.join(map(str, missing)))} of {part[1]}"
     return PartsMissing(
         f"part {part[0]}/{part[1]}: '{stage}' needs {named}; run this part again after them"
     )
@@ -131,9 +149,8 @@ def await_parts(folder: Path, part: Part, stage: str, missing: Callable[[], list
     """
     said, waits = False, True
     while left := missing():
-        if (
-            not waits
-        ):  # asked before the last look: a part that has ended since then has kept its items
+        # asked before the last look: a part that has ended since then has kept its items
+        if not waits:
             raise missing_parts(part, stage, left)
         waits = all(n != part[0] and is_under_way(folder, (n, part[1])) for n in left)
         if waits:
@@ -153,13 +170,11 @@ def _locked(folder: Path, name: str) -> Iterator[None]:
         held = _acquired(path)
     except Timeout:
         given = f"'{folder}', where {_holder(path)} is under way"
-        raise InputError(
-            "output", given, "another folder, or this one when that run has ended"
-        ) from None
+        expected = "another folder, or this one when that run has ended"
+        raise InputError("output", given, expected) from None
     except OSError as error:
-        raise InputError(
-            "output", f"'{folder}'", f"a folder that can be written ({error.strerror})"
-        ) from None
+        expected = f"a folder that can be written ({error.strerror})"
+        raise InputError("output", f"'{folder}'", expected) from None
     try:
         with suppress(OSError):  # on a full disk the lock holds all the same
             since = strftime("%H:%M on %d %B")
@@ -209,11 +224,9 @@ def writing_in(
     is under way.
     """
     with alone_in(folder, part):
-        if resume:
-            yield resumable(folder, identity)
-        else:
+        if not resume:
             refuse_unfinished(folder)
-            yield False
+        yield resume and resumable(folder, identity)
 
 
 def over_store(
@@ -255,3 +268,90 @@ def over_store(
         yield from kept(stage, *columns)
 
     return mapping
+
+
+def resumable(output: Path, identity: dict[str, Any]) -> bool:
+    """Check whether the output folder has the store of a run of this identity; nothing is written.
+
+    output : the output folder.
+    identity : everything on which the bits of the results depend, as nested plain data.
+
+    Raises InputError: its manifest is unreadable or of another identity; every changed key is named with both
+    values.
+    """
+    path = store_folder(output) / MANIFEST
+    try:
+        former = json.loads(read_plain(path, _LARGEST_MANIFEST).decode())
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError, RecursionError) as error:
+        given = f"'{path}', which cannot be read ({error})"
+        expected = f"an intact file; remove '{path.parent}' to start anew"
+        raise InputError("resume", given, expected) from None
+    # data as JSON returns it, with lists in place of tuples
+    old, new = _flat(former), _flat(json.loads(json.dumps(identity)))
+    changed = [key for key in old | new if old.get(key) != new.get(key)]
+    if not changed:
+        return True
+    lines = [f"that of the same case, files and versions; remove '{path.parent}' to start anew"]
+    for key in changed[:_MOST_CHANGES]:
+        was, now = (shortened(values.get(key, "not given")) for values in (old, new))
+        lines.append(f"{shortened(key)}: was {was}, is {now}")
+    if more := changed[_MOST_CHANGES:]:
+        lines.append(counted(len(more), "more key"))
+    raise InputError("resume", "an unfinished run of another case", "\n".join(lines))
+
+
+def refuse_unfinished(output: Path, name: str = FOLDER) -> None:
+    """Raise InputError if the output folder has results of an unfinished run, in a folder of this name."""
+    if any(store_folder(output, name).glob(f"*{SUFFIX}")):
+        given = f"'{output}', which holds an unfinished run"
+        expected = f"--resume to go on, or another folder; to start anew, remove '{output / name}'"
+        raise InputError("output", given, expected)
+
+
+def remove_run(output: Path) -> None:
+    """Remove the store from the output folder, if there is one.
+
+    Raises FemsealError: it could not be removed.
+    """
+    folder = store_folder(output)
+    try:
+        # without its manifest a run is never resumed, even if other files remain
+        (folder / MANIFEST).unlink(missing_ok=True)
+        if folder.exists():
+            shutil.rmtree(folder)
+    except OSError as error:
+        raise FemsealError(f"store: '{folder}' could not be removed ({error.strerror})") from error
+
+
+def store_folder(output: Path, name: str = FOLDER) -> Path:
+    """The folder of the store, which need not exist; one that lies elsewhere is not touched."""
+    folder = output / name
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise InputError("output", f"'{folder}', which is a link or a file", "a folder, or none")
+    return folder
+
+
+def begin_run(output: Path, identity: dict[str, Any]) -> None:
+    """Write down what the results of a run in an output folder depend on.
+
+    Raises FemsealError: the folder cannot be written.
+    """
+    folder = store_folder(output)
+    text = json.dumps(identity, indent=1, ensure_ascii=False)
+    try:
+        folder.mkdir(exist_ok=True)
+        write_text(folder / MANIFEST, text)
+    except OSError as error:
+        raise FemsealError(f"store: '{folder}' could not be written ({error.strerror})") from error
+
+
+def _flat(value: Any, key: str = "") -> dict[str, Any]:
+    """Nested tables as dotted keys; lists of plain values stay whole."""
+    if isinstance(value, list) and any(isinstance(part, dict) for part in value):
+        value = dict(enumerate(value))
+    if not isinstance(value, dict):
+        return {key: value}
+    parts = (_flat(part, f"{key}.{name}".removeprefix(".")) for name, part in value.items())
+    return {name: part for flat in parts for name, part in flat.items()}

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from ..base.stage import Mapper, Stage
@@ -110,15 +109,14 @@ class Run:
             name = f"{part}: {stage.name}"
             self.progress(name, 0, total)
             start = said = time.monotonic()
-            done = done_then = 0
+            done = 0
             for done, item in enumerate(self.mapper(stage, *iterables), start=1):
                 self.progress(name, done, total)
                 yield item
                 if (now := time.monotonic()) - said >= LOG_SECONDS:
-                    rate = (done - done_then) / (now - said)
+                    said, rate = now, done / (now - start)
                     left = "" if total is None else f", {(total - done) / rate:.0f} s left"
                     log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
-                    said, done_then = now, done
             seconds = time.monotonic() - start
             self.timings[name] = self.timings.get(name, 0.0) + seconds
             if done:
@@ -134,14 +132,27 @@ def _same(value: Any, of: Any) -> Any:
 class LogFile(logging.FileHandler):
     """Log lines in a file; on a full disk they end, while the run goes on."""
 
-    def __init__(self, path: Path, mode: str = "a", delay: bool = False) -> None:
-        super().__init__(path, mode=mode, encoding="utf-8", delay=delay)
-        self.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-
     def close(self) -> None:
         """Close the file as far as that goes."""
         with suppress(OSError):
             super().close()
+
+
+@contextmanager
+def logging_to(*handlers: logging.Handler) -> Iterator[None]:
+    """Context in which log lines go to handlers, which are closed at its end."""
+    level = log.level
+    log.setLevel(logging.INFO)
+    for handler in handlers:
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+        log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+        for handler in handlers:
+            log.removeHandler(handler)
+            handler.close()
 
 
 @contextmanager

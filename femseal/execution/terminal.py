@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from ..base.errors import InputError
-from .run import LogFile, Progress, no_progress
+from .run import LogFile, Progress, logging_to, no_progress
 
 
 def flag(name: str, help: str) -> Any:
@@ -58,37 +58,19 @@ def show_progress(quiet: bool, log_file: Path | None = None) -> Iterator[Progres
     """
     terminal = sys.stderr.isatty()
     bars = _bars() if terminal and not quiet else nullcontext(no_progress)
-    with log_lines(log_file, quiet, terminal), bars as progress:
-        yield progress
-
-
-@contextmanager
-def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
-    """Log lines to the end of a file and, unless quiet, to stderr."""
-    log = logging.getLogger("femseal")
     handlers: list[logging.Handler] = []
-    if path is not None:
+    if (path := log_file) is not None:
         if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
             raise InputError("log-file", f"'{path}'", "a file that can be written")
-        handlers.append(LogFile(path, delay=True))
+        handlers.append(LogFile(path, encoding="utf-8", delay=True))
     if not quiet:
         handlers.append(_Echo(logging.WARNING if terminal else logging.INFO))
-        handlers[-1].setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         # failures of studies are shown with the results, and the end of a run by the command
         handlers[-1].addFilter(
-            lambda record: record.exc_info is None and (not terminal or record.name != log.name)
+            lambda record: record.exc_info is None and (not terminal or record.name != "femseal")
         )
-    level = log.level
-    log.setLevel(logging.INFO)
-    for handler in handlers:
-        log.addHandler(handler)
-    try:
-        yield
-    finally:
-        log.setLevel(level)
-        for handler in handlers:
-            log.removeHandler(handler)
-            handler.close()
+    with logging_to(*handlers), bars as progress:
+        yield progress
 
 
 class _Echo(logging.Handler):

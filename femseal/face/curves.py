@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ..base import Array, Indices
-from ..loads import LoadProgramme
+from ..solids_and_loads import LoadProgramme
 
 
 class LogCurve:

@@ -10,7 +10,7 @@ from math import frexp
 
 import numpy as np
 
-from ..base.arrays import Array
+from ..base import Array
 from ..base.compiled import compiled, inner
 from .grid import Stencil
 from .percolation import union

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import ElementQuadRT0
 
 from ..base import Array, Flags, Lengths, Pair, Shown, Singles, validate
-from ..base.compiled import compiled, inner
-from ..base.threads import number, over, rows, using
+from ..base.compiled import compiled, inner, number, over, rows, using
 from . import forms
 from .balance import balanced_link_fluxes
 from .grid import (

@@ -23,8 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 
 from ..base import Array, Indices, InputError
-from ..base.compiled import compiled, inner
-from ..base.threads import over, rows
+from ..base.compiled import compiled, inner, over, rows
 from . import forms
 
 #: The cubic is doubted where it is below this fraction of both pixels, and left where one second difference is so many

@@ -147,12 +147,11 @@ def budgets_of(
     smooth = without_filtered_waves(prepared) if left else None
     again = {} if smooth is None else _solved(smooth, mapper)
     for key, result in left.items():
-        other = route(study_of_result(result)).key
         budgets[key] = error_budget(
             prepared.scene,
             result,
-            coarse=[against(result, grid, solved.get(other))],
-            filtered=None if smooth is None else against(result, smooth, again.get(other)),
+            coarse=[against(result, grid, solved)],
+            filtered=None if smooth is None else against(result, smooth, again),
             octaves=prepared.conditioning.removed_octaves,
             kept_slope=kept_slope(prepared),
             wave_pixels=prepared.conditioning.shortest_wave / max(prepared.scene.surface.spacing),
@@ -208,14 +207,9 @@ def _of_continued(
     """
     scene, continued, q = grid.scene, prepared.continuation, leakage_of(own)
     assert continued is not None
-    *others, shorter = (
-        CoarserSolution(
-            scene.surface.shape,
-            np.full(len(scene.steps), np.nan) if one is None else leakage_of(one),
-            q,
-        )
-        for one in moved
-    )
+    unknown = np.full(len(scene.steps), np.nan)
+    leakages = (unknown if one is None else leakage_of(one) for one in moved)
+    *others, shorter = (CoarserSolution(scene.surface.shape, found, q) for found in leakages)
     last = continued.last_that_counts(scene.law.mean_hardness, scene.modulus)
     octaves = max(1.0, log2(continued.cut_off / last)) if last else inf
     return continuation_part(prepared.scene, leakage_of(result), others, shorter, octaves)
@@ -226,9 +220,10 @@ def leakage_of(result: Any) -> Array:
     return study_of_result(result).leakage(result)
 
 
-def against(result: Any, coarse: Prepared, found: Any) -> CoarserSolution:
+def against(result: Any, coarse: Prepared, solved: Mapping[str, Any]) -> CoarserSolution:
     """A coarser solution beside the result of a study; unknown leakage where it failed."""
     points = coarse.scene.surface.shape
+    found = solved.get(route(study_of_result(result)).key)
     if found is None:
         return CoarserSolution(points, np.full(len(coarse.scene.steps), np.nan))
     if not isinstance(result, StochasticResult):

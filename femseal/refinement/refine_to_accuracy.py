@@ -4,12 +4,12 @@ import json
 import logging
 import time
 from dataclasses import asdict, dataclass, field, replace
-from math import ceil, isfinite
+from math import ceil
 from typing import Any
 
 import numpy as np
 
-from ..base import FemsealError, NotKept, duration, format_deviation, free_memory, to_text
+from ..base import FemsealError, NotKept, as_text, duration, format_deviation, free_memory, to_text
 from ..budget import MODEL_PARTS, ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
@@ -58,9 +58,6 @@ def given_settings(case: Case) -> dict[str, str]:
         found["grid"] = "surface.points"
     if "rtol" in case.contact.model_fields_set:
         found["rtol"] = "contact.rtol"
-    cells = case.cells
-    if cells is not None and (cells.count is not None or cells.size is not None):
-        found["cells"] = "cells.count" if cells.size is None else "cells.size"
     if case.stochastic is not None and case.stochastic.realisations is not None:
         found["realisations"] = "stochastic.realisations"
     return found
@@ -85,11 +82,6 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     return coarse if fits and "grid" not in given else settings
 
 
-def time_limit(case: Case) -> float:
-    """Longest time of all attempts together [s]."""
-    return TIME_LIMIT if case.time_limit is None else case.time_limit
-
-
 def grid_points(made: Prepared, grid: int) -> Pair:
     """Points of the face of a case, `grid` doublings finer; as many more as its pieces ask for."""
     n1, n2 = (
@@ -108,7 +100,7 @@ def apply_settings(made: Prepared, settings: Settings) -> Prepared:
     points = grid_points(made, settings.grid)
     face = surface if points == surface.shape else surface.resample(points)
     sampling = made.sampling
-    if sampling is not None and settings.realisations is not None:
+    if sampling is not None:
         sampling = replace(sampling, realisations=settings.realisations)
     return replace(
         made,
@@ -119,9 +111,7 @@ def apply_settings(made: Prepared, settings: Settings) -> Prepared:
 
 
 def first_version(case: Case, made: Prepared) -> Prepared:
-    """What a run of a prepared case solves first: the case itself, or the first attempt at its accuracy."""
-    if case.accuracy is None:
-        return made
+    """The first attempt at the accuracy of a prepared case."""
     with refused_if_too_large():
         return apply_settings(made, first_settings(case, made))
 
@@ -131,16 +121,6 @@ def last_version(case: Case, made: Prepared, attempts: dict[str, Any] | None) ->
     if attempts is None or case.accuracy is None:
         return made
     return apply_settings(made, Settings(**attempts["settings"]))
-
-
-def chosen(case: Case, made: Prepared) -> dict[str, Any]:
-    """What a run of a prepared case computes first, see `Prepared.chosen`, and the settings of an accuracy."""
-    if case.accuracy is None:
-        return made.chosen
-    settings = first_settings(case, made)
-    return first_version(case, made).chosen | {
-        f"settings.{name}": v for name, v in asdict(settings).items()
-    }
 
 
 def expected_cost(prepared: Prepared) -> tuple[float, float]:
@@ -158,45 +138,26 @@ def refined(
     """
     rtol, grid = settings.rtol / 10, settings.grid + 1
     seals = HALVING * (settings.realisations or 0)
-    points = " × ".join(map(str, grid_points(made, grid)))
-    # a setting, its finer value and that as a text, whether it is too fine, and why
-    steps: dict[str, tuple[str, Any, str, bool, str]] = {
-        "solver": (
-            "rtol",
-            rtol,
-            f"contact.rtol {rtol:.0e}",
-            rtol < LEAST_RTOL * (1 - 1e-9),
-            f"contact.rtol is {settings.rtol:.0e}, as small as it gets",
-        ),
-        "pixels": (
-            "grid",
-            grid,
-            f"{points} points",
-            grid > MOST_GRID,
-            f"pixels are {2**MOST_GRID} times finer than those of the face",
-        ),
-        "realisations": (
-            "realisations",
-            seals,
-            f"{seals} seals",
-            seals > MOST_SEALS,
-            f"{settings.realisations} seals are drawn, the most that are",
-        ),
+    points = as_text(grid_points(made, grid))
+    # a setting, its finer value, that as a text, and whether an attempt may have it
+    steps: dict[str, tuple[str, Any, str, bool]] = {
+        "solver": ("rtol", rtol, f"contact.rtol {rtol:.0e}", rtol >= LEAST_RTOL * (1 - 1e-9)),
+        "pixels": ("grid", grid, f"{points} points", grid <= MOST_GRID),
+        "realisations": ("realisations", seals, f"{seals} seals", seals <= MOST_SEALS),
     }
     if part not in steps:
         return None, _BY_NOTHING.get(part, "nothing refines it")
-    key, value, text, too_fine, why = steps[part]
+    key, value, text, allowed = steps[part]
     if (by := given_settings(case).get(key)) is not None:
         return None, f"{by} is given in the case"
-    if too_fine:
-        return None, why
+    if not allowed:
+        return None, f"{text} is finer than any attempt"
     finer = replace(settings, **{key: value})
     needed = expected_cost(apply_settings(made, finer))[1]
-    if needed > memory:
-        needs, expected = (to_text(size, "B", 3) for size in (needed, memory))
-        text = f"{text} would take about {needs} of memory, expected {expected}"
-        return None, text
-    return finer, text
+    if needed <= memory:
+        return finer, text
+    needs, expected = (to_text(size, "B", 3) for size in (needed, memory))
+    return None, f"{text} would take about {needs} of memory, expected {expected}"
 
 
 @dataclass(frozen=True)
@@ -220,9 +181,8 @@ class Attempt:
 
     def __str__(self) -> str:
         """The attempt as a line of the log."""
-        points = " × ".join(map(str, self.points))
         return (
-            f"{self.settings.method} on {points} points in {self.seconds:.3g} s, within "
+            f"{self.settings.method} on {as_text(self.points)} points in {self.seconds:.3g} s, within "
             f"{format_deviation(self.half_width)} at {self.load}, limited by {self.limit}"
         )
 
@@ -256,7 +216,7 @@ class RefinedAnswer:
         )
 
     def as_data(self, budget: ErrorBudget) -> dict[str, Any]:
-        """What the results say of the attempts, as plain data; None for a width without end.
+        """What the results say of the attempts, as plain data; None for a number without end or unknown.
 
         budget : with the parts of the model.
         """
@@ -275,7 +235,7 @@ class RefinedAnswer:
             "settings": asdict(last.settings),
             "attempts": [asdict(attempt) for attempt in self.attempts],
         }
-        return with_ends(found)
+        return json.loads(json.dumps(found), parse_constant=lambda _: None)
 
 
 def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
@@ -287,36 +247,30 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
     Raises FemsealError: the first attempt failed. One that fails later ends the attempts.
     """
     assert case.accuracy is not None
-    goal, most = np.log1p(case.accuracy), time_limit(case)
+    goal, most = np.log1p(case.accuracy), case.time_limit or TIME_LIMIT
     # what is free now has the packages in it already
     memory = free_memory() if case.memory is None else case.memory - START_MEMORY
     attempts = _Attempts(case, made, run, memory)
-    settings = first_settings(case, made)
-    solved: tuple[Prepared, Any, ErrorBudget] | None = None
-    why, text = "", ""
-    while True:
+    settings: Settings | None = first_settings(case, made)
+    why = text = ""
+    while settings is not None:
         try:
-            found = attempts.attempt(settings)
+            solved = attempts.attempt(settings)
         except NotKept:
             raise
         except FemsealError as error:
-            if solved is None:
+            if not attempts.done:
                 raise
             why = f"{text} failed: {error}"
             break
-        solved, last = found, attempts.done[-1]
+        last = attempts.done[-1]
         log.info("attempt %d: %s", len(attempts.done), last)
         if last.half_width <= goal:
             break
         settings, text, why = attempts.next_settings(goal, most)
-        if why:
-            break
-        log.info("next: %s", text)
-    prepared, result, budget = solved
-    half = attempts.half_error()
-    return RefinedAnswer(
-        prepared, result, budget, tuple(attempts.done), why, half, case.accuracy, most
-    )
+        log.info("next: %s", text or why)
+    done, half = tuple(attempts.done), attempts.half_error()
+    return RefinedAnswer(*solved, done, why, half, case.accuracy, most)
 
 
 @dataclass(eq=False)
@@ -336,12 +290,12 @@ class _Attempts:
         """Solve the case with these settings, and estimate its error."""
         name = f"attempt {len(self.done) + 1}"
         prepared = apply_settings(self.made, settings)
+        answer, key = prepared.answer, prepared.answer.key
         start = time.perf_counter()
         with self.run.timed(name) as mapper:
-            result = prepared.solve(prepared.answer, mapper)
+            result = prepared.solve(answer, mapper)
         with self.run.timed(f"{name}, error budget") as mapper:
-            alone = replace(prepared, methods=frozenset({prepared.answer.name}))
-            key = prepared.answer.key
+            alone = replace(prepared, methods=frozenset({answer.name}))
             budget = budgets_of(alone, {key: result}, mapper)[key]
         seconds = time.perf_counter() - start
         seconds = self.run.decided("time of the attempt", self._so_far, seconds)
@@ -359,33 +313,32 @@ class _Attempts:
         )
         return prepared, result, budget
 
-    def next_settings(self, goal: float, most: float) -> tuple[Settings, str, str]:
-        """Settings of the next attempt, what they change, and "" or what hinders it.
+    def next_settings(self, goal: float, most: float) -> tuple[Settings | None, str, str]:
+        """Settings of the next attempt and what they change; or None, "", and what hinders it.
 
         goal : half-width of ln(leakage) that is wanted. most : time of all attempts [s].
         """
-        last, text, why = self.done[-1], "", ""
+        last, text = self.done[-1], ""
         reasons: list[str] = []
+        finer: Settings | None = None
         for part in sorted(last.parts, key=lambda name: -last.parts[name]):
             # the others of an accuracy that cannot be reached are refined until they are within it
-            if reasons and last.parts[part] <= goal and max(last.parts.values()) > goal:
+            if reasons and last.parts[part] <= goal < max(last.parts.values()):
                 break
             finer, change = refined(self.case, self.made, last.settings, part, self.memory)
-            if finer is not None:
-                break
-            reasons.append(f"{part}: {change}")
-        if finer is None:
-            why = "; ".join(reasons)
-        else:
+            if finer is None:
+                reasons.append(f"{part}: {change}")
+                continue
             text = f"{change}, for the error of {part}"
             expected = self._expected_seconds(finer)
             spent = sum(attempt.seconds for attempt in self.done)
             if spent + expected > most:
                 late = f"{change} would take about {duration(expected)}, after {duration(spent)}"
                 reasons.append(f"{part}: {late}, and the time limit is {duration(most)}")
-                why = "; ".join(reasons)
-        finer, text, why = self.run.decided("next attempt", self._so_far, (finer, text, why))
-        return finer or last.settings, text, why
+                finer, text = None, ""
+            break
+        why = "; ".join(reasons) if finer is None else ""
+        return self.run.decided("next attempt", self._so_far, (finer, text, why))
 
     @property
     def _so_far(self) -> tuple[str, int]:
@@ -407,12 +360,3 @@ class _Attempts:
             expected_cost(apply_settings(self.made, s))[0] for s in (settings, last.settings)
         )
         return last.seconds * seconds / before
-
-
-def with_ends(data: Any) -> Any:
-    """Nested data with None for numbers that have no end or are unknown, for files that know neither."""
-    if isinstance(data, dict):
-        return {key: with_ends(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [with_ends(value) for value in data]
-    return None if isinstance(data, float) and not isfinite(data) else data

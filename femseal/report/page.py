@@ -198,7 +198,7 @@ def report_html(results: Results, drawings: Drawings | None = None) -> str:
         flows=np.nan_to_num(face_leakage(data)[s]) != 0,
         half_drop=_half_drop(data, s),
         # the page has a table of classes
-        leakage_table=leakage_table(results).without(["class"]),
+        leakage_table=leakage_table(results).without("class"),
         totals=totals_table(results),
         classes=report_tables.class_table(results),
         test_fluid=report_tables.test_fluid(results),

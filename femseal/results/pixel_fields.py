@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import AnyPath, Indices, InputError, Pair, Shape, replacing, to_text, writing
-from ..base.arrays import give_back
 from ..base.fields import PIXEL, READABLE, Field, fields_of
+from ..base.machine import give_back
 from . import vtk_files
 from .results import piece as checked_piece
 

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, to_text
-from ..base.arrays import one_at_a_time
 from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,
@@ -30,15 +29,15 @@ from ..base.fields import (
     STATE,
     STEP,
     Field,
-    Place,
     fields_of,
 )
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakClass, leak_classes, within
+from ..base.machine import one_at_a_time
 from ..base.quantities import with_its_unit
 from ..budget import ErrorBudget, ErrorPart
 from ..face.pieces import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis
-from ..loads import LoadProgramme, LoadStep
+from ..solids_and_loads import LoadProgramme, LoadStep
 from ..studies import FaceResult, Scene, StochasticResult
 from ..studies.other_fluid import OtherLeakage, limit_factors
 from ..studies.piece_states import FacePieces, PlaceLeakage
@@ -69,7 +68,7 @@ _BASIS = {
 def add(data: xarray.Dataset, made: Field, values: Any, **attrs: Any) -> None:
     """Add a field; one of this name that is there stays."""
     if made.name not in data:
-        data[made.name] = (made.place.dims, values, made.attrs | attrs)
+        data[made.name] = (made.place, values, made.attrs | attrs)
 
 
 def add_new(
@@ -78,7 +77,7 @@ def add_new(
     unit: str,
     long_name: str,
     values: Any,
-    where: Place = STEP,
+    where: tuple[str, ...] = STEP,
     **attrs: Any,
 ) -> None:
     """Add a field that no result declares, over the load steps unless it has another place."""
@@ -227,8 +226,8 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     units = basis.units()
     add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
     values = np.array([leakage.values / basis.factor(unit) for unit in units])
-    place = Place("units of leakage", ("leak_unit", "step"))
-    add_new(data, "leakage_in_units", "1", f"leakage in units of leak_unit{stated}", values, place)
+    text = f"leakage in units of leak_unit{stated}"
+    add_new(data, "leakage_in_units", "1", text, values, ("leak_unit", "step"))
 
 
 def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> None:
@@ -363,8 +362,7 @@ def add_classes(
     fraction[:, ~known.any(axis=0)] = np.nan
     add_coordinate(data, "leak_class", "1", "leakage class", [c.name for c in classes])
     text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
-    place = Place("leakage classes", ("leak_class",))
-    add_new(data, "class_limit", "m^2/s", text, limits, place)
+    add_new(data, "class_limit", "m^2/s", text, limits, ("leak_class",))
     met = np.array([within(leakage, limit) for limit in limits]).astype(float)
     if upper is not None:
         met[:, (leakage == 0) & ~np.isfinite(upper)] = np.nan

@@ -210,9 +210,9 @@ def _written(folder: Path, views: list[Cells], surface: Topography | None) -> li
 
 def _pieces(name: str, data: xarray.Dataset, place: Place) -> Cells:
     """Pieces of the face with every field of a place, at load steps or in states."""
-    loads = loads_of(data, place.dims[0])
+    loads = loads_of(data, place[0])
     edges = []
-    for dim in place.dims[1:]:
+    for dim in place[1:]:
         ends = [0.0]
         for centre in data[dim].values:
             ends.append(2 * centre - ends[-1])
@@ -223,7 +223,7 @@ def _pieces(name: str, data: xarray.Dataset, place: Place) -> Cells:
     ]
     cell_data: dict[str, NDArray[Any]] = {}
     for variable in data.data_vars.values():
-        if variable.dims == place.dims:
+        if variable.dims == place:
             made = Field.of(variable)
             named = made.array_name.removeprefix("piece_").removeprefix("state_")
             cell_data[named] = (variable.values * made.scale).reshape(len(loads), -1)
@@ -234,12 +234,12 @@ def _drawn(data: xarray.Dataset) -> Cells:
     """The drawn seal nearest to the median as triangles or quadrilaterals, with every field of its parts."""
     cell_data = {}
     for variable in data.data_vars.values():
-        if variable.dims in (PART.dims, PART_FORM.dims, PART_VECTOR.dims):
+        if variable.dims in (PART, PART_FORM, PART_VECTOR):
             made = Field.of(variable)
             values = variable.values * made.scale
-            if variable.dims == PART_FORM.dims:
+            if variable.dims == PART_FORM:
                 values = np.broadcast_to(values, (data.sizes["step"], values.size))
-            if variable.dims == PART_VECTOR.dims:
+            if variable.dims == PART_VECTOR:
                 values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
             cell_data[made.array_name.removeprefix("drawn_")] = values
     return Cells("drawn", data["drawn_corners"].values, loads_of(data), cell_data)

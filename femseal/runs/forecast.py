@@ -1,62 +1,45 @@
-"""Forecast of a run: unknowns, time, memory and disk, before it is started.
+"""What a run of a case computes and takes, before it is started, in lines for `femseal check` and for the report.
 
-The effort of load steps is that of the contact of a small part of the face; numbers of transforms are counted, not
-timed, and do not depend on what else the machine does. How fast the machine is, is timed.
+Unknowns, time, memory and disk follow from the sizes of the case and from the effort of its load steps, see `efforts`.
+How fast the machine is, is timed.
 """
 
-import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import astuple, dataclass, replace
-from functools import cache
-from math import log, prod, sqrt
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import prod
+from operator import itemgetter
 
 import numpy as np
 import psutil
-from scipy import fft
 
-from ..base import FemsealError, InputError, counted, duration, free_memory, to_text
-from ..base.arrays import storing
+from ..base import InputError, Shape, as_text, counted, duration, free_memory, to_text
+from ..base.machine import storing
 from ..budget import model_changes
 from ..case.case import Case
-from ..contact import Contact, HalfSpace, solve_contact
-from ..face.piece_flow import FlowSettings
-from ..flow import cell_permeability
+from ..case.case_tables import SolidTable
+from ..case.faces import FileFace
 from ..preparation.preparation import START_MEMORY, Prepared
 from ..refinement.budgets import CONTINUED_SCENES, coarser_grid, without_filtered_waves
-from ..refinement.refine_to_accuracy import (
-    first_settings,
-    first_version,
-    grid_points,
-    time_limit,
-)
+from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
+from ..results.results import cycle_text
+from ..results.variables import fluid_text
+from ..solids_and_loads import METALS
 from ..studies import Scene, drop_ratio
+from ..studies.blocks import blocks_of
 from ..studies.doubts import flow_warnings
 from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
-from ..studies.study_registry import (
-    FEW_ITERATIONS,
-    LADDER_STATES,
-    PILOT_PIXELS,
-    Effort,
-    on_ladder,
-    usual_efforts,
-    usual_seals,
-)
-from .description import described
+from ..studies.sampling import describe_map
+from ..studies.study_registry import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
+from ..topography import Places
+from .efforts import efforts, pace
 
 #: Seconds of starting, of loading compiled loops and making or reading a face, and of pictures, report and tables.
 _START_SECONDS, _PICTURES_SECONDS = 2.5, 2.4
 #: Memory of another process [byte].
 _WORKER_MEMORY = 0.25e9
-#: Load steps that are solved at most.
-_MOST_STEPS = 5
-#: Rounds of contact and flow beyond which a larger face, of which single paths are a smaller part, takes half as many.
-_MANY_ROUNDS = 3.0
-#: Iterations of multigrid that take as long as elimination on `PILOT_PIXELS`, and their growth with the fraction open.
-_ELIMINATED = 50.0, 1.65
-#: Least seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured.
-#: They stay in the cache: those of larger arrays take the time in which the system gives new memory, as no solver does.
-_PACE_SECONDS = 1.16e-4
+#: Shortest waves that a piece should hold along each side.
+ADVISED_WAVES = 8
 
 
 @dataclass(frozen=True)
@@ -83,20 +66,32 @@ def describe(case: Case, made: Prepared) -> list[str]:
 
 def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     """Name and text of each line; one that goes on with the name before has none."""
-    prepared = first_version(case, made)
+    prepared, attempt = made, ""
     yield "case", f"{case.title or '(no title)'}: valid"
+    if case.accuracy is not None:
+        prepared, attempt = first_version(case, made), "first attempt: "
     yield from described(case, prepared)
-    yield from _accuracy_facts(case, made)
+    if case.accuracy is not None:
+        chosen = first_settings(case, made)
+        first = f"{as_text(grid_points(made, chosen.grid))} points, contact.rtol {chosen.rtol:.0e}"
+        if chosen.realisations is not None:
+            first += f", {counted(chosen.realisations, 'seal')}"
+        limit = (
+            f"then what limits is refined, for at most {duration(case.time_limit or TIME_LIMIT)}"
+        )
+        text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {first}"
+        yield "accuracy", f"{text}; {limit}"
     if again := budget_inputs(case, prepared):
-        counts = Counter[tuple[int, int]]()
+        counts = Counter[Shape]()
         for one in again:
             counts[one.scene.surface.shape] += _face_states(one)
-        states = (
-            f"{count} on {' × '.join(map(str, shape))} points" for shape, count in counts.items()
-        )
+        states = (f"{count} on {as_text(shape)} points" for shape, count in counts.items())
         yield "error budget", f"states again, {' and '.join(states)}"
-    first = "" if case.accuracy is None else "first attempt: "
-    yield "expected", first + _expected_text(forecast(case, prepared, again=again))
+    expected, cores = forecast(case, prepared, again=again), psutil.cpu_count() or 1
+    alone, shared = duration(expected.seconds()), duration(expected.seconds(cores))
+    times = f"about {alone} on one core, {shared} on the {cores} of this machine"
+    further = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
+    yield "expected", f"{attempt}{times}; {expected.memory / 1e9:.1f} GB of memory, {further}"
     yield "disk", str(disk(case, prepared, again))
     quick = prepared.first_answer
     fast = () if quick is None else flow_warnings(prepared.scene, quick.leakage, quick.mean_gap)
@@ -106,9 +101,9 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
 
 def _face_states(prepared: Prepared) -> int:
     """Number of states of the whole face that are solved, about."""
-    sampling, steps = prepared.sampling, len(prepared.scene.steps)
+    sampling = prepared.sampling
     if sampling is None or _keeps_states(prepared) or not on_ladder(prepared.scene, sampling):
-        return steps
+        return len(prepared.scene.steps)
     return round(LADDER_STATES)
 
 
@@ -126,16 +121,11 @@ def forecast(
     known = efforts(prepared.scene) if known is None else known
     again = budget_inputs(case, prepared) if again is None else again
     with storing(None, case.memory):
-        costs = [prepared.cost(study, known) for study in prepared.solved_studies]
-        for coarse in again:
-            costs += [coarse.cost(study, known) for study in coarse.solved_studies]
-        test = case.output.test_fluid
+        solved, test = [prepared, *again], case.output.test_fluid
         if test is not None and drop_ratio(test.state, prepared.scene) is None:
-            scene = test.state.in_scene(prepared.scene)
-            methods = frozenset({prepared.answer.name})
-            costs.append(
-                replace(prepared, methods=methods, scene=scene).cost(prepared.answer, known)
-            )
+            methods, scene = frozenset({prepared.answer.name}), test.state.in_scene(prepared.scene)
+            solved.append(replace(prepared, methods=methods, scene=scene))
+        costs = [one.cost(study, known) for one in solved for study in one.solved_studies]
     own = _START_SECONDS + _PICTURES_SECONDS * (case.output.pictures or case.output.report)
     seconds, memory = zip(*costs, strict=True)
     # what a study holds stays until the results are written; what it works with does not
@@ -144,7 +134,7 @@ def forecast(
 
 def refuse_too_large(case: Case, made: Prepared) -> None:
     """Raise InputError if a run of a prepared case is expected to take more memory than it allows, or than is free."""
-    prepared = first_version(case, made)
+    prepared = made if case.accuracy is None else first_version(case, made)
     most, which = case.memory, "of the key memory"
     if most is None:
         most, which = free_memory(), "that are free"
@@ -152,7 +142,7 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
     needed = forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
     if needed <= most:
         return
-    points = " × ".join(map(str, prepared.scene.surface.shape))
+    points = as_text(prepared.scene.surface.shape)
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
     advice = "fewer surface.points or load steps, or the method blocks, which solves a block of a face at a time"
     if most <= START_MEMORY:
@@ -162,28 +152,6 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
     raise InputError("memory", given, expected)
-
-
-def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
-    """What the first attempt at a wanted accuracy takes."""
-    if case.accuracy is None:
-        return
-    chosen = first_settings(case, made)
-    points = " × ".join(map(str, grid_points(made, chosen.grid)))
-    first = [f"{points} points", f"contact.rtol {chosen.rtol:.0e}"]
-    first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
-    text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
-    limit = duration(time_limit(case))
-    yield "accuracy", f"{text}; then what limits is refined, for at most {limit}"
-
-
-def _expected_text(expected: Forecast) -> str:
-    cores = psutil.cpu_count() or 1
-    return (
-        f"about {duration(expected.seconds())} on one core, {duration(expected.seconds(cores))} on the {cores} of this "
-        f"machine; {expected.memory / 1e9:.1f} GB of memory, and {_WORKER_MEMORY / 1e9:.2g} GB or more for each "
-        "further worker"
-    )
 
 
 @dataclass(frozen=True)
@@ -272,65 +240,159 @@ def _size(size: float) -> str:
     return to_text(float(f"{size:.1e}"), "B", 3)
 
 
-@cache
-def pace() -> float:
-    """Time that this machine takes for transforms, as a multiple of the one on which the costs were measured."""
-    heights = np.random.default_rng(0).random((128, 128))
-    taken = []
-    for _ in range(100):
-        # of the processor: what others do on the machine is not forecast
-        start = time.thread_time()
-        fft.irfft2(fft.rfft2(heights), heights.shape)
-        taken.append(time.thread_time() - start)
-    # a neighbour on the same core slowed the others down, by up to 2.7 times
-    return min(taken) / _PACE_SECONDS
+def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Name and text of each line on a prepared case; one that goes on with the name before has none."""
+    scene = prepared.scene
+    files = (
+        ", ".join(str(place.path) for place in face.places or [face])
+        if isinstance(face, FileFace)
+        else face.kind
+        for face in case.face
+    )
+    yield "face", " against ".join(files)
+    yield from _surface_facts(prepared)
+    if prepared.seat:
+        yield "seat", prepared.seat
+    yield "load", _load_text(case, scene)
+    yield "material", solids_text(case)
+    yield "", f"contact modulus {to_text(scene.modulus, 'Pa')}, {scene.law}"
+    for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
+        if table is not None:
+            ends = table.inlet_pressure, table.outlet_pressure
+            text, name = fluid_text(table.fluid), table.name or ""
+            text = text if name in text else f"{name}: {text}"
+            yield "fluid", f"{what}{text}, from {' to '.join(to_text(p, 'Pa') for p in ends)}"
+        if table is case.fluid:
+            yield "", scene.fluid_effect
+    yield "flow", f"solver {scene.solver}"
+    yield from _law_facts(scene)
+    yield from _study_facts(prepared)
+    if str(scene.layout) != "a strip":
+        yield "seal", str(scene.layout)
+    if (first := prepared.first_answer) is not None:
+        yield "first answer", str(first)
 
 
-def efforts(scene: Scene) -> tuple[Effort, ...]:
-    """Effort of every load step, from contact and flow of the middle of the face at some of the pressures.
+def solids_text(case: Case) -> str:
+    """The two solids of a case, and which of them yields."""
+    face, counter = case.material, case.counter_material
+    if counter is None:
+        return f"{_solid_text(face)} against a rigid flat"
+    text = f"{_solid_text(face)} against {_solid_text(counter)}"
+    hardness = {"face": face.law.mean_hardness, "counter-face": counter.law.mean_hardness}
+    (softer, low), (_, high) = sorted(hardness.items(), key=itemgetter(1))
+    if low == np.inf:
+        return text
+    other = to_text(high, "Pa") if high < np.inf else "no pressure"
+    return f"{text}; the {softer} yields, at {to_text(low, 'Pa')}, and the other at {other}"
 
-    The state that an earlier load left is left out: unloading takes about as many transforms as loading. So are what a
-    gas slips, grooves that wind and what pockets hold, which the costs count by themselves.
-    """
+
+def _solid_text(solid: SolidTable) -> str:
+    """A solid, with the source of the values that its name stands for."""
+    text = f"E = {to_text(solid.young, 'Pa')}, ν = {solid.poisson:g}"
+    for value, name in ((solid.hardness, "hardness"), (solid.yield_stress, "yield stress")):
+        text += "" if value is None else f", {name} {to_text(value, 'Pa')}"
+    text += ", hardness by a table of depths" if solid.hardness_table else ""
+    for name, (_, source) in METALS.items():
+        if name.casefold() == (solid.name or "").casefold().strip():
+            return f"{name} ({source}; keys of the case come first): {text}"
+    return text
+
+
+def _load_text(case: Case, scene: Scene) -> str:
+    """The steps of the cycle, and its highest load."""
+    text = f"{cycle_text(scene.steps)}, up to {to_text(scene.steps.pressures.max(), 'Pa', 3)}"
+    if case.load.unit != "Pa":
+        text += f", from {to_text(case.load.highest, case.load.unit)}"
+    return text
+
+
+def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Points, roughness and filter of the face."""
+    scene, report = prepared.scene, prepared.conditioning
     surface = scene.surface
-    scale = min(1.0, sqrt(PILOT_PIXELS / surface.heights.size))
-    # lengths whose transforms are fast: without prime factors above 5
-    n1, n2 = (fft.prev_fast_len(min(n, max(16, int(n * scale))), real=True) for n in surface.shape)
-    start = (surface.shape[0] - n1) // 2, (surface.shape[1] - n2) // 2
-    part = surface.crop((n1, n2), start).detrend()
-    half_space = HalfSpace(part.shape, part.spacing, scene.modulus, ("mirror", "mirror"))
-    gap = part.heights.max() - part.heights
-    solve: Callable[..., Contact] = solve_contact
-    if (fluid := scene.acting_fluid) is not None:
-        solve = replace(fluid, settings=FlowSettings(), trapped=False).contact
-    pressures = sorted({step.pressure for step in scene.steps if step.pressure > 0})
-    chosen = np.linspace(0, len(pressures) - 1, min(_MOST_STEPS, len(pressures)))
-    tried = [pressures[k] for k in chosen.round().astype(int)]
-    found: dict[float, Effort] = {}
-    for pressure in tried:
-        try:
-            contact = solve(
-                gap, half_space, pressure=pressure, hardness=scene.hardness, rtol=scene.rtol
-            )
-            flow = cell_permeability(contact.gap, part.spacing, sides="periodic")
-        except FemsealError:  # the run will tell
-            found[pressure] = Effort()
-            continue
-        rounds = getattr(contact, "rounds", 1.0)
-        rounds = min(rounds, 0.5 * (rounds + _MANY_ROUNDS))
-        effort = Effort(contact.fft_pairs, contact.area_fraction, rounds=rounds)
-        larger, (most, power) = PILOT_PIXELS / gap.size, _ELIMINATED
-        iterations = flow.iterations or most * flow.percolating_fraction**power
-        if iterations:
-            iterations = FEW_ITERATIONS + max(0.0, iterations - FEW_ITERATIONS) * larger**0.5
-        pairs = effort.pairs * larger**effort.growth
-        found[pressure] = replace(effort, pairs=pairs, iterations=iterations)
-    return tuple(_between(found, step.pressure) for step in scene.steps)
+    points = f"{as_text(surface.shape)} points, {as_text(surface.size, 'm')}"
+    yield "surface", f"{points}, pixel {as_text(surface.spacing, 'm')}"
+    height, slope = to_text(surface.rms_height, "m", 3), surface.rms_slope
+    hard = "" if slope else ": a flat face"
+    if slope and np.isfinite(scene.law.mean_hardness):  # of elastic faces it is not
+        hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}"
+    yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
+    if report.undefined_fraction or report.spike_points:
+        undefined = f"{report.undefined_fraction:.2%} undefined points"
+        yield "", f"{undefined} and {report.spike_points} in spikes filled"
+    if isinstance(surface, Places):
+        yield "", f"{len(surface.widths)} places"
+    if overlap := prepared.overlap:
+        size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
+        resampled = ", the second resampled" if overlap.resampled else ""
+        yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
+    known = [one for one in (prepared.holds, prepared.form_effect) if one and not one.doubts]
+    for text in (*map(str, known), str(prepared.continuation or ""), report.unseen):
+        if text:
+            yield "", text
+    shortest = report.shortest_wave
+    kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
+    removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
+    yield "filter", f"{kept}, with {removed:.0%} of the rms slope"
 
 
-def _between(found: dict[float, Effort], pressure: float) -> Effort:
-    """Effort at a pressure, linear in its logarithm between those that were solved."""
-    if not found or pressure <= 0:
-        return Effort(0.0, 0.0, FEW_ITERATIONS, 1.0)
-    values = zip(*map(astuple, found.values()), strict=True)
-    return Effort(*(np.interp(log(pressure), np.log([*found]), each) for each in values))
+def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
+    """What the law of the fluid does to the flow in a gap of the rms height, where it is not the cubic one."""
+    drop = scene.flow.drop
+    if drop.law.homogeneous:
+        return
+    ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
+    at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
+    what = "times the viscous flow in a gap of the rms height"
+    yield "slip", f"{at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) {what}"
+
+
+def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """What every study solves."""
+    scene, steps = prepared.scene, len(prepared.scene.steps)
+    pixels = prod(scene.surface.shape)
+    of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
+    if "deterministic" in prepared.methods:
+        yield "deterministic", of_face
+    if prepared.cells is None:
+        return
+    m1, m2 = prepared.cells
+    yield "pieces", _pieces(prepared, prepared.cells)
+    if "two-scale" in prepared.methods:
+        yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
+    if "blocks" in prepared.methods:
+        b1, b2 = blocks_of(prepared.cells)
+        n1, n2 = scene.surface.shape
+        blocks = f"{b1} × {b2} blocks of {n1 // b1} × {n2 // b2} points"
+        yield "blocks", f"{blocks}, about {LADDER_STATES:.0f} states of each"
+    if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
+        return
+    _, tiles = prepared.cut_and_tiles
+    length = to_text(tiles.size[1], "m", 3)
+    number, how = "seals", ", as many as the band of error needs"
+    if sampling.realisations is not None:
+        number, how = counted(sampling.realisations, "seal"), ""
+    states, where = counted(steps, "state"), "at its loads"
+    if tiles.in_place:
+        where = "at its loads; pieces stay in their rows"
+    elif on_ladder(scene, sampling):
+        states, where = f"about {LADDER_STATES:.0f} states", "on a ladder of nominal pressures"
+    yield "stochastic", f"{states} of the face, {where}"
+    drawn = f"{length} long"
+    if tiles.part < 1:
+        drawn = f"{100 * tiles.part:.2g} % of a length of {length}"
+    yield "", f"{number} of {tiles}, {drawn}{how}"
+    if uneven := describe_map(scene, tiles, sampling.pressure_map):
+        yield "pressure map", uneven
+
+
+def _pieces(prepared: Prepared, count: Shape) -> str:
+    """Number and size of pieces."""
+    sizes = [side / m for side, m in zip(prepared.scene.surface.size, count, strict=True)]
+    waves = [length / prepared.conditioning.shortest_wave for length in sizes]
+    size = " × ".join(to_text(length, "m", 3) for length in sizes)
+    text = f"{count[0]} × {count[1]} of about {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves"
+    if min(waves) < ADVISED_WAVES * 0.99:
+        text += f"; {ADVISED_WAVES} or more are advised, of a larger face"
+    return text

@@ -7,7 +7,7 @@ import json
 import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,26 +26,48 @@ from ..base import (
     to_text,
     writing,
 )
-from ..base.arrays import storing
 from ..base.files import remove_foreign
+from ..base.machine import storing
 from ..budget import ErrorBudget
 from ..case.case import Case
 from ..case.case_tables import FILE_KEYS
 from ..case.reading import load_case
-from ..execution.resuming import Part, alone_in, checked_part, over_store, writing_in
-from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map, reporting_compilation
-from ..materials import LINE_CONTACT_YIELD
+from ..execution.resuming import (
+    Part,
+    alone_in,
+    begin_run,
+    checked_part,
+    over_store,
+    remove_run,
+    resumable,
+    store_folder,
+    writing_in,
+)
+from ..execution.run import (
+    LogFile,
+    Progress,
+    Run,
+    logging_to,
+    no_progress,
+    ordered_map,
+    reporting_compilation,
+)
 from ..preparation.preparation import Prepared, prepare
 from ..refinement.budgets import budgets_of
-from ..refinement.refine_to_accuracy import chosen, last_version, refine_to_accuracy
+from ..refinement.refine_to_accuracy import (
+    first_settings,
+    first_version,
+    last_version,
+    refine_to_accuracy,
+)
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
-from ..store.store import Store, begin_run, remove_run, resumable, store_folder
+from ..solids_and_loads import LINE_CONTACT_YIELD
+from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead
 from ..studies.doubts import flow_warnings
-from .description import described, solids_text
-from .forecast import refuse_too_large
+from .forecast import described, refuse_too_large, solids_text
 
 log = logging.getLogger("femseal")
 
@@ -102,15 +124,9 @@ def run(
     faces = face_files(case)
     # options of the output may change before a run is resumed
     echo = case.echo()
-    computed = {key: value for key, value in echo.items() if key != "output"}
-    if "test_fluid" in echo["output"]:
-        computed["test fluid"] = echo["output"]["test_fluid"]
-    identity = {**computed, "content of face files": faces, "version": numerical_versions()}
-    if (
-        resume
-        and folder is not None
-        and (finished := finished_results(case, faces, folder)) is not None
-    ):
+    echo |= {"output": {"test_fluid": echo["output"].get("test_fluid")}}
+    identity = echo | {"content of face files": faces, "version": numerical_versions()}
+    if resume and folder is not None and (finished := finished_results(case, faces, folder)):
         with suppress(InputError), alone_in(folder):  # the store of another run stays
             resumable(folder, identity)
             remove_run(folder)
@@ -164,13 +180,11 @@ def checked_output(
     """
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
-        raise InputError(
-            "output", f"'{folder}', which is a file", "a folder, or one that does not exist"
-        )
+        expected = "a folder, or one that does not exist"
+        raise InputError("output", f"'{folder}', which is a file", expected)
     if (resume or part is not None) and folder is None:
-        raise InputError(
-            "resume" if part is None else "part", part or True, "an output folder with it"
-        )
+        what = "resume" if part is None else "part"
+        raise InputError(what, part or True, "an output folder with it")
     part = None if part is None else checked_part(part)
     return folder, resume or part is not None, part
 
@@ -206,10 +220,8 @@ def _results(
     if {"deterministic", "two-scale"} <= prepared.methods:
         studies["deterministic"] = studies["two_scale"].uncut
     test = None
-    if case.output.test_fluid is not None:
-        test = _of_test_fluid(
-            case.output.test_fluid.state, prepared, studies[prepared.answer.key], run
-        )
+    if (fluid := case.output.test_fluid) is not None:
+        test = _of_test_fluid(fluid.state, prepared, studies[prepared.answer.key], run)
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
@@ -226,7 +238,7 @@ def _results(
         "face_files": json.dumps(faces),
         "solids": solids_text(case),
         "description": json.dumps([*described(case, prepared)], ensure_ascii=False),
-        "chosen": json.dumps(chosen(case, made)),
+        "chosen": json.dumps(_chosen(case, made)),
     }
     warnings = prepared.warnings
     if refined is not None:
@@ -270,9 +282,8 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
     except Exception as error:
         known = isinstance(error, FemsealError)
         reason = str(error) if known else f"results: {error or type(error).__name__}"
-        raise FemsealError(
-            f"{reason}; mend that, then a run with --resume has only to write them"
-        ) from error
+        text = f"{reason}; mend that, then a run with --resume has only to write them"
+        raise FemsealError(text) from error
     remove_run(folder)
 
 
@@ -295,25 +306,19 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
     with writing("output", folder, "a folder"):
         # lines through a link would end up elsewhere, and nobody reads a pipe
         remove_foreign(folder / "run.log")
-        handler = LogFile(folder / "run.log", mode="a" if append else "w")
-    level = log.level
-    log.addHandler(handler)
-    log.setLevel(logging.INFO)
-    try:
-        yield
-    except PartsMissing as error:
-        log.info("%s", error)
-        raise
-    except Exception:
-        log.exception("the run stopped")
-        raise
-    except BaseException as error:
-        log.warning("the run was stopped (%s)", type(error).__name__)
-        raise
-    finally:
-        log.removeHandler(handler)
-        log.setLevel(level)
-        handler.close()
+        handler = LogFile(folder / "run.log", "a" if append else "w", encoding="utf-8")
+    with logging_to(handler):
+        try:
+            yield
+        except PartsMissing as error:
+            log.info("%s", error)
+            raise
+        except Exception:
+            log.exception("the run stopped")
+            raise
+        except BaseException as error:
+            log.warning("the run was stopped (%s)", type(error).__name__)
+            raise
 
 
 def add_plausibility(prepared: Prepared, results: Results) -> None:
@@ -322,8 +327,7 @@ def add_plausibility(prepared: Prepared, results: Results) -> None:
     doubts, gaps = [], np.full(len(leakage), np.nan)
     if (first := prepared.first_answer) is not None:
         doubts, gaps = first.doubts(leakage, list(data["name"].values)), first.mean_gap
-    if "mean_gap" in data:
-        gaps = data["mean_gap"].values
+    gaps = data["mean_gap"].values if "mean_gap" in data else gaps
     doubts += flow_warnings(prepared.scene, leakage, gaps)
     if prepared.sampling is not None and prepared.sampling.form and "largest_row_pressure" in data:
         highest = float(data["largest_row_pressure"].max())
@@ -359,7 +363,7 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     if _numbers(results.case) != _numbers(echo) or face_files != faces:
         return None
     prepared = prepare(case)
-    same_choices = then == chosen(case, prepared)
+    same_choices = then == _chosen(case, prepared)
     if same_choices and results.case == echo:
         return results
     if not same_choices or _lacks(results.case["output"], echo["output"]):
@@ -373,6 +377,15 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
         )
         log.info("other files written to %s", folder)
     return results
+
+
+def _chosen(case: Case, made: Prepared) -> dict[str, Any]:
+    """What a run of a prepared case computes first, see `Prepared.chosen`, and the settings of an accuracy."""
+    if case.accuracy is None:
+        return made.chosen
+    settings = asdict(first_settings(case, made))
+    first = first_version(case, made).chosen
+    return first | {f"settings.{name}": value for name, value in settings.items()}
 
 
 def _numbers(echo: dict[str, Any]) -> dict[str, Any]:

@@ -1,9 +1,12 @@
 """Results of stages in a folder, each found by a digest of its stage's function, its input and the versions in use.
 
 Every process appends to a file of its own, whose records are a key, a checksum and packed data. A kill loses the record
-that it interrupts, and nothing else. Records hold data alone, see `plain_data`: a folder that somebody has changed can
-give wrong results, but runs no code and reaches no other folder. A run that was ended has its store in the output
-folder, with what its results depend on, so that it can be resumed.
+that it interrupts, and nothing else. Records hold data alone: a folder that somebody has changed can give wrong
+results, but runs no code and reaches no other folder.
+
+Packed data are a text in JSON with the structure; bytes and the numbers of arrays follow it as they are in memory. A
+value may be None, a number, a text, bytes, an array of numbers, or a tuple, list, dictionary or dataclass of femseal
+with such values.
 """
 
 from __future__ import annotations
@@ -12,46 +15,43 @@ import errno
 import hashlib
 import json
 import logging
-import shutil
+import math
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import cache, partial
 from itertools import tee
 from operator import itemgetter
 from pathlib import Path
 from struct import Struct
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 from uuid import uuid4
 
+import numpy as np
+
 from ..base import (
-    FemsealError,
-    InputError,
     Mapper,
     NotKept,
     Stage,
     counted,
     numerical_versions,
-    read_plain,
-    replacing,
-    shortened,
 )
 from ..base.files import opened_plain
-from .plain_data import described, packed, unpacked
 
 log = logging.getLogger("femseal.store")
 #: Suffix of the files with results.
 SUFFIX = ".results"
 #: Size of a record [byte], its key, and a checksum of key and data, which follow.
 _HEAD = Struct("<Q16s16s")
-#: Subfolder of the output folder.
-FOLDER = ".checkpoint"
-MANIFEST = "manifest.json"
-#: No manifest is larger [byte].
-_LARGEST_MANIFEST = 1e8
-#: Changed keys that a message names.
-_MOST_CHANGES = 20
+#: Kinds of the numbers in arrays: truth values, whole numbers, real and complex numbers.
+_NUMBERS = "biufc"
+#: Bytes of the length of the text, which comes first.
+_LENGTH = 8
+_PACKAGE = __name__.partition(".")[0]
+#: Errors of damaged bytes, besides ValueError.
+_DAMAGES = (TypeError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError)
 
 
 class Unnamed(TypeError):
@@ -98,15 +98,6 @@ def _named(value: Any) -> Any:
     raise Unnamed(type(value).__qualname__)
 
 
-@dataclass(frozen=True)
-class _Record:
-    """Where the data of a result begin, and their size [byte]."""
-
-    path: Path
-    start: int
-    size: int
-
-
 class Store:
     """Results of stages in a folder, which is made when the first is kept; a context that closes its files.
 
@@ -115,7 +106,8 @@ class Store:
 
     def __init__(self, folder: Path, *, required: bool = True) -> None:
         self.folder, self._required = folder, required
-        self._found: dict[bytes, _Record] = {}
+        #: File of the record of each key, its start and its size [byte].
+        self._found: dict[bytes, tuple[Path, int, int]] = {}
         self._ends: dict[Path, int] = {}
         self._files = ExitStack()
         self._opened = cache(lambda path: self._files.enter_context(opened_plain(path)))
@@ -200,28 +192,27 @@ class Store:
                 size, key, _ = _HEAD.unpack(file.read(_HEAD.size))
                 if at + size > end or size < _HEAD.size:
                     break
-                self._found[key] = _Record(path, at, size)
+                self._found[key] = path, at, size
                 at += size
         self._ends[path] = at
 
     def _read(self, key: bytes, stage: Stage, item: tuple[Any, ...]) -> Any:
         """A result that was kept; one that cannot be read is computed again."""
-        record = self._found.get(key)
-        if record is not None:
+        if key in self._found:
             try:
-                return self._data(key, record)
+                return self._data(key)
             except (OSError, ValueError) as error:
                 text = "%s: a result is damaged (%s); it is computed again (%s)"
-                log.warning(text, record.path, error, stage.name)
-                del self._found[key]
+                log.warning(text, self._found.pop(key)[0], error, stage.name)
         result = stage.function(*item)
         self._keep(key, result)
         return result
 
-    def _data(self, key: bytes, record: _Record) -> Any:
-        file = self._opened(record.path)
-        file.seek(record.start)
-        found = memoryview(file.read(record.size))
+    def _data(self, key: bytes) -> Any:
+        path, start, size = self._found[key]
+        file = self._opened(path)
+        file.seek(start)
+        found = memoryview(file.read(size))
         data = found[_HEAD.size :]
         if found[: _HEAD.size] != _head(key, data):
             raise ValueError("checksum")
@@ -239,14 +230,20 @@ class Store:
         except TypeError:
             return
         try:
-            self._found[key] = self._appended(_head(key, data), data)
+            start, end = self._appended(_head(key, data), data)
         except OSError as error:
             self._full = True
-            if self._required:
-                raise self._failure(error) from error
-            log.warning("results are not kept any more: %s", error)
+            if not self._required:
+                log.warning("results are not kept any more: %s", error)
+                return
+            todo = "make room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that"
+            raise NotKept(
+                f"store: {error}; {counted(len(self), 'result')} are kept in '{self.folder}': {todo}, then a run with "
+                "--resume goes on from there"
+            ) from error
+        self._found[key] = self._path, start, end - start
 
-    def _appended(self, *parts: bytes) -> _Record:
+    def _appended(self, *parts: bytes) -> tuple[int, int]:
         """Append a record to the file of this process, whole or not at all."""
         if self._own is None:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -261,15 +258,7 @@ class Store:
             self._own.truncate(start)
             raise
         end = self._ends[self._path] = self._own.tell()
-        return _Record(self._path, start, end - start)
-
-    def _failure(self, error: OSError) -> NotKept:
-        """What to say of a store that cannot be written: what is kept, and what to do."""
-        todo = "make room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that"
-        return NotKept(
-            f"store: {error}; {counted(len(self), 'result')} are kept in '{self.folder}': {todo}, then a run with "
-            "--resume goes on from there"
-        )
+        return start, end
 
 
 def _key(base: str, item: tuple[Any, ...]) -> bytes:
@@ -285,102 +274,107 @@ def _head(key: bytes, data: bytes | memoryview) -> bytes:
     return _HEAD.pack(_HEAD.size + len(data), key, checksum.digest())
 
 
-def resumable(output: Path, identity: dict[str, Any]) -> bool:
-    """Check whether the output folder has the store of a run of this identity; nothing is written.
+def packed(value: Any) -> bytes:
+    """The bytes of a value.
 
-    output : the output folder.
-    identity : everything on which the bits of the results depend, as nested plain data.
-
-    Raises InputError: its manifest is unreadable or of another identity; every changed key is named with both
-    values.
+    Raises TypeError: something in the value is not plain data.
     """
-    path = store_folder(output) / MANIFEST
-    try:
-        former = json.loads(read_plain(path, _LARGEST_MANIFEST).decode())
-    except FileNotFoundError:
-        return False
-    except (OSError, ValueError, RecursionError) as error:
-        given = f"'{path}', which cannot be read ({error})"
-        expected = f"an intact file; remove '{path.parent}' to start anew"
-        raise InputError("resume", given, expected) from None
-    old, new = _flat(former), _flat(_plain(identity))
-    changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
-    if changed:
-        lines = [
-            f"{shortened(key)}: was {shortened(old.get(key, 'not given'))}, is {shortened(new.get(key, 'not given'))}"
-            for key in changed[:_MOST_CHANGES]
+    content = bytearray()
+
+    def kept(data: bytes) -> int:
+        content.extend(data)
+        return len(content) - len(data)
+
+    text = json.dumps(described(value, kept)).encode()
+    return b"".join([len(text).to_bytes(_LENGTH, "little"), text, content])
+
+
+def described(
+    value: Any, kept: Callable[[bytes], int], named: Callable[[Any], Any] | None = None
+) -> Any:
+    """A value as nested lists, numbers and texts; bytes of arrays go to `kept`, which returns a number for their place.
+
+    named : gives what stands for a value that is no plain data.
+
+    Raises TypeError: something is no plain data, and nothing stands for it.
+    """
+    kind = type(value)
+    if value is None or kind in (bool, int, float, str):
+        return value
+    if kind in (tuple, list):
+        return [kind.__name__, *(described(v, kept, named) for v in value)]
+    if kind is dict:
+        return [
+            "dict",
+            *([described(k, kept, named), described(v, kept, named)] for k, v in value.items()),
         ]
-        if more := changed[_MOST_CHANGES:]:
-            lines.append(counted(len(more), "more key"))
-        expected = (
-            f"that of the same case, files and versions; remove '{path.parent}' to start anew"
-        )
-        raise InputError(
-            "resume", "an unfinished run of another case", "\n".join([expected, *lines])
-        )
-    return True
+    if kind is bytes:
+        return ["bytes", len(value), kept(value)]
+    if isinstance(value, np.generic) and value.dtype.kind in _NUMBERS:
+        return ["number", value.dtype.str, kept(value.tobytes())]
+    if isinstance(value, np.ndarray) and value.dtype.kind in _NUMBERS:
+        # sums over an array depend on its order in memory
+        order: Literal["C", "F"] = "F" if value.flags.fnc else "C"
+        return ["array", value.dtype.str, list(value.shape), order, kept(value.tobytes(order))]
+    if is_dataclass(kind) and kind.__module__.partition(".")[0] == _PACKAGE:
+        values = (described(getattr(value, f.name), kept, named) for f in fields(kind))
+        return [f"{kind.__module__}.{kind.__qualname__}", *values]
+    if named is not None:
+        return described(named(value), kept, named)
+    raise TypeError(f"a {kind.__name__} is no plain data")
 
 
-def refuse_unfinished(output: Path, name: str = FOLDER) -> None:
-    """Raise InputError if the output folder has results of an unfinished run, in a folder of this name."""
-    if any(store_folder(output, name).glob(f"*{SUFFIX}")):
-        given = f"'{output}', which holds an unfinished run"
-        expected = f"--resume to go on, or another folder; to start anew, remove '{output / name}'"
-        raise InputError("output", given, expected)
+def unpacked(data: bytes | memoryview) -> Any:
+    """The value of the bytes; arrays are copies. No constructor is called.
 
-
-def remove_run(output: Path) -> None:
-    """Remove the store from the output folder, if there is one.
-
-    Raises FemsealError: it could not be removed.
+    Raises ValueError: the bytes are damaged, or of other classes than those in use.
     """
-    folder = store_folder(output)
     try:
-        # without its manifest a run is never resumed, even if other files remain
-        (folder / MANIFEST).unlink(missing_ok=True)
-        if folder.exists():
-            shutil.rmtree(folder)
-    except OSError as error:
-        raise FemsealError(f"store: '{folder}' could not be removed ({error.strerror})") from error
+        length = int.from_bytes(data[:_LENGTH], "little")
+        content = memoryview(data)[_LENGTH:]
+        return _value(json.loads(bytes(content[:length])), content[length:])
+    except _DAMAGES as error:
+        raise ValueError(f"{type(error).__name__}: {error}") from None
 
 
-def store_folder(output: Path, name: str = FOLDER) -> Path:
-    """The folder of the store, which need not exist; one that lies elsewhere is not touched."""
-    folder = output / name
-    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
-        raise InputError("output", f"'{folder}', which is a link or a file", "a folder, or none")
-    return folder
+def _value(tree: Any, content: memoryview) -> Any:
+    """The value that `described` described."""
+    if isinstance(tree, dict):
+        raise ValueError("no description of a value")
+    if not isinstance(tree, list):
+        return tree
+    kind, *parts = tree
+    if kind == "bytes":
+        size, start = parts
+        return _array(content, "u1", (size,), "C", start).tobytes()
+    if kind == "number":
+        name, start = parts
+        return _array(content, name, (), "C", start)[()]
+    if kind == "array":
+        return _array(content, *parts).copy("K")
+    if kind == "dict":
+        return {_value(key, content): _value(value, content) for key, value in parts}
+    values = [_value(part, content) for part in parts]
+    if kind in ("list", "tuple"):
+        return values if kind == "list" else tuple(values)
+    return _instance(kind, values)
 
 
-def begin_run(output: Path, identity: dict[str, Any]) -> None:
-    """Write down what the results of a run in an output folder depend on.
-
-    Raises FemsealError: the folder cannot be written.
-    """
-    folder = store_folder(output)
-    text = json.dumps(_plain(identity), indent=1, ensure_ascii=False)
-    try:
-        folder.mkdir(exist_ok=True)
-        with replacing(folder / MANIFEST) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise FemsealError(f"store: '{folder}' could not be written ({error.strerror})") from error
+def _array(content: memoryview, name: str, shape: Any, order: Any, start: int) -> Any:
+    """An array of numbers that begin somewhere in the content; TypeError where that is too short."""
+    numbers = np.dtype(name)
+    if numbers.kind not in _NUMBERS or min((start, *shape)) < 0:
+        raise ValueError(f"no array of numbers: {numbers}, {shape}, {start}")
+    size = math.prod(shape) * numbers.itemsize
+    return np.ndarray(shape, numbers, content[start : start + size] if size else None, order=order)
 
 
-def _plain(identity: dict[str, Any]) -> Any:
-    """Data as JSON returns it, with lists in place of tuples."""
-    return json.loads(json.dumps(identity))
-
-
-def _flat(value: Any, key: str = "") -> dict[str, Any]:
-    """Nested tables as dotted keys; lists of plain values stay whole."""
-    if isinstance(value, dict) or (
-        isinstance(value, list) and any(isinstance(v, dict) for v in value)
-    ):
-        pairs = value.items() if isinstance(value, dict) else enumerate(value)
-        return {
-            k: v
-            for name, part in pairs
-            for k, v in _flat(part, f"{key}.{name}" if key else str(name)).items()
-        }
-    return {key: value}
+def _instance(name: str, values: list[Any]) -> Any:
+    """A dataclass of femseal with these fields; only modules that are in use are looked at."""
+    module, _, title = name.rpartition(".")
+    kind = vars(sys.modules[module]).get(title) if module.partition(".")[0] == _PACKAGE else None
+    if not (isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module):
+        raise ValueError(f"'{name[:80]}' is no class of data")
+    made = object.__new__(kind)
+    vars(made).update(zip((field.name for field in fields(kind)), values, strict=True))
+    return made

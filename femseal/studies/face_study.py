@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, Shape, Shown, Singles, Stage
-from ..base.arrays import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..base.fields import PIXEL, ROW, STEP, declared
+from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact import LoadState
 from ..contact.workspace import KEPT_POINTS
 from ..face.piece_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
 from ..face.pieces import Cut, PieceState
-from ..loads import LoadProgramme
+from ..solids_and_loads import LoadProgramme
 from ..topography import Places
 from .doubts import scene_warnings
 from .fluid_coupling import CoupledContact

@@ -24,14 +24,13 @@ from ..base import (
 )
 from ..case.case import Case
 from ..case.reading import parse_case, read_case
-from ..execution.resuming import Part, alone_in, own_items
+from ..execution.resuming import Part, alone_in, own_items, refuse_unfinished
 from ..execution.run import no_progress
 from ..preparation.preparation import prepare
 from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
 from ..runs import job
 from ..runs.forecast import refuse_too_large
-from ..store.store import refuse_unfinished
 
 log = logging.getLogger("femseal.sweeps")
 #: Subfolder of the store that the cases share while the sweep is under way.
@@ -94,11 +93,8 @@ def sweep(
     if part is not None:
         first, end = own_items(part, count := len(cases))
         if not (cases := cases[first:end]):
-            raise InputError(
-                "part",
-                f"{part[0]}/{part[1]} of {counted(count, 'case')}",
-                "no more parts than cases",
-            )
+            given = f"{part[0]}/{part[1]} of {counted(count, 'case')}"
+            raise InputError("part", given, "no more parts than cases")
     report = progress or no_progress
     for variation in cases:
         try:
@@ -110,22 +106,17 @@ def sweep(
     if not resume:
         refuse_unfinished(folder, SHARED)
     with alone_in(made_folder(folder), part):
-        kept: dict[int, Results] = {}
+        kept: list[tuple[Variation, Results]] = []
         failures: list[str] = []
         report("cases", 0, len(cases))
         for n, variation in enumerate(cases):
             if announce is not None:
                 announce(f"case {n + 1} of {len(cases)}: {variation.setting}")
             try:
-                kept[n] = job.run(
-                    variation.case,
-                    folder / variation.name,
-                    resume,
-                    workers,
-                    scheduler,
-                    shared=folder / SHARED,
-                    progress=report,
-                )
+                where = folder / variation.name, resume, workers, scheduler
+                shared = folder / SHARED
+                results = job.run(variation.case, *where, shared=shared, progress=report)
+                kept.append((variation, results))
             except InputError:
                 raise
             except FemsealError as error:
@@ -134,19 +125,15 @@ def sweep(
             report("cases", n + 1, len(cases))
         if not kept:
             raise FemsealError(f"sweep: every case failed; the first: {failures[0]}")
-        found = compared(
-            [cases[n].name for n in kept],
-            list(kept.values()),
-            unit=unit,
-            keys=short_names(list(keys)),
-            settings=tuple(cases[n].values for n in kept),
-        )
+        done, runs = zip(*kept, strict=True)
+        names, settings = [one.name for one in done], tuple(one.values for one in done)
+        shorts = short_names(list(keys))
+        found = compared(names, runs, unit=unit, keys=shorts, settings=settings)
         if part is None:
             found.write(folder, STEM)
         if failures:
-            lines = "\n".join(failures)
-            text = f"sweep: {len(failures)} of {counted(len(cases), 'case')} failed; --resume tries them again\n{lines}"
-            raise FemsealError(text)
+            text = f"sweep: {len(failures)} of {counted(len(cases), 'case')} failed; --resume tries them again"
+            raise FemsealError("\n".join([text, *failures]))
         if part is None:
             shutil.rmtree(folder / SHARED, ignore_errors=True)
     return found
@@ -180,9 +167,8 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
     for text in arguments:
         key, sign, values = text.partition("=")
         if not sign or not key.strip() or not values.strip():
-            raise InputError(
-                "sweep", shown(text), "a key of the case and its values, such as seed=1,2,3"
-            )
+            expected = "a key of the case and its values, such as seed=1,2,3"
+            raise InputError("sweep", shown(text), expected)
         if (key := key.strip()) in keys:
             raise InputError("sweep", f"the key {key} twice", "each key once, with all its values")
         keys[key] = _values(values)
@@ -210,9 +196,8 @@ def variations(
     `MOST_CASES` cases, or a case that cannot be used; one line for each fault.
     """
     if not keys:
-        raise InputError(
-            "sweep", "no key", "at least one key of the case with its values, such as seed=1,2,3"
-        )
+        expected = "at least one key of the case with its values, such as seed=1,2,3"
+        raise InputError("sweep", "no key", expected)
     for key, values in keys.items():
         if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not len(values):
             raise InputError(f"sweep: {shortened(key)}", shown(values), "a list of values")
@@ -260,15 +245,14 @@ def short_names(keys: Sequence[str]) -> tuple[str, ...]:
     >>> short_names(["material.young", "counter_material.young", "stochastic.length"])
     ('material.young', 'counter_material.young', 'length')
     """
-    names = []
-    for key in keys:
+
+    def short(key: str) -> str:
         parts = key.split(".")
-        for count in range(1, len(parts) + 1):
-            name = ".".join(parts[-count:])
-            if sum(other == name or other.endswith(f".{name}") for other in keys) == 1:
-                break
-        names.append(name)
-    return tuple(names)
+        names = (".".join(parts[-count:]) for count in range(1, len(parts) + 1))
+        of_one = (n for n in names if sum(f".{one}".endswith(f".{n}") for one in keys) == 1)
+        return next(of_one, key)
+
+    return tuple(map(short, keys))
 
 
 def value_text(value: Any) -> str:
@@ -289,17 +273,21 @@ def value_text(value: Any) -> str:
 def _put(data: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key; tables on the way that do not exist are made."""
     inside: Any = data
-    *tables, last = key.split(".")
-    for n, part in enumerate([*tables, last]):
+    parts = key.split(".")
+    for n, part in enumerate(parts):
+        at: Any = part
         if isinstance(inside, list):
             if not part.isdecimal() or int(part) >= len(inside):
-                expected = f"the number of one of the {len(inside)} tables '{'.'.join(tables[:n])}', from 0"
+                expected = (
+                    f"the number of one of the {len(inside)} tables '{'.'.join(parts[:n])}', from 0"
+                )
                 raise InputError(f"sweep: {shortened(key)}", shown(part), expected)
-        elif not isinstance(inside, dict) or not part:
+            at = int(part)
+        elif isinstance(inside, dict) and part:
+            inside.setdefault(part, {})
+        else:
             expected = "a dotted key of the case, such as material.hardness"
             raise InputError("sweep", shown(key), expected)
-        at: Any = int(part) if isinstance(inside, list) else part
-        if n == len(tables):
+        if n + 1 == len(parts):
             inside[at] = value
-        else:
-            inside = inside[at] if isinstance(inside, list) else inside.setdefault(at, {})
+        inside = inside[at]

@@ -9,8 +9,7 @@ from each import each
 from numpy.testing import assert_allclose
 
 from femseal import analytic
-from femseal.base import InputError
-from femseal.base import threads as base_threads
+from femseal.base import InputError, compiled
 from femseal.contact import (
     HalfSpace,
     LinearHardening,
@@ -322,7 +321,7 @@ def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary
         patch.setattr(workspace, "_THREADED", 0)
         patch.setattr(workspace, "PART", 1000)
         patch.setattr(kernels, "PART", 1000)
-        patch.setattr(base_threads, "_ITEMS", 60)
+        patch.setattr(compiled, "_ITEMS", 60)
         large, *others = (solve_contact(h, body, threads=n, **given) for n in (1, 2, 3))
     for other in others:
         assert other.pressure.tobytes() + other.gap.tobytes() == (

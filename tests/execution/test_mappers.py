@@ -18,8 +18,8 @@ from small_cases import CASE, HANG
 from test_checkpoint import assert_same, start, stop_at, wait_until  # noqa: F401
 
 import femseal as fs
-from femseal.base import Stage, threads
-from femseal.base.arrays import shared_empty
+from femseal.base import Stage, compiled
+from femseal.base.machine import shared_empty
 from femseal.execution import cluster as cluster_map
 from femseal.execution import processes
 from femseal.execution.run import ordered_map
@@ -408,7 +408,7 @@ def test_processes_that_cannot_end_do_not_keep_the_run(end):
 
 
 def _threads(item):
-    return threads.number()
+    return compiled.number()
 
 
 def test_processes_that_have_no_item_leave_their_cores_to_the_others():
@@ -417,4 +417,4 @@ def test_processes_that_have_no_item_leave_their_cores_to_the_others():
         many = list(mapper(Stage("states", _threads), [1, 2, 3]))
         large = list(mapper(Stage("large states", _threads, memory=1e15), [1, 2, 3]))
     assert (alone, many, large) == ([2], [1, 1, 1], [2, 2, 2])
-    assert threads.number() == 1
+    assert compiled.number() == 1

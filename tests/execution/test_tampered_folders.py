@@ -21,20 +21,17 @@ from kept_study import EVERY, assert_complete, resumed
 from small_cases import CASE
 
 import femseal as fs
-from femseal.execution.resuming import alone_in
-from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts
-from femseal.report import folder as report_folder
-from femseal.store import store
-from femseal.store.plain_data import packed, unpacked
-from femseal.store.store import (
-    SUFFIX,
-    Store,
+from femseal.execution.resuming import (
+    alone_in,
     begin_run,
-    digest,
     refuse_unfinished,
     remove_run,
     resumable,
 )
+from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts
+from femseal.report import folder as report_folder
+from femseal.store import store
+from femseal.store.store import SUFFIX, Store, digest, packed, unpacked
 
 # --- values as bytes -----------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from femseal.face import piece_flow
 from femseal.preparation import prepare
 from femseal.report.page import report_html
 from femseal.runs import forecast as module
+from femseal.runs.efforts import efforts
 from femseal.runs.forecast import describe, disk, forecast
 from femseal.studies import StudyOptions, fluid_coupling
 from femseal.studies.study_registry import (
@@ -48,7 +49,7 @@ def memory(monkeypatch):
 def test_the_effort_of_a_small_face_is_that_of_its_contacts(data):
     """With the fluid, at the lowest and the highest load, which are among those solved; between them it lies between."""
     scene = of(data)[1].scene
-    found = module.efforts(scene)
+    found = efforts(scene)
     half_space = fs.HalfSpace((64, 96), scene.surface.spacing, scene.modulus, ("mirror", "mirror"))
     gap = scene.surface.detrend().gap()
     for k in (0, len(scene.loading) - 1):
@@ -99,7 +100,7 @@ def test_the_pilot_counts_what_a_larger_face_takes(data, counts, pressures):
     data["face"] = STRIP["face"] | face | {"roll_off": "60 um"}
     data["fluid"] = STRIP["fluid"] | {"inlet_pressure": "30 MPa", "outlet_pressure": "0 MPa"}
     scene = of(data | {"load": {"loading": pressures}})[1].scene
-    known, pixels = module.efforts(scene), scene.surface.heights.size
+    known, pixels = efforts(scene), scene.surface.heights.size
     counts.clear()
     fs.deterministic(scene)
     foreseen = {

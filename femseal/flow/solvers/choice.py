@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base import Array, Flags, NotConverged, validate
-from ...base.compiled import compiled
-from ...base.threads import number, on_threads
+from ...base.compiled import compiled, number, on_threads
 from ..balance import energy_gap
 from ..grid import Stencil
 from ..percolation import closed, dead_ends, fill_dead_ends, nodes_reached, ready

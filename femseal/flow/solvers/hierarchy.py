@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...base.arrays import Indices, Singles
+from ...base import Indices, Singles
 from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
 
 #: Nodes of an axis at which coarsening ends.

@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.arrays import Array
-from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
+from ...base import Array
+from ...base.compiled import NO, REORDERED, YES, by_rows, compiled, inner, leader
 from ...base.errors import NotConverged
-from ...base.threads import NO, YES
 from ..grid import Stencil
 from .hierarchy import FEWEST, close_ring, coarser, hierarchy, solve_coarsest
 
