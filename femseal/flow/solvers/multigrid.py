@@ -87,16 +87,8 @@ def solve_multigrid(
         resistance = 1 / along.sum(axis=1, dtype=float)
         drop = resistance / resistance.sum()
     asked = _Asked(rtol, field, limit, _NONE if hidden is None else hidden)
-    if along.size < _LARGE:
-        x, iterations, error, done = _at_once((along, across, ring), drop, asked)
-    else:
-        levels, coarsest = hierarchy(along, across, ring)
-        b = levels[0].b
-        r = b if along.dtype == np.float32 else np.zeros(b.shape)
-        relative = r is not b
-        x, iterations, error, done = _iterated(
-            levels, coarsest, (along, across, ring), drop, r, relative, asked
-        )
+    iterated = _at_once if along.size < _LARGE else _iterated
+    x, iterations, error, done = iterated((along, across, ring), drop, asked)
     if done:
         return x, iterations, error
     small = error**2 <= rtol and error <= field
@@ -123,26 +115,18 @@ class _Asked(NamedTuple):
     hidden: NDArray[np.bool_]
 
 
-@compiled(**REORDERED)
-def _at_once(network, drop, asked):
-    """`_iterated` without threads."""
-    levels, coarsest = hierarchy(network[0], network[1], network[2])
-    r = np.zeros(levels[0].b.shape)
-    return _iterated(levels, coarsest, network, drop, r, YES, asked)
-
-
 @leader(**REORDERED)
-def _iterated(levels, coarsest, network, drop, r, relative, asked):
+def _iterated(network, drop, asked):
     """Potential, iterations, error in the norm of the energy, and whether it is what was asked.
 
     network : conductances along and across, and whether the columns form a ring. drop : of the potential from row to
-    row at first. r : zeros for the residual, or in single precision the right side of the cycle. relative : whether
-    that side is relative to the size of the residual.
+    row at first.
     """
+    levels, coarsest = hierarchy(network[0], network[1], network[2])
     b, z = levels[0].b, levels[0].r
     along, _, ring = network
     n1, n2 = b.shape
-    x, p = np.zeros((n1, n2 - 2)), np.zeros((n1, n2), np.float32)
+    x, r, p = np.zeros((n1, n2 - 2)), np.zeros((n1, n2)), np.zeros((n1, n2), np.float32)
     sums, history = np.zeros((2, n1)), np.zeros((3, asked.limit + 1))
     x[0] = 1.0
     rest = np.cumsum(drop[::-1])[::-1]
@@ -164,13 +148,17 @@ def _iterated(levels, coarsest, network, drop, r, relative, asked):
         step = rz / curvature
         history[1, iteration], history[2, iteration] = step, ratio
         # far from the limits of single precision, however small the residual is
-        scale = np.sqrt(rz) if relative else 1.0
+        scale = np.sqrt(rz)
         _advance(x, (r, b, p), network, (step, scale), sums)
         unbalanced = max(abs(sums[0].sum()), abs(sums[1].sum()))
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
         error = np.sqrt(rz / rate)
     return x, iteration, error, done
+
+
+#: `_iterated` without threads.
+_at_once = compiled(**REORDERED)(_iterated)
 
 
 @leader(**REORDERED)
