@@ -159,7 +159,8 @@ class Liquid(_OnFaces):
 
     def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa]."""
-        p, α = reals(potential) * self.viscosity / self.density, self.pressure_viscosity
+        p = reals(potential) * self.viscosity / self.density
+        α = self.pressure_viscosity
         return p if α == 0 else -np.log1p(-α * p) / α
 
 

@@ -279,7 +279,8 @@ class RealGas(Gas):
         """Raise InputError if it is no gas at a pressure [Pa] that is called `name`, or CoolProp does not know it."""
         if not 0 <= pressure <= self.highest_pressure:
             table = _table(self.name, self.temperature)
-            at, limit = f"{self.temperature - 273.15:.4g} °C", to_text(self.highest_pressure, "Pa")
+            at = f"{self.temperature - 273.15:.4g} °C"
+            limit = to_text(self.highest_pressure, "Pa")
             expected = f"at most {limit}, absolute, up to which CoolProp knows {self.name} at {at}"
             if table.saturates:
                 expected = f"less than {limit}, absolute, at which {self.name} condenses at {at}"
@@ -358,7 +359,8 @@ def _table(name: str, temperature: float) -> _Table:
                 _refuse(name, temperature, f"{known_ones}: {shown(str(failure))}")
     first = min(_FIRST_PRESSURE, 0.5 * limit)
     pressures = np.append(0.0, np.geomspace(first, limit, _FEWEST))
-    known, wrong = np.append(0.0, slopes(pressures[1:])), np.zeros(1, int)
+    known = np.append(0.0, slopes(pressures[1:]))
+    wrong = np.zeros(1, int)
     while wrong.size:
         slope = CubicSpline(pressures, known)
         potential = slope.antiderivative()

@@ -257,7 +257,8 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
 
 def vague_steps(budget: ErrorBudget) -> Indices:
     """Indices of the loads that may leak more than `VAGUE` times as much as found, or, where they count, as little."""
-    q, counts = np.abs(budget.leakage), np.zeros(len(budget.leakage), bool)
+    q = np.abs(budget.leakage)
+    counts = np.zeros(len(budget.leakage), bool)
     counts[counting_steps(budget)] = True
     return np.flatnonzero(
         (q > 0) & ((budget.upper > VAGUE * q) | (counts & (VAGUE * budget.lower < q)))

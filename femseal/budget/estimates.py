@@ -143,7 +143,8 @@ def median_interval(values: Array) -> Pair:
     if left > 0:
         low, high = ordered[left - 1], ordered[n - left]
     elif ordered[0] <= 0:
-        low, high = min(0.0, ordered[0]), max(0.0, ordered[-1])
+        low = min(0.0, ordered[0])
+        high = max(0.0, ordered[-1])
     else:
         logs = np.log(ordered)
         half = 1.2533 * stdtrit(n - 1, (1 + COVERAGE) / 2) * logs.std(ddof=1) / np.sqrt(n)
@@ -231,7 +232,8 @@ def model_part(
     near = scale_of_changes(steps, moved, slope)
     size = np.where(np.isfinite(moved), np.abs(moved), near)
     rises = float(np.nansum(np.where(np.isfinite(moved), moved, 0.0))) >= 0
-    below, above = size * (change.both or not rises), size * (change.both or rises)
+    below = size * (change.both or not rises)
+    above = size * (change.both or rises)
     if change.both:
         moved = np.abs(moved)
     return part_of_changes(

@@ -170,7 +170,8 @@ def _on_branch(pressure: Array, q: Array, kept: float, at: Array) -> Array:
     """
     opened = (q > 0) & (pressure > 0)
     order = np.argsort(pressure[opened])
-    x, y = np.log(pressure[opened])[order], np.log(q[opened])[order]
+    x = np.log(pressure[opened])[order]
+    y = np.log(q[opened])[order]
     closed = np.log(pressure[(q == 0) & (pressure > 0)].min(initial=np.inf))
     with np.errstate(divide="ignore", invalid="ignore"):
         load = np.log(at)

@@ -229,7 +229,8 @@ def _explored(
     solve : gives the leakages (loads,) of scenes at hardnesses and waves in SI, NaN of those that failed.
     """
     low, high = np.log(ranges[:2]).T
-    points, leakage = np.empty((0, 2)), np.empty((0, int(max(rows)) + 1))
+    points = np.empty((0, 2))
+    leakage = np.empty((0, int(max(rows)) + 1))
     # a power of two, cut where fewer are wanted
     wanted = qmc.Sobol(2, rng=np.random.default_rng(1)).random_base2(int(np.log2(FIRST)))[:scenes]
     while True:

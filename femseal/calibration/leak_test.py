@@ -146,7 +146,8 @@ def _number(text: str, what: str, expected: str) -> float:
 def _step(row: dict[str, tuple[str, float]], case: Case) -> LoadStep:
     """Load step of a row by its texts and their units in SI, in the unit of the loads of the case."""
     loads, unit = case.load, case.load.unit
-    most, least = loads.highest, min((*loads.loading, *loads.unloading))
+    most = loads.highest
+    least = min((*loads.loading, *loads.unloading))
 
     def within(key: str, what: str) -> float:
         text, factor = row[key]
@@ -240,8 +241,10 @@ class Posterior:
         normal; and a function that gives the ln of the density at ln(factors) (n, m).
         """
         mean, deviation, is_open = (part[:, self.rows] for part in self.surrogate.at(plane))
-        low, rest = self.test.sealed, np.log(self.test.leakage) - mean
-        steps, errors = np.array(self.rows)[~low], deviation[:, ~low]
+        low = self.test.sealed
+        rest = np.log(self.test.leakage) - mean
+        steps = np.array(self.rows)[~low]
+        errors = deviation[:, ~low]
         correlation = self.surrogate.correlation[np.ix_(steps, steps)]
         covariance = correlation * errors[:, :, None] * errors[:, None]
         root = np.linalg.cholesky(covariance + self.error**2 * np.eye(len(steps)))

@@ -290,15 +290,19 @@ def respond(block, n, first, count, weights, twisted, turn1, turn2):
                 for i in range(half, n):
                     row[i] *= own[n - odd - i]
                 continue
-            w1, w2, w12 = weights[1, k, places], weights[2, k, places], weights[3, k, places]
+            w1 = weights[1, k, places]
+            w2 = weights[2, k, places]
+            w12 = weights[3, k, places]
             turn = turn2[k]
             other[0] = row[0]
             for i in range(lone, half):
                 other[i] = row[n - odd - i]
             for i in range(half):
                 a, b = row[i], other[i]
-                c, d = own[i] * a, own[i] * b
-                f, g = turn1[i] * b, turn1[i] * a.conjugate()
+                c = own[i] * a
+                d = own[i] * b
+                f = turn1[i] * b
+                g = turn1[i] * a.conjugate()
                 c += w1[i] * f + turn * (w2[i] * b.conjugate() + w12[i] * g)
                 d += w1[i] * g.conjugate()
                 d += turn * (w2[i] * a.conjugate() + w12[i] * f.conjugate())

@@ -94,7 +94,9 @@ class Descent:
         delta, y = self._projected(p, v, c)
         d = y - p
         response = self._product(d)
-        slope, curvature, length = float(d @ (v - delta)), float(d @ response), float(d @ d)
+        slope = float(d @ (v - delta))
+        curvature = float(d @ response)
+        length = float(d @ d)
         slope += self._energy(y) - self._energy(p)
         if not (slope < 0 and curvature > 0):
             return self._grid.stiffness
@@ -149,7 +151,8 @@ class Descent:
                     d > 0, (high - p[free]) / d, np.where(d < 0, (low - p[free]) / d, np.inf)
                 )
             nearest = int(room.argmin())
-            fraction, former = min(wr / curvature, float(room[nearest])), wr
+            fraction = min(wr / curvature, float(room[nearest]))
+            former = wr
             p[free] = np.clip(p[free] + fraction * d, low, high)
             v += fraction * response
             if fraction == room[nearest]:

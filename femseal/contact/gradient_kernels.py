@@ -44,7 +44,8 @@ def restart(free, delta, loaded, line, points, stencil):
 def lay_ones(first, end, line, points, stencil):
     """Compliance and scale of some free points, and what M1 is found from."""
     listed = points.lists[FREE, first:end]
-    soft, scale = points.on_free[SOFT, first:end], points.on_free[SCALE, first:end]
+    soft = points.on_free[SOFT, first:end]
+    scale = points.on_free[SCALE, first:end]
     weights = stencil.weights
     largest = weights[weights.shape[0] // 2, weights.shape[1] // 2]
     for k in range(end - first):
@@ -57,9 +58,11 @@ def lay_ones(first, end, line, points, stencil):
 @fast_loop
 def first_residual(first, end, delta, line, points):
     """r of some free points; returns its sum."""
-    listed, place = points.lists[FREE, first:end], points.lists[PLACE, first:end]
+    listed = points.lists[FREE, first:end]
+    place = points.lists[PLACE, first:end]
     p, v = points.near[P], points.near[V]
-    r, soft = points.on_free[R, first:end], points.on_free[SOFT, first:end]
+    r = points.on_free[R, first:end]
+    soft = points.on_free[SOFT, first:end]
     total = 0.0
     for k in range(end - first):
         r[k] = delta - v[place[k]]
@@ -72,7 +75,8 @@ def first_residual(first, end, delta, line, points):
 @fast_loop
 def preconditioned(first, end, out, points, stencil):
     """s M of what is on the grid, at some free points; returns its sum."""
-    listed, scale = points.lists[FREE, first:end], points.on_free[SCALE, first:end]
+    listed = points.lists[FREE, first:end]
+    scale = points.on_free[SCALE, first:end]
     out = out[first:end]
     apply_stencil(listed, points.dense, out, stencil)
     total = 0.0
@@ -100,7 +104,8 @@ def turn(free, former, ones_total, loaded, points, stencil):
 def level(first, end, factor, points):
     """Take a multiple of M1 from w at some free points; returns w·r."""
     r = points.on_free[R, first:end]
-    w, ones = points.on_free[W, first:end], points.on_free[ONES, first:end]
+    w = points.on_free[W, first:end]
+    ones = points.on_free[ONES, first:end]
     wr = 0.0
     for k in range(end - first):
         w[k] -= factor * ones[k]
@@ -112,7 +117,8 @@ def level(first, end, factor, points):
 def direct(first, end, beta, points):
     """d = w + beta d at some free points, and on the grid."""
     listed = points.lists[FREE, first:end]
-    w, d = points.on_free[W, first:end], points.on_free[D, first:end]
+    w = points.on_free[W, first:end]
+    d = points.on_free[D, first:end]
     for k in range(end - first):
         d[k] = w[k] + beta * d[k] if beta > 0.0 else w[k]
         points.dense[listed[k]] = d[k]
@@ -138,7 +144,8 @@ def step(n, free, wr, loaded, kd, points):
 @fast_loop
 def gather(first, end, kd, columns, points):
     """Kd of some points near contact, of which each row of the grid has so many columns."""
-    listed, kn = points.lists[NEAR, first:end], points.near[KD, first:end]
+    listed = points.lists[NEAR, first:end]
+    kn = points.near[KD, first:end]
     values = kd.ravel()
     more = kd.shape[1] - columns
     skipped = 0
@@ -154,8 +161,10 @@ def gather(first, end, kd, columns, points):
 @fast_loop
 def curvatures(first, end, points):
     """d·Kd, d·d and d·(Kd + a d) of some free points."""
-    place, kn = points.lists[PLACE, first:end], points.near[KD]
-    d, soft = points.on_free[D, first:end], points.on_free[SOFT, first:end]
+    place = points.lists[PLACE, first:end]
+    kn = points.near[KD]
+    d = points.on_free[D, first:end]
+    soft = points.on_free[SOFT, first:end]
     curvature = 0.0
     length = 0.0
     compliance = 0.0
@@ -169,9 +178,12 @@ def curvatures(first, end, points):
 @fast_loop
 def advance(first, end, alpha, points):
     """p += α d and r −= α (Kd + a d) at some free points; returns Σ r."""
-    place, p, kn = points.lists[PLACE, first:end], points.near[P], points.near[KD]
+    place = points.lists[PLACE, first:end]
+    p = points.near[P]
+    kn = points.near[KD]
     r = points.on_free[R, first:end]
-    d, soft = points.on_free[D, first:end], points.on_free[SOFT, first:end]
+    d = points.on_free[D, first:end]
+    soft = points.on_free[SOFT, first:end]
     total = 0.0
     for k in range(end - first):
         p[place[k]] += alpha * d[k]
@@ -183,7 +195,8 @@ def advance(first, end, alpha, points):
 @fast_loop
 def advance_gap(first, end, alpha, points):
     """v += α Kd at some points near contact."""
-    v, kn = points.near[V, first:end], points.near[KD, first:end]
+    v = points.near[V, first:end]
+    kn = points.near[KD, first:end]
     for j in range(end - first):
         v[j] += alpha * kn[j]
 
@@ -192,7 +205,8 @@ def advance_gap(first, end, alpha, points):
 def spread_residual(first, end, mean, points):
     """Write residuals to the points of the grid, less their mean under a load, which only rounding would leave over."""
     listed = points.lists[FREE, first:end]
-    r, scale = points.on_free[R, first:end], points.on_free[SCALE, first:end]
+    r = points.on_free[R, first:end]
+    scale = points.on_free[SCALE, first:end]
     for k in range(end - first):
         r[k] -= mean
         points.dense[listed[k]] = r[k] * scale[k]
@@ -219,7 +233,8 @@ def apply_stencil(listed, dense, out, stencil):
         else:
             for a in range(2 * r1 + 1):
                 for b in range(2 * r2 + 1):
-                    row, column = rows[i + a], columns[j + b]
+                    row = rows[i + a]
+                    column = columns[j + b]
                     if row >= 0 and column >= 0:
                         s += weights[a, b] * dense[row * n2 + column]
         out[k] = s

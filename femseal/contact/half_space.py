@@ -155,7 +155,8 @@ def bickley_1(x: Array) -> Array:
     live = x < 38.0  # Ki₁(38) < 1e-17
     xs = x[live]
     # h = 1/6 leaves an error of exp(−π²/h): below rounding
-    h, θ_end = 1 / 6, float(np.arccosh(max(1.0, 40.0 / max(float(xs.min(initial=40.0)), 1e-16))))
+    h = 1 / 6
+    θ_end = float(np.arccosh(max(1.0, 40.0 / max(float(xs.min(initial=40.0)), 1e-16))))
     total = np.zeros_like(xs)
     for m in range(int(θ_end / h) + 2):
         c = np.cosh(m * h)

@@ -173,7 +173,9 @@ def look(n, c, load, loaded, delta, line, points):
 @exact_loop
 def find_trial(first, end, c, points):
     """x = p − c v of some points near contact."""
-    x, p, v = points.near[X, first:end], points.near[P, first:end], points.near[V, first:end]
+    x = points.near[X, first:end]
+    p = points.near[P, first:end]
+    v = points.near[V, first:end]
     for j in range(end - first):
         x[j] = p[j] - c * v[j]
 
@@ -381,7 +383,8 @@ def list_free(n, points):
 @exact_loop
 def shift(first, end, c, uniform, line, points):
     """Add a uniform pressure to some free points, within the bounds."""
-    listed, x = points.lists[FREE, first:end], points.near[KD, first:end]
+    listed = points.lists[FREE, first:end]
+    x = points.near[KD, first:end]
     for k in range(end - first):
         i = listed[k]
         h, t = _line(i, line, c)

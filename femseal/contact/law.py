@@ -114,7 +114,8 @@ class ContactLaw:
     def _deformation(self, trial: Array, stiffness: float) -> Array:
         """u >= 0 with H(u) + c u = z, 0 where z < H(0), by Newton's method between bounds, which it halves."""
         u = np.zeros(np.shape(trial))
-        low, high = u, np.full(u.shape, inf) if self.linear else np.maximum(trial, 0.0) / stiffness
+        low = u
+        high = np.full(u.shape, inf) if self.linear else np.maximum(trial, 0.0) / stiffness
         change = high
         for _ in range(1 if self.linear else _NEWTON_STEPS):
             excess = self.yield_pressure(u) + stiffness * u - trial

@@ -400,7 +400,9 @@ class _Problem:
         """The solution in the fields of a `Contact`."""
         grid.end()
         p = grid.pressure.copy() if grid.kept else grid.pressure
-        gap, deformation, plastic = np.empty(p.shape), np.empty(p.shape), np.empty(p.shape, bool)
+        gap = np.empty(p.shape)
+        deformation = np.empty(p.shape)
+        plastic = np.empty(p.shape, bool)
         law = Line(self.line.hardness.ravel(), self.line.slope.ravel())
         found = gap.ravel(), deformation.ravel(), plastic.ravel()
         arguments = p.ravel(), grid.v, delta, grid.stiffness, law, found

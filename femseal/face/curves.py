@@ -59,7 +59,8 @@ class PieceCurves:
         peaks = []
         self._unloading = []
         for branch in steps.branches[1:]:
-            down, peak = branch[known[branch]][::-1], steps[branch[0]].unloaded_from
+            down = branch[known[branch]][::-1]
+            peak = steps[branch[0]].unloaded_from
             if down.size and on_loading.any():
                 fractions = np.append(steps.pressures[down] / peak, 1.0)
                 at_peak = self.loaded(np.array(peak))
@@ -101,11 +102,13 @@ class PieceCurves:
             _between(weight, self._at(upper - 1, at, peak), self._at(upper, at, peak))
             for at in (inside, np.ones_like(inside), np.zeros_like(inside))
         )
-        ceiling, floor = self.loading(np.cbrt(pressure)), self.loading(np.cbrt(peak))
+        ceiling = self.loading(np.cbrt(pressure))
+        floor = self.loading(np.cbrt(peak))
         # from a peak at which the piece is open, k starts at its value on loading, which the mean of two peaks misses
         # there, and less the more the piece has been released; below all peaks it misses the same everywhere
         is_open = np.isfinite(floor) & np.isfinite(top)
-        missed, mean = floor[is_open] - top[is_open], value[is_open] - top[is_open]
+        missed = floor[is_open] - top[is_open]
+        mean = value[is_open] - top[is_open]
         whole = np.maximum(released[is_open] - top[is_open], missed)
         left = 1 - np.divide(
             mean, whole, out=np.zeros_like(mean), where=(whole > 0) & (upper[is_open] > 1)

@@ -78,7 +78,8 @@ class SolveCounts:
         for one in counts:
             systems.update(dict(one.systems))
         worst = max((one.worst_imbalance for one in counts), default=0.0)
-        solved, closed = sum(one.solved for one in counts), sum(one.closed for one in counts)
+        solved = sum(one.solved for one in counts)
+        closed = sum(one.closed for one in counts)
         return cls(tuple(sorted(systems.items())), worst, solved, closed)
 
 

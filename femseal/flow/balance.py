@@ -29,7 +29,8 @@ def balanced_link_fluxes(
     """
     along, across = stencil.along, stencil.across
     flux = np.empty(along.size + across.size)
-    flux1, flux2 = flux[: along.size].reshape(along.shape), flux[along.size :].reshape(across.shape)
+    flux1 = flux[: along.size].reshape(along.shape)
+    flux2 = flux[along.size :].reshape(across.shape)
     _link_fluxes(along, across, potential, complement, flux1, flux2)
     n1, n2 = along.shape
     width = np.concatenate([along.ravel(), across.ravel()])
@@ -54,11 +55,13 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
 @inner()
 def _drop(φ, ψ, i, j, a, b):
     """Difference of the potential between nodes (i, j) and (a, b)."""
-    one, other = φ[i, j], φ[a, b]
+    one = φ[i, j]
+    other = φ[a, b]
     one, other = 0.0 if np.isnan(one) else one, 0.0 if np.isnan(other) else other
     if one + other < 1.0:
         return one - other
-    one, other = ψ[i, j], ψ[a, b]
+    one = ψ[i, j]
+    other = ψ[a, b]
     return (0.0 if np.isnan(other) else other) - (0.0 if np.isnan(one) else one)
 
 
@@ -111,7 +114,8 @@ def _energy(along, across, link, excess):
 def _grid_links(n1, n2, m2):
     """Tail and head of all links along, then across, of a `Stencil`; both ends are node 0."""
     links = n1 * n2 + (n1 - 1) * m2
-    tail, head = np.empty(links, np.int32), np.empty(links, np.int32)
+    tail = np.empty(links, np.int32)
+    head = np.empty(links, np.int32)
     for i in range(n1):  # node (i, j) of row i >= 1 has the number (i − 1) n2 + j + 1
         for j in range(n2):
             k = i * n2 + j
@@ -163,7 +167,8 @@ def _send(tail, head, exponent, excess):
     """
     nodes = excess.size
     # number of links of the tree at each node, and the exclusive or of their numbers: that of the last one
-    degree, link = np.zeros(nodes, np.int32), np.zeros(nodes, np.int32)
+    degree = np.zeros(nodes, np.int32)
+    link = np.zeros(nodes, np.int32)
     parent = np.arange(nodes).astype(np.int32)
     for k in _widest_first(exponent):
         if union(parent, tail[k], head[k]):

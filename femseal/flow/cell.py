@@ -47,7 +47,8 @@ def cell_stencil(gap: Array, spacing: Pair, sides: str) -> Stencil:
     """Operator of the flow through a cell with nodes at its pixels, from the gap (n1, n2) there."""
     grid = Grid.of_pixel_centres(gap.shape, spacing, sides)
     n1, n2 = gap.shape
-    along, across = np.empty((n1 + 1, n2)), np.empty((n1, n2 if grid.ring2 else n2 - 1))
+    along = np.empty((n1 + 1, n2))
+    across = np.empty((n1, n2 if grid.ring2 else n2 - 1))
     over(rows(n1, n2), _conductances, gap, grid.ring2, edge_weights(grid), along, across)
     return Stencil(along, across, ring2=grid.ring2)
 

@@ -202,7 +202,8 @@ class Stencil:
         chosen = (c != 0) & (a != b)
         c, a, b = c[chosen], a[chosen], b[chosen]
         entries = np.concatenate([-c, -c, c, c])
-        i, j = np.concatenate([a, b, a, b]), np.concatenate([b, a, a, b])
+        i = np.concatenate([a, b, a, b])
+        j = np.concatenate([b, a, a, b])
         return sp.coo_array((entries, (i, j)), shape=(size, size)).tocsr()
 
 
@@ -331,7 +332,8 @@ def edge_weights(grid: Grid) -> EdgeWeights:
     )
     of_rows = np.tile(inside, (m1, 1))
     of_rows[0], of_rows[-1] = first, last
-    columns, rows = np.zeros(grid.nodes[1]), np.zeros(grid.nodes[0])
+    columns = np.zeros(grid.nodes[1])
+    rows = np.zeros(grid.nodes[0])
     for side in (0, 1):  # an edge has an element on either side
         columns += np.bincount(grid.columns[side : m2 + side], d2 * inside[side], columns.size)
         rows += np.bincount(grid.rows[side : m1 + side], d1 * of_rows[:, 2 + side], rows.size)
@@ -349,7 +351,8 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     links, one to each end, beyond which the gap is mirrored, and the second n − 1.
     """
     n1, n2 = gap.shape
-    on1, on2 = np.empty((n1 if ring1 else n1 + 1, n2)), np.empty((n1, n2 if ring2 else n2 - 1))
+    on1 = np.empty((n1 if ring1 else n1 + 1, n2))
+    on2 = np.empty((n1, n2 if ring2 else n2 - 1))
     over(rows(n1, n2), gap_on_rows, gap, ring1, ring2, on1, on2)
     return on1, on2
 
@@ -363,7 +366,8 @@ def _midway(before, a, b, after):
     middle = (9.0 * (a + b) - before - after) / 16.0
     if middle < _DOUBTED * smaller:
         # second differences, alike where the gap is smooth
-        left, right = before - 2.0 * a + b, a - 2.0 * b + after
+        left = before - 2.0 * a + b
+        right = a - 2.0 * b + after
         if max(left, right) > _JUMP * abs(min(left, right)):
             middle = 0.5 * (a + b) - min(left, right) / 8.0
     return max(middle, 0.1 * smaller)
@@ -396,5 +400,6 @@ def gap_on_rows(first, end, gap, ring1, ring2, on1, on2):
             on2[i, j] = _midway(row[j - 1], row[j], row[j + 1], row[j + 2])
         for j in (0, n2 - 2, n2 - 1):
             if 0 <= j < on2.shape[1]:
-                before, after = row[_inside(j - 1, n2, ring2)], row[_inside(j + 2, n2, ring2)]
+                before = row[_inside(j - 1, n2, ring2)]
+                after = row[_inside(j + 2, n2, ring2)]
                 on2[i, j] = _midway(before, row[j], row[(j + 1) % n2], after)

@@ -117,7 +117,8 @@ class MeshSystem:
         self, local: Array, levels: Sequence[float], rtol: float, solver: str
     ) -> tuple[Array, LinearSolution]:
         """Values that solve local matrices (n, m, m) between levels of the boundaries."""
-        values, free = np.zeros(self.size), np.zeros(self.size, bool)
+        values = np.zeros(self.size)
+        free = np.zeros(self.size, bool)
         free[self.dofs] = True
         for level, at in zip(levels, self.ends, strict=True):
             values[at], free[at] = level, False
@@ -262,7 +263,8 @@ class MeshOperators:
         sides = system.total(np.ones(facets.shape))
         # facets between two carrying elements, and those of the ends, whose outer side is node 0
         link = np.concatenate([np.flatnonzero(sides == 2), *system.ends])
-        tail, head = node[first[link]], np.where(second[link] >= 0, node[second[link]], 0)
+        tail = node[first[link]]
+        head = np.where(second[link] >= 0, node[second[link]], 0)
         through = (system.total(sign * flux) / np.maximum(sides, 1))[link]
         width = 1 / system.total(np.einsum("eii->ei", resistance))[link]
         balance(tail, head, width, through, carrying.size + 1)

@@ -43,7 +43,8 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
 def _principal_values(tensor: Array) -> tuple[Array, Array]:
     """The smaller and the larger principal value of symmetric tensors (n, 2, 2)."""
     a, b, c = tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]
-    mean, radius = (a + b) / 2, np.hypot((a - b) / 2, c)
+    mean = (a + b) / 2
+    radius = np.hypot((a - b) / 2, c)
     return mean - radius, mean + radius
 
 
@@ -118,7 +119,8 @@ def connected_elements(
     # one graph of elements, facets, vertices and the ends
     ne, nf = mesh.nelements, mesh.nfacets
     first = ne + nf + mesh.nvertices
-    start, end = [element], [ne + mesh.t2f[slot, element]]
+    start = [element]
+    end = [ne + mesh.t2f[slot, element]]
     if through_corners:
         least, most = _principal_values(tensor)
         is_open = np.flatnonzero(least > _CLOSED * most)

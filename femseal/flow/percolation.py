@@ -61,7 +61,8 @@ def nodes_reached(along: Array, across: Array, least: float = 0.0) -> NDArray[np
     and carry no flow.
     """
     n1, n2 = along.shape
-    label, parent = np.empty((n1 + 1, n2), np.int32), np.empty((n1 + 1) * n2 + 2, np.int32)
+    label = np.empty((n1 + 1, n2), np.int32)
+    parent = np.empty((n1 + 1) * n2 + 2, np.int32)
     parent[:2] = 0, 1
     parts = rows(n1 + 1, n2)
     links = along, across, least
@@ -160,7 +161,8 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
             (stencil.along, keep[:-1] & keep[1:]),
             (stencil.across, both[:, : stencil.across.shape[1]]),
         ):
-            links, at = c.reshape(-1), np.flatnonzero((c > 0) & ~(kept & (c >= least)))
+            links = c.reshape(-1)
+            at = np.flatnonzero((c > 0) & ~(kept & (c >= least)))
             aside.append((links, at, links[at]))
             links[at] = 0.0
     try:
@@ -251,7 +253,9 @@ def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Nodes, Nodes]
     """
     n2 = keep.shape[1]
     n = keep[1:-1].size
-    number, path, found = np.zeros(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    number = np.zeros(n, np.int32)
+    path = np.empty(n, np.int32)
+    found = np.empty(n, np.int32)
     at = found[n - _search(stencil.along, stencil.across, keep, number, path, found) :].copy()
     left = keep.copy()
     left.reshape(-1)[n2:][at] = False

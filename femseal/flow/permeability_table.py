@@ -191,7 +191,8 @@ class PressureCurve:
         """
         low, high = self._knots[after - 1], self._knots[after]
         weight = np.clip((p - low) / (high - low), 0.0, 1.0)
-        a, b = self._log_k[after - 1, parts], self._log_k[after, parts]
+        a = self._log_k[after - 1, parts]
+        b = self._log_k[after, parts]
         linear = np.isinf(np.minimum(a, b))
         with np.errstate(divide="ignore", invalid="ignore"):
             of_linear = np.log((1 - weight) * np.exp(a) + weight * np.exp(b))

@@ -189,7 +189,8 @@ class PressureDrop:
 
     def steepness(self, first: Array, second: Array) -> Array:
         """Δψ/Δφ between two fractions of the drop, dψ/dφ where they are the same."""
-        drop, viscous = first - second, self.viscous_fraction(first) - self.viscous_fraction(second)
+        drop = first - second
+        viscous = self.viscous_fraction(first) - self.viscous_fraction(second)
         apart = np.abs(viscous) > 1e-9
         at = self._factor(self.pressure(0.5 * (first + second)))
         return np.where(apart, self.mean_factor * drop / np.where(apart, viscous, 1.0), at)

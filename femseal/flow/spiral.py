@@ -56,7 +56,8 @@ class Spiral:
 
         Raises InputError: a face longer than a turn, or no longer than the lead along x1.
         """
-        length, breadth = shape[1] * spacing[1], shape[0] * spacing[0]
+        length = shape[1] * spacing[1]
+        breadth = shape[0] * spacing[0]
         turn = length if self.circumference is None else self.circumference
         if turn < length * (1 - 1e-9):
             given = f"{to_text(turn, 'm', 3)} around a face {to_text(length, 'm', 3)} long"
@@ -136,7 +137,8 @@ def _around_one_turn(gap: Array, aspect: float, shift: int) -> list[_Link]:
     ends = np.array([np.concatenate([end, gap[:, -1]]), np.concatenate([gap[:, 0], end])])
     c = np.where((ends == 0).any(axis=0), 0.0, cubic_law(np.nanmean(ends, axis=0)) * aspect)
     row = np.arange(1 - shift, n1 + 1)
-    here, there = np.maximum(row, 0) * n2 + n2 - 1, np.minimum(row + shift, n1 + 1) * n2
+    here = np.maximum(row, 0) * n2 + n2 - 1
+    there = np.minimum(row + shift, n1 + 1) * n2
     pairs = zip(c.tolist(), here.tolist(), there.tolist(), strict=True)
     return [(one, {a: 1.0, b: -1.0}) for one, a, b in pairs]
 
@@ -199,7 +201,8 @@ def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
     """
     nodes = matrix.shape[0]
     label = connected_components(matrix, directed=False)[1]
-    inlet, outlet = np.arange(nodes) < n2, np.arange(nodes) >= nodes - n2
+    inlet = np.arange(nodes) < n2
+    outlet = np.arange(nodes) >= nodes - n2
     with_inlet = np.isin(label, label[inlet])
     joined = with_inlet & np.isin(label, label[outlet])
     potential = np.where(with_inlet & ~outlet, 1.0, 0.0)

@@ -109,7 +109,8 @@ def _solved(
                 matrix, rest, rtol, solver, largest_residual=max(rtol, 1e-8)
             ).x
         drop = mean_drop + correction[end] - correction[start]
-        tensor, flux = drop.T @ (c[:, None] * drop), mean_drop.T @ (c[:, None] * drop)
+        tensor = drop.T @ (c[:, None] * drop)
+        flux = mean_drop.T @ (c[:, None] * drop)
         tensor = (tensor + tensor.T) / 2  # products of matrices round both halves apart
         for a in (tensor, flux):
             a[closed, :] = 0.0
@@ -117,7 +118,8 @@ def _solved(
         largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
         # the energy errs by the square of the error of the pressure, and the flux by that error
         off = np.fmin(np.abs(tensor - flux), np.abs(tensor - before))
-        error, before = float((off / np.where(largest > 0, largest, 1.0)).max()), tensor
+        error = float((off / np.where(largest > 0, largest, 1.0)).max())
+        before = tensor
         if error <= MAX_IMBALANCE:
             break
     return before, error
@@ -143,7 +145,8 @@ def _winding_components(c1: Array, c2: Array) -> tuple[Indices, Any]:
     count, label = connected_components(graph, directed=False)
     roots = np.unique(label, return_index=True)[1]
     # node n is joined to one node of each component, so that one search finds trees of all
-    i, j = np.concatenate([start, np.full(count, n)]), np.concatenate([end, roots])
+    i = np.concatenate([start, np.full(count, n)])
+    j = np.concatenate([end, roots])
     joined = sp.coo_array((np.ones(i.size), (i, j)), shape=(n + 1, n + 1)).tocsr()
     _, parent = breadth_first_order(joined, n, directed=False)
     parent[n] = n

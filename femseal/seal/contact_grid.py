@@ -57,7 +57,8 @@ class ContactGrid:
         else:
             angle = 2 * pi * along
             points = across[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        row, column = (x1 * rows).astype(np.int64), (x2 * columns).astype(np.int64)
+        row = (x1 * rows).astype(np.int64)
+        column = (x2 * columns).astype(np.int64)
         tile = row[:, None] * columns + column
         return cls._of(points, (breadth / n1, length / n2), ("free", "periodic"), tile, tiles)
 
@@ -98,7 +99,8 @@ class ContactGrid:
         without = np.setdiff1d(np.arange(tiles.count), tile)
         near = cKDTree(points.reshape(-1, 2)[inside]).query(tiles.middles[without])[1]
         number = np.r_[tile.ravel()[inside], without]
-        parts, cell = 1 / np.bincount(number)[number], np.r_[inside, inside[near]]
+        parts = 1 / np.bincount(number)[number]
+        cell = np.r_[inside, inside[near]]
         averaging = csr_array((parts, (number, cell)), (tiles.count, tile.size))
         return cls(points, spacing, boundary, tile, averaging)
 

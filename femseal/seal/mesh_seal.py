@@ -51,7 +51,8 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
         near = (x0 < x1[one]) & (x1 > x0[one]) & (y0 < y1[one]) & (y1 > y0[one])
         for other in np.flatnonzero(near).tolist():
             axes = np.concatenate([normals[one], normals[other]])
-            a, b = corners[one] @ axes.T, corners[other] @ axes.T
+            a = corners[one] @ axes.T
+            b = corners[other] @ axes.T
             least, most = (
                 np.maximum(a.min(axis=0), b.min(axis=0)),
                 np.minimum(a.max(axis=0), b.max(axis=0)),
@@ -356,7 +357,8 @@ class ElementSeal:
         tensors, solver = self.tensors(permeability), _of_meshes(solver)
         flow = operators.flow(tensors, levels, bounds=True, solver=solver)
         outlets = slice(len(boundaries.pressures), None)
-        upper, lower = -float(flow.rates[outlets].sum()), -float(flow.flux_rates[outlets].sum())
+        upper = -float(flow.rates[outlets].sum())
+        lower = -float(flow.flux_rates[outlets].sum())
         if not (lower > self._through_closed_axes(permeability) * max(levels) and upper > 0):
             return replace(flow, rates=np.zeros_like(flow.rates))
         outflow = np.sqrt(lower) * np.sqrt(upper)

@@ -101,7 +101,8 @@ class SealTiles:
     @property
     def middles(self) -> Array:
         """Middles of the tiles (tiles, 2) [m]."""
-        tile, centres = self.tile[self.once], self.outlines[self.once].mean(axis=1)
+        tile = self.tile[self.once]
+        centres = self.outlines[self.once].mean(axis=1)
         return np.stack([np.bincount(tile, x) / np.bincount(tile) for x in centres.T], axis=1)
 
     def draw(self, pieces: Shape, rng: np.random.Generator) -> Indices:
@@ -147,7 +148,8 @@ class SealTiles:
         rate : leakage of the seal [m³/s], which the flux is scaled to carry: that of the potential itself would carry
         the upper bound.
         """
-        corners, at = self.seal.outlines, np.nan_to_num(potential)[self.seal.mesh.t.T]
+        corners = self.seal.outlines
+        at = np.nan_to_num(potential)[self.seal.mesh.t.T]
         # along two edges of a triangle or both diagonals of a quadrilateral, where differences are those of the middle
         ends, starts = ([1, 2], [0, 0]) if corners.shape[1] == 3 else ([2, 3], [0, 1])
         ways, drops = (of[:, ends] - of[:, starts] for of in (corners, at))
@@ -182,7 +184,8 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
     d1, d2 = _tile_sides(pieces.size, lay, "x2", "x1")
     of_face = pieces.rows * pieces.size[0]
     breadth = of_face if pieces.breadth is None else pieces.breadth
-    rows, whole = _rows_of(breadth, d1, "breadth", breadth), max(1, round(pieces.length / d2))
+    rows = _rows_of(breadth, d1, "breadth", breadth)
+    whole = max(1, round(pieces.length / d2))
     cells = rows, pieces.columns(rows, whole)
     size = breadth, cells[1] * d2
     wound = lay.name == "spiral"

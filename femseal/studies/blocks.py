@@ -100,7 +100,8 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     True
     """
     check_blocks(scene, blocks)
-    cut, heights = [], np.empty((blocks[0] * PIECES, blocks[1] * PIECES))
+    cut = []
+    heights = np.empty((blocks[0] * PIECES, blocks[1] * PIECES))
     for at in np.ndindex(*blocks):
         block, _of_block(heights, at)[...] = _split(scene, blocks, at)
         cut.append(block)
@@ -115,7 +116,8 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         _of_block(k, at)[...] = own.reshape(*own.shape[:3], PIECES, PIECES)
     k += opened(separation, opening)
     fluid, tiles = TileFluid.of(scene), face_tiles(scene.surface.size, shape)
-    leakage, failed = np.full(len(scene.steps), np.nan), dict(scene.parted_steps)
+    leakage = np.full(len(scene.steps), np.nan)
+    failed = dict(scene.parted_steps)
     for s in range(len(scene.steps)):
         if s in failed:
             continue

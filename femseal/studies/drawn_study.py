@@ -206,7 +206,8 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         pieces = cut_into_pieces(flat, cut, mapper).pieces
         assert pieces is not None
         k = pieces.k.reshape(*pieces.k.shape[:3], 1, -1)
-        fluid, path = TileFluid(tuple(drop.pressures)), np.zeros(tiles.count, np.int64)
+        fluid = TileFluid(tuple(drop.pressures))
+        path = np.zeros(tiles.count, np.int64)
         nominal = steps.pressures[:, None]
         return _Supply(scene, tiles, pieces, k, fluid, path, nominal, pieces.unsolved)
     paths, number = distinct_paths(fractions)

@@ -212,7 +212,8 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     ['2.7e-06 m²/s', '1.3e-06 m²/s']
     """
     scene.check_spiral()
-    surface, shape = scene.surface, (len(scene.steps), *scene.surface.shape)
+    surface = scene.surface
+    shape = (len(scene.steps), *scene.surface.shape)
     fields = {name: shared_empty(shape, np.float32) for name in ("gap", "pressure", "potential")}
     fields["plastic"] = shared_empty((shape[0], -(-surface.heights.size // 8)), np.uint8)
     fluid_pressure = shared_empty(shape, np.float32)

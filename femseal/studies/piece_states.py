@@ -270,7 +270,8 @@ def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1)
     """
     peak = local_peaks(paths, steps)
     down = (paths < peak) & (not elastic)
-    highest, lowest = float(paths.max()), max(float(paths.min()), 0.0)
+    highest = float(paths.max())
+    lowest = max(float(paths.min()), 0.0)
     peaks = _chosen_peaks(peak[down], apart)
     first = np.cbrt(lowest / highest) if highest > 0 else 0.0
     count = int(np.ceil((1 - first) / (apart * _RUNG))) + 1

@@ -70,7 +70,8 @@ class SealContact:
     @property
     def fractions(self) -> Array:
         """Pressure of tiles over that of the whole seal (steps, tiles); 1 where there is none."""
-        means, nominal = self.grid.means(self.pressure), self.nominal[:, None]
+        means = self.grid.means(self.pressure)
+        nominal = self.nominal[:, None]
         # of tiles of one area a cell may cover several
         whole = means.mean(axis=1, keepdims=True) if self.grid.has_rows else nominal
         return np.divide(means, whole, out=np.ones_like(means), where=nominal > 0)
@@ -185,7 +186,8 @@ def seal_contact(
     body = HalfSpace(depth.shape, spacing, scene.modulus, grid.boundary)
     inside = np.isfinite(depth)
     layer = layer or RoughLayer.of(scene, mapper)
-    most, highest = float(layer.pressure[-1]), float(scene.steps.pressures.max())
+    most = float(layer.pressure[-1])
+    highest = float(scene.steps.pressures.max())
     if highest >= most:
         expected = f"less than {_HIGHEST:.0%} of what the faces carry, {to_text(most, 'Pa', 3)}: the bodies yield there"
         raise InputError("load", f"{to_text(highest, 'Pa', 3)} on a seal with a form", expected)

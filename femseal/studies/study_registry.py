@@ -150,7 +150,8 @@ def flow_seconds(pixels: float, effort: Effort) -> float:
 
 def _face_seconds(scene: Scene, effort: Effort, acts: bool) -> float:
     """Expected time of contact and flow of a whole face at a step [s]."""
-    pixels, again = scene.surface.heights.size, _SUCCESSIVE if count_pressures(scene) > 1 else 1.0
+    pixels = scene.surface.heights.size
+    again = _SUCCESSIVE if count_pressures(scene) > 1 else 1.0
     seconds = contact_seconds(scene.surface.shape, effort) + again * flow_seconds(pixels, effort)
     return effort.rounds * seconds if acts else seconds
 
@@ -174,7 +175,8 @@ def two_scale_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort
 def blocks_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
     """The same of a face by blocks, each solved along a ladder once as a layer, and once for its pieces."""
     (n1, n2), (b1, b2) = scene.surface.shape, options.blocks
-    block, points = (n1 // b1, n2 // b2), n1 // b1 * (n2 // b2)
+    block = (n1 // b1, n2 // b2)
+    points = n1 // b1 * (n2 // b2)
     contact = mean(contact_seconds(block, effort) for effort in efforts)
     flows = 3 * count_pressures(scene) * mean(flow_seconds(points, effort) for effort in efforts)
     seconds = b1 * b2 * LADDER_STATES * (2 * contact + flows)
@@ -190,7 +192,8 @@ def stochastic_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effor
         len(tiles.tile),
         count_pressures(scene),
     )
-    pieces, acts = cut.shape[0] * cut.shape[1], scene.acting_fluid is not None
+    pieces = cut.shape[0] * cut.shape[1]
+    acts = scene.acting_fluid is not None
     solved = options.knows_face and scene.flow.spiral is None
     ladder = on_ladder(scene, options.sampling) and not tiles.in_place
     states = LADDER_STATES if ladder else float(len(efforts))

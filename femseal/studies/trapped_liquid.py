@@ -93,7 +93,8 @@ def liquid_in_pockets(
     stays = known & (new < most) & ~((miss > 0) & leaves)
     counted = stays & (new > least)
     error = float(np.abs(miss[counted]).sum() / total.sum()) if count else 0.0
-    own, step = np.where(known, p, outside), np.where(known, new - p, np.nan)
+    own = np.where(known, p, outside)
+    step = np.where(known, new - p, np.nan)
     left = np.where(stays, wanted / total, np.exp(own / bulk_modulus))
     volumes = _sums(pocket, n, gap) * point
     pocket = np.where(gap > 0, pocket, np.int32(-1))

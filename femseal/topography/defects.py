@@ -200,7 +200,8 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     hole = np.isnan(heights)
     if not hole.any():
         return heights
-    index, own = np.arange(hole.size).reshape(hole.shape), np.flatnonzero(hole)
+    index = np.arange(hole.size).reshape(hole.shape)
+    own = np.flatnonzero(hole)
     value_at = scipy.sparse.eye_array(hole.size, format="csr")
     laplacian = 0.0 * value_at[own]
     for axis in (0, 1):

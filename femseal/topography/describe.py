@@ -176,13 +176,15 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
     if not sq > 0:
         return {"sk": sq, "spk": sq, "svk": sq, "smr": (nan,) * 3}
     falling = np.sort(z, axis=None)[::-1]
-    n, m = z.size, max(1, round(_CORE * (z.size - 1)))
+    n = z.size
+    m = max(1, round(_CORE * (z.size - 1)))
     falls = falling[: n - m] - falling[m:]
     # of several secants that fall alike the one in the middle
     begin = int(np.median(np.flatnonzero(falls <= falls.min() * (1 + 1e-9))))
     place = (np.arange(begin, begin + m + 1) + 0.5) / n
     slope, top = np.polyfit(place, falling[begin : begin + m + 1], 1)
-    peaks, valleys = falling[falling > top] - top, top + slope - falling[falling < top + slope]
+    peaks = falling[falling > top] - top
+    valleys = top + slope - falling[falling < top + slope]
     ratios = tuple(float(np.mean(z >= z.mean() + c)) for c in (sq, 0.0, -sq))
     # the triangle of an area over a breadth of n points has twice the mean height
     spk, svk = (2 * float(part.mean()) if part.size else 0.0 for part in (peaks, valleys))
@@ -222,7 +224,8 @@ def _smooth(flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...])
     if not cut_off > 0:
         return np.full(z.shape, nan)
     for axis in axes:
-        n, deviation = z.shape[axis], sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
+        n = z.shape[axis]
+        deviation = sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
         passed = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
         waves = scipy.fft.dct(z, axis=axis) * np.expand_dims(passed, 1 - axis)
         z = scipy.fft.idct(waves, axis=axis)

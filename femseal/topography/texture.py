@@ -58,7 +58,8 @@ class PowerLaw:
 
     def slope_power(self, longest: float, shortest: float) -> float:
         """Mean square slope of the waves between two wavelengths [m], (1/2π)∫q³C dq, by the law."""
-        q, folds = 2 * pi / longest, np.log(longest / shortest)
+        q = 2 * pi / longest
+        folds = np.log(longest / shortest)
         return float(
             q**4
             * self.at(q)
@@ -194,7 +195,8 @@ def texture(topography: Topography) -> Texture:
     """
     if topography.rms_height == 0 or min(topography.shape) < 2:
         return Texture(nan, nan, False, nan)
-    middle, spacing = np.array([n // 2 for n in topography.shape]), np.array(topography.spacing)
+    middle = np.array([n // 2 for n in topography.shape])
+    spacing = np.array(topography.spacing)
     direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T
     reach = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
     step = spacing.min() / 2
@@ -221,7 +223,8 @@ def autocorrelation(topography: Topography) -> Array:
     (n1, n2), (m1, m2) = topography.shape, (n // 2 for n in topography.shape)
     padded = [scipy.fft.next_fast_len(2 * n, real=True) for n in (n1, n2)]
     sums = scipy.fft.irfft2(np.abs(scipy.fft.rfft2(z, padded)) ** 2, padded)
-    i, j = np.arange(-m1, m1 + 1), np.arange(-m2, m2 + 1)
+    i = np.arange(-m1, m1 + 1)
+    j = np.arange(-m2, m2 + 1)
     pairs = np.outer(n1 - np.abs(i), n2 - np.abs(j))
     lagged = sums[np.ix_(i, j)] / pairs
     return lagged / lagged[m1, m2]

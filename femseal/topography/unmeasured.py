@@ -86,7 +86,8 @@ class Continuation:
         missing = (2 * hardness / modulus) ** 2 - self.rms_slope**2
         if missing <= 0:
             return self.longest
-        q, power = 2 * pi / self.longest, 2 - 2 * self.law.hurst
+        q = 2 * pi / self.longest
+        power = 2 - 2 * self.law.hurst
         folds = missing * 2 * pi / (q**4 * self.law.at(q))
         if not -1 < power * folds < inf:
             return 0.0

@@ -237,7 +237,8 @@ class _System:
     ) -> tuple[Array, int]:
         """`rest` with the solution for r added; `start` is where x is."""
         a, correction, r = self.matrix, np.zeros_like(r), r.copy()
-        total, at_start = float(b.sum()) if unit_drop else 0.0, float(b @ start)
+        total = float(b.sum()) if unit_drop else 0.0
+        at_start = float(b @ start)
         z = self.precondition(r)
         d, rz, iteration = z, float(r @ z), 0
         for iteration in range(1, _MAX_ITERATIONS + 1):

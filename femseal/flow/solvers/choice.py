@@ -310,7 +310,8 @@ def _checked(
     φ, ψ = potentials
     # the energy sum keeps its relative accuracy where a difference of flows would not
     rate = stencil.energy(φ) if rate is None else rate
-    inlet, outlet = (stencil.along[0] * ψ[1]).sum(), (stencil.along[-1] * φ[-2]).sum()
+    inlet = (stencil.along[0] * ψ[1]).sum()
+    outlet = (stencil.along[-1] * φ[-2]).sum()
     imbalance = float(max(abs(inlet - outlet), abs(inlet - rate)) / rate) if rate > 0 else inf
     if not imbalance <= allowed:
         raise NotConverged(

@@ -54,7 +54,8 @@ def _links(order, along, across, φ):
     place = np.full((along.shape[0] + 1) * n2, -1, np.int32)
     for a in range(n):
         place[order[a]] = a
-    later, conductance = np.empty((n, 6), np.int32), np.zeros((n, 6))
+    later = np.empty((n, 6), np.int32)
+    conductance = np.zeros((n, 6))
     for a in range(n):
         v = order[a]
         i, j = v // n2, v % n2
@@ -103,7 +104,9 @@ def _dissected(unknown, ring):
                 nodes[i + 1, start + j + 1] = nodes[i, start + j + 1] + in_row
     n = nodes[n1, n2]
     # from the root to the leaves
-    order, first, parent = np.empty(n, np.int64), np.empty(n + 1, np.int64), np.empty(n, np.int64)
+    order = np.empty(n, np.int64)
+    first = np.empty(n + 1, np.int64)
+    parent = np.empty(n, np.int64)
     placed = fronts = 0
     # rows and columns of boxes that wait, the front of the cut above, and whether they are a ring
     boxes = [(0, n1, 0, n2, -1, ring and n2 > 2)]
@@ -174,7 +177,9 @@ def _solved(first, parent, later, conductance):
     # fronts that left links among places beyond them, and these
     waiting: list[int] = []
     left: list[Array] = []
-    seen, found, local = np.full(n + 2, -1), np.empty(n + 2, np.int64), np.empty(n + 2, np.int64)
+    seen = np.full(n + 2, -1)
+    found = np.empty(n + 2, np.int64)
+    local = np.empty(n + 2, np.int64)
     places = np.empty(n + 2, np.int64)
     for f in range(fronts):
         start, end = first[f], first[f + 1]
@@ -198,7 +203,8 @@ def _solved(first, parent, later, conductance):
         own.sort()
         for k in range(q):
             local[own[k]] = p + k
-        front, rest = np.zeros((p, p + q)), np.zeros((q, q))
+        front = np.zeros((p, p + q))
+        rest = np.zeros((q, q))
         for a in range(start, end):
             for k in range(6):
                 if conductance[a, k] == 0.0:
@@ -251,7 +257,8 @@ def _eliminate_front(front, rest, inverse):
         after = min(i + 1, p - 1)
         second = inverse[after] if i + 1 < p else 0.0
         for j in range(q):
-            f, g = inverse[i] * front[i, p + j], second * front[after, p + j]
+            f = inverse[i] * front[i, p + j]
+            g = second * front[after, p + j]
             for k in range(j + 1, q):
                 rest[j, k] += f * front[i, p + k] + g * front[after, p + k]
 
@@ -263,7 +270,8 @@ def _potentials(first, rows, borders, inverse):
     That of a node is the mean of those of its neighbours at the time it was eliminated.
     """
     n = inverse.size
-    v, w = np.zeros(n + 2), np.zeros(n + 2)
+    v = np.zeros(n + 2)
+    w = np.zeros(n + 2)
     v[n] = w[n + 1] = 1.0
     for f in range(len(rows) - 1, -1, -1):
         front, border, start = rows[f], borders[f], first[f]

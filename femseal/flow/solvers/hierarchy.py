@@ -82,17 +82,21 @@ def _numbered(n1, n2, ring):
 def eliminated(operator, ring):
     """`Coarsest` of an operator, see `hierarchy`."""
     centre = operator[0]
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
+    n1 = centre.shape[0] - 2
+    n2 = centre.shape[1] - 2
     number, width = _numbered(n1, n2, ring)
     n = n1 * n2
     # rows without nodes at the end, so that no loop needs to stop before them
     band = np.zeros((n + width, width), np.float32)
-    ends, inverse = np.zeros(n + width, np.float32), np.zeros(n, np.float32)
+    ends = np.zeros(n + width, np.float32)
+    inverse = np.zeros(n, np.float32)
     for i in range(n1):
         for j in range(n2):
-            k, rest = number[i, j], centre[i + 1, j + 1]
+            k = number[i, j]
+            rest = centre[i + 1, j + 1]
             for side in range(1, 5):
-                down, right = (0, 1, 1, 1)[side - 1], (1, 0, 1, -1)[side - 1]
+                down = (0, 1, 1, 1)[side - 1]
+                right = (1, 0, 1, -1)[side - 1]
                 link = operator[side]
                 if link.size == 1:
                     continue
@@ -104,7 +108,8 @@ def eliminated(operator, ring):
             if rest > _ROUNDING * centre[i + 1, j + 1]:
                 ends[k] = rest
     for k in range(n):
-        row, later = band[k], band[k + 1 : k + 1 + width]
+        row = band[k]
+        later = band[k + 1 : k + 1 + width]
         total = ends[k]
         for a in range(width):
             total += row[a]
@@ -156,7 +161,8 @@ def close_ring(row):
 @by_rows(**REORDERED)
 def _links(first, end, centre, right, below, along, across, ring):
     """Write centres and conductances of some rows of a stencil."""
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
+    n1 = centre.shape[0] - 2
+    n2 = centre.shape[1] - 2
     for i in range(first, end):
         for j in range(1, across.shape[1] + 1):
             right[i, j] = across[i - 1, j - 1]
@@ -180,13 +186,15 @@ def _share(part, whole):
 def _along_rows(first, end, w, operator, nine, ring):
     """Write the weight w of each coarse node, at (2I − 1, 2J − 1), at itself and beside it in some coarse rows."""
     centre, right, below, below_right, below_left = operator
-    n2, m2 = centre.shape[1] - 2, w.shape[1] - 2
+    n2 = centre.shape[1] - 2
+    m2 = w.shape[1] - 2
     for i in range(2 * first - 1, 2 * end - 1, 2):
         for j in range(1, m2 + 1):
             w[(i + 1) // 2, j, 1, 1] = 1.0
         # links above and below are added to those along the row, or left out
         for j in range(2, n2 + 1, 2):
-            west, east = right[i, j - 1], right[i, j]
+            west = right[i, j - 1]
+            east = right[i, j]
             if nine:
                 west += below_right[i - 1, j - 1] + below_left[i, j]
                 east += below_left[i - 1, j + 1] + below_right[i, j]
@@ -203,10 +211,13 @@ def _along_rows(first, end, w, operator, nine, ring):
 def _between_rows(first, end, w, operator, nine, ring):
     """Write the weights of coarse nodes in the rows after some coarse rows, once those of `_along_rows` are there."""
     centre, right, below, below_right, below_left = operator
-    n1, n2, m2 = centre.shape[0] - 2, centre.shape[1] - 2, w.shape[1] - 2
+    n1 = centre.shape[0] - 2
+    n2 = centre.shape[1] - 2
+    m2 = w.shape[1] - 2
     for i in range(2 * first, min(2 * end, n1 + 1), 2):
         for j in range(1, n2 + 1, 2):
-            north, south = below[i - 1, j], below[i, j]
+            north = below[i - 1, j]
+            south = below[i, j]
             if nine:
                 north += below_right[i - 1, j - 1] + below_left[i - 1, j + 1]
                 south += below_left[i, j] + below_right[i, j]
@@ -219,7 +230,10 @@ def _between_rows(first, end, w, operator, nine, ring):
                 continue
             top, bottom, left = i // 2, i // 2 + 1, j // 2
             right_one = (j // 2) % m2 + 1 if j == n2 else j // 2 + 1
-            north, south, west, east = below[i - 1, j], below[i, j], right[i, j - 1], right[i, j]
+            north = below[i - 1, j]
+            south = below[i, j]
+            west = right[i, j - 1]
+            east = right[i, j]
             nw = north * w[top, left, 1, 2] + west * w[top, left, 2, 1]
             ne = north * w[top, right_one, 1, 0] + east * w[top, right_one, 2, 1]
             sw = south * w[bottom, left, 1, 2] + west * w[bottom, left, 0, 1]
@@ -250,7 +264,9 @@ def _round(w, i, a):
 def _galerkin(first, end, w, operator, nine, ring, to):
     """PᵀAP: write centres and conductances of some rows of the next level, in the order of these."""
     centre, right, below, below_right, below_left = operator
-    n1, n2, m2 = centre.shape[0] - 2, centre.shape[1] - 2, w.shape[1] - 2
+    n1 = centre.shape[0] - 2
+    n2 = centre.shape[1] - 2
+    m2 = w.shape[1] - 2
     row = np.empty((5, 5))  # of A P_I at the fine nodes around a coarse one
     out = np.empty(5)
     for ci in range(first, end):

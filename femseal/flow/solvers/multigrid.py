@@ -126,8 +126,11 @@ def _iterated(network, drop, asked):
     b, z = levels[0].b, levels[0].r
     along, _, ring = network
     n1, n2 = b.shape
-    x, r, p = np.zeros((n1, n2 - 2)), np.zeros((n1, n2)), np.zeros((n1, n2), np.float32)
-    sums, history = np.zeros((2, n1)), np.zeros((3, asked.limit + 1))
+    x = np.zeros((n1, n2 - 2))
+    r = np.zeros((n1, n2))
+    p = np.zeros((n1, n2), np.float32)
+    sums = np.zeros((2, n1))
+    history = np.zeros((3, asked.limit + 1))
     x[0] = 1.0
     rest = np.cumsum(drop[::-1])[::-1]
     _start(x, r, b, along, (drop, rest), levels[0].inverse)
@@ -135,7 +138,9 @@ def _iterated(network, drop, asked):
     while True:
         cycle(levels, coarsest, ring)
         _product(z, r, asked.field, asked.hidden, sums)
-        rz, largest, rate = scale * sums[0].sum(), scale * sums[1].max(), (along[-1] * x[-2]).sum()
+        rz = scale * sums[0].sum()
+        largest = scale * sums[1].max()
+        rate = (along[-1] * x[-2]).sum()
         error, done, hopeless = _judged(iteration, rz, largest, unbalanced, rate, history, asked)
         if done or hopeless:
             break
@@ -331,7 +336,8 @@ def _turn(first, end, p, z, scale, beta):
 def _curvature(first, end, p, network, sums):
     """Write p·A p of some rows."""
     n2 = p.shape[1] - 2
-    y, beside = np.empty(n2 + 2), np.empty(n2 + 1)
+    y = np.empty(n2 + 2)
+    beside = np.empty(n2 + 1)
     for i in range(first, end):
         _flow_out(network, p, i, beside, y)
         total = 0.0
@@ -350,13 +356,15 @@ def _advance(first, end, x, others, network, steps, sums):
     r, b, p = others
     step, scale = steps
     n2 = p.shape[1] - 2
-    y, beside = np.empty(n2 + 2), np.empty(n2 + 1)
+    y = np.empty(n2 + 2)
+    beside = np.empty(n2 + 1)
     for i in range(first, end):
         _flow_out(network, p, i, beside, y)
         xs, rs, ps, bs = x[i], r[i], p[i], b[i]
         excess = weighted = 0.0
         for j in range(1, n2 + 1):
-            value, rest = xs[j - 1] + step * ps[j], rs[j] - step * y[j]
+            value = xs[j - 1] + step * ps[j]
+            rest = rs[j] - step * y[j]
             xs[j - 1], rs[j] = value, rest
             excess += rest
             weighted += rest * value
