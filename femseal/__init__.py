@@ -53,12 +53,12 @@ if TYPE_CHECKING:
         permeability_tensor,
     )
     from .fluids import IdealGas, Liquid, RoelandsLiquid
+    from .materials import Solid, contact_modulus, named_solid
     from .named_fluids import RealGas
     from .report import write_report
     from .results import Results, RunComparison, compare, open_results
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
-    from .solids_and_loads import Solid, contact_modulus, named_solid
     from .studies.blocks import by_blocks
     from .studies.drawn_study import stochastic
     from .studies.face_study import FaceResult, deterministic, two_scale

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from femseal.solids_and_loads import LoadProgramme, LoadStep
+from femseal.loads import LoadProgramme, LoadStep
 
 PROGRAMME = LoadProgramme.of((1e8, 2e8, 4e8), (2e8, 4e8), (3e8, 1e8))
 

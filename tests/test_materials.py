@@ -7,7 +7,7 @@ from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base import InputError
-from femseal.solids_and_loads import Solid, contact_modulus
+from femseal.materials import Solid, contact_modulus
 
 STEEL = Solid(210e9, 0.3, yield_stress=500e6)
 COPPER = Solid(120e9, 0.34, hardness=600e6)

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
 from ..base import Array, Indices, Shape, counted
-from ..solids_and_loads import LoadProgramme, least_counted, load_sensitivity, neighbouring_steps
+from ..loads import LoadProgramme, least_counted, load_sensitivity, neighbouring_steps
 
 if TYPE_CHECKING:
     from ..studies import Scene

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.special import bdtr, stdtrit
 
 from ..base import Array, Pair, counted
+from ..loads import LoadProgramme, first_known, least_counted
 from ..seal.form import ScaledForm, SealForm
-from ..solids_and_loads import LoadProgramme, first_known, least_counted
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
 from ..studies.doubts import FormEffect
 from ..studies.drawn_error import COVERAGE, FLOOR_DECADES, count_scenes, decades, half_width

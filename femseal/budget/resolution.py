@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import erf, erfinv, stdtrit
 
 from ..base import Array, Flags
-from ..solids_and_loads import LoadProgramme
+from ..loads import LoadProgramme
 from ..studies import Scene
 from ..studies.drawn_error import COVERAGE
 from .error_parts import (

@@ -22,8 +22,8 @@ from ..base.leak_rates import LeakUnit, leak_unit
 from ..case.case import Case
 from ..case.values import Amount
 from ..fluids import leak_basis
+from ..loads import LoadProgramme, LoadStep
 from ..seal.seal_files import text_rows
-from ..solids_and_loads import LoadProgramme, LoadStep
 from .surrogate import Surrogate
 
 COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"

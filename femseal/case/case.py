@@ -18,8 +18,8 @@ from ..base.leak_rates import check_classes
 from ..contact import ContactLaw, softer_of
 from ..flow.problem import SOLVERS
 from ..fluids import leak_basis, potential_of
+from ..materials import Solid, contact_modulus
 from ..seal.layouts import Layout, MeshLayout, lay_of
-from ..solids_and_loads import Solid, contact_modulus
 from ..studies.choices import FLUID_EFFECTS
 from .case_tables import AnyFluid, AnySeal, AnySeat, FluidTable, OutputTable, SolidTable
 from .faces import Face, FileFace, SurfaceTable

@@ -18,9 +18,9 @@ from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..fluids import FLUIDS, Fluid
+from ..materials import Solid
 from ..seal.form import FORMS
 from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout, lay_of
-from ..solids_and_loads import Solid
 from ..studies.choices import FIELDS_LIMIT, FORMATS
 from ..topography.seat import SEATS
 from .faults import fault, refusal, refusals
@@ -67,7 +67,7 @@ def _two_rows(value: Any) -> Any:
 
 
 class SolidTable(Table):
-    """A solid, see `solids_and_loads.Solid`, and the law by which it yields."""
+    """A solid, see `materials.Solid`, and the law by which it yields."""
 
     young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
     poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)

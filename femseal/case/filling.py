@@ -15,10 +15,10 @@ from ..base import InputError, counted, shortened, shown, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS
+from ..materials import HARDNESS_FACTOR, named_solid
 from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
 from ..seal.layouts import MeshLayout
 from ..seal.seal_files import columns_of, read_columns
-from ..solids_and_loads import HARDNESS_FACTOR, named_solid
 from .faults import fault, faults_of
 from .values import Amount, value_of
 

@@ -19,9 +19,9 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, Profile, Uniform
 from ..seal.seal_files import read_pressure_field
-from ..solids_and_loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
 from ..studies.choices import NOMINALS
 from .faults import fault, faults_of, refusal
 from .values import (
@@ -137,7 +137,7 @@ AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(dis
 
 
 class LoadTable(Table):
-    """Loads of the cycle, see `solids_and_loads.LoadProgramme`: nominal pressures, or forces on the seal."""
+    """Loads of the cycle, see `loads.LoadProgramme`: nominal pressures, or forces on the seal."""
 
     loading: tuple[Load, ...] = key(
         "loads in assembly, rising",

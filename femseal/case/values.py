@@ -38,7 +38,7 @@ from pydantic_core import core_schema
 
 from ..base import InputError, to_si
 from ..base.quantities import with_its_unit
-from ..solids_and_loads import YOUNG_LIMITS
+from ..materials import YOUNG_LIMITS
 from .faults import faults_of, refusal, refusals
 
 #: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.

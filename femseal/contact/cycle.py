@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Mapper, Plotted, Stage, TextTable, to_text, validate
-from ..solids_and_loads import LoadProgramme, LoadStep
+from ..loads import LoadProgramme, LoadStep
 from .half_space import HalfSpace
 from .law import ContactLaw, contact_law
 from .solver import Contact, check_capacity, solve_contact

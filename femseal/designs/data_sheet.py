@@ -23,6 +23,7 @@ from ..base import (
     writing,
 )
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
+from ..loads import relaxed
 from ..plots.drawing import (
     GREY,
     LEGEND_LINE,
@@ -41,7 +42,6 @@ from ..results.dataset import FILE_NAME
 from ..results.results import Results, loads_as_given
 from ..results.tables import format_leakage, kind_of
 from ..results.variables import pressures_and_peaks
-from ..solids_and_loads import relaxed
 from .requirements import ENDS, LoadText, NeededPressure, Requirement, Seals
 from .sensitivities import Sensitivity
 

@@ -19,8 +19,8 @@ import numpy as np
 from ..base import Array, Indices, reals
 from ..base.leak_rates import within
 from ..budget.error_parts import within_others
+from ..loads import LoadProgramme, LoadStep, relaxed
 from ..results.results import Results
-from ..solids_and_loads import LoadProgramme, LoadStep, relaxed
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ..base import Array, Indices
-from ..solids_and_loads import LoadProgramme
+from ..loads import LoadProgramme
 
 
 class LogCurve:

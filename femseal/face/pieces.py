@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Flags, Floats, InputError, Pair, Shape, validate
-from ..solids_and_loads import LoadProgramme
+from ..loads import LoadProgramme
 from ..topography import Topography
 from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
 

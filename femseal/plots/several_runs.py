@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..solids_and_loads import LoadStep
+    from ..loads import LoadStep
 
 #: Bands of more runs hide each other.
 _MOST_BANDS = 3

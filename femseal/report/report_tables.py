@@ -15,9 +15,9 @@ import numpy as np
 from ..base import TextTable, format_deviation, read_plain
 from ..base.leak_rates import LEAK_UNITS, leak_classes, within
 from ..budget import ErrorPart
+from ..loads import first_known, least_counted
 from ..results.results import Results, branches_in, load_names, loads_as_given
 from ..results.tables import class_unit, format_error_band, format_leakage, leakage_texts
-from ..solids_and_loads import first_known, least_counted
 
 
 def key_numbers(results: Results) -> list[tuple[str, str, str]]:

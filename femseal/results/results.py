@@ -25,7 +25,7 @@ from ..base import (
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..budget import ErrorBudget
-from ..solids_and_loads import LoadProgramme, LoadStep
+from ..loads import LoadProgramme, LoadStep
 from ..studies import STUDIES, FaceResult, Scene, StochasticResult, StudyResult
 from .variables import basis_of, budgets_in, tightest_classes
 

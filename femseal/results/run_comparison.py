@@ -25,7 +25,7 @@ from ..base import (
 from ..base.fields import with_unit
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
-from ..solids_and_loads import LoadStep
+from ..loads import LoadStep
 from .dataset import open_results
 from .results import Results
 from .tables import kind_of, leakage_texts

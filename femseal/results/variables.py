@@ -37,7 +37,7 @@ from ..base.quantities import with_its_unit
 from ..budget import ErrorBudget, ErrorPart
 from ..face.pieces import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis
-from ..solids_and_loads import LoadProgramme, LoadStep
+from ..loads import LoadProgramme, LoadStep
 from ..studies import FaceResult, Scene, StochasticResult
 from ..studies.other_fluid import OtherLeakage, limit_factors
 from ..studies.piece_states import FacePieces, PlaceLeakage

@@ -19,12 +19,12 @@ from ..budget import model_changes
 from ..case.case import Case
 from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
+from ..materials import METALS
 from ..preparation.preparation import START_MEMORY, Prepared
 from ..refinement.budgets import CONTINUED_SCENES, coarser_grid, without_filtered_waves
 from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
 from ..results.results import cycle_text
 from ..results.variables import fluid_text
-from ..solids_and_loads import METALS
 from ..studies import Scene, drop_ratio
 from ..studies.blocks import blocks_of
 from ..studies.doubts import flow_warnings

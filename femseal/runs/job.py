@@ -52,6 +52,7 @@ from ..execution.run import (
     ordered_map,
     reporting_compilation,
 )
+from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import Prepared, prepare
 from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import (
@@ -62,7 +63,6 @@ from ..refinement.refine_to_accuracy import (
 )
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
-from ..solids_and_loads import LINE_CONTACT_YIELD
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead

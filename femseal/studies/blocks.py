@@ -18,8 +18,8 @@ from ..base.fields import PIECE, STEP, declared
 from ..contact import HalfSpace
 from ..face.piece_flow import Failed, SolveCounts
 from ..face.pieces import FEWEST_POINTS, Cut
+from ..loads import LoadProgramme
 from ..seal.tiles import face_tiles
-from ..solids_and_loads import LoadProgramme
 from ..topography import Places, Topography
 from .doubts import scene_warnings
 from .piece_states import along_paths, flow_in_order, ladder_of, pieces_on_ladder

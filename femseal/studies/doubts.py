@@ -23,9 +23,9 @@ from ..contact import HalfSpace, solve_contact
 from ..contact.law import ContactLaw
 from ..flow import cell_permeability
 from ..fluids import Fluid, IdealGas, leak_basis
+from ..materials import YOUNG_LIMITS
 from ..named_fluids import ideal_gas_error
 from ..seal.tiles import SealTiles
-from ..solids_and_loads import YOUNG_LIMITS
 from ..topography import Topography
 from ..topography.defects import fit_form
 from .scene import Scene

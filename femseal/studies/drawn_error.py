@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base import Array
-from ..solids_and_loads import LoadProgramme, first_known, load_sensitivity, neighbouring_steps
+from ..loads import LoadProgramme, first_known, load_sensitivity, neighbouring_steps
 
 #: The calibration set, which `drawn_seals.py` and `patch_and_form.py` of `tests/benchmarks` make.
 CALIBRATION = Path(__file__).with_name("drawn_seals.csv")

@@ -15,9 +15,9 @@ from ..face.curves import PieceCurves
 from ..face.piece_flow import Failed, SolveCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
+from ..loads import LoadProgramme, least_counted
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
-from ..solids_and_loads import LoadProgramme, least_counted
 from .doubts import scene_warnings
 from .drawn_error import half_width
 from .face_study import cut_into_pieces, fields_of_rows

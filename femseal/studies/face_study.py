@@ -16,7 +16,7 @@ from ..contact import LoadState
 from ..contact.workspace import KEPT_POINTS
 from ..face.piece_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
 from ..face.pieces import Cut, PieceState
-from ..solids_and_loads import LoadProgramme
+from ..loads import LoadProgramme
 from ..topography import Places
 from .doubts import scene_warnings
 from .fluid_coupling import CoupledContact

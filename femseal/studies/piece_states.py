@@ -16,9 +16,9 @@ from ..face.curves import PieceCurves, local_peaks
 from ..face.piece_flow import Failed, FlowSettings, SolveCounts, attempt, resolved_flow
 from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
+from ..loads import LoadProgramme, LoadStep, least_counted
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
-from ..solids_and_loads import LoadProgramme, LoadStep, least_counted
 from ..topography.combined import divided
 from .scene import Scene
 

@@ -25,10 +25,10 @@ from ..flow import critical_constriction
 from ..flow.law import FlowLaw, law_of
 from ..flow.pressure_drop import PressureDrop, pressure_between
 from ..fluids import Fluid, Liquid, capillary_entry_pressure, potential_of
+from ..loads import LoadProgramme
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
-from ..solids_and_loads import LoadProgramme
 from ..topography import Places, Topography
 from .choices import FLUID_EFFECTS, NOMINALS
 from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_places

@@ -25,10 +25,10 @@ from ..contact import HalfSpace, LoadState
 from ..contact.convolution import Convolution
 from ..face.pieces import Cut
 from ..flow.law import cubic_law
+from ..loads import LoadProgramme, LoadStep
 from ..seal.contact_grid import ContactGrid
 from ..seal.form import SealForm
 from ..seal.tiles import SealTiles
-from ..solids_and_loads import LoadProgramme, LoadStep
 from ..topography.seat import check_form
 from .scene import Scene
 

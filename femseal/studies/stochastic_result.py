@@ -22,9 +22,9 @@ from ..base.fields import (
     declared,
 )
 from ..face.piece_flow import SolveCounts
+from ..loads import FLOOR, LoadProgramme
 from ..seal.mesh_seal import ElementSeal
 from ..seal.tiles import SealTiles
-from ..solids_and_loads import FLOOR, LoadProgramme
 from .piece_states import FacePieces, PlaceLeakage
 
 

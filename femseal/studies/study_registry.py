@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, Pair, Shape, validate
+from ..loads import LoadProgramme
 from ..seal.tiles import SealTiles
-from ..solids_and_loads import LoadProgramme
 from .blocks import BlocksResult, blocks_of, by_blocks
 from .drawn_study import cut_and_tiles, stochastic
 from .face_study import FaceResult, deterministic, state_memory, states_memory, two_scale

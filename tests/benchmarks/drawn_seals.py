@@ -25,8 +25,8 @@ import femseal as fs
 from common import BAND_HEAD, band_cells, machine, print_report, read_rows, table, write_rows
 from drawn_scenes import Drawn
 from femseal.budget import error_budget
+from femseal.loads import first_known
 from femseal.seal import AnnularLayout, MeshLayout
-from femseal.solids_and_loads import first_known
 from femseal.studies import drawn_error
 
 SURFACES = ("self-affine", "turned", "ground", "bumps")

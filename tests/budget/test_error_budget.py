@@ -14,10 +14,10 @@ from femseal.budget import CoarserSolution, ErrorPart
 from femseal.budget.error_parts import pixels_part, scale_of_changes
 from femseal.budget.estimates import median_interval
 from femseal.budget.resolution import filter_part
+from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
 from femseal.refinement.budgets import coarser_points
 from femseal.runs.forecast import describe, forecast
-from femseal.solids_and_loads import LoadProgramme
 from femseal.studies.drawn_error import (
     CALIBRATION,
     KINDS,

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal.budget.resolution import LOAD_POWER, under_less_load
 from femseal.designs.requirements import Seals
+from femseal.loads import LoadProgramme
 from femseal.results import leakage_table
-from femseal.solids_and_loads import LoadProgramme
 
 #: A generated face with half of its slope in waves that its grid does not carry, under loads that seal it without them.
 SEALED = """

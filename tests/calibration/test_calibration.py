@@ -21,7 +21,7 @@ from femseal.calibration import calibrating
 from femseal.calibration.calibrating import with_values
 from femseal.calibration.leak_test import Estimate, LeakTest, Posterior, read_leak_test
 from femseal.calibration.surrogate import Surrogate
-from femseal.solids_and_loads import LoadStep
+from femseal.loads import LoadStep
 from femseal.store.store import Store
 
 POINTS = qmc.Sobol(2, rng=1).random_base2(6)

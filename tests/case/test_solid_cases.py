@@ -7,7 +7,7 @@ from small_cases import HARDENED as CASE
 import femseal as fs
 from femseal.case import case_schema, parse_case
 from femseal.contact import HardnessTable, NixGao, PerfectlyPlastic
-from femseal.solids_and_loads import METALS, named_solid
+from femseal.materials import METALS, named_solid
 
 YOUNG = {"young": "210 GPa"}
 ROWS = [["0 um", "1 GPa"], ["0.5 um", "1.4 GPa"], ["2 um", "1.6 GPa"]]

@@ -16,7 +16,7 @@ from femseal.contact import (
     load_states,
     solve_contact,
 )
-from femseal.solids_and_loads import LoadProgramme
+from femseal.loads import LoadProgramme
 
 E, H, D = 115e9, 4e9, 1e-6
 LAW = PerfectlyPlastic(H)

@@ -14,8 +14,8 @@ from femseal.base import InputError, to_text
 from femseal.case import parse_case
 from femseal.designs.requirements import Seals, requirement, sealing_load
 from femseal.designs.sensitivities import Variants, level_at, sensitivities, slope_at
+from femseal.loads import LoadProgramme
 from femseal.results import assemble
-from femseal.solids_and_loads import LoadProgramme
 
 STEPS = LoadProgramme.of(
     [1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7]

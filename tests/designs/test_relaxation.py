@@ -9,7 +9,7 @@ from test_design import AMPLITUDES, FALL, GROOVED, RISE, case, power_law
 import femseal as fs
 from femseal.designs.data_sheet import rows
 from femseal.designs.requirements import Seals, requirement
-from femseal.solids_and_loads import LoadProgramme
+from femseal.loads import LoadProgramme
 
 LOADING = {"loading": ["20 MPa", "100 MPa", "400 MPa"]}
 DOWN = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["20 MPa"]}

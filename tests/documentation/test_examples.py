@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal.case import parse_case
+from femseal.loads import LoadStep
 from femseal.preparation import prepare
-from femseal.solids_and_loads import LoadStep
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"

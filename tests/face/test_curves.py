@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.face.curves import LogCurve, PieceCurves, local_peaks
-from femseal.solids_and_loads import LoadProgramme, LoadStep
+from femseal.loads import LoadProgramme, LoadStep
 
 FRACTIONS = (0.8, 0.5, 0.2, 0.05)
 LOADING = np.linspace(0.2, 1.0, 9) ** 3 * 8e8

@@ -16,7 +16,7 @@ from femseal.face.pieces import (
     factors,
     usual_pieces,
 )
-from femseal.solids_and_loads import LoadProgramme
+from femseal.loads import LoadProgramme
 from femseal.topography import Places, Topography, self_affine
 
 D = 1e-6

@@ -11,8 +11,8 @@ from small_cases import STRIP, steel_scene
 import femseal as fs
 from femseal.budget import longer_waves_part
 from femseal.case import parse_case
+from femseal.loads import LoadProgramme
 from femseal.seal import AnnularLayout, Frame, MeasuredForm, WavyForm
-from femseal.solids_and_loads import LoadProgramme
 from femseal.studies.longer_waves import DRAWS, _drawn, _rms_between, longer_waves
 from femseal.topography import Representative, representative
 

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.budget import patch_form_part
 from femseal.contact import PerfectlyPlastic
+from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
-from femseal.solids_and_loads import LoadProgramme
 from femseal.studies.doubts import FormEffect, form_effect
 from femseal.topography import representative
 

@@ -12,8 +12,8 @@ from femseal.base import NotConverged
 from femseal.face import piece_flow
 from femseal.face.curves import local_peaks
 from femseal.face.pieces import Cut
+from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
-from femseal.solids_and_loads import LoadProgramme, LoadStep
 from femseal.studies import deterministic, piece_states, two_scale
 from femseal.studies.piece_states import along_paths, ladder_of, pieces_on_ladder
 from femseal.topography import Places, self_affine

@@ -13,6 +13,7 @@ from femseal.contact import LinearHardening
 from femseal.execution.run import ordered_map
 from femseal.face.pieces import Cut
 from femseal.fluids import IdealGas, Liquid
+from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal import (
     AngleTable,
     AnnularLayout,
@@ -21,7 +22,6 @@ from femseal.seal import (
     Profile,
     RectangularLayout,
 )
-from femseal.solids_and_loads import LoadProgramme, LoadStep
 from femseal.studies import Sampling, deterministic, stochastic
 from femseal.studies.piece_states import pieces_on_ladder
 from femseal.topography import Places, Topography, self_affine

@@ -13,8 +13,8 @@ from femseal import analytic
 from femseal.base import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas
+from femseal.loads import LoadProgramme
 from femseal.seal.tiles import face_tiles
-from femseal.solids_and_loads import LoadProgramme
 from femseal.studies import Sampling, StochasticResult, deterministic, stochastic, two_scale
 from femseal.topography import Topography, self_affine
 

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 from femseal import Topography, self_affine
+from femseal.loads import LoadProgramme
 from femseal.seal import AngleTable, AnnularLayout, MapsAtLoads, Profile, Uniform
-from femseal.solids_and_loads import LoadProgramme
 from femseal.studies import Sampling, stochastic
 from femseal.studies.piece_states import along_paths
 from femseal.studies.sampling import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths

@@ -1,0 +1,144 @@
+"""Elastic-plastic solids, ten metals of seals by their name.
+
+Symbols: E Young's modulus, ν Poisson's ratio, E* contact modulus, σ_y yield stress, H hardness.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from difflib import get_close_matches
+from math import inf
+
+from .base import InputError, shown, validate
+
+#: H = HARDNESS_FACTOR · σ_y, full plasticity of an indentation (Johnson, Contact Mechanics, 1985, ch. 6).
+HARDNESS_FACTOR = 2.8
+#: Peak pressure at which the body below a line contact yields first, over H: 1.79 σ_y by von Mises, ν = 0.3, at a depth
+#: of 0.7 of the half-breadth (Johnson 1985, section 6.1).
+LINE_CONTACT_YIELD = 1.79 / HARDNESS_FACTOR
+#: Young's moduli of metals, and of hard coatings, lie between these [Pa].
+YOUNG_LIMITS = (5e9, 1.2e12)
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A linear elastic, perfectly plastic solid.
+
+    Parameters
+    ----------
+    young : Young's modulus E [Pa], > 0.
+    poisson : Poisson's ratio ν [-], -1 < ν <= 0.5.
+    yield_stress : σ_y [Pa]; the hardness is then 2.8 σ_y.
+    hardness : H [Pa], given directly; with neither of the two the solid stays elastic (H = inf).
+
+    Raises
+    ------
+    InputError : a value out of its range, or both yield_stress and hardness given.
+
+    Examples
+    --------
+    >>> Solid(young=210e9, poisson=0.3, yield_stress=500e6).hardness
+    1400000000.0
+    """
+
+    young: float
+    poisson: float
+    yield_stress: float | None = None
+    hardness: float | None = None
+
+    def __post_init__(self) -> None:
+        validate.number("young", self.young, unit="Pa")
+        if not -1 < self.poisson <= 0.5:
+            raise InputError("poisson", self.poisson, "a number in (-1, 0.5]")
+        hardness = inf
+        if self.yield_stress is not None:
+            hardness = HARDNESS_FACTOR * validate.number(
+                "yield_stress", self.yield_stress, unit="Pa"
+            )
+            if self.hardness not in (None, hardness):
+                raise InputError("hardness", self.hardness, "yield_stress or hardness, not both")
+        elif self.hardness is not None:
+            hardness = self.hardness
+        if not hardness > 0:
+            raise InputError("hardness", hardness, "a number > 0 [Pa]")
+        object.__setattr__(self, "hardness", hardness)
+
+
+def contact_modulus(a: Solid, b: Solid | None = None) -> float:
+    """Contact modulus E* [Pa] of two half-spaces, 1/E* = (1−ν1²)/E1 + (1−ν2²)/E2.
+
+    `b` None is a rigid counter-body. Lubrication texts use E′ = 2E*; here it is always E*.
+    Source: Johnson, Contact Mechanics, 1985, eq. 4.20.
+
+    >>> steel = Solid(210e9, 0.3)
+    >>> round(contact_modulus(steel, steel) / 1e9, 2)
+    115.38
+    """
+    compliance = (1 - a.poisson**2) / a.young
+    if b is not None:
+        compliance += (1 - b.poisson**2) / b.young
+    return 1 / compliance
+
+
+_ELASTIC = "E, ν: Kaye & Laby, Tables of Physical and Chemical Constants"
+_CALLISTER = "Callister, Materials Science and Engineering"
+#: Metals of seals at 20 °C by their name, each with its source. Yield strengths are the 0.2 % proof stress of sheet or
+#: bar as delivered, the least or a typical one as the source says.
+METALS: dict[str, tuple[Solid, str]] = {
+    "steel 304/316, annealed": (
+        Solid(200e9, 0.3, 205e6),
+        "E: EN 10088-1; least yield strength: ASTM A240",
+    ),
+    "steel 1.4571, annealed": (
+        Solid(200e9, 0.3, 200e6),
+        "E: EN 10088-1; least yield strength: EN 10088-3",
+    ),
+    "Inconel 718, aged": (
+        Solid(200e9, 0.29, 1034e6),
+        "Special Metals SMC-045; least yield strength: AMS 5662",
+    ),
+    "copper, soft": (
+        Solid(117e9, 0.343, 48e6),
+        "OFHC, annealed strip, typical: Smithells; ν: Kaye & Laby",
+    ),
+    "copper, half hard": (
+        Solid(117e9, 0.343, 176e6),
+        "OFHC strip, typical: Smithells; ν: Kaye & Laby",
+    ),
+    "aluminium 1050, soft": (
+        Solid(69e9, 0.33, 20e6),
+        "EN AW-1050A, temper O; least yield strength: EN 485-2",
+    ),
+    "aluminium 6061-T6": (Solid(69e9, 0.33, 276e6), "typical: ASM Handbook, vol. 2"),
+    "nickel 200, annealed": (Solid(204e9, 0.31, 148e6), f"typical: {_CALLISTER}, appendix B"),
+    "silver, annealed": (Solid(82.7e9, 0.367, 54e6), f"typical: ASM Handbook, vol. 2; {_ELASTIC}"),
+    "soft iron": (
+        Solid(211.4e9, 0.293, 130e6),
+        f"annealed, typical: {_CALLISTER}, table 6.2; {_ELASTIC}",
+    ),
+}
+
+
+def named_solid(name: str) -> Solid:
+    """A metal of `METALS` by its name; upper and lower case are the same.
+
+    Raises
+    ------
+    InputError : an unknown name; the message gives the nearest.
+
+    Examples
+    --------
+    >>> named_solid("Copper, soft").yield_stress
+    48000000.0
+    """
+    known = {key.casefold(): key for key in METALS}
+    text = name.casefold().strip() if isinstance(name, str) else ""
+    if text in known:
+        return METALS[known[text]][0]
+    parts = [part for part in (text, *re.findall(r"\d{3,}", text)) if part]
+    near = [key for key in known if any(part in key for part in parts)] or get_close_matches(
+        text, known, 1, 0.4
+    )
+    perhaps = f"; perhaps meant: {known[near[0]]!r}" if near else ""
+    raise InputError("name", shown(name), f"one of {', '.join(map(repr, METALS))}{perhaps}")
