@@ -65,7 +65,7 @@ def measure(task):
         if n**2 < small**2:
             break
         solved(program, gap_of(program, small))
-    found, record = timed(partial(solved, program, gap_of(program, n)))
+    found, record = timed(partial(solved, program, gap_of(program, n)), 3)
     return record | dict(zip(("value", "iterations", "residual"), found or (), strict=False))
 
 
