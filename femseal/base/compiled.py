@@ -121,8 +121,8 @@ def by_rows(**options: Any) -> Callable[[Any], Any]:
         @wraps(function)
         def shared(field: Any, *arguments: Any) -> None:
             n1, n2 = field.shape[:2]
-            parts = [(first + 1, end + 1) for first, end in rows(n1 - 2, n2)]
-            over(parts, loop, field, *arguments)
+            pieces = [(first + 1, end + 1) for first, end in rows(n1 - 2, n2)]
+            over(pieces, loop, field, *arguments)
 
         @overload(shared)
         def _at_once(field: Any, *arguments: Any) -> Callable[..., None]:

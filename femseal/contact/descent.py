@@ -121,10 +121,8 @@ class Descent:
                 free = self._every[((p > 0) & (p < hardness)) | yields]
                 if free.size < 2:
                     return
-                low, high = (
-                    np.where(yields, hardness, 0.0)[free],
-                    np.where(yields, np.inf, hardness)[free],
-                )
+                low = np.where(yields, hardness, 0.0)[free]
+                high = np.where(yields, np.inf, hardness)[free]
                 soft = np.where(yields, self._compliance, 0.0)[free]
                 scale = 1.0 / np.sqrt(1.0 + soft * self._grid.stencil.weights.max())
                 ones = self._preconditioned(free, np.ones(free.size), scale)

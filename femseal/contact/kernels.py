@@ -97,12 +97,10 @@ def add_gap(first, end, add, gap0, offset, reach, line, points):
     n = k = 0
     for row in range(first, end):
         start = row * columns
-        vs, ps, heights, states = (
-            v[row, :columns],
-            p[start : start + columns],
-            gap0[start : start + columns],
-            points.state[start : start + columns],
-        )
+        vs = v[row, :columns]
+        ps = p[start : start + columns]
+        heights = gap0[start : start + columns]
+        states = points.state[start : start + columns]
         for j in range(columns):
             h = heights[j] - offset
             vj = vs[j] + weight * h
@@ -183,11 +181,9 @@ def find_trial(first, end, c, points):
 @exact_loop
 def compare(first, end, c, delta, line, points):
     """‖p − y‖² and ‖y‖² of some points near contact, and the number and ‖p − y‖² of those whose state y changes."""
-    listed, x, p = (
-        points.lists[NEAR, first:end],
-        points.near[X, first:end],
-        points.near[P, first:end],
-    )
+    listed = points.lists[NEAR, first:end]
+    x = points.near[X, first:end]
+    p = points.near[P, first:end]
     r2 = 0.0
     y2 = 0.0
     changed = 0
@@ -345,11 +341,9 @@ def clear(first, end, points):
 @exact_loop
 def assign(first, end, c, delta, keep, line, points):
     """Pressure and state of some points near contact; returns how many are free, and what the others carry."""
-    listed, x, pn = (
-        points.lists[NEAR, first:end],
-        points.near[X, first:end],
-        points.near[P, first:end],
-    )
+    listed = points.lists[NEAR, first:end]
+    x = points.near[X, first:end]
+    pn = points.near[P, first:end]
     carried = 0.0
     k = 0
     for j in range(end - first):

@@ -89,10 +89,9 @@ class Workspace:
             dense=self.search.pressure.ravel(),
         )
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
-        r1, r2 = (
-            min(1, (n1 - 1) // 2),
-            min(1, (n2 - 1) // 2),
-        )  # on thin grids no point is its own neighbour
+        # on thin grids no point is its own neighbour
+        r1 = min(1, (n1 - 1) // 2)
+        r2 = min(1, (n2 - 1) // 2)
         self.stencil = Stencil(
             np.ascontiguousarray(stencil[1 - r1 : 2 + r1, 1 - r2 : 2 + r2]),
             _index_map(n1, r1, half_space.boundary[0]),

@@ -65,6 +65,12 @@ def _drop(φ, ψ, i, j, a, b):
     return (0.0 if np.isnan(other) else other) - (0.0 if np.isnan(one) else one)
 
 
+@inner()
+def _width(along, across, k):
+    """Conductance of link k, those along before those across."""
+    return along[k] if k < along.size else across[k - along.size]
+
+
 @compiled()
 def _link_fluxes(along, across, φ, ψ, flux1, flux2):
     """Write c times the drop of all links along and across."""
@@ -104,9 +110,7 @@ def _energy(along, across, link, excess):
     total = 0.0
     for node in range(1, link.size):
         if excess[node] != 0.0:
-            k = link[node]
-            width = along[k] if k < along.size else across[k - along.size]
-            total += excess[node] ** 2 / width
+            total += excess[node] ** 2 / _width(along, across, link[node])
     return total
 
 
@@ -133,7 +137,7 @@ def _exponents(along, across):
     """Exponents of two of the widths of all links."""
     found = np.empty(along.size + across.size, np.int16)
     for k in range(found.size):
-        width = along[k] if k < along.size else across[k - along.size]
+        width = _width(along, across, k)
         found[k] = frexp(width)[1] if width > 0.0 else _CLOSED
     return found
 

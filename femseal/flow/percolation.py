@@ -21,8 +21,8 @@ from math import frexp, ldexp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base import Array, Flags, Lengths, Pair
 from ..base.compiled import compiled, inner, over, rows
-from ..base.validate import Array, Flags, Lengths, Pair
 from .grid import Stencil, gap_on_links
 from .problem import validated_cell
 

@@ -15,8 +15,8 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base import Array, reals
 from ..base.fixed_point import fixed_point
-from ..base.validate import Array, reals
 from .law import CUBIC_LAW, FlowLaw, law_of, widened
 from .percolation import critical_constriction
 from .permeability_table import Mobility, table_pressures

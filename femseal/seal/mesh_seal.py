@@ -53,10 +53,8 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
             axes = np.concatenate([normals[one], normals[other]])
             a = corners[one] @ axes.T
             b = corners[other] @ axes.T
-            least, most = (
-                np.maximum(a.min(axis=0), b.min(axis=0)),
-                np.minimum(a.max(axis=0), b.max(axis=0)),
-            )
+            least = np.maximum(a.min(axis=0), b.min(axis=0))
+            most = np.minimum(a.max(axis=0), b.max(axis=0))
             smaller = np.minimum(np.ptp(a, axis=0), np.ptp(b, axis=0))
             if other != one and (most - least > _DEPTH * smaller).all():
                 return one, other

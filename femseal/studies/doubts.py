@@ -369,11 +369,9 @@ def flow_warnings(scene: Scene, leakage: Array, gaps: Array) -> Iterator[str]:
     NaN where one is unknown. Reynolds number ρuh/η = rate per length over η, times gap over wave, as the wave of the
     rms height and slope, 2πSq/h′.
     """
-    fluid, surface, pressure = (
-        scene.fluid,
-        scene.surface,
-        max(scene.inlet_pressure, scene.outlet_pressure),
-    )
+    fluid = scene.fluid
+    surface = scene.surface
+    pressure = max(scene.inlet_pressure, scene.outlet_pressure)
     viscosity_at = getattr(fluid, "viscosity_at", None)
     viscosity = float(
         viscosity_at(pressure) if viscosity_at else getattr(fluid, "viscosity", np.nan)

@@ -187,11 +187,9 @@ def stochastic_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effor
     """The same of the states of a face, and of the seals drawn from its pieces."""
     assert options.sampling is not None
     cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
-    pixels, elements, pressures = (
-        scene.surface.heights.size,
-        len(tiles.tile),
-        count_pressures(scene),
-    )
+    pixels = scene.surface.heights.size
+    elements = len(tiles.tile)
+    pressures = count_pressures(scene)
     pieces = cut.shape[0] * cut.shape[1]
     acts = scene.acting_fluid is not None
     solved = options.knows_face and scene.flow.spiral is None

@@ -184,8 +184,8 @@ def _by_multigrid(
     stencil: Stencil, keep: Flags, rtol: float, limit: int, field_rtol: float | None = None
 ) -> DarcyFlow:
     """Solve by multigrid; where that took many iterations, its error is bounded, and where it is too large lessened."""
-    allowed, gap = _PART * rtol, inf
-    while True:
+    gap = inf
+    for allowed in (_PART * rtol, _PART * rtol * _TIGHTER):
         try:
             flow = _by_iterations(stencil, keep, rtol, allowed, limit, field_rtol)
         except NotConverged:
@@ -197,9 +197,8 @@ def _by_multigrid(
         gap = energy_gap(stencil, flow.potential, flow.complement)
         if gap <= rtol:
             return replace(flow, residual=max(flow.residual, sqrt(gap)))
-        if allowed < _TIGHTER * rtol or allowed <= 1e-14 or flow.iterations >= limit:
+        if allowed <= 1e-14 or flow.iterations >= limit:
             break
-        allowed *= _TIGHTER
     raise NotConverged(
         f"flow: error up to {gap:.1e} of the rate by multigrid, wanted {rtol:.1e}; try the solver 'elimination'",
         gap,

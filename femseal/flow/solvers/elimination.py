@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from ...base import Array, Flags, Indices
 from ...base.compiled import compiled, inner
-from ...base.validate import Array, Flags, Indices
 from ..grid import Stencil
 
 #: Boxes of about so many nodes are not cut any further.
