@@ -152,10 +152,8 @@ def solved_variants(
     With another hardness, if the solids yield, and another length of the flow law, if it has one.
     """
     prepared: Prepared = last_version(case, prepare(case), results.attempts)
-    if prepared.sampling is not None and "realisation" in results.dataset.sizes:
-        # as many seals as the run took in the end
-        count = results.dataset.sizes["realisation"]
-        prepared = replace(prepared, sampling=replace(prepared.sampling, realisations=count))
+    if "realisation" in results.dataset.sizes:
+        prepared = prepared.with_realisations(results.dataset.sizes["realisation"])
     scene = (case.output.test_fluid or case.fluid).state.in_scene(prepared.scene)
 
     def seals(quantity: str, changed: Scene) -> Seals:

@@ -175,6 +175,16 @@ class Prepared:
             self.cells, self.sampling, knows_face=study.name != self.solved_studies[0].name
         )
 
+    def with_realisations(self, count: int) -> Prepared:
+        """Return the input with this number of seals, where seals are drawn.
+
+        Two solutions have the same seals, if they draw as many: a number that is left to the scatter of the leakage
+        would differ between fluids, faces and laws.
+        """
+        if self.sampling is None:
+            return self
+        return replace(self, sampling=replace(self.sampling, realisations=count))
+
     @property
     def least_points(self) -> Pair:
         """Fewest points of the face along x1 and x2 for pieces of drawn seals."""

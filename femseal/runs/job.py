@@ -64,7 +64,7 @@ from ..refinement.refine_to_accuracy import (
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
 from ..store.store import Store
-from ..studies import FluidState, OtherLeakage, drop_ratio
+from ..studies import FluidState, OtherLeakage, StochasticResult, drop_ratio
 from ..studies.compiling import compile_ahead
 from ..studies.doubts import flow_warnings
 from .forecast import described, refuse_too_large, solids_text
@@ -269,8 +269,11 @@ def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) ->
     """Leakage of the test fluid on the seals of the answer; they are solved again where their permeability differs."""
     if (ratio := drop_ratio(state, prepared.scene)) is not None:
         return OtherLeakage.of_study(state, own, ratio)
+    same_seals = prepared
+    if isinstance(own, StochasticResult):
+        same_seals = prepared.with_realisations(len(own.leakage))
+    other = replace(same_seals, scene=state.in_scene(prepared.scene))
     with run.timed("test fluid") as mapper:
-        other = replace(prepared, scene=state.in_scene(prepared.scene))
         return OtherLeakage.of_study(state, other.solve(other.answer, mapper))
 
 

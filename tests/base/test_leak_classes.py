@@ -247,6 +247,25 @@ def test_a_gas_with_slip_is_solved_on_the_same_seals():
     assert_allclose(results.dataset["test_leakage"], alone.leakage, rtol=1e-12)
 
 
+def seals_left_open(**output):
+    """A strip whose number of seals is left to their scatter: another number for helium than for water."""
+    water = {"name": "water", "inlet_pressure": "1 MPa"}
+    changes = {"seed": 7, "fluid": water, "stochastic": {"length": "120 um"}}
+    return STRIP | changes | {"output": {"budget": False} | output}
+
+
+def test_a_test_fluid_flows_through_as_many_seals_as_the_fluid_in_service():
+    """Each has the leakage of helium through the same seal: their number is that which the water asks for."""
+    helium = {"name": "helium", "inlet_pressure": "1 bar(g)"}
+    results = fs.run(parse_case(seals_left_open(test_fluid=helium)), workers=1)
+    count = results.dataset.sizes["realisation"]
+    alone = seals_left_open() | {"fluid": helium}
+    assert fs.run(parse_case(alone), workers=1).dataset.sizes["realisation"] != count
+    given = alone | {"stochastic": {"length": "120 um", "realisations": count}}
+    same = fs.run(parse_case(given), workers=1).dataset["leakage"]
+    assert_allclose(results.dataset["test_leakage_realisations"], same, rtol=1e-12)
+
+
 @each(
     ("output", "fault"),
     [
