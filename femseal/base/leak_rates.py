@@ -1,9 +1,9 @@
-"""Units of leakage that engineers use, and the leakage classes of standards, each in one table.
+"""Leakage in any unit, and the leakage classes of standards in one table.
 
 A leakage is known as volume rate per length of seal at the fluid's reference density [m²/s]. The length of the seal,
 the fluid's density and, for a gas, its reference state turn it into any unit of the table. Pressure × volume of a gas
-is proportional to its temperature, so it is stated at one; standard volumes are those at 0 °C and 101 325 Pa. To add
-a unit or a class, add it to its table.
+is proportional to its temperature, so it is stated at one; standard volumes are those at 0 °C and 101 325 Pa. Units
+are in `leak_units`.
 
 Limits, with the edition they are of, stand in `_TABLE`. Those of ISO 5208, which EN 12266-1 shares, are of closed
 valves, times the nominal diameter in mm; A is no visible leakage while the test lasts, here none at all. Those of
@@ -18,102 +18,20 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, isnan
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError, shown
-from .validate import Flags, reals
+from .leak_units import LEAK_UNITS, USUAL_UNITS, LeakUnit, leak_unit, readable_unit
+from .validate import Flags, number, reals
 
-Kind = Literal["volume", "mass", "throughput", "standard", "drops", "bubbles"]
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
 GAS_CONSTANT = 8.31446261815324
 #: State of standard volumes of gas, 0 °C [K] and 101 325 Pa.
 STANDARD_TEMPERATURE, STANDARD_PRESSURE = 273.15, 101_325.0
 #: Volume of a drop and of a bubble [m³]: 20 drops are 1 mL, and a bubble is 0.15 mL by FCI 70-2.
 DROP, BUBBLE = 0.05e-6, 0.15e-6
-
-
-@dataclass(frozen=True)
-class LeakUnit:
-    """A unit of leakage.
-
-    name : as people write it. kind : what it counts. si : its value in m³/s, kg/s or Pa·m³/s, or in these per metre;
-    of standard volumes m³/s at 0 °C and 101 325 Pa; of drops and bubbles their number per second.
-    per_length : whether it is per length of seal.
-    """
-
-    name: str
-    kind: Kind
-    si: float
-    per_length: bool
-
-
-#: Amounts by their kind, in SI, and times in seconds, of which units are made.
-_AMOUNTS: dict[Kind, dict[str, float]] = {
-    "volume": {"m³": 1.0, "L": 1e-3, "mL": 1e-6, "µL": 1e-9, "mm³": 1e-9, "nL": 1e-12, "pL": 1e-15},
-    "mass": {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "µg": 1e-9},
-    "throughput": {"Pa·m³": 1.0, "mbar·L": 0.1},
-    "standard": {"std cm³": 1e-6, "std L": 1e-3},
-    "drops": {"drops": 1.0},
-    "bubbles": {"bubbles": 1.0},
-}
-_TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 86_400.0, "year": 365.25 * 86_400.0}
-#: Units by kind; of each, those per length of seal first.
-_NAMES = (
-    "m²/s, L/(m·s), mL/(m·s), µL/(m·s), nL/(m·s), pL/(m·s), mL/(m·min), mL/(m·h), "
-    "m³/s, L/s, L/min, L/h, mL/s, mL/min, mL/h, mL/day, µL/s, µL/min, mm³/s, nL/s, pL/s, "
-    "kg/(m·s), g/(m·s), mg/(m·s), µg/(m·s), g/(m·h), "
-    "kg/s, g/s, mg/s, µg/s, kg/h, g/h, mg/h, kg/year, g/year, "
-    "Pa·m³/(m·s), mbar·L/(m·s), Pa·m³/s, mbar·L/s, "
-    "std cm³/(m·s), std cm³/s, std cm³/min, std L/min, drops/s, drops/min, drops/h, bubbles/s, bubbles/min"
-)
-
-
-def _made_unit(name: str) -> LeakUnit:
-    """The unit of a name of an amount per time, or per length of seal and time."""
-    if name == "m²/s":
-        return LeakUnit(name, "volume", 1.0, per_length=True)
-    amount, _, time = name.partition("/")
-    kind = next(kind for kind, amounts in _AMOUNTS.items() if amount in amounts)
-    si = _AMOUNTS[kind][amount] / _TIMES[time.removeprefix("(m·").removesuffix(")")]
-    return LeakUnit(name, kind, si, per_length=time.startswith("(m·"))
-
-
-#: All units, by their name.
-LEAK_UNITS: dict[str, LeakUnit] = {name: _made_unit(name) for name in _NAMES.split(", ")}
-#: Units in which every leakage is given; those of gases are left out for liquids.
-USUAL_UNITS = ("m²/s", "mL/(m·min)", "mg/(m·s)", "m³/s", "mL/min", "drops/min", "kg/s", "g/year", "Pa·m³/s", "mbar·L/s",
-        "std cm³/s")  # fmt: skip
-#: Units among which a readable one is chosen, per length of seal and for a whole seal.
-_READABLE = {
-    True: ("L/(m·s)", "mL/(m·s)", "µL/(m·s)", "nL/(m·s)", "pL/(m·s)"),
-    False: ("L/s", "mL/s", "mL/min", "mL/h", "nL/s", "pL/s"),
-}
-#: Other letters for the same.
-_LETTERS = str.maketrans("μµ·²³l", "uu*23L", "^ ()")
-#: Other names of units.
-_ALIASES = {"sccm": "std cm³/min", "slm": "std L/min", "scc/s": "std cm³/s", "std cc/s": "std cm³/s",
-            "Ncm³/s": "std cm³/s", "drop/min": "drops/min", "drop/s": "drops/s", "drop/h": "drops/h"}  # fmt: skip
-
-
-def leak_unit(text: str) -> LeakUnit:
-    """The unit of a name; "mL/(min*m)", "Pa*m^3/s", "ml/min" and "ug/s" are understood too.
-
-    Raises InputError: another name.
-    """
-    names = {name: name for name in LEAK_UNITS} | _ALIASES
-    known = {_unit_key(written): name for written, name in names.items()}
-    if isinstance(text, str) and (key := _unit_key(text)) in known:
-        return LEAK_UNITS[known[key]]
-    raise InputError("leakage_unit", shown(text), f"one of {', '.join(LEAK_UNITS)}")
-
-
-def _unit_key(name: str) -> tuple[str, tuple[str, ...]]:
-    """Numerator and factors of the denominator, however they are written."""
-    above, *below = name.translate(_LETTERS).split("/")
-    return above, tuple(sorted("*".join(below).split("*")))
 
 
 @dataclass(frozen=True)
@@ -137,6 +55,11 @@ class LeakBasis:
     bubble: float = BUBBLE
     pressure_drop: float | None = None
     capacity: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in (("temperature", self.temperature), ("stated", self.stated)):
+            if value is not None:
+                number(name, value, unit="K")
 
     @property
     def is_gas(self) -> bool:
@@ -190,25 +113,7 @@ class LeakBasis:
 
     def readable(self, values: ArrayLike) -> LeakUnit:
         """One unit of volume rate of the whole seal for all the leakages [m²/s] given."""
-        return _readable(reals(values) * self.length, per_length=False)
-
-
-def leakage_unit(values: ArrayLike) -> tuple[float, str]:
-    """One readable unit for all the leakages per length [m²/s] given, by the median of those not 0: value and name.
-
-    >>> leakage_unit([0.0, 3e-9, 4e-7, 2e-8])
-    (1e-09, 'µL/(m·s)')
-    """
-    unit = _readable(reals(values), per_length=True)
-    return unit.si, unit.name
-
-
-def _readable(values: ArrayLike, per_length: bool) -> LeakUnit:
-    size = np.abs(np.ravel(values))
-    size = size[np.isfinite(size) & (size > 0)]
-    middle = float(np.median(size)) if size.size else 1e-9
-    units = [LEAK_UNITS[name] for name in _READABLE[per_length]]
-    return next((unit for unit in units if middle >= unit.si * (1 - 1e-12)), units[-1])
+        return readable_unit(reals(values) * self.length, per_length=False)
 
 
 #: Molar mass of helium [kg/mol], and the relative tolerance within which a gas is helium.

@@ -42,6 +42,25 @@ _PREFIXES = [
 ]
 #: Signs of units for people.
 _SIGNS = str.maketrans("*23", "·²³", "^")
+#: Spellings that the parser of units does not know or takes for something else: a mil is a thousandth of an inch here,
+#: and an angle of a wrong size there.
+_SPELLINGS = {
+    "mil": "thou",
+    "mils": "thou",
+    "Torr": "torr",
+    "mTorr": "millitorr",
+    "Msi": "megapsi",
+    "msi": "megapsi",
+    "kp": "kgf",
+    "mmWC": "mmH2O",
+    "mmWS": "mmH2O",
+    "inWC": "inH2O",
+}
+#: Spellings that stand for a unit of another kind, and what may have been meant where they do not fit.
+_MISTAKEN = {"kg": "kgf", "lb": "lbf", "lbs": "lbf", "micron": "mTorr", "microns": "mTorr"}
+_WORD = re.compile(r"[^\W\d_]+")
+#: Kelvins per degree Fahrenheit, its zero and that of Celsius above absolute zero in degrees.
+_FAHRENHEIT, _FAHRENHEIT_ZERO, _CELSIUS_ZERO = 1 / 1.8, 459.67, 273.15
 #: Values by their unit, for messages.
 _EXAMPLES = {
     "Pa": "10 MPa",
@@ -113,19 +132,43 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
     if match is None or (match[2] is None and unit):
         raise refused(example)
     written = (match[2] or "").strip()
-    if unit == "K" and (scale := _TEMPERATURE.fullmatch(written)):
-        degrees = float(match[1])
-        celsius = (degrees - 32) / 1.8 if (scale[1] or written)[0] in "fF℉" else degrees
-        return _finite(celsius + 273.15, text, name, example)
+    if unit == "K":
+        kelvin = _kelvin(float(match[1]), written)
+        if kelvin is not None:
+            if kelvin < 0:
+                raise refused(
+                    f"a temperature not below absolute zero, -273.15 °C, such as {like or '20 °C'!r}"
+                )
+            return _finite(kelvin, text, name, example)
     if written and not _UNIT.fullmatch(written):
         raise refused(example)
     if (factor := _factor(written, unit)) is None:
-        of_kind = (one for one, (kind, _) in _USUAL.items() if kind == unit)
-        alike = " or ".join(one for one in of_kind if one.lower() == written.lower())
-        hint = f"; capitals count: {alike}" if alike else ""
-        raise refused(f"{example}{hint}")
+        raise refused(example + _hint(written, unit))
     # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
     return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)
+
+
+def _kelvin(number: float, written: str) -> float | None:
+    """Convert a temperature to kelvin, also below absolute zero; None if the text is no unit of temperature."""
+    scale = _TEMPERATURE.fullmatch(written)
+    if scale is not None:
+        if (scale[1] or written)[0] in "fF℉":
+            return (number + _FAHRENHEIT_ZERO) * _FAHRENHEIT
+        return number + _CELSIUS_ZERO
+    factor = _factor(written, "K") if _UNIT.fullmatch(written) else None
+    return None if factor is None else float(f"{number * factor:.15g}")
+
+
+def _hint(written: str, unit: str) -> str:
+    """Say which unit of the wanted kind may have been meant by one that does not fit, "" if none is known."""
+    of_kind = (one for one, (kind, _) in _USUAL.items() if kind == unit)
+    alike = " or ".join(one for one in of_kind if one.lower() == written.lower())
+    if alike:
+        return f"; capitals count: {alike}"
+    meant = _WORD.sub(lambda word: _MISTAKEN.get(word[0], word[0]), written)
+    if meant != written and _factor(meant, unit) is not None:
+        return f"; {written} is of another kind, perhaps meant: {meant}"
+    return ""
 
 
 def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> float | None:
@@ -158,9 +201,10 @@ def _factor(written: str, unit: str) -> float | None:
     if written in _USUAL:
         kind, factor = _USUAL[written]
         return factor if kind == unit else None
+    known = _WORD.sub(lambda word: _SPELLINGS.get(word[0], word[0]), written)
     try:
         # N/mm2 is N/mm^2, mPas is mPa*s
-        spelled = _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", written.replace(".", "*")))
+        spelled = _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", known.replace(".", "*")))
         parsed, wanted = _registry().parse_units(spelled), unit or "dimensionless"
         zero, factor = ((number * parsed).to(wanted).magnitude for number in (0.0, 1.0))
     # a parser of units fails on unknown names in many ways, all of which mean the same

@@ -27,7 +27,7 @@ from ..base import (
     validate,
     write_text,
 )
-from ..base.leak_rates import LeakUnit
+from ..base.leak_units import LeakUnit
 from ..case.case import Case
 from ..case.reading import load_case, read_case
 from ..execution.resuming import Part, begin_run, over_store, remove_run, store_folder, writing_in

@@ -18,7 +18,7 @@ from scipy.special import ndtr
 from scipy.stats import qmc
 
 from ..base import Array, Flags, InputError, InputErrors, counted, shortened, shown, to_si, to_text
-from ..base.leak_rates import LeakUnit, leak_unit
+from ..base.leak_units import LeakUnit, leak_unit
 from ..case.case import Case
 from ..case.values import Amount
 from ..fluids import leak_basis

@@ -13,7 +13,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from ..base import InputError
-from ..base.leak_rates import BUBBLE, DROP, KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
+from ..base.leak_rates import BUBBLE, DROP, KNOWN, leak_classes
+from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH

@@ -20,7 +20,7 @@ from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
 from ..seal.layouts import MeshLayout
 from ..seal.seal_files import columns_of, read_columns
 from .faults import fault, faults_of
-from .values import Amount, value_of
+from .values import Amount, in_si, value_of
 
 #: Tables in which what is left out is filled in.
 _TABLES = [
@@ -184,12 +184,12 @@ def _filled_fluid(table: dict[str, Any], place: str, odd: list[str]) -> dict[str
     """The table of a fluid; `place` is its key in the case; what is odd in it is added to `odd`."""
     if "name" not in table:
         return _with_dynamic_viscosity(table, place)
-    temperature = value_of(table, "temperature", "K", TABLE_TEMPERATURE)
+    temperature = _temperature(table, place)
     outlet = value_of(table, "outlet_pressure", "Pa", STANDARD_PRESSURE)
     inlet = value_of(table, "inlet_pressure", "Pa", outlet)
     with faults_of(place):
         if table.get("kind") == RealGas.kind:
-            RealGas(table["name"], temperature if temperature > 0 else TABLE_TEMPERATURE)
+            RealGas(table["name"], temperature)
             return table
         found = named_fluid(table["name"], temperature, (inlet, outlet))
     kind = table.get("kind", found.kind)
@@ -207,6 +207,20 @@ def _filled_fluid(table: dict[str, Any], place: str, odd: list[str]) -> dict[str
         )
     odd += _overriding(given, known, place)
     return {**known, **given}
+
+
+def _temperature(table: dict[str, Any], place: str) -> float:
+    """Read the temperature [K] of a named fluid, 20 °C unless given; a liquid has no key that would check it later."""
+    if "temperature" not in table:
+        return TABLE_TEMPERATURE
+    expected = "a temperature above absolute zero, such as '20 °C'"
+    try:
+        temperature = in_si(table["temperature"], "K", "20 °C")
+    except InputError as error:
+        raise fault(f"{place}.temperature", error.given, error.expected) from None
+    if temperature <= 0:
+        raise fault(f"{place}.temperature", shown(table["temperature"]), expected)
+    return temperature
 
 
 def _overriding(given: dict[str, Any], known: dict[str, Amount], place: str) -> Iterator[str]:

@@ -22,7 +22,8 @@ from ..base import (
     write_text,
     writing,
 )
-from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
+from ..base.leak_rates import leak_classes
+from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import relaxed
 from ..plots.drawing import (
     GREY,

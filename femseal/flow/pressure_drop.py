@@ -26,6 +26,8 @@ Found = TypeVar("Found")
 _INTERVALS, _POINTS = 2000, np.polynomial.legendre.leggauss(3)
 #: Least pressure at which a factor is taken, as a fraction of the higher end.
 _LEAST_PRESSURE = 1e-9
+#: Gap [m], far below an atom, that stands for a closed one where a factor is computed.
+_LEAST_GAP = 1e-12
 
 
 class FlowingFluid(Protocol):
@@ -170,6 +172,14 @@ class PressureDrop:
             return 1.0
         ψ, φ, _ = self._table
         return float(ψ[-1] / φ[-1]) if φ[-1] != 0 else float(self._factor(self.inlet))
+
+    def mean_factor_of(self, gap: float) -> float:
+        """Compute how many times the viscous flow passes between plates with a gap >= 0 [m], NaN for an unknown gap.
+
+        It is the mean of F(h, p) over the viscous potential, ∫F dφ/Δφ, and stays finite where the outlet is a vacuum.
+        There F itself has no limit: a mean of its values at inlet and outlet says nothing about the flow.
+        """
+        return replace(self, gap=max(gap, _LEAST_GAP)).mean_factor
 
     def pressure(self, fraction: ArrayLike) -> Array:
         """Pressure [Pa] where ψ has a fraction of its drop."""

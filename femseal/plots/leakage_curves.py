@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, Flags, Indices, InputError
-from ..base.leak_rates import leakage_unit
+from ..base.leak_units import leakage_unit
 from ..flow.law import cubic_law
 from ..results.results import METHODS, Results, branches, force_scale
 from ..results.tables import leakage_of

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, Flags, InputError, Pair
-from ..base.leak_rates import leakage_unit
+from ..base.leak_units import leakage_unit
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
 from ..results.results import Results, branches, load_names

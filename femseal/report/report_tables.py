@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ..base import TextTable, format_deviation, read_plain
-from ..base.leak_rates import LEAK_UNITS, leak_classes, within
+from ..base.leak_rates import leak_classes, within
+from ..base.leak_units import LEAK_UNITS
 from ..budget import ErrorPart
 from ..loads import first_known, least_counted
 from ..results.results import Results, branches_in, load_names, loads_as_given

@@ -22,7 +22,8 @@ from ..base import (
     write_bytes,
 )
 from ..base.fields import FACE, PIECE, STEP, Field, fields_of
-from ..base.leak_rates import LeakBasis, leak_classes, leak_unit
+from ..base.leak_rates import LeakBasis, leak_classes
+from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..budget import VAGUE, ErrorBudget, vague_steps
 from ..face.pieces import Cut

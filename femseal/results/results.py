@@ -22,7 +22,8 @@ from ..base import (
     to_si,
     to_text,
 )
-from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
+from ..base.leak_rates import LeakBasis
+from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme, LoadStep

@@ -23,7 +23,7 @@ from ..base import (
     write_text,
 )
 from ..base.fields import with_unit
-from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
+from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..loads import LoadStep
 from .dataset import open_results

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base import TextTable, counted, duration, format_deviation, number_text, rows_of, to_text
 from ..base.fields import Field, with_unit
-from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
+from ..base.leak_units import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
 from .pixel_fields import stored_steps
 from .results import Results, branch_text, cycle_text, force_scale, loads_as_given

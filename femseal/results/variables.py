@@ -31,7 +31,8 @@ from ..base.fields import (
     Field,
     fields_of,
 )
-from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakClass, leak_classes, within
+from ..base.leak_rates import LeakBasis, LeakClass, leak_classes, within
+from ..base.leak_units import LEAK_UNITS
 from ..base.machine import one_at_a_time
 from ..base.quantities import with_its_unit
 from ..budget import ErrorBudget, ErrorPart

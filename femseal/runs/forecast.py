@@ -338,14 +338,16 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 
 def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
-    """What the law of the fluid does to the flow in a gap of the rms height, where it is not the cubic one."""
+    """Say how much more than the viscous flow passes a gap of the rms height, where the law is not the cubic one."""
     drop = scene.flow.drop
     if drop.law.homogeneous:
         return
-    ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
-    at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
-    what = "times the viscous flow in a gap of the rms height"
-    yield "slip", f"{at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) {what}"
+    height = scene.surface.rms_height
+    factor = drop.mean_factor_of(height)
+    yield (
+        "slip",
+        f"{factor:.3g} times the viscous flow in a gap of the rms height, {to_text(height, 'm', 3)}",
+    )
 
 
 def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:

@@ -333,10 +333,8 @@ def of_scene(scene: Scene, tiles: SealTiles | None = None) -> FirstAnswer:
     one = scene.unit_leakage
     if tiles is not None:
         one = scene.leakage(tiles.seal, tiles.permeability(*np.ones((2, tiles.count)))).per_length
-    drop = scene.flow.drop
-    ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
-    factor = drop.law.factor(np.maximum(found.gap, 1e-12)[:, None], ends).mean(axis=1)
-    return replace(found, leakage=one * found.permeability * factor)
+    factors = [scene.flow.drop.mean_factor_of(gap) for gap in found.gap]
+    return replace(found, leakage=one * found.permeability * factors)
 
 
 def _spectrum(place: Topography) -> tuple[Array, Array]:

@@ -10,7 +10,8 @@ from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal.base import InputError
-from femseal.base.leak_rates import LEAK_CLASSES, LEAK_UNITS, leak_classes, within
+from femseal.base.leak_rates import LEAK_CLASSES, leak_classes, within
+from femseal.base.leak_units import LEAK_UNITS
 from femseal.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.results import RunFacts, assemble, save

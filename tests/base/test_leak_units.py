@@ -10,7 +10,8 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.base import InputError, to_si
-from femseal.base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakBasis, leak_unit
+from femseal.base.leak_rates import LeakBasis
+from femseal.base.leak_units import LEAK_UNITS, USUAL_UNITS, leak_unit
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, rows
@@ -44,13 +45,61 @@ def test_values_are_those_of_a_library_of_units(unit):
         ("std cm3/s", "std cm³/s"),
         ("std cm^3/(s*m)", "std cm³/(m·s)"),
         ("drop/min", "drops/min"),
+        ("atm·cc/s", "atm·cm³/s"),
+        ("atm-cc/s", "atm·cm³/s"),
+        ("atm cc/s", "atm·cm³/s"),
+        ("Torr·L/s", "Torr·L/s"),
+        ("torr-l/s", "Torr·L/s"),
+        ("cm³/min", "cm³/min"),
+        ("cc/min", "cm³/min"),
+        ("ccm/h", "cm³/h"),
+        ("mbar l/s", "mbar·L/s"),
+        ("mbar.l/s", "mbar·L/s"),
+        ("mbar·l·s⁻¹", "mbar·L/s"),
+        ("Pa m3/s", "Pa·m³/s"),
+        ("Pa-m3/s", "Pa·m³/s"),
+        ("mg·s⁻¹·m⁻¹", "mg/(m·s)"),
+        ("mg s^-1 m^-1", "mg/(m·s)"),
+        ("mg/s·m", "mg/(m·s)"),
+        ("std cc/s", "std cm³/s"),
+        ("std. cc/s", "std cm³/s"),
+        ("scc/min", "std cm³/min"),
+        ("SCCM", "std cm³/min"),
+        ("Nml/min", "std cm³/min"),
+        ("slpm", "std L/min"),
+        ("Nl/min", "std L/min"),
+        ("nl/s", "nL/s"),
+        ("ml/hr", "mL/h"),
+        ("g/yr", "g/year"),
+        ("g/a", "g/year"),
+        ("oz/yr", "oz/year"),
+        ("drops per minute", "drops/min"),
     ],
 )
 def test_spellings(written, name):
     assert leak_unit(written).name == name
 
 
-@each("written", ["furlong", "", "m", "mL", 3, "mL/min/m/m", "mL/(m·m)"])
+@each(
+    ("written", "said"),
+    [
+        ("ccm", "cm³/min for a volume per minute, or sccm for one at 0 °C"),
+        ("scfh", r"std L/min \(at 0 °C .*60 °F for some"),
+        ("GPM", "gallons of two sizes"),
+    ],
+)
+def test_units_of_several_meanings_are_refused_with_what_to_write(written, said):
+    with pytest.raises(InputError, match=f"leakage_unit: given '{written}', expected .*{said}"):
+        leak_unit(written)
+
+
+@each("stated", [0.0, -26.85, float("nan")])
+def test_a_leakage_is_stated_above_absolute_zero(stated):
+    with pytest.raises(InputError, match=r"^stated: given .*expected a finite number > 0"):
+        leak_basis(AIR, 1.0, stated)
+
+
+@each("written", ["furlong", "", "m", "mL", 3, "mL/min/m/m", "mL/(m·m)", "mL?/min", "s/mL"])
 def test_other_units_are_refused(written):
     with pytest.raises(InputError, match=r"leakage_unit: given .*mL/min"):
         leak_unit(written)
@@ -101,6 +150,9 @@ PUBLISHED = [
     (1.0, "mbar·L/s", DRY_AIR, 293.15, 4.28e-6 * 1e3, "kg/h", 2e-3),
     (1e-2, "mbar·L/s", DRY_AIR, 293.15, 375.0, "g/year", 2e-3),
     (1.0, "Pa·m³/s", DRY_AIR, 293.15, 10.0, "mbar·L/s", 1e-12),
+    (1.0, "Torr·L/s", DRY_AIR, 293.15, 1.33322, "mbar·L/s", 1e-5),
+    (1.0, "atm·cc/s", DRY_AIR, 293.15, 1.01325, "mbar·L/s", 1e-12),
+    (1.0, "atm·cc/s", DRY_AIR, 273.15, 1.0, "std cm³/s", 1e-12),
     (0.01, "mg/(s·m)", HELIUM, 293.15, 0.0609, "mbar·L/(m·s)", 1e-3),
 ]
 

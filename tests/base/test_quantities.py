@@ -6,6 +6,8 @@ from numpy.testing import assert_allclose
 
 from femseal.base import InputError, to_si, to_text
 
+PSI = 6894.757293168361
+
 
 @each(
     ("text", "unit", "value"),
@@ -43,6 +45,20 @@ from femseal.base import InputError, to_si, to_text
         ("212 Fahrenheit", "K", 373.15),
         ("540 °R", "K", 300.0),
         ("9 1/°F", "1/K", 16.2),
+        ("-273.15 °C", "K", 0.0),
+        ("-459.67 °F", "K", 0.0),
+        ("2 mil", "m", 50.8e-6),
+        ("1 mils", "m", 25.4e-6),
+        ("1 micron", "m", 1e-6),
+        ("32 µin", "m", 0.8128e-6),
+        ("5 mil/in", "", 5e-3),
+        ("760 Torr", "Pa", 101325.0),
+        ("1 mTorr", "Pa", 101.325 / 760),
+        ("30 ksi", "Pa", 30e3 * PSI),
+        ("150 psi", "Pa", 150 * PSI),
+        ("30 Msi", "Pa", 30e6 * PSI),
+        ("10 mmWS", "Pa", 98.0665),
+        ("2 kp/mm2", "Pa", 2 * 9.80665e6),
         ("0.3", "", 0.3),
         ("30 percent", "", 0.3),
         ("30 %", "", 0.3),
@@ -66,11 +82,20 @@ def test_units(text, unit, value):
         ("280 HV", "such as '10 MPa'$"),
         ("5 MPas", "expected"),
         ("5 mm", "a number and a unit of the kind 'Pa', such as '10 MPa'$"),
+        ("5 kg/cm2", "kg/cm2 is of another kind, perhaps meant: kgf/cm2$"),
+        ("5 lb/in2", "lb/in2 is of another kind, perhaps meant: lbf/in2$"),
+        ("5 micron", "micron is of another kind, perhaps meant: mTorr$"),
     ],
 )
 def test_what_may_have_been_meant(text, said):
     with pytest.raises(InputError, match=rf"^load: given .*{said}"):
         to_si(text, "Pa", "load")
+
+
+@each("text", ["-300 °C", "-273.2 degC", "-1 K", "-500 °F", "-459.7 fahrenheit", "-1 mK", "-1 °R"])
+def test_no_temperature_is_below_absolute_zero(text):
+    with pytest.raises(InputError, match=r"^seal: given .*not below absolute zero, -273\.15 °C"):
+        to_si(text, "K", "seal")
 
 
 @each(

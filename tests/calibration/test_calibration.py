@@ -16,7 +16,7 @@ from small_cases import CALIBRATED as CASE
 from small_cases import HEAD, ROWS
 
 import femseal as fs
-from femseal.base.leak_rates import leak_unit
+from femseal.base.leak_units import leak_unit
 from femseal.calibration import calibrating
 from femseal.calibration.calibrating import with_values
 from femseal.calibration.leak_test import Estimate, LeakTest, Posterior, read_leak_test

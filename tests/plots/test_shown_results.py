@@ -17,7 +17,7 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.base import InputError, Shown
-from femseal.base.leak_rates import leakage_unit
+from femseal.base.leak_units import leakage_unit
 from femseal.base.text import value_text
 from femseal.plots.drawing import on_decades
 from femseal.plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines

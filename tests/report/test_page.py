@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from small_cases import soft_cycle
 
 from femseal.base import InputError
-from femseal.base.leak_rates import leakage_unit
+from femseal.base.leak_units import leakage_unit
 from femseal.report import write_report
 from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, save

@@ -21,7 +21,7 @@ from small_cases import soft_cycle
 
 from femseal.base import FemsealError, InputError
 from femseal.base.fields import PIECE, PIXEL, STEP, declared
-from femseal.base.leak_rates import leakage_unit
+from femseal.base.leak_units import leakage_unit
 from femseal.budget import ErrorBudget, ErrorPart
 from femseal.plots import leakage_figure, pieces_figure, seal_figure
 from femseal.report import write_folder

@@ -1,6 +1,7 @@
 """First answers by the spectrum of a face alone, and flow that the model does not hold."""
 
 import re
+from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from small_cases import HARDENED
 import femseal as fs
 from femseal.analytic import critical_junction, persson_area
 from femseal.case import parse_case
+from femseal.flow.law import FlowLaw
+from femseal.flow.pressure_drop import PressureDrop
 from femseal.preparation import prepare
 from femseal.runs.forecast import describe
 from femseal.studies.doubts import LIGHT, OFF_BY, choked_flux, first_answer
@@ -106,6 +109,47 @@ def test_a_gas_faster_than_sound_is_warned_of():
     assert any("Reynolds number of the mean gap" in text for text in results.warnings)
     lines = describe(given, prepare(given))
     assert any("by the first answer" in line and "choked" in line for line in lines)
+
+
+@dataclass(frozen=True)
+class MaxwellSlip(FlowLaw):
+    """Slip on both faces by the mean free path of a gas, which goes with 1/p: F = 1 + 6 Kn."""
+
+    depends_on_pressure = True
+    path_times_pressure: float
+
+    def factor(self, gap, pressure=0.0):
+        with np.errstate(divide="ignore"):
+            return 1 + 6 * self.path_times_pressure / (np.asarray(gap) * pressure)
+
+
+@dataclass(frozen=True)
+class SlippingGas(fs.IdealGas):
+    law = MaxwellSlip(0.02)
+
+
+@pytest.mark.parametrize("outlet", [0.0, 0.1, 1e3, 0.99e5])
+def test_a_gas_that_slips_takes_the_mean_of_slip_over_p_dp(outlet):
+    """∫(1 + 6 λp/(hp)) p dp over the drop: 1 + 12 λp/(h (p₁ + p₂)), finite where the outlet is a vacuum."""
+    inlet, gaps = 1e5, np.array([1e-9, 1e-7, 1e-5])
+    drop = PressureDrop.of(SlippingGas(19.6e-6, 4.0026e-3, 293.15), inlet, outlet)
+    exact = 1 + 12 * 0.02 / (gaps * (inlet + outlet))
+    assert_allclose([drop.mean_factor_of(gap) for gap in gaps], exact, rtol=1e-5)
+    assert np.isnan(drop.mean_factor_of(np.nan))
+    assert np.isfinite(drop.mean_factor_of(0.0))
+    assert PressureDrop.of(fs.Liquid(1e-3), inlet, outlet).mean_factor_of(1e-9) == 1
+
+
+def test_helium_into_a_vacuum_is_what_the_spectrum_says():
+    helium = {"name": "helium", "inlet_pressure": "1 atm"}
+    leakages = []
+    for outlet in ("0 Pa", "1e-3 mbar", "1 mbar"):
+        given = case(helium | {"outlet_pressure": outlet}, rms_height="0.5 um")
+        leakages.append(prepare(given).first_answer.leakage[0])
+    assert_allclose(leakages, leakages[0], rtol=0.01)
+    results = fs.run(case(helium | {"outlet_pressure": "0 Pa"}, rms_height="0.5 um"), workers=1)
+    assert leakages[0] / results.leakage.values[0] == pytest.approx(1, abs=0.9)
+    assert not any("plausible" in text for text in results.warnings)
 
 
 OIL = {"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}
