@@ -173,6 +173,7 @@ class PieceState:
     dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean pressure of the rows of points
     (n1,) [Pa]. counts : flows through pieces, solved or known without solving. failures : reasons of NaN.
     face, places : permeability of the whole face, and by its places [m³]. failed : why the flow through it is unknown.
+    carriers, strip_scatter : of the flow through the whole face, see `FlowConcentration`.
     """
 
     k: Array
@@ -187,6 +188,8 @@ class PieceState:
     face: float = np.nan
     places: Array | None = None
     failed: str = ""
+    carriers: float = np.nan
+    strip_scatter: float = np.nan
 
     @classmethod
     def of(

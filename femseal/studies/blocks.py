@@ -16,12 +16,14 @@ import numpy as np
 from ..base import Array, InputError, Mapper, Shape, Shown, Stage
 from ..base.fields import PIECE, STEP, declared
 from ..contact import HalfSpace
+from ..face.flow_concentration import STRIPS
 from ..face.piece_flow import Failed, SolveCounts
 from ..face.pieces import FEWEST_POINTS, Cut
 from ..loads import LoadProgramme
 from ..seal.tiles import face_tiles
 from ..topography import Places, Topography
 from .doubts import scene_warnings
+from .patch_state import PatchState
 from .piece_states import along_paths, flow_in_order, ladder_of, pieces_on_ladder
 from .sampling import TileFluid
 from .scene import Scene
@@ -44,6 +46,7 @@ class BlocksResult(Shown):
     """Leakage of a face solved by blocks, and its pieces in their own order; arrays (steps, rows, columns) of pieces.
 
     leakage : (steps,) [m²/s], NaN where a flow failed. counts : flows through pieces of the blocks in their states.
+    patch_state : contact states of the whole face, from which the width of the interval follows.
     failures : reasons of values that are NaN. warnings : reasons to doubt the result.
     """
 
@@ -63,6 +66,7 @@ class BlocksResult(Shown):
     counts: SolveCounts = field(default_factory=SolveCounts, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    patch_state: PatchState | None = field(default=None, repr=False)
 
     method: ClassVar[str] = "blocks"
     kind: ClassVar[str] = "by blocks"
@@ -112,9 +116,10 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     paths = [_of_block(pressure, at) for at in np.ndindex(*blocks)]
     found = list(mapper(Stage("pieces of the blocks", _pieces), zip(cut, paths, strict=True)))
     k = np.empty((*found[0][0].shape[:3], *shape))
-    for at, (own, _) in zip(np.ndindex(*blocks), found, strict=True):
+    for at, (own, *_) in zip(np.ndindex(*blocks), found, strict=True):
         _of_block(k, at)[...] = own.reshape(*own.shape[:3], PIECES, PIECES)
     k += opened(separation, opening)
+    state = _state_of(scene, [block for *_, block in found], k, separation + opening)
     fluid, tiles = TileFluid.of(scene), face_tiles(scene.surface.size, shape)
     leakage = np.full(len(scene.steps), np.nan)
     failed = dict(scene.parted_steps)
@@ -134,9 +139,10 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         mean[1],
         pressure,
         separation + opening,
-        counts=SolveCounts.total(counts for _, counts in found),
+        counts=SolveCounts.total(counts for _, counts, _ in found),
         failures=tuple(f"{scene.steps[s].name}: {failed[s]}" for s in sorted(failed)),
         warnings=scene_warnings(scene),
+        patch_state=state,
     )
 
 
@@ -217,12 +223,37 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
     return found.reshape(3, len(scene.steps), *depth.shape)
 
 
-def _pieces(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts]:
-    """Permeabilities (pressures, 2, steps, pieces) of the pieces of a block along their own pressures."""
+def _pieces(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts, PatchState]:
+    """Permeabilities (pressures, 2, steps, pieces) of pieces of a block along their own pressures, and its states."""
     block, pressure = given
     steps, cut, fluid = block.steps, Cut.of(block.surface, (PIECES, PIECES)), TileFluid.of(block)
     paths = fluid.effective(pressure.reshape(len(steps), -1))
     ladder = ladder_of(paths, steps, block.law.is_elastic, _RUNGS_APART)
     pieces = pieces_on_ladder(block, cut, ladder, map, block.boundary)
     own = np.arange(PIECES**2)
-    return fluid.own(along_paths(pieces, paths, steps))[..., own, own], pieces.counts
+    k = fluid.own(along_paths(pieces, paths, steps))[..., own, own]
+    state = PatchState.of(steps, pieces, paths.mean(axis=1), np.full(len(steps), np.nan))
+    return k, pieces.counts, state
+
+
+def _state_of(scene: Scene, blocks: list[PatchState], k: Array, gap: Array) -> PatchState:
+    """The states of a whole face from those of its blocks, which each dissipate about as much.
+
+    k : permeabilities (pressures, 2, steps, rows, columns) [m³]. gap : mean gap of the pieces (steps, rows, columns).
+    """
+    columns = k.shape[-1] // STRIPS
+    tiles = face_tiles(scene.surface.size, (k.shape[-2], columns))
+    fluid = TileFluid.of(scene)
+    strips = np.full((STRIPS, len(scene.steps)), np.nan)
+    for strip, s in np.ndindex(*strips.shape):
+        part = k[:, :, s, :, strip * columns : (strip + 1) * columns]
+        through = flow_in_order(scene, tiles, part, fluid.pressures, fluid.piecewise)
+        strips[strip, s] = through.per_length
+    with np.errstate(invalid="ignore"):
+        scatter = strips.std(axis=0) / strips.mean(axis=0)
+    few = [1 / np.nan_to_num(block.carriers, nan=1.0) for block in blocks]
+    carriers = len(blocks) ** 2 / np.sum(few, axis=0)
+    contact = np.mean([block.contact_fraction for block in blocks], axis=0)
+    mean_gap = gap.mean(axis=(1, 2))
+    still_open = scene.unit_leakage * mean_gap**3 / 12
+    return PatchState(carriers, scatter[scene.steps.peak_indices], contact, still_open)

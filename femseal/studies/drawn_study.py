@@ -21,6 +21,7 @@ from ..seal.tiles import SealTiles
 from .doubts import scene_warnings
 from .drawn_error import half_width
 from .face_study import cut_into_pieces, fields_of_rows
+from .patch_state import PatchState, open_leakage_per_permeability
 from .piece_states import FacePieces, PlaceLeakage, along_paths, ladder_of, pieces_on_ladder
 from .sampling import (
     FEWEST_SEALS,
@@ -113,6 +114,7 @@ def stochastic(
         tiles=tiles,
         pieces=pieces,
         kind=_kind(tiles, sampling),
+        patch_state=_patch_state(supply),
         leakage=leakage,
         contact_fraction=1 - supply.over_tiles(1 - pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(supply, leakage),
@@ -195,6 +197,17 @@ class _Supply:
         relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
         curves = PieceCurves(self.pieces.steps, values)
         return curves.along(np.maximum(paths - relief, 0.0), self.scene.steps) @ weights
+
+
+def _patch_state(supply: _Supply) -> PatchState:
+    """The contact states of the patch under the nominal pressures less the mean of the fluid."""
+    scene = supply.scene
+    fluid = scene.acting_fluid
+    relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
+    pressures = np.maximum(scene.steps.pressures - relief, 0.0)
+    gap = supply.at_nominal(supply.pieces.mean_gap.mean(axis=(1, 2)))
+    open_seal = open_leakage_per_permeability(scene, supply.tiles.seal)
+    return PatchState.of(scene.steps, supply.pieces, pressures, open_seal * gap**3 / 12)
 
 
 def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:

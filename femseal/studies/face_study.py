@@ -14,6 +14,7 @@ from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact import LoadState
 from ..contact.workspace import KEPT_POINTS
+from ..face.flow_concentration import FlowConcentration, blocks_of_one_wave
 from ..face.piece_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
 from ..face.pieces import Cut, PieceState
 from ..loads import LoadProgramme
@@ -294,14 +295,15 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
 def cut_into_pieces(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
     """The solution of a face, with the pieces of a cut."""
     face = deterministic(scene, mapper=mapper)
-    solve = partial(_pieces, cut=cut, flow=scene.flow)
+    blocks = blocks_of_one_wave(scene.surface)
+    solve = partial(_pieces, cut=cut, flow=scene.flow, blocks=blocks)
     found = list(mapper(Stage("pieces of the face", solve), face.states))
     pieces = joined(scene, cut, scene.steps, found)
     pieces = replace(pieces, face=face.leakage, places=face.places)
     return replace(face, pieces=pieces, failures=(*face.failures, *pieces.failures))
 
 
-def _pieces(state: FaceState, *, cut: Cut, flow: FlowSettings) -> PieceState:
+def _pieces(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) -> PieceState:
     """Cut the fields of a state into pieces, and solve the flow through each."""
     gap, fractions = state.gap.astype(float), state.potential.astype(float)
     plastic = np.unpackbits(state.plastic, count=gap.size).view(bool).reshape(gap.shape)
@@ -310,4 +312,10 @@ def _pieces(state: FaceState, *, cut: Cut, flow: FlowSettings) -> PieceState:
     # grooves that wind are those of the seal
     flow = replace(flow, spiral=None)
     pieces = PieceState.of(gap, state.pressure, cut, flow, plastic, fractions)
-    return replace(pieces, failed=state.failed)
+    found = FlowConcentration.of(gap, cut.spacing, fractions, flow, blocks)
+    return replace(
+        pieces,
+        failed=state.failed,
+        carriers=found.carriers,
+        strip_scatter=found.strip_scatter,
+    )

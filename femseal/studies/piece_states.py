@@ -9,11 +9,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..base import Array, Floats, Mapper, Pair, Shown
+from ..base import Array, Floats, Mapper, Pair, Shape, Shown
 from ..base.fields import PIECE, PLACE, STATE, STEP, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
-from ..face.piece_flow import Failed, FlowSettings, SolveCounts, attempt, resolved_flow
+from ..face.flow_concentration import FlowConcentration, blocks_of_one_wave
+from ..face.piece_flow import (
+    FaceFlow,
+    Failed,
+    FlowSettings,
+    SolveCounts,
+    attempt,
+    drop_fractions,
+    resolved_flow,
+)
 from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep, least_counted
@@ -118,6 +127,7 @@ class FacePieces:
     pressure of the rows of points (steps, n1) [Pa].
     face : leakage of the face at full resolution (steps,) [m²/s]. own : that of the pieces in their own order.
     places : leakage by measured places; None of one.
+    carriers, strip_scatter : of the flow through the whole face (steps,), see `FlowConcentration`; NaN where it is 0.
     counts : flows through pieces. failures : one line each. unsolved : steps without leakage by number, and why.
     """
 
@@ -148,6 +158,18 @@ class FacePieces:
         "state_pieces_leakage",
         "m^2/s",
         "leakage of the pieces in their own order per unit length, by state",
+        STATE,
+    )
+    carriers: Array = declared(
+        "state_flow_carriers",
+        "1",
+        "number of blocks of one short wave that effectively carry the flow, by state",
+        STATE,
+    )
+    strip_scatter: Array = declared(
+        "state_strip_scatter",
+        "1",
+        "coefficient of variation of the permeability of four strips of the face, by state",
         STATE,
     )
     failures: tuple[str, ...] = ()
@@ -196,20 +218,31 @@ def pieces_on_ladder(
         cut=cut,
         flow=replace(scene.flow, spiral=None),
         widths=getattr(scene.surface, "widths", ()),
+        blocks=blocks_of_one_wave(scene.surface),
     )
     return joined(scene, cut, steps, list(dry.contact_states(take, steps=steps, mapper=mapper)))
 
 
 def _of_state(
-    state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[int, ...]
+    state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[int, ...], blocks: Shape
 ) -> PieceState:
     """Cut the contact of a state into pieces, and solve the flow through the face and its places."""
     gap = state.contact.gap
     pieces = PieceState.of(gap, state.contact.pressure, cut, flow)
     of_places = permeabilities_of_places(widths, cut.spacing, flow, gap) if widths else None
     through = attempt(resolved_flow, gap, cut.spacing, flow)
-    failed = getattr(through, "reason", "")
-    return replace(pieces, face=through.permeability, places=of_places, failed=failed)
+    found = FlowConcentration()
+    if isinstance(through, FaceFlow):
+        fractions = drop_fractions(gap, cut.spacing, through.potential, flow)
+        found = FlowConcentration.of(gap, cut.spacing, fractions, flow, blocks)
+    return replace(
+        pieces,
+        face=through.permeability,
+        places=of_places,
+        failed=getattr(through, "reason", ""),
+        carriers=found.carriers,
+        strip_scatter=found.strip_scatter,
+    )
 
 
 def joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[PieceState]) -> FacePieces:
@@ -234,6 +267,8 @@ def joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[PieceSt
         "plastic_fraction",
         "drop_fraction",
         "rows",
+        "carriers",
+        "strip_scatter",
     )
     return FacePieces(
         steps,

@@ -25,6 +25,7 @@ from ..face.piece_flow import SolveCounts
 from ..loads import FLOOR, LoadProgramme
 from ..seal.mesh_seal import ElementSeal
 from ..seal.tiles import SealTiles
+from .patch_state import PatchState
 from .piece_states import FacePieces, PlaceLeakage
 
 
@@ -100,6 +101,8 @@ class StochasticResult(Shown):
 
     leakage : of each realisation (realisations, steps).
     kind : of seals by what one patch does not know of them, see `drawn_error`.
+    patch_state : contact states of the patch, from which the width of the interval follows; None of results made by
+    hand.
     contact_fraction : of the face at every step (steps,).
     tiles : of the seal. pieces : of the face, at the loads of the scene or along a ladder.
     row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the face, or of a seat; None of others.
@@ -136,6 +139,7 @@ class StochasticResult(Shown):
     warnings: tuple[str, ...] = ()
     solvers: SolveCounts = field(default_factory=SolveCounts)
     kind: str = field(default="anywhere", repr=False)
+    patch_state: PatchState | None = field(default=None, repr=False)
 
     method: ClassVar[str] = "stochastic"
     computed_fields: ClassVar[dict[str, Field]] = {

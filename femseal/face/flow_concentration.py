@@ -1,0 +1,119 @@
+"""How much of a surface carries its flow in one contact state. The less of it does, the less one patch tells of others.
+
+Near closing, the flow passes a few constrictions. How many there are is a property of the state itself, whatever other
+loads are solved. Two quantities describe it: the participation number N = (Σd)²/Σd² of the dissipation d over blocks of
+one short wave (Bell & Dean, Discuss. Faraday Soc. 50, 1970, 55, for the number of sites that a state occupies), and
+the coefficient of variation of the permeability of four strips of the surface, side by side along x2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base import Array, Floats, Pair, Shape
+from ..topography import Topography
+from ..topography.combined import divided
+from ..topography.topography import power, wavenumber_grids
+from .piece_flow import Failed, FlowSettings, attempt, strip_permeability
+
+#: Strips of a surface along x2 whose permeabilities are compared.
+STRIPS = 4
+#: Fraction of the mean square slope in waves no shorter than a block of the participation number.
+_SLOPE_FRACTION = 0.95
+#: Coefficient of variation where the surface leaks and none of its strips does: beyond that of a single open strip, √3.
+_NO_STRIP = 2.0
+#: Pixels of a block on a surface without slope.
+_FLAT_BLOCK = 8
+
+
+@dataclass(frozen=True)
+class FlowConcentration:
+    """Where a surface carries its flow in one contact state; NaN where nothing flows.
+
+    carriers : participation number N of the dissipation, the number of blocks that effectively carry the flow.
+    strip_scatter : coefficient of variation S of the permeability of four strips.
+    """
+
+    carriers: float = np.nan
+    strip_scatter: float = np.nan
+
+    @classmethod
+    def of(
+        cls, gap: Floats, spacing: Pair, drop_fraction: Floats, flow: FlowSettings, blocks: Shape
+    ) -> FlowConcentration:
+        """Describe the flow along x1 through a gap (n1, n2) [m].
+
+        drop_fraction : dissipation of every pixel over that of all (n1, n2), NaN where nothing flows.
+        blocks : numbers of blocks along x1 and x2, see `blocks_of_one_wave`.
+        """
+        carriers = participation_number(drop_fraction, blocks)
+        if np.isnan(carriers):
+            return cls()
+        return cls(carriers, strip_scatter(gap, spacing, flow))
+
+
+def participation_number(dissipation: Floats, blocks: Shape) -> float:
+    """Count the blocks that effectively carry the flow: (Σd)²/Σd² of the dissipation d of the blocks.
+
+    It is the number of all blocks in a uniform flow, and 1 where all is dissipated in one of them; NaN without flow.
+
+    >>> participation_number(np.ones((8, 16)), (2, 4))
+    8.0
+    """
+    starts = [np.arange(m) * n // m for m, n in zip(blocks, dissipation.shape, strict=True)]
+    sums = np.add.reduceat(np.nan_to_num(dissipation), starts[0], axis=0, dtype=float)
+    sums = np.add.reduceat(sums, starts[1], axis=1)
+    total = float(sums.sum())
+    return total**2 / float((sums**2).sum()) if total > 0 else float("nan")
+
+
+def strip_scatter(gap: Floats, spacing: Pair, flow: FlowSettings) -> float:
+    """Coefficient of variation of the permeability along x1 of four strips of a gap (n1, n2) [m], side by side.
+
+    Strips have closed sides. NaN where the flow through a strip failed.
+    """
+    strips = np.array_split(gap, min(STRIPS, gap.shape[1]), axis=1)
+    found = [attempt(strip_permeability, np.array(strip, float), spacing, flow) for strip in strips]
+    if any(isinstance(k, Failed) for k in found):
+        return float("nan")
+    k = np.array(found, float)
+    mean = float(k.mean())
+    return float(k.std()) / mean if mean > 0 else _NO_STRIP
+
+
+def blocks_of_one_wave(surface: Topography) -> Shape:
+    """Numbers of blocks along x1 and x2 into which a surface is cut, each about one of its short waves long and broad.
+
+    That wave is the shortest of those that hold 95 % of the mean square slope. It is a property of the surface and not
+    of its pixels.
+    """
+    wave = short_wave(surface)
+    m1, m2 = (max(1, round(length / wave)) for length in surface.size)
+    n1, n2 = surface.shape
+    return min(m1, n1), min(m2, n2)
+
+
+def short_wave(surface: Topography) -> float:
+    """Find the shortest of the waves that hold 95 % of the mean square slope [m]; the median of several patches."""
+    widths = getattr(surface, "widths", None)
+    if widths is None:
+        return _short_wave(surface.heights, surface)
+    patches = divided(surface.heights, widths)
+    return float(np.median([_short_wave(patch, surface) for patch in patches]))
+
+
+def _short_wave(heights: Array, surface: Topography) -> float:
+    """Find the short wave of heights (n1, n2) [m]."""
+    periodic = surface.periodic
+    q1, q2 = wavenumber_grids((heights.shape[0], heights.shape[1]), surface.spacing, periodic)
+    squared = q1**2 + q2**2
+    slope = (power(heights - heights.mean(), periodic) * squared).ravel()
+    total = float(slope.sum())
+    if not total > 0:
+        return _FLAT_BLOCK * max(surface.spacing)
+    order = np.argsort(squared, axis=None)
+    last = int(np.searchsorted(np.cumsum(slope[order]), _SLOPE_FRACTION * total))
+    last = min(last, order.size - 1)
+    return float(2 * np.pi / np.sqrt(squared.ravel()[order[last]]))

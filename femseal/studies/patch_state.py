@@ -1,0 +1,76 @@
+"""The contact state of a measured patch at every load step, from which the width of the 95 % interval follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base import Array
+from ..loads import LoadProgramme
+from .piece_states import FacePieces
+from .scene import Scene
+
+#: Permeability for which the leakage of an open seal is solved [m³]: of a gap of 1 µm.
+_OPEN_PERMEABILITY = 1e-18 / 12
+
+
+@dataclass(frozen=True, eq=False)
+class PatchState:
+    """Quantities of a patch in its contact states; arrays (steps,).
+
+    Each depends on the state alone, not on the other loads of the programme. At the steps of an unloading, `carriers`,
+    `strip_scatter` and `contact_fraction` are those of the peak, because one patch tells as little of the one as of the
+    other.
+
+    carriers : number of blocks that effectively carry the flow, see `FlowConcentration`; NaN of a sealed state.
+    strip_scatter : coefficient of variation of the leakage of four strips; NaN of a sealed state.
+    contact_fraction : fraction of the patch in contact.
+    open_leakage : leakage of the seal if the mean gap of the state were the gap everywhere [m²/s].
+    """
+
+    carriers: Array
+    strip_scatter: Array
+    contact_fraction: Array
+    open_leakage: Array
+
+    @classmethod
+    def of(
+        cls, steps: LoadProgramme, pieces: FacePieces, pressures: Array, open_leakage: Array
+    ) -> PatchState:
+        """Take the quantities of a patch at the steps of a seal.
+
+        steps : of the seal; those of the pieces may be others, between which states are interpolated.
+        pressures : nominal pressure of the dry patch at every step of the seal (steps,) [Pa].
+        """
+        contact = pieces.contact_fraction.mean(axis=(1, 2))
+        quantities = pieces.carriers, pieces.strip_scatter, contact
+        peaks = steps.peak_indices
+        if pieces.steps == steps:
+            taken = [values[peaks] for values in quantities]
+        else:
+            taken = [_on_loading(pieces.steps, values, pressures[peaks]) for values in quantities]
+        carriers, scatter, in_contact = taken
+        return cls(carriers, scatter, in_contact, open_leakage)
+
+
+def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
+    """Solve the leakage of a seal per length for a uniform permeability of 1 m³ [1/(m s)]."""
+    return float(scene.leakage(seal, _OPEN_PERMEABILITY).per_length) / _OPEN_PERMEABILITY
+
+
+def _on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
+    """Interpolate a quantity of states on loading at other pressures [Pa], straight in the cube root of the pressure.
+
+    Where the nearest state is sealed the quantity is NaN.
+    """
+    loading = np.flatnonzero(steps.on_loading)
+    values, known_at = values[loading], np.cbrt(steps.pressures[loading])
+    wanted = np.cbrt(pressures)
+    known = np.isfinite(values)
+    if not known.any():
+        return np.full(wanted.shape, np.nan)
+    found = np.interp(wanted, known_at[known], values[known])
+    nearest = np.abs(wanted[:, None] - known_at).argmin(axis=1)
+    return np.where(known[nearest], found, np.nan)
