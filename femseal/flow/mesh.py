@@ -12,7 +12,7 @@ Sources: principles of Dirichlet and Thomson; Arnold & Brezzi, RAIRO M2AN 19, 19
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -42,7 +42,8 @@ from .mesh_input import (
     permeability_tensors,
 )
 from .problem import LINEAR, MAX_IMBALANCE, DarcyFlow, potential_rtol
-from .solvers.amg import LinearSolution, solve_spd
+from .solvers.amg import solve_spd
+from .solvers.direct import Ends, LinearSolution
 
 #: Relative error of the flow.
 RTOL = 1e-8
@@ -115,8 +116,11 @@ class MeshSystem:
 
     def solved(
         self, local: Array, levels: Sequence[float], rtol: float, solver: str
-    ) -> tuple[Array, LinearSolution]:
-        """Values that solve local matrices (n, m, m) between levels of the boundaries."""
+    ) -> LinearSolution:
+        """Solve local matrices (n, m, m), whose rows sum to 0, between levels of the boundaries.
+
+        The solution has a value for every degree of freedom (size,), at a boundary its level.
+        """
         values = np.zeros(self.size)
         free = np.zeros(self.size, bool)
         free[self.dofs] = True
@@ -124,7 +128,7 @@ class MeshSystem:
             values[at], free[at] = level, False
         unknown = np.flatnonzero(free)
         if not unknown.size:
-            return values, LinearSolution(values, 1 - values, 0, 0.0, "none")
+            return LinearSolution(values, 1 - values, 0, 0.0, "none", np.zeros(self.size))
         number = np.full(self.size, -1)
         number[unknown] = np.arange(unknown.size)
         rows, columns = np.broadcast_arrays(
@@ -134,10 +138,20 @@ class MeshSystem:
         matrix = sp.coo_array(
             (local[inner], (rows[inner], columns[inner])), shape=(unknown.size, unknown.size)
         ).tocsc()
-        rhs = -self.total(np.einsum("nij,nj->ni", local, values[self.dofs]))[unknown]
-        found = solve_spd(matrix, rhs, rtol, solver, unit_drop=tuple(levels) == (1.0, 0.0))
+        links = []
+        for at in self.ends:
+            of_end = np.zeros(self.size)
+            of_end[at] = 1.0
+            into = self.total(np.einsum("nij,nj->ni", local, of_end[self.dofs]))
+            links.append(0.0 - into[unknown])
+        ends = Ends(np.asarray(levels, float), np.array(links))
+        rhs = ends.levels @ ends.links
+        unit_drop = tuple(levels) == (1.0, 0.0)
+        found = solve_spd(matrix, rhs, rtol, solver, unit_drop=unit_drop, ends=ends)
+        remainder = np.zeros(self.size)
         values[unknown] = found.x
-        return values, found
+        remainder[unknown] = found.remainder
+        return replace(found, x=values, complement=1 - values, remainder=remainder)
 
     def total(self, flux: Array) -> Array:
         """What flows into the elements from each degree of freedom, by what flows from there into each of them."""
@@ -200,9 +214,9 @@ class MeshOperators:
         local = _weighted(tensor[connected.between], self._stiffness, connected.between)
         # a flow through one of several boundaries errs by as much as the potential, an energy by its square
         rtol = potential_rtol(RTOL) if unit_drop else RTOL
-        values, found = system.solved(local, levels, rtol, solver)
-        potential[system.dofs] = values[system.dofs]
-        energy, flux = _dissipated(local, values[system.dofs])
+        found = system.solved(local, levels, rtol, solver)
+        potential[system.dofs] = found.x[system.dofs]
+        energy, flux = _dissipated(local, found, system.dofs)
         rates = system.into(flux)
         allowed = _UNIT_DROP_IMBALANCE if unit_drop else MAX_IMBALANCE
         imbalance = _imbalance(rates, np.dot(levels, rates) - energy, energy, allowed)
@@ -241,8 +255,8 @@ class MeshOperators:
             inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
         )
         # balancing the fluxes magnifies the error of the potential
-        potential, _ = system.solved(schur, levels, RTOL, solver)
-        _, inward = _dissipated(schur, potential[system.dofs])
+        found = system.solved(schur, levels, RTOL, solver)
+        _, inward = _dissipated(schur, found, system.dofs)
         flux, on_facet = self._balanced(connected.between, system, resistance, -inward)
         rates = np.array([-float(on_facet[facets].sum()) for facets in system.ends])
         energy = float(np.einsum("ei,eij,ej->", flux, resistance, flux))
@@ -322,10 +336,14 @@ def _weighted(tensor: Floats, units: Array, elements: Indices) -> Array:
     return np.asarray(np.einsum("cn,cnij->nij", k, units[:, elements]))
 
 
-def _dissipated(local: Array, values: Array) -> tuple[float, Array]:
-    """Energy of the values (n, m) of local matrices (n, m, m), and what flows into the elements (n, m)."""
+def _dissipated(local: Array, found: LinearSolution, dofs: Indices) -> tuple[float, Array]:
+    """Energy of the potential (n, m) of local matrices (n, m, m), and what flows into the elements (n, m).
+
+    dofs : of the elements (n, m).
+    """
     # differences within an element: no cancellation where values are nearly constant
-    drop = values - values[:, :1]
+    values, remainder = found.x[dofs], np.asarray(found.remainder)[dofs]
+    drop = (values - values[:, :1]) + (remainder - remainder[:, :1])
     flux = np.einsum("nij,nj->ni", local, drop)
     return float(np.einsum("ni,ni->", drop, flux)), flux
 

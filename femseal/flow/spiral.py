@@ -23,6 +23,7 @@ from .grid import Stencil
 from .law import cubic_law
 from .problem import unit_spacing
 from .solvers.amg import solve_spd
+from .solvers.direct import Ends
 
 #: A conductance, and weights of nodes that make the drop over it.
 _Link = tuple[float, dict[int, float]]
@@ -210,8 +211,15 @@ def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
     if unknown.size:
         rows = matrix[unknown]
         load = -np.asarray(rows[:, inlet].sum(axis=1)).ravel()
+        links = [-np.asarray(rows[:, end].sum(axis=1)).ravel() for end in (inlet, outlet)]
+        ends = Ends(np.array([1.0, 0.0]), np.array(links))
         potential[unknown] = solve_spd(
-            rows[:, unknown], load, _RTOL, unit_drop=True, largest_residual=_IMBALANCE
+            rows[:, unknown],
+            load,
+            _RTOL,
+            unit_drop=True,
+            largest_residual=_IMBALANCE,
+            ends=ends,
         ).x
         into, out = (float((matrix[end] @ potential).sum()) for end in (inlet, outlet))
         imbalance = abs(into + out) / max(abs(into), abs(out))

@@ -11,8 +11,9 @@ from skfem import Basis, ElementQuad1, ElementTriP1, MeshQuad, MeshTri
 from femseal.base import InputError, NotConverged
 from femseal.flow import Stencil
 from femseal.flow.forms import darcy_flow
-from femseal.flow.solvers.amg import solve_amg, solve_direct, solve_spd
+from femseal.flow.solvers.amg import solve_amg, solve_spd
 from femseal.flow.solvers.choice import solve_flow
+from femseal.flow.solvers.direct import Ends, solve_direct
 from femseal.topography import self_affine
 
 
@@ -151,6 +152,25 @@ def test_constrictions_keep_their_digits(weak, place):
     )
     assert_allclose(solution.complement, flow * resistance[:-1], rtol=1e-3)
     assert_allclose(solution.x, flow * np.cumsum(1 / links[::-1])[-2::-1], rtol=1e-3)
+
+
+@each("weak", [1e-4, 1e-9, 1e-14, 1e-20])
+@each("place", [0.02, 0.5, 0.98])
+def test_a_factorisation_keeps_its_digits_where_the_links_to_the_ends_are_known(weak, place):
+    """As above; the matrix alone has lost the narrow links in the sums of its diagonal."""
+    links = np.random.default_rng(4).uniform(1, 3, 1500)
+    links[700:720] *= 1e5
+    links[[int(place * 1500), 1100]] = weak
+    matrix, rhs = chain(links)
+    at_outlet = np.r_[np.zeros(len(rhs) - 1), links[-1]]
+    ends = Ends(np.array([1.0, 0.0]), np.array([rhs, at_outlet]))
+    solution = solve_direct(matrix, rhs, ends=ends)
+    resistance = np.cumsum(1 / links)
+    flow = 1 / resistance[-1]
+    assert solution.residual < 1e-8
+    assert_allclose(solution.complement, flow * resistance[:-1], rtol=1e-9)
+    assert_allclose(solution.x, flow * np.cumsum(1 / links[::-1])[-2::-1], rtol=1e-9)
+    assert_allclose(ends.power(solution.x, solution.remainder), flow, rtol=1e-9)
 
 
 def test_rows_without_links_are_left_out():

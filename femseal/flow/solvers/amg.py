@@ -1,4 +1,4 @@
-"""Symmetric positive definite systems of flow: pyamg's algebraic multigrid, and a sparse factorisation.
+"""Symmetric positive definite systems of flow: pyamg's algebraic multigrid, or a sparse factorisation.
 
 Multigrid is Ruge–Stüben's, as the preconditioner of conjugate gradients. Its interpolation keeps constants where the
 rows of the matrix sum to zero, so the matrix is taken as it is: scaled to unit diagonal, whose rows do not, strong
@@ -11,14 +11,13 @@ J. Open Source Softw. 8, 2023, 5495 (pyamg).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from ...base import Array, InputError, NotConverged
+from .direct import Ends, LinearSolution, factorised, imbalance_of, solve_direct, two_sum
 
 SOLVERS = ("auto", "direct", "amg")
 #: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid. Factorisation against
@@ -43,23 +42,6 @@ _STOPPED, _CONFIRMED = 0.1, 0.3
 _LEAST_ERROR = 1e-12
 
 
-@dataclass(frozen=True)
-class LinearSolution:
-    """A solution of A x = b, with its solver and residual.
-
-    complement : 1 − x; after `solve_amg` for a unit drop it keeps its own relative accuracy where x is nearly 1.
-    iterations : of conjugate gradients, 0 for a direct solution.
-    residual : the estimated relative error in the norm of the energy ("amg"), or ‖b − Ax‖/‖b‖ ("direct").
-    solver : "amg" or "direct", whichever gave x.
-    """
-
-    x: Array
-    complement: Array
-    iterations: int
-    residual: float
-    solver: str
-
-
 def solve_spd(
     matrix: Any,
     rhs: Array,
@@ -68,12 +50,13 @@ def solve_spd(
     *,
     unit_drop: bool = False,
     largest_residual: float = 1e-8,
+    ends: Ends | None = None,
 ) -> LinearSolution:
     """Solve A x = b for a mesh by whichever solver is expected to be faster.
 
     matrix, rhs, rtol, unit_drop : as in `solve_amg`.
     solver : "direct", "amg", or "auto": multigrid from 50,000 unknowns on. Where it fails, the factorisation is taken.
-    largest_residual : as in `solve_direct`.
+    largest_residual, ends : as in `solve_direct`.
 
     Raises InputError: an unknown solver.
     NotConverged : as `solve_direct`.
@@ -85,32 +68,7 @@ def solve_spd(
             return solve_amg(matrix, rhs, rtol=rtol, unit_drop=unit_drop)
         except NotConverged:
             pass
-    return solve_direct(matrix, rhs, largest_residual=largest_residual)
-
-
-def solve_direct(matrix: Any, rhs: Array, *, largest_residual: float = 1e-8) -> LinearSolution:
-    """Solve A x = b by SuperLU with minimum degree ordering, A scaled to unit diagonal against its contrast.
-
-    matrix : (n, n) symmetric positive definite, sparse.
-    rhs : (n,) or (n, m).
-    largest_residual : ‖b − Ax‖/‖b‖ of the scaled system that is allowed.
-
-    Raises NotConverged: the factorisation failed, or its residual is too large.
-    """
-    a = sp.csc_array(matrix)
-    scale = 1 / np.sqrt(a.diagonal())
-    columns = np.repeat(np.arange(a.shape[0]), np.diff(a.indptr))
-    scaled = sp.csc_array(
-        (a.data * scale[a.indices] * scale[columns], a.indices, a.indptr), shape=a.shape
-    )
-    b = (rhs.T * scale).T
-    y = _factorised(scaled).solve(b)
-    norm = float(np.linalg.norm(b))
-    residual = float(np.linalg.norm(b - scaled @ y)) / norm if norm else 0.0
-    if not residual <= largest_residual:
-        raise NotConverged(f"flow: the direct solution has a residual of {residual:.1e}", residual)
-    x = (y.T * scale).T
-    return LinearSolution(x, 1 - x, 0, residual, "direct")
+    return solve_direct(matrix, rhs, largest_residual=largest_residual, ends=ends)
 
 
 def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) -> LinearSolution:
@@ -140,26 +98,16 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
         )
     linked = np.flatnonzero(np.diff(a.indptr) > (diagonal != 0))
     x = np.divide(rhs.T, diagonal, out=np.zeros(rhs.T.shape), where=diagonal != 0).T
-    complement, iterations, error = 1 - x, 0, 0.0
+    complement, remainder = 1 - x, np.zeros_like(x)
+    iterations, error = 0, 0.0
     if linked.size:
         system = _System(a if linked.size == len(diagonal) else a[linked][:, linked])
         for column in np.ndindex(rhs.shape[1:]):
             here = (linked, *column)
-            x[here], complement[here], taken, reached = system.solve(rhs[here], rtol, unit_drop)
-            iterations, error = iterations + taken, max(error, reached)
-    return LinearSolution(x, complement, iterations, error, "amg")
-
-
-def _factorised(matrix: sp.csc_array) -> Any:
-    try:
-        return splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError as error:
-        raise NotConverged(f"flow: the factorisation failed: {error}", np.inf) from None
+            found = system.solve(rhs[here], rtol, unit_drop)
+            x[here], complement[here], remainder[here] = found.x, found.complement, found.remainder
+            iterations, error = iterations + found.iterations, max(error, found.residual)
+    return LinearSolution(x, complement, iterations, error, "amg", remainder)
 
 
 class _System:
@@ -177,7 +125,7 @@ class _System:
             postsmoother=("gauss_seidel", {"sweep": "backward"}),
             max_coarse=_COARSEST,
         ).levels
-        self.coarsest = _factorised(sp.csc_array(self.levels[-1].A))
+        self.coarsest = factorised(sp.csc_array(self.levels[-1].A))
         self.rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
         self.sums = matrix @ np.ones(matrix.shape[0])
         self.rounding = _ROUNDING * matrix.diagonal()
@@ -193,13 +141,13 @@ class _System:
         here.postsmoother(here.A, z, r)
         return z
 
-    def solve(self, b: Array, rtol: float, unit_drop: bool) -> tuple[Array, Array, int, float]:
-        """x, 1 − x, iterations and error of one right-hand side.
+    def solve(self, b: Array, rtol: float, unit_drop: bool) -> LinearSolution:
+        """Solve for one right-hand side, see `solve_amg`.
 
         x is the sum of a part that is 0 or 1 and a rest, so that both x and 1 − x keep their relative accuracy.
         """
         if not b.any():
-            return np.zeros_like(b), np.ones_like(b), 0, 0.0
+            return LinearSolution(np.zeros_like(b), np.ones_like(b), 0, 0.0, "amg")
         # a row sums to what links its node with the ends, which only for the outlet is not known to all digits
         at_inlet = b if unit_drop else np.zeros_like(b)
         sums = np.where(np.abs(self.sums - at_inlet) <= self.rounding, at_inlet, self.sums)
@@ -213,16 +161,17 @@ class _System:
                 rest += whole - ones
                 whole = ones
             r = (b - self._applied(sums, whole)) - self._applied(sums, rest)
-            x, complement = whole + rest, (1 - whole) - rest
+            x, remainder = two_sum(whole, rest)
+            complement = (1 - whole) - rest
             energy = float(b @ complement) if unit_drop else float(b @ x)
             error = (
                 np.sqrt(max(float(r @ self.precondition(r)), 0.0) / energy)
                 if energy > 0
                 else np.inf
             )
-            balanced = not unit_drop or _imbalance(r, x) <= 2 * _balance(rtol) * energy
+            balanced = not unit_drop or imbalance_of(r, x) <= 2 * _balance(rtol) * energy
             if error <= max(_CONFIRMED * rtol, _LEAST_ERROR) and balanced:
-                return x, complement, iterations, float(error)
+                return LinearSolution(x, complement, iterations, float(error), "amg", remainder)
         raise NotConverged(
             f"flow: the potential has an error of {error:.1e}, wanted is {rtol:.1e}", float(error)
         )
@@ -253,7 +202,7 @@ class _System:
             rz, rz_old = float(r @ z), rz
             energy = abs(total - at_start - float(b @ correction))
             if rz <= max(_STOPPED * rtol, _LEAST_ERROR) ** 2 * energy and (
-                not unit_drop or _imbalance(r, start + correction) <= _balance(rtol) * energy
+                not unit_drop or imbalance_of(r, start + correction) <= _balance(rtol) * energy
             ):
                 return rest + correction, iteration
             d = z + rz / rz_old * d
@@ -266,8 +215,3 @@ class _System:
 def _balance(rtol: float) -> float:
     """Imbalance allowed beside this error of the potential."""
     return max(_BALANCE, _SHARE_OF_ERROR * rtol)
-
-
-def _imbalance(r: Array, x: Array) -> float:
-    """Imbalance that the residual r leaves at the outlet and at both ends together."""
-    return max(abs(float(r.sum())), abs(float(r @ x)))
