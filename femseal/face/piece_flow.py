@@ -18,6 +18,7 @@ from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.pressure_drop import VISCOUS, PressureDrop, pressure_between
 from ..flow.problem import check_solver
 from ..flow.spiral import spiral_flow
+from ..topography.combined import divided
 
 Result = TypeVar("Result")
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
@@ -113,16 +114,24 @@ class PiecePermeability:
 
 
 def piece_permeability(
-    gap: Array, spacing: Pair, axis: int, settings: FlowSettings = _PLAIN
+    gap: Array,
+    spacing: Pair,
+    axis: int,
+    settings: FlowSettings = _PLAIN,
+    core: tuple[int, int] | None = None,
 ) -> PiecePermeability:
     """Permeability along `axis` of a piece (n1, n2) [m] with closed sides.
+
+    core : the part of the piece across the flow whose permeability is wanted, see `cell_flow`; None for all of it.
 
     Raises NotConverged: the linear solver failed.
     """
     drop, k, solvers = settings.drop, np.zeros(settings.drop.pressures.size), []
     for n, p in enumerate(drop.pressures):
         equivalent = drop.law.equivalent_gap(gap, p)
-        cell = cell_flow(equivalent, spacing, axis=axis, sides="mirror", solver=settings.solver)
+        cell = cell_flow(
+            equivalent, spacing, axis=axis, sides="mirror", solver=settings.solver, core=core
+        )
         k[n] = cell.permeability
         solvers.append(SolveCounts.of(cell.flow))
         if k[0] == 0:  # closed at every pressure
@@ -162,17 +171,20 @@ def resolved_flow(
     gap: Floats,
     spacing: Pair,
     settings: FlowSettings = _PLAIN,
+    sides: str = "periodic",
 ) -> FaceFlow:
-    """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
+    """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face.
 
     A face of more than `LARGEST_FLOW` points is solved in parts along x2, each continued periodically by itself.
     Grooves that wind carry fluid past closed lands where the settings have a spiral.
+
+    sides : "periodic" where the face continues along x2, "mirror" where nothing flows across its sides.
 
     Raises NotConverged: see `cell_permeability` and `PressureDrop.solve_face`.
     """
     if gap.size > LARGEST_FLOW:
         parts = np.array_split(gap, -(-gap.size // LARGEST_FLOW), axis=1)
-        flows = [resolved_flow(part, spacing, settings) for part in parts]
+        flows = [resolved_flow(part, spacing, settings, sides) for part in parts]
         widths = [part.shape[1] for part in parts]
         value = float(np.average([flow.permeability for flow in flows], weights=widths))
         potential = np.concatenate([flow.potential for flow in flows], axis=1)
@@ -181,7 +193,7 @@ def resolved_flow(
 
     def solve(gap: Array) -> tuple[float, Array, Permeability]:
         nonlocal counts
-        flow = cell_permeability(gap, spacing, sides="periodic", solver=settings.solver)
+        flow = cell_permeability(gap, spacing, sides=sides, solver=settings.solver)
         counts += SolveCounts.of(flow)
         if settings.spiral and (
             wound := spiral_flow(gap, spacing, settings.spiral, flow.fluid_pressure)
@@ -193,6 +205,36 @@ def resolved_flow(
     value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
     # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
     return FaceFlow(value, counts, np.clip(potential, 0.0, 1.0))
+
+
+def flow_sides(boundary: str) -> str:
+    """Return the sides of a flow along which the surface has a boundary: closed ("mirror") unless it is periodic."""
+    return "periodic" if boundary == "periodic" else "mirror"
+
+
+def permeability_along_x2(
+    gap: Floats, widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, sides: str
+) -> float:
+    """Solve the flow along x2 through a whole surface; of several measured patches through each by itself.
+
+    Parameters
+    ----------
+    gap : (n1, n2) [m].
+    widths : points of each measured patch along x2, empty for a single one.
+    spacing : of the points [m].
+    settings : how the flow is solved.
+    sides : of the surface along x1, see `resolved_flow`.
+
+    Returns the permeability [m³], the mean over the patches weighted with their widths.
+
+    Raises NotConverged: see `resolved_flow`.
+    """
+    patches = divided(gap, widths) if widths else [gap]
+    values = [
+        resolved_flow(np.ascontiguousarray(patch.T), spacing[::-1], settings, sides).permeability
+        for patch in patches
+    ]
+    return float(np.average(values, weights=[patch.shape[1] for patch in patches]))
 
 
 def drop_fractions(

@@ -2,7 +2,7 @@
 
 A piece lies in the contact of the whole face, whose long waves hold its valleys open; pressed by itself, a piece of a
 few waves flattens them. Closed sides cut detours off, so that the pieces in their own order leak less than the face:
-one factor for every state makes up for that.
+a correction factor for each axis in every state makes up for that.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Flags, Floats, InputError, Pair, Shape, validate
+from ..base import Array, Flags, Floats, Indices, InputError, Pair, Shape, validate
 from ..loads import LoadProgramme
 from ..topography import Topography
 from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
@@ -25,8 +25,8 @@ from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permea
 PIECES, PIECES_IN_PLACE = 4, 2
 #: Fewest points of a piece along a side.
 FEWEST_POINTS = 8
-#: Part of a piece by which it reaches into its neighbours on both sides of the flow: channels that leave a piece and
-#: come back are kept.
+#: Overlap of a cell with each neighbour beside the flow, as a fraction of the cell. Channels that leave the cell and
+#: come back are kept; only the flux in the cell itself counts, see `flow.core_flux`.
 OVERLAP = 0.125
 #: Most by which the factor of a state may differ from 1 where pieces are drawn from the whole face, and the leakage of
 #: a seal from that of the face where they stay in their rows. Beyond, both are those of single constrictions.
@@ -50,6 +50,22 @@ def usual_pieces(surface: Topography, in_place: bool = False) -> Shape:
 def _widths(surface: Topography) -> tuple[int, ...]:
     """Points along x2 of every measured place."""
     return tuple(getattr(surface, "widths", (surface.shape[1],)))
+
+
+#: How a surface continues along x1 and x2, as of a `HalfSpace`.
+Boundary = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class WidenedCell:
+    """A cell with parts of its neighbours on both sides of the flow.
+
+    field : values at its points (n1, n2). core : first number of the points across the flow that belong to the cell
+    itself, and the number after the last one.
+    """
+
+    field: NDArray[Any]
+    core: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -109,27 +125,38 @@ class Cut:
         )
         return (rows[:-1] + rows[1:]) / 2, (columns[:-1] + columns[1:]) / 2
 
+    @property
+    def patch_columns(self) -> list[slice]:
+        """Columns of cells of every measured patch."""
+        numbers = np.array(self.place)
+        ends = [*np.flatnonzero(np.diff(numbers)) + 1, len(numbers)]
+        return [slice(int(a), int(b)) for a, b in pairwise([0, *ends])]
+
     def pieces(self, fields: NDArray[Any]) -> list[NDArray[Any]]:
         """The pieces of fields (…, n1, n2), row by row."""
         return [
             fields[..., a:b, c:d] for a, b in pairwise(self.rows) for c, d in pairwise(self.columns)
         ]
 
-    def widened(self, field: NDArray[Any], axis: int) -> list[NDArray[Any]]:
-        """The pieces of a field (n1, n2), row by row, with part of their neighbours beside the flow along an axis.
+    def widened(
+        self, field: NDArray[Any], axis: int, boundary: Boundary = ("free", "periodic")
+    ) -> list[WidenedCell]:
+        """Cut a field (n1, n2) into cells that overlap with their neighbours beside the flow along an axis, row by row.
 
-        Along x2 a place goes on periodically; along x1 it ends.
+        boundary : how the surface continues along x1, and each measured patch along x2: "periodic", as its "mirror"
+            image, or not at all ("free"), so that the overlap ends there.
         """
-        found = []
-        for a, b in pairwise(self.rows):
-            more = round(OVERLAP * (b - a)) if axis == 1 else 0
-            rows = slice(max(a - more, 0), min(b + more, self.rows[-1]))
-            for j, (c, d) in enumerate(pairwise(self.columns)):
-                more = round(OVERLAP * (d - c)) if axis == 0 else 0
-                first, last = self._place(j)
-                columns = first + (np.arange(c - more, d + more) - first) % (last - first)
-                found.append(field[rows][:, columns])
-        return found
+        cells = []
+        for rows in pairwise(self.rows):
+            for column, columns in enumerate(pairwise(self.columns)):
+                if axis == 0:
+                    beside, core = _overlapping(columns, self._place(column), boundary[1])
+                    wide = field[rows[0] : rows[1], beside]
+                else:
+                    beside, core = _overlapping(rows, (0, self.rows[-1]), boundary[0])
+                    wide = field[beside, columns[0] : columns[1]]
+                cells.append(WidenedCell(wide, core))
+        return cells
 
     def _place(self, column: int) -> tuple[int, int]:
         """First point, and that after the last, of the measured place of a column of pieces."""
@@ -159,6 +186,28 @@ def _shares(widths: Sequence[int], columns: int) -> list[int]:
     return [int(n) for n in found]
 
 
+def _overlapping(
+    cell: tuple[int, int], patch: tuple[int, int], boundary: str
+) -> tuple[Indices, tuple[int, int]]:
+    """Find the points across the flow of a cell and its overlaps, and which of them are its core.
+
+    cell, patch : first point, and that after the last, of the cell and of the measured patch that it belongs to.
+    """
+    first, end = patch
+    overlap = round(OVERLAP * (cell[1] - cell[0]))
+    points = np.arange(cell[0] - overlap, cell[1] + overlap) - first
+    size = end - first
+    if boundary == "periodic":
+        inside = points % size
+    elif boundary == "mirror":
+        image = points % (2 * size)
+        inside = np.minimum(image, 2 * size - 1 - image)
+    else:
+        inside = points[(points >= 0) & (points < size)]
+    before = int((points[:overlap] >= 0).sum()) if boundary == "free" else overlap
+    return inside + first, (before, before + cell[1] - cell[0])
+
+
 def _lines(first: int, points: int, count: int) -> list[int]:
     """Numbers of points at which so many points are cut into equal parts, to a point."""
     return [first + round(n * points / count) for n in range(count + 1)]
@@ -174,6 +223,7 @@ class PieceState:
     (n1,) [Pa]. counts : flows through pieces, solved or known without solving. failures : reasons of NaN.
     face, places : permeability of the whole face, and by its places [m³]. failed : why the flow through it is unknown.
     carriers, strip_scatter : of the flow through the whole face, see `FlowConcentration`.
+    surface_k2 : permeability of the whole surface along x2 [m³], mean over its measured patches; NaN if not solved.
     """
 
     k: Array
@@ -186,6 +236,7 @@ class PieceState:
     counts: SolveCounts
     failures: tuple[str, ...] = ()
     face: float = np.nan
+    surface_k2: float = np.nan
     places: Array | None = None
     failed: str = ""
     carriers: float = np.nan
@@ -200,19 +251,22 @@ class PieceState:
         flow: FlowSettings,
         plastic: Flags | float = np.nan,
         fractions: Floats | float = np.nan,
+        boundary: Boundary = ("free", "periodic"),
     ) -> PieceState:
         """Cut gap [m] and contact pressure [Pa] of a face (n1, n2) into pieces, and solve the flow through each.
 
         plastic : whether a point is at the hardness. fractions : of the pressure drop at every point. Their means and
-        sums are NaN without them.
+        sums are NaN without them. boundary : how the surface continues, see `Cut.widened`.
         """
         k = np.full((flow.drop.pressures.size, 2, *cut.shape), np.nan)
         counts, failures = [], []
         for axis in (0, 1):
-            for place, piece in zip(np.ndindex(*cut.shape), cut.widened(gap, axis), strict=True):
-                if not np.isfinite(piece).all():
+            cells = cut.widened(gap, axis, boundary)
+            for place, cell in zip(np.ndindex(*cut.shape), cells, strict=True):
+                if not np.isfinite(cell.field).all():
                     continue
-                found = attempt(piece_permeability, np.array(piece, float), cut.spacing, axis, flow)
+                wide = np.array(cell.field, float)
+                found = attempt(piece_permeability, wide, cut.spacing, axis, flow, cell.core)
                 if isinstance(found, Failed):
                     failures.append(f"piece {place}, x{axis + 1}: {found.reason}")
                     continue
@@ -232,12 +286,15 @@ class PieceState:
 
 
 def factors(face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FACTOR) -> Array:
-    """Factor of every state by which the pieces in their own order leak what the face leaks (steps,).
+    """Compute the correction factor of every state by which the cells in their own order leak what the face leaks.
 
-    Where one of both is sealed, or unknown, that of the nearest state of the same branch that has one; 1 without any.
+    It is that of one axis. Where one of both is sealed, or unknown, that of the nearest state of the same branch that
+    has one; 1 without any.
     At most `most` times larger or smaller than 1: near closing single constrictions decide, which no seal repeats.
 
-    face, own : leakage of the face, and of its pieces in their own order (steps,).
+    face, own : leakage or permeability of the face along the axis, and of its cells in their own order (steps,).
+
+    Returns the factors (steps,).
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(face / own)

@@ -53,7 +53,7 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
 
 
 @inner()
-def _drop(φ, ψ, i, j, a, b):
+def potential_drop(φ, ψ, i, j, a, b):
     """Difference of the potential between nodes (i, j) and (a, b)."""
     one = φ[i, j]
     other = φ[a, b]
@@ -77,10 +77,10 @@ def _link_fluxes(along, across, φ, ψ, flux1, flux2):
     n2 = along.shape[1]
     for i in range(along.shape[0]):
         for j in range(n2):
-            flux1[i, j] = along[i, j] * _drop(φ, ψ, i, j, i + 1, j)
+            flux1[i, j] = along[i, j] * potential_drop(φ, ψ, i, j, i + 1, j)
     for i in range(across.shape[0]):
         for j in range(across.shape[1]):
-            flux2[i, j] = across[i, j] * _drop(φ, ψ, i + 1, j, i + 1, (j + 1) % n2)
+            flux2[i, j] = across[i, j] * potential_drop(φ, ψ, i + 1, j, i + 1, (j + 1) % n2)
 
 
 @compiled()
@@ -90,14 +90,14 @@ def _excess(along, across, φ, ψ):
     excess, energy = np.zeros((n1 - 1) * n2 + 1), 0.0
     for i in range(n1):
         for j in range(n2):
-            drop = _drop(φ, ψ, i, j, i + 1, j)
+            drop = potential_drop(φ, ψ, i, j, i + 1, j)
             node = (i - 1) * n2 + j + 1
             excess[node if i > 0 else 0] -= along[i, j] * drop
             excess[node + n2 if i < n1 - 1 else 0] += along[i, j] * drop
             energy += along[i, j] * drop**2
     for i in range(n1 - 1):
         for j in range(across.shape[1]):
-            drop = _drop(φ, ψ, i + 1, j, i + 1, (j + 1) % n2)
+            drop = potential_drop(φ, ψ, i + 1, j, i + 1, (j + 1) % n2)
             excess[i * n2 + j + 1] -= across[i, j] * drop
             excess[i * n2 + (j + 1) % n2 + 1] += across[i, j] * drop
             energy += across[i, j] * drop**2

@@ -19,6 +19,7 @@ from ..base import Array, Flags, Lengths, Pair, Shown, Singles, validate
 from ..base.compiled import compiled, inner, number, over, rows, using
 from . import forms
 from .balance import balanced_link_fluxes
+from .core_flux import core_ratio
 from .grid import (
     Grid,
     Sample,
@@ -250,15 +251,17 @@ class CellFlow:
     """Flow along the first axis of a cell for a unit drop.
 
     factor : permeability [m³] over the conductance of `flow`.
+    core_ratio : permeability of the core of the cell over that of the whole cell, 1 if the core is the whole cell.
     """
 
     factor: float
     flow: DarcyFlow
+    core_ratio: float = 1.0
 
     @property
     def permeability(self) -> float:
-        """Permeability [m³] of the cell."""
-        return self.factor * self.flow.conductance
+        """Permeability [m³] of the core of the cell."""
+        return self.factor * self.core_ratio * self.flow.conductance
 
 
 def cell_flow(
@@ -270,10 +273,16 @@ def cell_flow(
     solver: str,
     rtol: float = 1e-6,
     field_rtol: float | None = None,
+    core: tuple[int, int] | None = None,
 ) -> CellFlow:
     """The flow of `cell_permeability` without what that makes of it, for many small cells.
 
     The potential is that of all nodes, those of both ends among them.
+
+    Parameters
+    ----------
+    core : first column of the part of the cell whose permeability is wanted, and the column after its last one, counted
+        across the flow; None for the whole cell.
 
     Raises
     ------
@@ -288,7 +297,10 @@ def cell_flow(
     flow = solve_ready(
         *ready(*links), links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol
     )
-    return CellFlow(scale**3 * (n1 * d1) / (n2 * d2), flow)
+    ratio = 1.0
+    if core is not None and core != (0, n2) and flow.percolates:
+        ratio = core_ratio(links[0], flow, core)
+    return CellFlow(scale**3 * (n1 * d1) / (n2 * d2), flow, ratio)
 
 
 def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, Pair, float]:

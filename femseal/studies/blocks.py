@@ -22,9 +22,10 @@ from ..face.pieces import FEWEST_POINTS, Cut
 from ..loads import LoadProgramme
 from ..seal.tiles import face_tiles
 from ..topography import Places, Topography
+from .cells_in_order import flow_in_order
 from .doubts import scene_warnings
 from .patch_state import PatchState
-from .piece_states import along_paths, flow_in_order, ladder_of, pieces_on_ladder
+from .piece_states import along_paths, ladder_of, pieces_on_ladder
 from .sampling import TileFluid
 from .scene import Scene
 from .seal_contact import Cells, RoughLayer, opened, solved_steps

@@ -231,7 +231,7 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
     ladder = steps if uniform else ladder_of(each, steps, scene.law.is_elastic)
     pieces = pieces_on_ladder(scene, cut, ladder, mapper)
     if uniform:
-        k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], 1, -1)
+        k = pieces.corrected_k.reshape(*pieces.k.shape[:3], 1, -1)
     else:
         k = fluid.own(along_paths(pieces, each, steps))
     return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.parted_steps)

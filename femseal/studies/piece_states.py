@@ -21,14 +21,14 @@ from ..face.piece_flow import (
     SolveCounts,
     attempt,
     drop_fractions,
+    flow_sides,
+    permeability_along_x2,
     resolved_flow,
 )
 from ..face.pieces import Cut, PieceState, factors
-from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep, least_counted
-from ..seal.leakage import Leakage
-from ..seal.tiles import SealTiles, face_tiles
 from ..topography.combined import divided
+from .cells_in_order import cells_in_order, cells_permeability_along_x2
 from .scene import Scene
 
 #: Places from which on their scatter tells how far the leakage of more of them may lie.
@@ -126,6 +126,8 @@ class FacePieces:
     drop_fraction : the dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean contact
     pressure of the rows of points (steps, n1) [Pa].
     face : leakage of the face at full resolution (steps,) [m²/s]. own : that of the pieces in their own order.
+    surface_k2, cells_k2 : permeability along x2 of the whole surface and of the cells in their own order (steps,) [m³],
+    means over the measured patches; NaN where cells stay in order, which needs neither.
     places : leakage by measured places; None of one.
     carriers, strip_scatter : of the flow through the whole face (steps,), see `FlowConcentration`; NaN where it is 0.
     counts : flows through pieces. failures : one line each. unsolved : steps without leakage by number, and why.
@@ -172,6 +174,15 @@ class FacePieces:
         "coefficient of variation of the permeability of four strips of the face, by state",
         STATE,
     )
+    surface_k2: Array = declared(
+        "state_surface_k2", "m^3", "permeability of the whole surface along x2, by state", STATE
+    )
+    cells_k2: Array = declared(
+        "state_cells_k2",
+        "m^3",
+        "permeability along x2 of the cells in their own order, by state",
+        STATE,
+    )
     failures: tuple[str, ...] = ()
     unsolved: tuple[tuple[int, str], ...] = ()
 
@@ -183,7 +194,10 @@ class FacePieces:
             "piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE
         ),
         "factor": Field(
-            "state_factor", "1", "factor on the permeabilities of pieces in a state", STATE
+            "state_factor", "1", "correction factor on k1 of the cells in a state", STATE
+        ),
+        "factor_k2": Field(
+            "state_factor_k2", "1", "correction factor on k2 of the cells in a state", STATE
         ),
     }
 
@@ -199,8 +213,19 @@ class FacePieces:
 
     @property
     def factor(self) -> Array:
-        """Factor of every state, see `face.pieces.factors` (steps,)."""
+        """Correction factor of k1 in every state, see `face.pieces.factors` (steps,)."""
         return factors(self.face, self.own, self.steps)
+
+    @property
+    def factor_k2(self) -> Array:
+        """Correction factor of k2 in every state (steps,), 1 where the flow along x2 was not solved."""
+        return factors(self.surface_k2, self.cells_k2, self.steps)
+
+    @property
+    def corrected_k(self) -> Array:
+        """Permeabilities `k`, each times the correction factor of its axis and state."""
+        both = np.stack([self.factor, self.factor_k2])  # (axis, step)
+        return self.k * both[:, :, None, None]
 
 
 def pieces_on_ladder(
@@ -212,6 +237,8 @@ def pieces_on_ladder(
 ) -> FacePieces:
     """The pieces along a programme of nominal pressures, without fluid, the face going on by its boundary."""
     dry = scene.dry(boundary=boundary)
+    # flow along x1 is periodic along x2 in every study
+    continues = "periodic" if boundary[0] == "periodic" else "free", "periodic"
     # grooves that wind are those of the seal
     take = partial(
         _of_state,
@@ -219,43 +246,68 @@ def pieces_on_ladder(
         flow=replace(scene.flow, spiral=None),
         widths=getattr(scene.surface, "widths", ()),
         blocks=blocks_of_one_wave(scene.surface),
+        boundary=continues,
     )
-    return joined(scene, cut, steps, list(dry.contact_states(take, steps=steps, mapper=mapper)))
+    states = list(dry.contact_states(take, steps=steps, mapper=mapper))
+    return joined(scene, cut, steps, states, continues)
 
 
 def _of_state(
-    state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[int, ...], blocks: Shape
+    state: LoadState,
+    *,
+    cut: Cut,
+    flow: FlowSettings,
+    widths: tuple[int, ...],
+    boundary: tuple[str, str],
+    blocks: Shape,
 ) -> PieceState:
     """Cut the contact of a state into pieces, and solve the flow through the face and its places."""
     gap = state.contact.gap
-    pieces = PieceState.of(gap, state.contact.pressure, cut, flow)
+    pieces = PieceState.of(gap, state.contact.pressure, cut, flow, boundary=boundary)
     of_places = permeabilities_of_places(widths, cut.spacing, flow, gap) if widths else None
-    through = attempt(resolved_flow, gap, cut.spacing, flow)
+    through = attempt(resolved_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
     found = FlowConcentration()
     if isinstance(through, FaceFlow):
         fractions = drop_fractions(gap, cut.spacing, through.potential, flow)
         found = FlowConcentration.of(gap, cut.spacing, fractions, flow, blocks)
+    along_x2 = attempt(
+        permeability_along_x2, gap, widths, cut.spacing, flow, flow_sides(boundary[0])
+    )
+    failures = pieces.failures
+    if isinstance(along_x2, Failed):
+        failures = (*failures, f"whole surface, x2: {along_x2.reason}")
     return replace(
         pieces,
         face=through.permeability,
+        surface_k2=np.nan if isinstance(along_x2, Failed) else along_x2,
         places=of_places,
+        failures=failures,
         failed=getattr(through, "reason", ""),
         carriers=found.carriers,
         strip_scatter=found.strip_scatter,
     )
 
 
-def joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[PieceState]) -> FacePieces:
-    """Join the states, and solve the flow over the pieces in their own order."""
-    pressures = tuple(scene.flow.drop.pressures)
+def joined(
+    scene: Scene,
+    cut: Cut,
+    steps: LoadProgramme,
+    taken: Sequence[PieceState],
+    boundary: tuple[str, str] = ("free", "periodic"),
+) -> FacePieces:
+    """Join the states, and solve the flow over the pieces in their own order.
+
+    boundary : how the surface continues; the flow along x2 is solved in states whose whole surface has one.
+    """
     k = np.stack([state.k for state in taken], axis=2)
-    tiles = face_tiles(scene.surface.size, cut.shape)
-    own, failures = np.full(len(steps), np.nan), []
+    own, cells_k2, failures = np.full(len(steps), np.nan), np.full(len(steps), np.nan), []
     for s, (step, state) in enumerate(zip(steps, taken, strict=True)):
         failures += [f"{step.name}, {text}" for text in state.failures]
         if not np.isfinite(k[:, :, s]).all():
             continue
-        own[s] = flow_in_order(scene, tiles, k[:, :, s], pressures).per_length
+        own[s] = cells_in_order(scene, scene.surface.size, k[:, :, s], boundary[1]).per_length
+        if np.isfinite(state.surface_k2):
+            cells_k2[s] = cells_permeability_along_x2(scene, cut, k[:, :, s], boundary[0])
     unit = scene.unit_leakage
     places = None
     if taken[0].places is not None:
@@ -269,6 +321,7 @@ def joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[PieceSt
         "rows",
         "carriers",
         "strip_scatter",
+        "surface_k2",
     )
     return FacePieces(
         steps,
@@ -277,24 +330,12 @@ def joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[PieceSt
         **{name: np.array([getattr(state, name) for state in taken]) for name in means},
         face=unit * np.array([state.face for state in taken]),
         own=own,
+        cells_k2=cells_k2,
         places=places,
         counts=SolveCounts.total(state.counts for state in taken),
         failures=tuple(failures),
         unsolved=tuple((s, state.failed) for s, state in enumerate(taken) if state.failed),
     )
-
-
-def flow_in_order(
-    scene: Scene, tiles: SealTiles, k: Array, pressures: Sequence[float], piecewise: bool = False
-) -> Leakage | Failed:
-    """Flow through the pieces of a face in their own order.
-
-    tiles : of `face_tiles`. k : (pressures, 2, m1, m2) [m³] at pressures of the fluid [Pa].
-    piecewise : see `flow.PermeabilityTable`.
-    """
-    of_tiles = k.reshape(len(k), 2, -1)
-    values = tiles.permeability(of_tiles[:, 0], of_tiles[:, 1])
-    return attempt(scene.leakage, tiles.seal, tabulated(pressures, list(values), piecewise))
 
 
 def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1) -> LoadProgramme:
@@ -339,11 +380,11 @@ def _chosen_peaks(peaks: Array, times: int) -> list[float]:
 
 
 def along_paths(pieces: FacePieces, paths: Array, steps: LoadProgramme) -> Array:
-    """Permeability of the pieces, times the factor of each state, along paths of the pressure (steps, paths) [Pa].
+    """Permeability of the cells, times the factors of each state, along paths of the pressure (steps, paths) [Pa].
 
     Returns (pressures, 2, steps, paths, pieces) [m³].
     """
-    k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], -1)
+    k = pieces.corrected_k.reshape(*pieces.k.shape[:3], -1)
     out = np.empty((*k.shape[:2], *paths.shape, k.shape[-1]))
     for at in np.ndindex(*k.shape[:2]):
         for n in range(k.shape[-1]):

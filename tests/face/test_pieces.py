@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.base import InputError
-from femseal.face.piece_flow import FlowSettings
+from femseal.face.piece_flow import FlowSettings, piece_permeability
 from femseal.face.pieces import (
     FEWEST_POINTS,
     MOST_FACTOR,
@@ -16,6 +16,7 @@ from femseal.face.pieces import (
     factors,
     usual_pieces,
 )
+from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme
 from femseal.topography import Places, Topography, self_affine
 
@@ -63,8 +64,8 @@ def test_places_are_cut_each_by_itself_and_drawn_by_their_width():
     assert cut.columns == (0, 16, 32, 48, 64, 80, 96)
     # all of a piece, and what it takes from beside, is of its own place
     number = np.broadcast_to(np.repeat([0, 1], [32, 64]), (32, 96))
-    for piece, of in zip(cut.widened(number, 0), cut.place * 2, strict=True):
-        assert (piece == of).all()
+    for cell, of in zip(cut.widened(number, 0), cut.place * 2, strict=True):
+        assert (cell.field == of).all()
     assert usual_pieces(places) == (4, 12)
     assert Cut.of(places, (2, 4)).place == (0, 1, 1, 1)  # 1.33 and 2.67
     with pytest.raises(InputError, match="one for each place"):
@@ -104,16 +105,49 @@ def test_pieces_between_parallel_plates_have_the_cubic_law():
 
 
 def test_channels_are_in_parallel_along_and_in_series_across():
-    """Stripes of constant gap along x1: ⟨h³⟩/12 of a piece and what it takes from both sides; 12/⟨h⁻³⟩ across."""
+    """Stripes of constant gap along x1: ⟨h³⟩/12 of a cell itself, without its overlap; 12/⟨h⁻³⟩ across."""
     h = 1e-6 * (2 + 0.5 * np.cos(2 * np.pi * np.arange(48) / 48))
     gap = np.tile(h, (48, 1))
     found, cut = state(gap, (2, 3)), Cut.of(Topography(gap, (D, D)), (2, 3))
     along, across = found.k[0]
     for j in range(3):
-        wide = np.take(h, np.arange(16 * j - 2, 16 * j + 18), mode="wrap")
-        assert_allclose(along[:, j], np.mean(wide**3) / 12, rtol=1e-6)
         own = h[cut.columns[j] : cut.columns[j + 1]]
+        assert_allclose(along[:, j], np.mean(own**3) / 12, rtol=1e-9)
         assert_allclose(across[:, j], 1 / np.mean(12 / own**3), rtol=0.02)
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+def test_a_cell_overlaps_with_its_neighbours_as_the_surface_continues(boundary):
+    number = np.arange(32)
+    cut = Cut.of(Topography(np.eye(32), (D, D)), (2, 2))
+    beyond = {"free": [], "periodic": [30, 31], "mirror": [1, 0]}[boundary]
+    expected = np.array([*beyond, *number[:18]])
+    for axis in (0, 1):
+        field = np.broadcast_to(number[:, None] if axis == 1 else number, (32, 32))
+        cell = cut.widened(field, axis, (boundary, boundary))[0]
+        across = cell.field[:, 0] if axis == 1 else cell.field[0]
+        assert_array_equal(across, expected)
+        assert cell.core == (len(beyond), len(beyond) + 16)
+
+
+@pytest.mark.parametrize("solver", ["elimination", "multigrid"])
+def test_only_the_flux_in_a_cell_itself_counts(solver):
+    """A channel within the cell, one beside it, and one that leaves the cell over a third of its length."""
+    gap = np.zeros((90, 60))
+    core = 15, 45
+    flows = {}
+    for name, column in (("inside", 20), ("beside", 5)):
+        channel = gap.copy()
+        channel[:, column : column + 4] = 1e-6
+        flows[name] = piece_permeability(channel, (D, D), 0, FlowSettings(solver), core).k[0]
+    assert_allclose(flows["inside"], 4 / 30 * 1e-18 / 12, rtol=1e-6)
+    assert flows["beside"] == 0
+    bent = gap.copy()
+    bent[:32, 20:24] = bent[58:, 20:24] = bent[28:62, 5:9] = 1e-6
+    bent[28:32, 5:24] = bent[58:62, 5:24] = 1e-6
+    whole = cell_permeability(bent, (D, D), rtol=1e-9).value
+    found = piece_permeability(bent, (D, D), 0, FlowSettings(solver), core).k[0]
+    assert_allclose(found, 2 * whole * 2 / 3, rtol=0.03)
 
 
 def test_a_mirrored_face_has_mirrored_pieces():

@@ -11,7 +11,7 @@ from small_cases import steel_scene
 from femseal.base import NotConverged
 from femseal.face import piece_flow
 from femseal.face.curves import local_peaks
-from femseal.face.pieces import Cut
+from femseal.face.pieces import Cut, PieceState
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
 from femseal.studies import deterministic, piece_states, two_scale
@@ -63,7 +63,10 @@ def test_a_ladder_is_dry_and_periodic_whatever_the_scene():
     one = scene(fluid_pressure="acts", inlet_pressure=2e7)
     pieces = pieces_on_ladder(one, Cut.of(one.surface, (2, 2)), one.steps, map)
     dry = replace(one, fluid_pressure="ignored", boundary=("periodic", "periodic"))
-    assert_allclose(pieces.k, two_scale(dry, (2, 2)).pieces.k, rtol=1e-5)
+    face = deterministic(dry)
+    for s, (gap, pressure) in enumerate(zip(face.gap, face.contact_pressure, strict=True)):
+        state = PieceState.of(gap, pressure, pieces.cut, dry.flow, boundary=dry.boundary)
+        assert_allclose(pieces.k[:, :, s], state.k, rtol=1e-4)
     assert_allclose(pieces.pressure.mean(axis=(1, 2)), one.steps.pressures, rtol=1e-4)
     assert_allclose(pieces.rows.mean(axis=1), one.steps.pressures, rtol=1e-4)
 
@@ -114,7 +117,7 @@ def test_pieces_along_the_ladder_itself_are_those_of_its_states():
     one = scene()
     pieces = pieces_on_ladder(one, Cut.of(one.surface, (2, 2)), one.steps, map)
     found = along_paths(pieces, one.steps.pressures[:, None], one.steps)
-    expected = (pieces.k * pieces.factor[:, None, None]).reshape(1, 2, 5, 4)
+    expected = pieces.corrected_k.reshape(1, 2, 5, 4)
     assert_allclose(found[:, :, :, 0], expected, rtol=1e-9)
 
 
@@ -132,7 +135,7 @@ def between():
                                *(LoadStep(p, path[q]) for p, q, s in zip(path, one.steps.peak_indices, one.steps, strict=True)
                                  if s.unloaded_from)])  # fmt: skip
         pieces = pieces_on_ladder(one, cut, steps, map)
-        own[:, :, :, n] = (pieces.k * pieces.factor[:, None, None]).reshape(*found.shape[:3], -1)
+        own[:, :, :, n] = pieces.corrected_k.reshape(*found.shape[:3], -1)
     return one.steps, found, own
 
 
@@ -154,9 +157,7 @@ def test_after_unloading_to_nothing_the_peak_is_not_forgotten():
     cut = Cut.of(one.surface, (2, 2))
     found = along_paths(pieces_on_ladder(one, cut, ladder, map), paths, one.steps)[0, :, -1, 0]
     pieces = pieces_on_ladder(one, cut, one.steps, map)
-    assert_allclose(
-        found, (pieces.k * pieces.factor[:, None, None])[0, :, -1].reshape(2, -1), rtol=0.02
-    )
+    assert_allclose(found, pieces.corrected_k[0, :, -1].reshape(2, -1), rtol=0.02)
     fresh = pieces_on_ladder(one, cut, LoadProgramme([LoadStep(0.0)]), map)
     assert fresh.k.mean() > 2 * found.mean()
 

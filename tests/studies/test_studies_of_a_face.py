@@ -12,6 +12,8 @@ import femseal.studies.scene
 from femseal import analytic
 from femseal.base import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
+from femseal.flow.cell import cell_stencil
+from femseal.flow.law import gap_by_law
 from femseal.fluids import IdealGas
 from femseal.loads import LoadProgramme
 from femseal.seal.tiles import face_tiles
@@ -67,10 +69,10 @@ def test_channels_along_the_leakage_are_in_parallel():
     result = two_scale(scene, (4, 4))
     assert_allclose(deterministic(scene).leakage, expected, rtol=1e-9)
     assert_allclose(result.leakage, expected, rtol=1e-9)
-    # each column of pieces with an eighth of its neighbours: the mean of h³ over its width
+    # each column of cells: the mean of h³ over its own width, without the overlap
     h3 = (scene.surface.heights.max() - scene.surface.heights[0]) ** 3
-    means = [h3[np.arange(16 * n - 2, 16 * n + 18) % 64].mean() for n in range(4)]
-    assert_allclose(result.k1[0], np.tile(np.array(means) / 12, (4, 1)), rtol=1e-5)
+    means = h3.reshape(4, 16).mean(axis=1)
+    assert_allclose(result.k1[0], np.tile(means / 12, (4, 1)), rtol=1e-6)
 
 
 def test_ridges_across_the_leakage_that_touch_seal():
@@ -112,6 +114,20 @@ def test_a_face_that_is_all_plastic_seals():
         assert (result.leakage[0], result.contact_fraction[0], result.mean_gap[0]) == (0, 1, 0)
 
 
+def core_permeability(cell, spacing, axis=0, **fluid):
+    """Permeability of the core of a cell with overlaps, from the fluxes of its links by another sum."""
+    gap = gap_by_law(cell.field, **fluid) if fluid else cell.field
+    pressure = cell_permeability(gap, spacing, axis=axis, solver="elimination").fluid_pressure
+    if axis == 1:
+        gap, pressure, spacing = gap.T, pressure.T, spacing[::-1]
+    ends = np.ones((1, gap.shape[1])), np.zeros((1, gap.shape[1]))
+    drop = -np.diff(np.concatenate([ends[0], np.nan_to_num(pressure), ends[1]]), axis=0)
+    lengths = np.r_[0.5, np.ones(len(gap) - 1), 0.5] * spacing[0]
+    flux = lengths @ (cell_stencil(np.ascontiguousarray(gap), spacing, "mirror").along * drop)
+    first, end = cell.core
+    return flux[first:end].sum() / ((end - first) * spacing[1])
+
+
 def test_gap_and_pressure_of_the_pieces_are_those_of_the_face(rough, rough_two_scale):
     result, pieces, cut = rough_two_scale, rough_two_scale.pieces, rough_two_scale.pieces.cut
     pressure = result.contact_pressure
@@ -127,8 +143,8 @@ def test_gap_and_pressure_of_the_pieces_are_those_of_the_face(rough, rough_two_s
     assert_allclose(pieces.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
     gap, spacing = result.gap[0].astype(float), rough.surface.spacing
     for axis, k in ((0, result.k1), (1, result.k2)):
-        exact = cell_permeability(cut.widened(gap, axis)[11], spacing, axis=axis).value
-        assert_allclose(k[0, 1, 5], exact, rtol=1e-9)
+        exact = core_permeability(cut.widened(gap, axis)[11], spacing, axis)
+        assert_allclose(k[0, 1, 5], exact, rtol=1e-5)
 
 
 def test_gas(rough, rough_two_scale):
@@ -143,11 +159,11 @@ def test_gas(rough, rough_two_scale):
     slips, spacing = two_scale(scene, (4, 6)), rough.surface.spacing
     piece = slips.pieces.cut.widened(result.gap[0].astype(float), 0)[1]
     each = [
-        cell_permeability(piece, spacing, law=scene.fluid.law, pressure=p).value
+        core_permeability(piece, spacing, law=scene.fluid.law, pressure=p)
         for p in scene.flow.drop.pressures
     ]
-    assert_allclose(slips.pieces.k[:, 0, 0, 0, 1], each, rtol=1e-6)
-    assert_allclose(slips.k1[0, 0, 1], np.mean(each), rtol=1e-6)
+    assert_allclose(slips.pieces.k[:, 0, 0, 0, 1], each, rtol=1e-5)
+    assert_allclose(slips.k1[0, 0, 1], np.mean(each), rtol=1e-5)
 
 
 def test_deterministic_leakage_is_that_of_its_gap(rough):
