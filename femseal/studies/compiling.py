@@ -98,7 +98,7 @@ def _contact() -> None:
 
 def _pieces() -> None:
     gap = _gap(32)
-    piece_permeability(gap, (1.0, 1.0), 0, FlowSettings(solver="elimination"))
+    piece_permeability(gap, (1.0, 1.0), 0, FlowSettings(solver="elimination"), core=(4, 28))
 
 
 def _seals() -> None:

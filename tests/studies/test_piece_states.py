@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 from femseal.base import NotConverged
-from femseal.face import piece_flow
+from femseal.face import pieces as face_pieces
 from femseal.face.curves import local_peaks
 from femseal.face.pieces import Cut, PieceState
 from femseal.loads import LoadProgramme, LoadStep
@@ -167,14 +167,14 @@ def test_a_state_whose_pieces_failed_is_interpolated(monkeypatch):
     cut, paths = Cut.of(one.surface, (2, 2)), one.steps.pressures[:, None]
     ladder = LoadProgramme([LoadStep(p) for p in np.linspace(0.4, 0.8, 9) ** 3 * 1e9])
     whole = along_paths(pieces_on_ladder(one, cut, ladder, map), paths, one.steps)
-    flow, count = piece_flow.cell_flow, iter(range(1000))
+    flow, count = face_pieces.piece_permeability, iter(range(1000))
 
     def lost(*args, **given):
         if next(count) // 8 == 4:  # two flows of each of four pieces in a state
             raise NotConverged("lost", 1.0)
         return flow(*args, **given)
 
-    monkeypatch.setattr(piece_flow, "cell_flow", lost)
+    monkeypatch.setattr(face_pieces, "piece_permeability", lost)
     pieces = pieces_on_ladder(one, cut, ladder, map)
     assert all(failure.startswith(ladder[4].name) for failure in pieces.failures)
     assert np.isnan(pieces.own[4])
