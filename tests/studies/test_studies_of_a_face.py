@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 import femseal.face.piece_flow
+import femseal.face.pieces
 import femseal.studies.scene
 from femseal import analytic
 from femseal.base import FemsealError, InputError, NotConverged
@@ -298,7 +299,7 @@ def failing(monkeypatch):
 
 def test_a_flow_of_a_piece_that_fails_is_named(rough, failing):
     """In each of 5 steps 24 pieces along and 24 across: the third step across, the second piece."""
-    failing(femseal.face.piece_flow, "cell_flow", calls={2 * 48 + 24 + 1})
+    failing(femseal.face.pieces, "piece_permeability", calls={2 * 48 + 24 + 1})
     result = two_scale(rough, (4, 6))
     assert result.failures == ("loading 600 MPa, piece (0, 1), x2: did not converge",)
     assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
@@ -316,7 +317,7 @@ def test_a_flow_of_the_whole_face_that_fails_is_named(rough, failing):
 
 
 def test_a_state_of_which_a_piece_failed_is_not_drawn_from(rough, failing):
-    failing(femseal.face.piece_flow, "cell_flow", calls={48 + 3})
+    failing(femseal.face.pieces, "piece_permeability", calls={48 + 3})
     result = stochastic(rough, (4, 6), SAMPLING)
     assert result.failures == ("loading 300 MPa, piece (0, 3), x1: did not converge",)
     assert_array_equal(np.isnan(result.leakage), np.tile(np.arange(5) == 1, (6, 1)))
@@ -338,6 +339,6 @@ def test_a_contact_that_fails_is_a_fault(rough, failing):
 
 
 def test_a_face_without_any_piece_is_a_fault(rough, failing):
-    failing(femseal.face.piece_flow, "cell_flow", calls=range(10**6))
+    failing(femseal.face.pieces, "piece_permeability", calls=range(10**6))
     with pytest.raises(FemsealError, match="every flow failed"):
         stochastic(rough, (4, 6), replace(SAMPLING, breadth=192e-6))
