@@ -2,9 +2,13 @@
 
 The roughness is a layer between two half-spaces: under the pressure p its mean planes stand s(p) apart, which the
 contact of the measured face gives at every pressure, on unloading from every peak by a curve of its own. Cells of the
-seal that lie h below the highest one have h + K p − δ = s(p) where they touch, and more than s(0) where they do not:
-the least of ½ p·K p + h·p − Σ∫s dp under the load. Where the roughness is all but flat the bodies yield at the same
-pressure, and sink for good. A form that is the same all along is solved in plane strain.
+seal that lie h below the highest one have h + K (p − p₀) − δ = s(p) where they touch, and more than s(0) where they do
+not: the least of ½ (p − p₀)·K (p − p₀) + h·p − Σ∫s dp under the load. Where the roughness is all but flat the bodies
+yield at the same pressure, and sink for good. A form that is the same all along is solved in plane strain.
+
+The even part p₀ of the pressure is what every row of the seal carries. It does not deform the bodies, because a seal
+without a form is pressed evenly: the edges of a flat punch, which have up to three times its pressure, are no effect
+of a form. A form of no height leaves the pressure even, and a band that does not reach the edges is as on half-spaces.
 Source: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (a rough layer on smooth bodies).
 """
 
@@ -41,6 +45,10 @@ _HIGHEST = 0.97
 #: Relative change of the pressures at which they have settled, and most iterations; how much of the slope of the energy
 #: may be left beyond its least along a direction, and how near to that a shorter step ends.
 _RTOL, _MOST_ITERATIONS, _OVERSHOT = 1e-5, 5000, 0.1
+#: Error of the even part of the pressure, over the pressure.
+_EVEN_TOLERANCE = 1e-3
+#: Difference of the pressure of a tile from that of the seal, over it, which is none: ten times that of the pressures.
+_SAME_PRESSURE = 1e-4
 #: Depth of a form along the seal, over its whole depth, that is the same all along.
 _SAME = 1e-9
 
@@ -74,7 +82,8 @@ class SealContact:
         nominal = self.nominal[:, None]
         # of tiles of one area a cell may cover several
         whole = means.mean(axis=1, keepdims=True) if self.grid.has_rows else nominal
-        return np.divide(means, whole, out=np.ones_like(means), where=nominal > 0)
+        fractions = np.divide(means, whole, out=np.ones_like(means), where=nominal > 0)
+        return np.where(np.abs(fractions - 1) < _SAME_PRESSURE, 1.0, fractions)
 
     @property
     def opened(self) -> Array:
@@ -191,7 +200,10 @@ def seal_contact(
     if highest >= most:
         expected = f"less than {_HIGHEST:.0%} of what the faces carry, {to_text(most, 'Pa', 3)}: the bodies yield there"
         raise InputError("load", f"{to_text(highest, 'Pa', 3)} on a seal with a form", expected)
-    cells = Cells(body, inside, depth[inside], most)
+    # a mesh has no rows: all of it counts as one
+    rows = np.arange(len(depth))[:, None] if grid.has_rows else np.zeros((1, 1), int)
+    row = np.broadcast_to(rows, depth.shape)[inside]
+    cells = Cells(body, inside, depth[inside], most, row)
     fields = np.zeros((3, len(scene.steps), *depth.shape))
     fields[..., inside] = solved_steps(cells, scene.steps, layer)
     return SealContact(grid, depth, scene.steps.pressures, *fields)
@@ -259,10 +271,24 @@ def form_on_grid(
 
 
 class Cells:
-    """The cells that may touch, a depth below the highest one (n,) [m], on a body that yields at a pressure."""
+    """The cells that may touch, a depth below the highest one (n,) [m], on a body that yields at a pressure.
 
-    def __init__(self, body: HalfSpace, inside: Array, depth: Array, most: float) -> None:
-        self.depth, self._inside, self._most = depth, inside, most
+    row : number of the row of every cell (n,), whose even part of the pressure does not deform the body; None where all
+    of the pressure does.
+    """
+
+    def __init__(
+        self,
+        body: HalfSpace,
+        inside: Array,
+        depth: Array,
+        most: float,
+        row: Indices | None = None,
+    ) -> None:
+        self.depth = depth
+        self._inside = inside
+        self._most = most
+        self._row = row
         self._product = Convolution(body.shape, body.boundary, body.symbol())
         single = np.zeros(body.shape)
         middle = body.shape[0] // 2, body.shape[1] // 2
@@ -270,6 +296,7 @@ class Cells:
         own = body.displacement(single)
         # what one cell does to itself beyond its farthest neighbours: the level of plane strain is arbitrary
         self._own = float(own[middle] - own.min())
+        self._even = self.displacement(np.ones(depth.size))
 
     def displacement(self, p: Array) -> Array:
         """Of the cells by their pressures (n,) [m]."""
@@ -282,10 +309,43 @@ class Cells:
     ) -> tuple[Array, Array, Array, Array]:
         """Pressures (n,) [Pa] of the mean `load`, from a start near them; separations, openings, sunk depths [m].
 
+        The even part of the pressure is as large as the least mean pressure of a row.
+        """
+        if self._row is None or load == 0:
+            return self.solved_beyond(0.0, layer, load, start, sunk)
+        row, cells_of_row = self._row, np.bincount(self._row)
+        found: dict[float, tuple[Array, Array, Array, Array]] = {}
+
+        def least_beyond(part: float) -> float:
+            """Least mean pressure of a row beyond the even part of the load, over the load."""
+            nearest = min(found, key=lambda other: abs(other - part), default=None)
+            near = start if nearest is None else found[nearest][0]
+            found[part] = self.solved_beyond(part * load, layer, load, near, sunk)
+            rows = np.bincount(row, found[part][0]) / cells_of_row
+            return float(rows.min()) / load - part
+
+        part = 1.0
+        if least_beyond(1.0) < -_EVEN_TOLERANCE:
+            part = 0.0
+            if least_beyond(0.0) > _EVEN_TOLERANCE:
+                part = brentq(least_beyond, 0.0, 1.0, xtol=_EVEN_TOLERANCE)
+        return found[part]
+
+    def solved_beyond(
+        self,
+        even: float,
+        layer: Callable[[Array], tuple[Array, Array]],
+        load: float,
+        start: Array,
+        sunk: Array,
+    ) -> tuple[Array, Array, Array, Array]:
+        """The same where an even pressure [Pa] does not deform the body.
+
         Conjugate gradients of the cells that touch and do not yield under a fixed load (Polonsky & Keer, Wear 231,
         1999, 206), with the compliance of each cell and its layer as preconditioner.
         """
-        n, depth = self.depth.size, self.depth + sunk
+        n = self.depth.size
+        depth = self.depth + sunk - even * self._even
         at_touch, most = layer(np.zeros(n))[0], self._most
         if load == 0:
             opening = depth - at_touch - float((depth - at_touch).min())

@@ -80,15 +80,55 @@ def test_a_layer_of_springs_on_rigid_bodies_is_winkler_s():
         assert_allclose(separation, free - stiffness * exact + apart, atol=1e-9)
 
 
-def test_no_form_at_all_is_a_flat_punch():
-    """Bodies that are free beside the seal: on a stiff layer p/p̄ = 2/(π √(1 − (2x/b)²))."""
-    flat = MeasuredForm.of([[0, 0], [2e-3, 0], [0, 4e-3], [2e-3, 4e-3]], np.zeros(4))
-    (pressure,) = contact_of(scene((1e6,), face(64, 1e-6, 16 * D)), flat, 2e-3, 4e-3).pressure
-    assert pressure.shape[1] == 1  # the same all along
-    x = (np.arange(len(pressure)) + 0.5) / len(pressure) * 2 - 1
-    inside = np.abs(x) < 0.9
+def test_cells_of_one_depth_are_a_flat_punch_where_all_of_the_pressure_deforms_the_bodies():
+    """On a stiff layer p/p̄ = 2/(π √(1 − (2x/b)²)); with rows, which carry it alike, they are pressed evenly."""
+    count, breadth = 384, 2e-3
+    spacing = breadth / count
+    body = HalfSpace((count, 1), (spacing, spacing), E, ("free", "periodic"))
+    inside, none = np.ones((count, 1), bool), np.zeros(count)
+
+    def stiff(p):
+        return np.zeros(p.size), np.full(p.size, -1e-20)
+
+    punch = Cells(body, inside, none, np.inf)
+    even = Cells(body, inside, none, np.inf, row=np.arange(count))
+    x = (np.arange(count) + 0.5) / count * 2 - 1
+    middle = np.abs(x) < 0.9
     exact = 1e6 * 2 / (np.pi * np.sqrt(1 - x**2))
+    assert_allclose(punch.solved(stiff, 1e6, none, none)[0][middle], exact[middle], rtol=0.01)
+    assert_allclose(even.solved(stiff, 1e6, none, none)[0], 1e6, rtol=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_a_crown_that_touches_all_over_adds_hertz_s_pressure_to_an_even_one(share):
+    """Hertz: a band as broad as the seal has the peak E* b/4R and π/4 of it in the mean; all rows carry the rest."""
+    breadth, radius = 1e-3, 0.2
+    of_hertz = E * breadth / (4 * radius) * np.pi / 4
+    one = scene((of_hertz / share,), face(64, 1e-6, 16 * D))
+    (pressure,) = contact_of(one, CrownedSeat(radius), breadth, 2e-3).pressure
+    x = (np.arange(len(pressure)) + 0.5) / len(pressure) * 2 - 1
+    exact = of_hertz * (1 / share - 1 + 4 / np.pi * np.sqrt(1 - x**2))
+    inside = np.abs(x) < 0.9
     assert_allclose(pressure[inside, 0], exact[inside], rtol=0.01)
+
+
+@pytest.mark.parametrize("breadth", [0.4e-3, 2e-3])
+def test_a_form_of_no_height_changes_nothing(breadth):
+    """Neither the pressure of the tiles nor the leakage, of a seal that is pressed evenly without it."""
+    one = scene((5e7, 2e8), hardness=2.8e9, unload_from=(2e8,), unloading=(5e7,))
+    given = {"length": 0.4e-3, "realisations": 2, "seed": 1, "breadth": breadth}
+    flat = fs.stochastic(one, (2, 2), fs.Sampling(**given)).leakage
+    for height in (1e-13, 1e-11):
+        form = (WavyForm(height, lobes=2),)
+        assert (contact_of(one, form, breadth, 0.4e-3).fractions == 1).all()
+        assert_allclose(fs.stochastic(one, (2, 2), fs.Sampling(**given, form=form)).leakage, flat)
+    # it changes by no more than the interpolation between tabulated pressures, and then in proportion to the height
+    small, more = (
+        contact_of(one, (WavyForm(height, lobes=2),), breadth, 0.4e-3).fractions - 1
+        for height in (4e-10, 8e-10)
+    )
+    assert 0 < np.abs(small).max() < 0.02
+    assert_allclose(more, 2 * small, atol=0.1 * np.abs(more).max())
 
 
 def around(radius, count):
