@@ -5,9 +5,11 @@ a grid are stretched unit squares, so that these few local matrices, weighted wi
 summed to a `Stencil`. It equals scikit-fem's own assembly of the whole mesh, which takes longer than the solver.
 
 A gap is given at pixel centres. On the links between pixels, the midpoints of the edges of the elements, it is
-interpolated by a four-point cubic, at least a tenth of the smaller of the two pixels and 0 next to contact: a link is
-open exactly where both its pixels are, and the interpolation closes no pixel off. Where the cubic would dip because the
-gap jumps beyond one of the two pixels, that pixel's outer neighbour is left out.
+interpolated by a four-point cubic. It is at least a tenth and at most four times the smaller of the two pixels. A link
+is therefore open exactly where both its pixels are, and it closes continuously with them, so that a barrier of a
+vanishing gap seals. It is far below both pixels only where the gap is curved at both: of the two second differences the
+larger one then counts at most four times as much as the smaller one, so that a jump of the gap beyond a pixel hardly
+narrows the link.
 """
 
 from __future__ import annotations
@@ -26,10 +28,13 @@ from ..base import Array, Indices, InputError
 from ..base.compiled import compiled, inner, over, rows
 from . import forms
 
-#: The cubic is doubted where it is below this fraction of both pixels, and left where one second difference is so many
-#: times the other: that is a jump beyond one of the two. On 36 gaps with eight pixels for the shortest wave, cut by a
-#: plane or in contact, that changed no permeability by more than 4e-7, at errors of 7e-5 to 2e-2 by the pixels.
-_DOUBTED, _JUMP = 0.8, 8.0
+#: Limits of the interpolated gap over the smaller of its two pixels. On 140 gaps with eight pixels for the shortest
+#: wave, in contact or cut by a plane, the upper one changes the median error of the permeability from 5.6e-3 to 5.3e-3.
+_LEAST, _MOST = 0.1, 4.0
+#: Where the cubic dips below this fraction of the smaller pixel, the larger second difference counts at most so many
+#: times as much as the smaller one. The fraction makes the flow through two plates of different gaps exact: the dip
+#: beside the jump adds the resistance that the link across the jump lacks.
+_DIP, _JUMP = 0.88, 4.0
 #: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that the edge of each sample joins.
 _PAIRS = (0, 2), (1, 3), (0, 1), (2, 3)
 
@@ -359,18 +364,20 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
 
 @inner()
 def _midway(before, a, b, after):
-    """The gap between two points a and b, by a cubic through them and their neighbours; 0 where one is closed."""
+    """Interpolate the gap midway between two pixels a and b from a cubic through them and their outer neighbours.
+
+    The result changes continuously with all four gaps, and is 0 where a or b is 0.
+    """
     smaller = min(a, b)
-    if not smaller > 0.0:
-        return 0.0
-    middle = (9.0 * (a + b) - before - after) / 16.0
-    if middle < _DOUBTED * smaller:
-        # second differences, alike where the gap is smooth
-        left = before - 2.0 * a + b
-        right = a - 2.0 * b + after
-        if max(left, right) > _JUMP * abs(min(left, right)):
-            middle = 0.5 * (a + b) - min(left, right) / 8.0
-    return max(middle, 0.1 * smaller)
+    cubic = (9.0 * (a + b) - (before + after)) / 16.0
+    # a jump of the gap beyond one pixel makes one second difference large, and the cubic dip below both pixels
+    left = before - 2.0 * a + b
+    right = a - 2.0 * b + after
+    least = max(min(left, right), 0.0)
+    most = min(max(left, right), _JUMP * least)
+    limited = 0.5 * (a + b) - (least + most) / 16.0
+    middle = max(cubic, min(limited, _DIP * smaller))
+    return max(min(middle, _MOST * smaller), _LEAST * smaller)
 
 
 @inner()

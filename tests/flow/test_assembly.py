@@ -196,6 +196,7 @@ def _torus_permeabilities(h):
     found = []
     for axis in (0, 1):
         before, after, last = (np.roll(h, s, axis=axis) for s in (1, -1, -2))
-        middle = np.maximum((9 * (h + after) - before - last) / 16, 0.1 * np.minimum(h, after))
+        smaller = np.minimum(h, after)
+        middle = np.clip((9 * (h + after) - before - last) / 16, 0.1 * smaller, 4 * smaller)
         found.append(middle**3 / 12)
     return found

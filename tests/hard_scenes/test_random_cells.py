@@ -90,7 +90,7 @@ def check_random_cell(seed, rtol):
     return found
 
 
-@pytest.mark.parametrize("seed", [10272, 10392, 10572, 10605, 10028])
+@pytest.mark.parametrize("seed", [10272, 10392, 10572, 10442, 10028])
 def test_links_lost_in_sums_that_carry_flow(seed):
     """Most of the flow is through links beside which multigrid cannot see 1e-4 to 1e-2 of it."""
     for rtol in (1e-3, 1e-6, 1e-9):
