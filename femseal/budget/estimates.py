@@ -9,15 +9,16 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from scipy.special import bdtr, stdtrit
+from scipy.special import bdtr, ndtri, stdtrit
 
 from ..base import Array, Pair, counted
-from ..loads import LoadProgramme, first_known, least_counted
+from ..loads import LoadProgramme
 from ..seal.form import ScaledForm, SealForm
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
 from ..studies.doubts import FormEffect
-from ..studies.drawn_error import COVERAGE, FLOOR_DECADES, count_scenes, decades, half_width
-from ..studies.study_registry import contact_fraction_of
+from ..studies.drawn_error import COVERAGE, interval_widths
+from ..studies.patch_state import PatchState
+from ..studies.study_registry import contact_fraction_of, open_leakage_of
 from ..topography.seat import Seat
 from .error_parts import (
     LEAST_SLOPE,
@@ -27,6 +28,7 @@ from .error_parts import (
     ErrorBudget,
     ErrorPart,
     load_sensitivity,
+    near_closing,
     part_of_changes,
     pixels_part,
     scale_of_changes,
@@ -42,10 +44,10 @@ _FLOW = 1e-6
 #: Change of ln(leakage) from which on slopes are a part: an rms slope of 0.14.
 _LEAST_SLOPE_ERROR = 0.02
 
-#: Standard deviation of ln(leakage) of single places at the first load, and what each decade below it adds; they count
-#: as so many degrees of freedom. Chosen on 24 faces of four kinds, places as long as broad with 3 of the longest waves:
-#: bands of 3 to 8 places held 97 to 99 of 100 down to 1/100 of the first leakage, without this 92 to 99.
-_PLACE_SCATTER, _PLACE_FREEDOM = (0.25, 0.2), 2
+#: Degrees of freedom of the scatter that the state of the patches lets expect, beside that of the patches themselves.
+_PLACE_FREEDOM = 2
+#: Distance to an end of a 95 % interval of a normal number, in standard deviations.
+_NORMAL = float(ndtri((1 + COVERAGE) / 2))
 #: What is solved, by its kind.
 _WHAT = {
     "in place": "seals as broad as the face, drawn from one patch",
@@ -53,8 +55,8 @@ _WHAT = {
     "with form": "seals whose form is known at points, drawn from one patch",
     "by blocks": "a face by blocks",
 }
-#: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where
-#: curves are steep. Measured on 216 faces of six kinds: with it the bands held 93 of 100 there, without it 83.
+#: Factor of the distances of all parts but those of draws near closing, see `near_closing`, where curves are steep.
+#: Measured on 216 faces of six kinds: with it the bands held 93 of 100 there, without it 83.
 _NEAR_CLOSING = 3.0
 
 
@@ -66,40 +68,43 @@ def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
     return ErrorPart.of("solver", leakage, distance, distance, note)
 
 
-def places_part(leakage: Array, without: Array) -> ErrorPart:
-    """Few measured places: interval of ln(leakage) by the jackknife over places, those left joined.
+def places_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
+    """Several measured patches: interval of ln(leakage) by the jackknife over patches, those left joined.
 
-    The variance is pooled with that of single places usual at such a leakage, `_PLACE_SCATTER`, by their degrees of
-    freedom, and the interval is Student's. Where all but one place do not leak the seal may be sealed; then the upper
-    end is by the jackknife of the leakage itself.
+    Its variance is pooled with that which the contact state lets expect, by their degrees of freedom, and the interval
+    is Student's. Where all but one patch do not leak the seal may be sealed; then the upper end is by the jackknife of
+    the leakage itself.
 
-    leakage : (steps,). without : of all places but one (places, steps) [m²/s].
+    leakage : (steps,). without : of all patches but one (patches, steps) [m²/s]. usual : the part of so many patches by
+    their state, see `calibrated_part`.
 
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
     """
     count = len(without)
-    first, each_decade = _PLACE_SCATTER
-    usual = (first + each_decade * np.maximum(decades(leakage), 0.0)) / np.sqrt(count)
     freedom = _PLACE_FREEDOM + count - 1
     student = float(stdtrit(freedom, (1 + COVERAGE) / 2))
+    q = np.abs(leakage)
 
-    def distance(values: Array) -> Array:
-        own = (count - 1) * values.var(axis=0)
-        return student * np.sqrt((_PLACE_FREEDOM * usual**2 + (count - 1) * own) / freedom)
+    def distance(values: Array, expected: Array) -> Array:
+        scatter = (count - 1) * values.var(axis=0)
+        prior = (expected / _NORMAL) ** 2
+        return student * np.sqrt((_PLACE_FREEDOM * prior + (count - 1) * scatter) / freedom)
 
     with np.errstate(divide="ignore", invalid="ignore"):
-        logs = distance(np.log(without))
-        plain = np.log1p(distance(without / without.mean(axis=0)))
+        below = distance(np.log(without), np.log(q / np.abs(usual.lower)))
+        above = distance(np.log(without), np.log(np.abs(usual.upper) / q))
+        plain = np.log1p(distance(without / without.mean(axis=0), np.log(np.abs(usual.upper) / q)))
     shut = (without == 0).any(axis=0) & np.isfinite(without).all(axis=0)
-    below, above = (np.where(shut, end, logs) for end in (np.inf, plain))
+    below = np.where(shut, np.inf, below)
+    above = np.where(shut, plain, above)
     note = (
-        f"Student's interval by the jackknife over {count} measured places, in ln(leakage), with the scatter that is "
-        f"usual; {counted(places_to_halve(count), 'more place')} would halve it"
+        f"Student's interval by the jackknife over {count} measured patches, in ln(leakage), with the scatter that "
+        f"their contact state lets expect; {places_to_halve(count)} more would halve it"
     )
     part = ErrorPart.of("places", leakage, below, above, note)
     # without leakage the others tell how much there may be
-    upper = np.where(leakage == 0, (1 + student) * np.max(without, axis=0), part.upper)
-    return replace(part, upper=upper)
+    sealed = np.maximum((1 + student) * np.max(without, axis=0), usual.upper)
+    return replace(part, upper=np.where(leakage == 0, sealed, part.upper))
 
 
 def places_to_halve(count: int) -> int:
@@ -319,17 +324,18 @@ def longer_waves_part(
     return part_of_changes("longer waves", steps, leakage, below, above, note)
 
 
-def calibrated_part(name: str, kind: str, steps: LoadProgramme, leakage: Array) -> ErrorPart:
-    """What one measured patch does not know of a drawn seal, or blocks of a face, by the scenes of a calibration set.
+def calibrated_part(name: str, kind: str, leakage: Array, state: PatchState) -> ErrorPart:
+    """What one measured patch does not know of a drawn seal, or blocks of a surface, by the scenes of a calibration.
 
-    kind : one of `KINDS`.
+    It depends on the contact state alone, not on other loads.
+
+    kind : one of `KINDS`. state : of the patch at every step.
     """
-    distance = half_width(kind, steps, leakage)
-    what, scenes = _WHAT[kind], count_scenes(kind)
-    note = f"{what}: by split conformal prediction from {scenes} whole faces"
-    part = part_of_changes(name, steps, leakage, distance, distance, note)
-    floor = abs(float(leakage[first_known(leakage)])) / 10 ** FLOOR_DECADES[kind]
-    return replace(part, lower=np.where(part.lower < floor, 0.0, part.lower))
+    widths = interval_widths(kind)
+    sign = np.where(np.asarray(leakage) < 0, -1.0, 1.0)
+    lower, upper = (sign * end for end in widths.ends(leakage, state))
+    note = f"{_WHAT[kind]}: by split conformal prediction from {widths.scenes} whole faces"
+    return ErrorPart(name, lower, upper, note)
 
 
 def error_budget(
@@ -373,8 +379,9 @@ def error_budget(
     leakage = own.leakage(study)
     in_contact = contact_fraction_of(study, scene.steps)
     parts: list[ErrorPart] = [solver_part(scene, leakage)]
+    closing = near_closing(leakage, open_leakage_of(study, scene))
     if coarse:
-        parts.append(pixels_part(scene, leakage, coarse[0], wave_pixels))
+        parts.append(pixels_part(scene, leakage, coarse[0], wave_pixels, closing))
     else:
         parts += one_grid_part(leakage, in_contact)
     if filtered is not None and octaves > 0:
@@ -383,21 +390,18 @@ def error_budget(
         parts.append(
             ErrorPart("filter", leakage, leakage, "no solution without the shortest waves")
         )
-    q = np.abs(leakage)
-    steeper = np.where(q < least_counted(q), _NEAR_CLOSING, 1.0)
+    steeper = np.where(closing, _NEAR_CLOSING, 1.0)
     parts = [part.widened(leakage, steeper) for part in parts]
     if kept_slope < 1:
         parts[-1] = raised_by_slope(parts[-1], scene.steps, leakage, in_contact, kept_slope)
     if isinstance(study, StochasticResult):
         parts.append(realisations_part(study))
-        # the scatter of places shows what one patch cannot
-        without = None if study.places is None else study.places.without
-        parts.append(
-            calibrated_part("patch", study.kind, study.steps, leakage)
-            if without is None
-            else places_part(leakage, without)
-        )
-    elif isinstance(study, BlocksResult):
-        parts.append(calibrated_part("blocks", study.kind, study.steps, leakage))
+        if study.patch_state is not None:
+            patch = calibrated_part("patch", study.kind, leakage, study.patch_state)
+            # the scatter of several patches shows what one cannot
+            without = None if study.places is None else study.places.without
+            parts.append(patch if without is None else places_part(leakage, without, patch))
+    elif isinstance(study, BlocksResult) and study.patch_state is not None:
+        parts.append(calibrated_part("blocks", study.kind, leakage, study.patch_state))
     parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, parted)

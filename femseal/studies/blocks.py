@@ -257,4 +257,6 @@ def _state_of(scene: Scene, blocks: list[PatchState], k: Array, gap: Array) -> P
     contact = np.mean([block.contact_fraction for block in blocks], axis=0)
     mean_gap = gap.mean(axis=(1, 2))
     still_open = scene.unit_leakage * mean_gap**3 / 12
-    return PatchState(carriers, scatter[scene.steps.peak_indices], contact, still_open)
+    scatter = scatter[scene.steps.peak_indices]
+    # cells of blocks stay in their order
+    return PatchState(carriers, scatter, contact, np.zeros(len(carriers)), still_open)

@@ -15,11 +15,10 @@ from ..face.curves import PieceCurves
 from ..face.piece_flow import Failed, SolveCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
-from ..loads import LoadProgramme, least_counted
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
 from .doubts import scene_warnings
-from .drawn_error import half_width
+from .drawn_error import interval_widths
 from .face_study import cut_into_pieces, fields_of_rows
 from .patch_state import PatchState, open_leakage_per_permeability
 from .piece_states import FacePieces, PlaceLeakage, along_paths, ladder_of, pieces_on_ladder
@@ -97,7 +96,8 @@ def stochastic(
     pieces = supply.pieces
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"pieces: every flow failed; the first: {pieces.failures[0]}")
-    leakages, texts, counts = zip(*_drawn(supply, sampling, mapper), strict=True)
+    state = _patch_state(supply)
+    leakages, texts, counts = zip(*_drawn(supply, sampling, state, mapper), strict=True)
     leakage, median = np.array(leakages), None
     few = sampling.median_fields and len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
     if few and (chosen := nearest_to_median(leakage)) is not None:
@@ -114,7 +114,7 @@ def stochastic(
         tiles=tiles,
         pieces=pieces,
         kind=_kind(tiles, sampling),
-        patch_state=_patch_state(supply),
+        patch_state=state,
         leakage=leakage,
         contact_fraction=1 - supply.over_tiles(1 - pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(supply, leakage),
@@ -241,14 +241,14 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
 _Drawn = tuple[Array, list[str], SolveCounts]
 
 
-def _drawn(supply: _Supply, sampling: Sampling, mapper: Mapper) -> list[_Drawn]:
-    """The given number of seals, or as many as the band needs."""
+def _drawn(supply: _Supply, sampling: Sampling, state: PatchState, mapper: Mapper) -> list[_Drawn]:
+    """The given number of seals, or as many as the interval needs."""
     stage = Stage("drawn seals", partial(_realise, supply=supply, seed=sampling.seed))
     kind, count = _kind(supply.tiles, sampling), sampling.realisations or FEWEST_SEALS
     drawn = list(mapper(stage, range(count)))
     while sampling.realisations is None:
         leakage = np.array([one for one, *_ in drawn])
-        more = min(_needed(supply.scene.steps, leakage, kind), 4 * len(drawn))
+        more = min(_needed(leakage, kind, state), 4 * len(drawn))
         if more <= len(drawn):
             break
         drawn += mapper(stage, range(len(drawn), more))
@@ -262,14 +262,19 @@ def _kind(tiles: SealTiles, sampling: Sampling) -> str:
     return "in place" if tiles.in_place else "anywhere"
 
 
-def _needed(steps: LoadProgramme, leakage: Array, kind: str) -> int:
-    """Number of seals whose median has the standard error that is wanted, at all steps that count."""
+def _needed(leakage: Array, kind: str, state: PatchState) -> int:
+    """Number of seals whose median has the standard error that is wanted, at every step.
+
+    It is wanted in parts of the interval of what one patch does not know, which depends on the state of each step
+    alone. Steps of which this interval has the lower end 0 ask for none: there, more seals would narrow nothing.
+    """
     median = at_every_step(leakage, np.median)
-    width = half_width(kind, steps, median)
-    counts = (np.abs(median) > least_counted(median)) & np.isfinite(width)
+    lower, upper = interval_widths(kind).ends(median, state)
+    counts = lower > 0
+    width = np.log(upper[counts] / lower[counts]) / 2
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = np.log(np.abs(leakage[:, counts])).std(axis=0, ddof=1)
-    wanted = (_MEDIAN_ERROR * spread / (PART_OF_BAND * width[counts])) ** 2
+    wanted = (_MEDIAN_ERROR * spread / (PART_OF_BAND * width)) ** 2
     most = float(np.max(wanted[np.isfinite(wanted)], initial=0.0))
     return int(np.clip(np.ceil(most), FEWEST_SEALS, MOST_SEALS))
 

@@ -282,6 +282,16 @@ def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
     return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)
 
 
+def open_leakage_of(study: object, scene: Scene) -> Array:
+    """Leakage of a study if its mean gap were the gap everywhere, at every step (steps,) [m²/s]; NaN if unknown."""
+    state = getattr(study, "patch_state", None)
+    if state is not None:
+        return np.asarray(state.open_leakage, float)
+    if isinstance(study, FaceResult):
+        return scene.unit_leakage * np.asarray(study.mean_gap, float) ** 3 / 12
+    return np.full(len(scene.steps), np.nan)
+
+
 #: All studies by name, in the order in which they are solved: each may use the results of those before it. Of several
 #: studies of a case the last one answers.
 STUDIES: dict[str, Study] = {

@@ -15,7 +15,19 @@ from scipy import fft
 from femseal import Liquid, Scene, Topography, self_affine, turned
 
 MODULUS, PIXEL = 115e9, 1e-6
-KINDS = ("self-affine", "turned", "milling arcs", "ground", "bumps", "filtered")
+KINDS = (
+    "self-affine",
+    "turned",
+    "milling arcs",
+    "ground",
+    "bumps",
+    "filtered",
+    "long waves",
+    "plateau-honed",
+    "log-normal",
+    "pitted",
+    "scratched",
+)
 #: Seeds that neither the forms of the widths nor their calibration have seen.
 HELD_OUT = range(8000, 9000)
 #: Points a side of the faces; sides of pieces, which are drawn so that other numbers stay the same.
@@ -131,6 +143,34 @@ class Drawn:
             squeezed = (size[0], size[1] / s) if n["across"] else (size[0] / s, size[1])
             face = self_affine(shape, squeezed, rms_slope=1.0, **rough)
             face = Topography(face.heights, (pixel, pixel))
+        elif self.kind == "long waves":
+            # waves of a third to a half of the patch carry most of the height
+            rough["hurst"] = 0.7 + 0.3 * (n["hurst"] - 0.4) / 0.6
+            rough["roll_off"] = (0.25 + 0.4 * n["roll_off"]) * breadth
+            face = self_affine(shape, size, rms_slope=1.0, **rough)
+        elif self.kind == "log-normal":
+            base = self_affine(shape, size, rms_height=1.0, **rough)
+            heights = np.exp(rng.uniform(0.5, 1.0) * base.heights)
+            face = Topography(heights, (pixel, pixel)).low_pass(8 * PIXEL)
+        elif self.kind == "plateau-honed":
+            base = self_affine(shape, size, rms_height=1.0, **rough)
+            # a patch has about six to eleven grooves
+            count = rng.poisson((4 + n["count"] / 12) * self.length)
+            angles = np.radians(rng.uniform(20, 45)) * rng.choice([-1, 1], count)
+            grooves = _grooves(shape, pixel, angles, rng.lognormal(1.0, 0.3, count), rng)
+            face = Topography(base.heights - grooves, (pixel, pixel)).low_pass(8 * PIXEL)
+        elif self.kind == "scratched":
+            base = self_affine(shape, size, rms_height=1.0, **rough)
+            count = rng.poisson(self.length)
+            angles = np.radians(rng.uniform(-10, 10, count))
+            grooves = _grooves(shape, pixel, angles, rng.uniform(0.5, 2.5, count), rng)
+            face = Topography(base.heights - grooves, (pixel, pixel)).low_pass(8 * PIXEL)
+        elif self.kind == "pitted":
+            base = self_affine(shape, size, rms_height=1.0, **rough)
+            count = round(n["count"] * self.length * self.breadth / 6)
+            pits = _bumps(shape, size, count, 0.09, rng, breadth)
+            deep = rng.uniform(3.0, 8.0) / np.ptp(pits.heights)
+            face = Topography(base.heights - deep * pits.heights, (pixel, pixel))
         else:
             count = round(n["count"] * self.length * self.breadth / longest)
             face = _bumps(shape, size, count, 0.12 * longest**0.5, rng, breadth)
@@ -154,6 +194,17 @@ class Drawn:
             unload_from=loading[-1:],
             unloading=tuple(highest * x for x in n["unloading"]),
         )
+
+
+def _grooves(shape, pixel, angles, depths, rng):
+    """Depth of straight grooves at random places, at angles to x1, periodic along x2."""
+    x1, x2 = ((np.arange(count) + 0.5) * pixel for count in shape)
+    length, total = shape[1] * pixel, np.zeros(shape)
+    for angle, depth in zip(angles, depths, strict=True):
+        across = x2 - rng.uniform(0, length) - np.tan(angle) * x1[:, None]
+        distance = ((across / length + 0.5) % 1 - 0.5) * length * np.cos(angle)
+        total += depth * np.exp(-((distance / (rng.uniform(4, 8) * PIXEL)) ** 2))
+    return total
 
 
 def _bumps(shape, size, count, widest, rng, side):

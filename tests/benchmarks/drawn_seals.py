@@ -4,10 +4,10 @@
     python drawn_seals.py calibrate ROWS.csv …              # femseal/studies/drawn_seals.csv
     python drawn_seals.py report ROWS.csv …                 # drawn_seals.md, of rows of other seeds
 
-A scene is a whole face, whose deterministic leakage is the truth, and a patch of it, from which
-seals are drawn. A shape is "in-place": as broad as the patch and four times as long; "broad":
-twice and four times as broad; "ring" and "mesh": as "broad", on a ring so large that it is
-straight, and on triangles.
+A scene is a whole surface, whose deterministic leakage is the truth, and two patches of it; seals
+are drawn from each, and from both together. A shape is "in-place": as broad as the patch and four
+times as long; "broad": twice as broad; "broader": four times as broad and eight times as long;
+"ring" and "mesh": as "broad", on a ring so large that it is straight, and on triangles.
 """
 
 from __future__ import annotations
@@ -22,36 +22,58 @@ from pathlib import Path
 import numpy as np
 
 import femseal as fs
-from common import BAND_HEAD, band_cells, machine, print_report, read_rows, table, write_rows
-from drawn_scenes import Drawn
+from common import machine, print_report, read_rows, table, write_rows
+from drawn_scenes import KINDS, Drawn
 from femseal.budget import error_budget
 from femseal.loads import first_known
 from femseal.seal import AnnularLayout, MeshLayout
 from femseal.studies import drawn_error
+from femseal.studies.patch_state import PatchState
+from femseal.studies.study_registry import open_leakage_of
+from femseal.topography import Places
+from interval_tables import by_half_decade, by_surface, of_patches
 
-SURFACES = ("self-affine", "turned", "ground", "bumps")
+SURFACES = tuple(kind for kind in KINDS if kind != "filtered")
 #: Length and breadth of the whole face in sides of the patch.
-SIDES = {"in-place": ((4, 1),), "broad": ((4, 2), (8, 4)), "ring": ((4, 2),), "mesh": ((4, 2),)}
+SIDES = {"in-place": ((4, 1),), "broad": ((4, 2),), "broader": ((8, 4),)}
+SIDES |= {"ring": ((4, 2),), "mesh": ((4, 2),)}
 #: Decades of the leakage below that of the first load.
 DECADES = ((-1.0, 1.0), (1.0, 2.0), (2.0, 3.0), (-1.0, 2.0))
+#: The patches of a whole face.
+PATCHES = ("first", "second", "both")
 #: Inlet pressure of a fluid that acts, in parts of the lowest load.
 ACTS = (0.1, 0.6)
-TOLD = """Leakage of drawn seals over that of the whole face, at the loads at which it leaks so many
-decades less than at the first; fraction of these loads whose truth the 95 % band of the budget
-holds, and the median half-width of the band as a factor. In every other scene a fluid acts."""
+TOLD = """Leakage of seals drawn from one patch over that of the whole surface, at the loads at which
+this leaks so many decades less than at the first. In every third scene a fluid acts."""
+SURFACES_TOLD = """Share of the loads whose truth the interval of one patch contains: of the scenes of the
+calibration; of the same scenes with their kind of surface left out of it; and of scenes that the
+calibration has not seen."""
+HALVES_TOLD = """The same by decades of the truth below that of the first load, with the median half-width
+as a factor, where the lower end is not 0. Two patches of the same surface are measured and drawn from together."""
+#: Kinds of drawn seals that this script calibrates.
+KINDS_OF_SEALS = ("in place", "anywhere")
+#: Heads of `ratio_cells`.
+RATIO_HEAD = ["loads", "5 %", "25 %", "50 %", "75 %", "95 %"]
 
 
 def scene_of(surface, seed, length, breadth):
-    """A whole face and the patch of it under the same loads; in every other a fluid acts."""
-    drawn = Drawn(surface, seed, length, 0 if breadth == 1 else 96, breadth)
+    """A whole face, and patches of it: two of them, each under the same loads, and both together.
+
+    In every third scene a fluid acts. The second patch is far from the first.
+    """
+    side = 0 if breadth == 1 and seed % 3 == 0 else 96
+    drawn = Drawn(surface, seed, length, side, breadth)
     rng = np.random.default_rng([seed, length, breadth])
     whole, n = drawn.scene(), drawn.numbers["points"]
-    acts = seed % 2 == 1
+    acts = seed % 3 == 1
     inlet = rng.uniform(*ACTS) * min(whole.steps.pressures) if acts else 1e7
     whole = replace(whole, fluid_pressure="acts" if acts else "ignored", inlet_pressure=inlet)
-    heights = np.ascontiguousarray(whole.surface.heights[:n, :n])
-    patch = fs.Topography(heights, whole.surface.spacing, (False, False)).detrend()
-    return whole, replace(whole, surface=patch)
+    corners = (0, 0), ((breadth // 2) * n, (length // 2) * n)
+    patches = []
+    for a, b in corners:
+        heights = np.ascontiguousarray(whole.surface.heights[a : a + n, b : b + n])
+        patches.append(fs.Topography(heights, whole.surface.spacing, (False, False)).detrend())
+    return whole, [*patches, Places(patches)]
 
 
 def mesh_of(size, side, folder):
@@ -92,10 +114,10 @@ def drawn_of(shape, patch, size, folder):
     return fs.stochastic(patch, None, fs.Sampling(size[1], seed=1, breadth=wide))
 
 
-def solved_rows(shape, seeds):
+def solved_rows(shape, seeds, surfaces=SURFACES):
     """A row for each step of each scene."""
     with tempfile.TemporaryDirectory() as folder:
-        for seed, sides, surface in product(seeds, SIDES[shape], SURFACES):
+        for seed, sides, surface in product(seeds, SIDES[shape], surfaces):
             try:
                 yield from of_scene(shape, surface, seed, *sides, folder)
             except fs.FemsealError as reason:
@@ -103,57 +125,73 @@ def solved_rows(shape, seeds):
 
 
 def of_scene(shape, surface, seed, length, breadth, folder):
-    """The rows of one scene."""
-    whole, patch = scene_of(surface, seed, length, breadth)
+    """The rows of one scene: of each patch, and of both together."""
+    whole, patches = scene_of(surface, seed, length, breadth)
     truth = fs.deterministic(whole).leakage
     if not np.nanmax(truth, initial=0.0) > 0:
         return
-    drawn = drawn_of(shape, patch, whole.surface.size, folder)
-    q = drawn.quantile(0.5)
-    budget = error_budget(patch, drawn)
-    first = truth[first_known(truth)]
-    columns = {"leakage": q / first, "truth": truth / first}
-    columns |= {"lower": budget.lower / first, "upper": budget.upper / first}
-    columns |= {"decades": drawn_error.decades(q)}
-    columns |= {"difficulty": drawn_error.difficulty(whole.steps, q)}
-    same = {"kind": "in place" if drawn.tiles.in_place else "anywhere", "shape": shape}
-    same |= {"surface": surface, "scene": f"{surface} {seed} {breadth}"}
-    for s in np.flatnonzero(np.isfinite(q) & np.isfinite(truth)):
-        yield same | {"step": s} | {name: f"{value[s]:.6g}" for name, value in columns.items()}
+    same = {"shape": shape, "surface": surface, "scene": f"{surface} {seed} {breadth}"}
+    for name, patch in zip(PATCHES, patches, strict=True):
+        part = replace(whole, surface=patch)
+        drawn = drawn_of(shape, part, whole.surface.size, folder)
+        kind = {"kind": "in place" if drawn.tiles.in_place else "anywhere"}
+        budget = error_budget(part, drawn)
+        yield from state_rows(kind | same | {"patch": name}, part, drawn, budget, truth)
+
+
+def state_rows(same, scene, study, budget, truth):
+    """Rows of a study at every step: its state, and its leakage and its truth over that of an open seal."""
+    q, steps = budget.leakage, scene.steps
+    unknown = np.full(len(steps), np.nan)
+    still_open = open_leakage_of(study, scene)
+    state = getattr(study, "patch_state", None) or PatchState(*[unknown] * 4, still_open)
+    known = np.isfinite(q) & np.isfinite(truth) & (still_open > 0)
+    columns = {"load": steps.pressures / max(steps.pressures)}
+    columns |= {"peak": steps.pressures[steps.peak_indices] / max(steps.pressures)}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        columns |= {"leakage": q / still_open, "truth": truth / still_open}
+        columns |= {"lower": budget.lower / still_open, "upper": budget.upper / still_open}
+        columns |= {"decades": np.log10(truth[first_known(truth)] / truth)}
+    columns |= {"carriers": state.carriers, "strip_scatter": state.strip_scatter}
+    columns |= {"contact": state.contact_fraction, "detours": state.detours}
+    for s in np.flatnonzero(known):
+        yield same | {"step": s} | {name: f"{value[s]:.4g}" for name, value in columns.items()}
 
 
 def calibrated(rows):
-    """Rows of the calibration set: distances to a truth not below the floor of the bands."""
+    """Rows of the calibration set: the state, and leakage and truth over that of an open seal."""
     for row in rows:
-        leakage, truth = float(row["leakage"]), float(row["truth"])
-        if leakage > 0:
-            floor = 10.0 ** -drawn_error.FLOOR_DECADES[row["kind"]]
-            off = leakage / truth if truth >= floor else max(leakage / floor, 1.0)
-            names = ("kind", "surface", "scene", "step")
-            same = {name: row[name] for name in names} | {"log_ratio": f"{np.log(off):.4g}"}
-            yield same | {name: row[name] for name in ("decades", "difficulty")}
+        yield {name: row[name] for name in drawn_error.COLUMNS}
 
 
 def report(rows):
-    """Quantiles of leakage over truth, and bands, by shape and decades."""
+    """What the intervals contain, by shape, by kind of surface and by half decade."""
     lines = []
     for shape in SIDES:
         for low, high in DECADES:
             chosen = [
                 row
-                for row in rows
-                if row["shape"] == shape and low <= decades_of(row["truth"]) < high
+                for row in of_patches(rows, single=True)
+                if row["shape"] == shape and low <= float(row["decades"]) < high
             ]
             if chosen:
                 scenes = len({row["scene"] for row in chosen})
                 decades = f"{max(low, 0):g} to {high:g}"
-                lines.append([shape, decades, scenes, *band_cells(chosen)])
-    return f"{TOLD}\n\n{table(['shape', 'decades', 'scenes', *BAND_HEAD], lines)}"
+                lines.append([shape, decades, scenes, *ratio_cells(chosen)])
+    texts = [TOLD, table(["shape", "decades", "scenes", *RATIO_HEAD], lines)]
+    for kind in KINDS_OF_SEALS:
+        unseen = [row for row in rows if row["kind"] == kind]
+        texts += [f"## Seals {kind}", SURFACES_TOLD, by_surface(kind, unseen)]
+        texts += [HALVES_TOLD, by_half_decade(kind, unseen or drawn_error.calibration_rows(kind))]
+    return "\n\n".join(texts)
 
 
-def decades_of(ratio):
-    """Decades that a leakage has fallen."""
-    return -np.log10(float(ratio)) if float(ratio) > 0 else np.inf
+def ratio_cells(rows):
+    """Count of loads, and quantiles of leakage over truth."""
+    q, truth = (np.array([float(row[name]) for row in rows]) for name in ("leakage", "truth"))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        quantiles = np.nanquantile(q / truth, [0.05, 0.25, 0.5, 0.75, 0.95])
+    return [str(len(rows)), *(f"{r:.2f}" for r in quantiles)]
 
 
 def commands(script, title, solve, kinds, told):
@@ -179,6 +217,6 @@ if __name__ == "__main__":
         __file__,
         "Drawn seals against whole faces",
         lambda given: solved_rows(given[0], range(*map(int, given[1:]))),
-        ("in place", "anywhere"),
+        KINDS_OF_SEALS,
         report,
     )

@@ -21,10 +21,9 @@ import numpy as np
 
 import femseal as fs
 from common import BAND_HEAD, band_cells, table
-from drawn_seals import commands
+from drawn_seals import commands, state_rows
 from femseal.budget import error_budget, longer_waves_part, patch_form_part
 from femseal.seal import MeasuredForm
-from femseal.studies import drawn_error
 from femseal.studies.doubts import form_effect
 from femseal.studies.longer_waves import longer_waves
 from femseal.topography import representative
@@ -33,8 +32,8 @@ MODULUS, PIXEL, POINTS = 115e9, 1e-6, 192
 KINDS = ("roll-off within", "roll-off beyond", "turned, wavy", "bumps", "lobes")
 #: Loads as fractions of the hardness, stops below the highest, hardness over E* and slope.
 LOADS, STOPS, HARDNESS = (0.03, 0.1, 0.2, 0.32), (0.15, 0.05), 0.15
-#: Leakage over that of the first load below which a truth does not count.
-LEAST = 1e-2
+#: Decades of the truth below that of the first load from which on it does not count.
+LEAST = 2.0
 #: Inlet pressure over the lowest load where the fluid acts.
 CARRIED = 0.5
 #: Kinds of the calibration set, by what is known of the whole.
@@ -120,38 +119,31 @@ def solved_rows(name, kind, surface, corner, ways):
     a, b = (c * n for c in corner)
     cut = np.ascontiguousarray(surface.heights[a : a + n, b : b + n])
     patch = scene_of(fs.Topography(cut, surface.spacing, (False, False)).detrend(), hardness)
-    alone = fs.deterministic(patch).leakage
     breadth, length = surface.size
     for way in ways:
-        lower = upper = np.full(len(truth), np.nan)
-        q = alone * (n / POINTS)  # over the breadth of the whole
-        true = truth
-        if way.startswith("blocks"):
-            whole, count = scene_of(surface, hardness), 3 if way.endswith("3") else 2
+        scene, true, parts = patch, truth, ()
+        if way == "patch":
+            found = fs.deterministic(patch)
+            # over the breadth of the whole
+            found = replace(found, leakage=found.leakage * (n / POINTS))
+        elif way.startswith("blocks"):
+            scene, count = scene_of(surface, hardness), 3 if way.endswith("3") else 2
             if way.endswith("acts"):
-                inlet = CARRIED * whole.loading[0]
-                whole = replace(whole, inlet_pressure=inlet, fluid_pressure="acts")
-                true = fs.deterministic(whole).leakage
-            found = fs.by_blocks(whole, (count, count))
-            q, budget = found.leakage, error_budget(whole, found)
-            lower, upper = budget.lower, budget.upper
-        elif way != "patch":
+                inlet = CARRIED * scene.loading[0]
+                scene = replace(scene, inlet_pressure=inlet, fluid_pressure="acts")
+                true = fs.deterministic(scene).leakage
+            found = fs.by_blocks(scene, (count, count))
+        else:
             form = form_of(surface, int(way[-1])) if way.startswith("form") else ()
             sampling = fs.Sampling(length, seed=1, breadth=breadth, form=form)
-            drawn = fs.stochastic(patch, None, sampling)
-            q, budget = drawn.quantile(0.5), error_budget(patch, drawn)
+            found = fs.stochastic(patch, None, sampling)
             if way == "seal":
-                parts = (*budget.parts, *unknown_form(patch, q, surface.size))
-                budget = replace(budget, parts=parts)
-            lower, upper = budget.lower, budget.upper
-        columns = {"leakage": q, "truth": true, "lower": lower, "upper": upper}
-        columns = {key: value / true[0] for key, value in columns.items()}
-        columns |= {"decades": drawn_error.decades(q)}
-        columns |= {"difficulty": drawn_error.difficulty(patch.steps, q)}
+                parts = unknown_form(patch, found.quantile(0.5), surface.size)
+        budget = error_budget(scene, found)
+        budget = replace(budget, parts=(*budget.parts, *parts))
         same = {"kind": _CALIBRATED.get(way.replace(",", " ").split()[0], "without")}
-        same |= {"surface": kind, "scene": f"form {name} {corner}", "way": way}
-        for s in np.flatnonzero(np.isfinite(q) & np.isfinite(true)):
-            yield same | {"step": s} | {key: f"{value[s]:.6g}" for key, value in columns.items()}
+        same |= {"surface": kind, "scene": f"form {name} {corner}", "patch": "first", "way": way}
+        yield from state_rows(same, scene, found, budget, true)
 
 
 def unknown_form(patch, q, size):
@@ -188,7 +180,7 @@ def report(rows):
             for r in rows
             if r["way"] == way
             and (r["surface"] == "measured") == (faces == "measured")
-            and float(r["truth"]) > LEAST
+            and float(r["decades"]) < LEAST
         ]
         if chosen:
             count = len({r["scene"] for r in chosen})
