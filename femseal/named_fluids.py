@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from math import sqrt
+from math import log, nan, sqrt
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
 import numpy as np
@@ -34,8 +34,11 @@ _ERROR = 1e-7
 _FIRST_PRESSURE, _FEWEST = 1e5, 33
 #: Highest pressure of tables [Pa]: no seal carries more, and equations of state are extrapolated there.
 _HIGHEST = 1e9
-#: Largest relative distance of a molar mass by which a gas is known; ethylene is at 1.5e-3 of nitrogen.
-_SAME_MASS = 1.3e-3
+#: Largest relative distance of a molar mass by which a gas is known; ethylene is at 1.5e-3 of nitrogen. Of several, the
+#: gas whose viscosity differs least is taken, by at most this factor. Pressure of a thin gas [Pa].
+_SAME_MASS, _SAME_VISCOSITY, _THIN = 1.3e-3, 1.3, 1.0
+#: Temperature [K] above the critical ones of all gases of the table, the highest of which is that of methane.
+_ABOVE_CRITICAL = 200.0
 #: The slope of a potential is 0 at no pressure, where it does not count [s/m²].
 _LEAST_SLOPE = 1e-200
 
@@ -79,7 +82,26 @@ TABLE: dict[str, NamedFluid] = {
     "methane": _gas(11.04e-6, 16.043e-3),
 }
 
-_BY_NAME = {name.casefold(): fluid for name, fluid in TABLE.items()}
+#: Other names, beside those of CoolProp: of a fluid of the table, or of CoolProp.
+_OTHER_NAMES = {
+    "h2o": "water",
+    "steam": "water",
+    "dry air": "air",
+    "compressed air": "air",
+    "n2": "nitrogen",
+    "gn2": "nitrogen",
+    "o2": "oxygen",
+    "ar": "argon",
+    "he": "helium",
+    "h2": "hydrogen",
+    "ch4": "methane",
+    "ethene": "ethylene",
+    "propene": "propylene",
+    "fluoroform": "R23",
+    "heavy steam": "heavy water",
+}
+#: Names of fluids that are gases, although the fluid is a liquid at 20 °C.
+_VAPOURS = {"steam": "water", "heavy steam": "heavy water"}
 
 
 def named_fluid(
@@ -95,64 +117,104 @@ def named_fluid(
     Raises InputError: an unknown name, a temperature at which the fluid is not known, or changes phase between the
     pressures.
     """
-    known = _BY_NAME.get(str(name).casefold())
+    vapour = _plain_name(name) in map(_plain_name, _VAPOURS)
+    known = None if vapour else _in_table(name)
     if known and abs(temperature - TABLE_TEMPERATURE) < 0.01:
         return known
-    properties = _known_to_coolprop(name, temperature)
+    properties, fluid = _known_to_coolprop(name, temperature)
     try:
-        phases = {properties.PhaseSI("T", temperature, "P", max(p, 1.0), name) for p in pressures}
-        state = ("T", temperature, "P", max(sum(pressures) / 2, 1.0), name)
+        phases = {properties.PhaseSI("T", temperature, "P", max(p, 1.0), fluid) for p in pressures}
+        state = ("T", temperature, "P", max(sum(pressures) / 2, 1.0), fluid)
         viscosity, density = (float(properties.PropsSI(letter, *state)) for letter in "VD")
-        molar_mass = float(properties.PropsSI("M", name))
+        molar_mass = float(properties.PropsSI("M", fluid))
     except ValueError as error:
-        known_ones = "a fluid and a temperature that CoolProp knows"
-        _refuse(name, temperature, f"{known_ones}: {shown(str(error))}")
+        _refuse_unknown(name, temperature, error)
     is_gas = {"gas" in phase or phase == "supercritical" for phase in phases}
     if len(is_gas) > 1 or "twophase" in phases:
         _refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
+    if vapour and is_gas != {True}:
+        _refuse(
+            name, temperature, "a temperature at which it is a gas at both ends: here it is liquid"
+        )
     if is_gas == {True}:
         return _gas(viscosity, molar_mass, temperature)
     return _liquid(viscosity, density)
 
 
-def _known_to_coolprop(name: Any, temperature: float) -> Any:
-    """The module CoolProp, where it is there and knows the fluid at the temperature [K]; InputError otherwise."""
+def _plain_name(name: object) -> str:
+    """Write the name of a fluid without capitals, spaces and hyphens, and in American English."""
+    plain = str(name).casefold().translate(str.maketrans("", "", " -_"))
+    return plain.replace("sulph", "sulf")
+
+
+def _in_table(name: object) -> NamedFluid | None:
+    """Find a fluid of `TABLE` by any of its names."""
+    meant = {_plain_name(other): fluid for other, fluid in _OTHER_NAMES.items()}
+    plain = _plain_name(meant.get(_plain_name(name), name))
+    return next((fluid for known, fluid in TABLE.items() if _plain_name(known) == plain), None)
+
+
+def _known_to_coolprop(name: Any, temperature: float) -> tuple[Any, str]:
+    """The module CoolProp, and its own name of a fluid that it knows at the temperature [K]; InputError otherwise."""
     table = f"one of {', '.join(TABLE)} at 20 °C"
     try:
         from CoolProp import CoolProp
     except ImportError:
         others = "others, and real gases, after: pip install 'femseal[fluids]'"
         _refuse(name, temperature, f"{table}; {others}")
-    fluids = _names_in_coolprop()
-    if str(name).casefold() not in fluids:
-        known = ", ".join(sorted({*fluids.values()}))
+    fluid = _name_in_coolprop(name)
+    if fluid is None:
+        known = ", ".join(sorted({*_names_in_coolprop().values()}))
         expected = f"{table}, or a fluid of CoolProp: {known}"
-        if str(name).casefold() in _BY_NAME:
+        if _in_table(name):
             _refuse(name, temperature, expected)
         raise InputError("name", shown(name), expected)
-    low, high = _state(name).Tmin(), _state(name).Tmax()
+    low, high = _state(fluid).Tmin(), _state(fluid).Tmax()
     if not low <= temperature <= high:
         known = f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C"
         _refuse(name, temperature, known)
-    return CoolProp
+    return CoolProp, fluid
+
+
+def _name_in_coolprop(name: object) -> str | None:
+    """CoolProp's own name of a fluid, such as "CarbonDioxide" of "CO2", "R-744" and "carbon dioxide"."""
+    return _names_in_coolprop().get(_plain_name(name))
 
 
 @cache
 def _names_in_coolprop() -> dict[str, str]:
-    """Fluids of CoolProp by all their names in lower case."""
+    """Fluids of CoolProp by all their names as `_plain_name` writes them."""
     from CoolProp import CoolProp
 
     fluids = CoolProp.get_global_param_string("fluids_list").split(",")
-    return {
-        alias.casefold(): fluid
+    names = {
+        _plain_name(alias): fluid
         for fluid in fluids
         for alias in (fluid, *CoolProp.get_aliases(fluid))
     }
+    others = {
+        _plain_name(other): names[_plain_name(fluid)]
+        for other, fluid in _OTHER_NAMES.items()
+        if _plain_name(fluid) in names
+    }
+    return others | names
 
 
 def _refuse(name: Any, temperature: float, allowed: str) -> NoReturn:
     """Raise InputError for a fluid at a temperature [K]."""
     raise InputError("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)
+
+
+def _refuse_unknown(name: Any, temperature: float, error: ValueError) -> NoReturn:
+    """Raise InputError for a fluid at a temperature [K] of which CoolProp fails to give the properties."""
+    if "iscosity model" in str(error):
+        otherwise = (
+            "give viscosity and molar_mass of an ideal gas, or viscosity and density of a liquid"
+        )
+        _refuse(name, temperature, f"a fluid whose viscosity CoolProp knows; otherwise {otherwise}")
+    _refuse(
+        name, temperature, f"a fluid and a temperature that CoolProp knows: {shown(str(error))}"
+    )
 
 
 @dataclass(frozen=True)
@@ -250,6 +312,11 @@ class RealGas(Gas):
         """Pressure [Pa] of saturation, or up to which CoolProp knows the gas, at most 1 GPa."""
         return float(_table(self.name, self.temperature).pressures[-1])
 
+    @property
+    def condenses(self) -> bool:
+        """Whether the gas condenses at `highest_pressure`."""
+        return _table(self.name, self.temperature).saturates
+
     def density_at(self, pressure: ArrayLike) -> Array:
         """Density ρ(p) [kg/m³] by CoolProp, at pressures > 0."""
         return _properties(self.name, self.temperature, pressure)[0]
@@ -278,11 +345,10 @@ class RealGas(Gas):
     def check_pressure(self, name: str, pressure: float) -> None:
         """Raise InputError if it is no gas at a pressure [Pa] that is called `name`, or CoolProp does not know it."""
         if not 0 <= pressure <= self.highest_pressure:
-            table = _table(self.name, self.temperature)
             at = f"{self.temperature - 273.15:.4g} °C"
             limit = to_text(self.highest_pressure, "Pa")
             expected = f"at most {limit}, absolute, up to which CoolProp knows {self.name} at {at}"
-            if table.saturates:
+            if self.condenses:
                 expected = f"less than {limit}, absolute, at which {self.name} condenses at {at}"
             raise InputError(name, to_text(pressure, "Pa"), expected)
 
@@ -315,7 +381,7 @@ def _state(name: str) -> Any:
     """The gas in CoolProp; it is not kept, as CoolProp complains of what is left when the interpreter ends."""
     from CoolProp.CoolProp import AbstractState
 
-    return AbstractState("HEOS", _names_in_coolprop()[name.casefold()])
+    return AbstractState("HEOS", _names_in_coolprop()[_plain_name(name)])
 
 
 def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Array, Array]:
@@ -355,8 +421,7 @@ def _table(name: str, temperature: float) -> _Table:
         except ValueError as failure:
             limit, saturates = 0.5 * limit, False
             if limit < _FIRST_PRESSURE:
-                known_ones = "a gas whose density and viscosity CoolProp knows"
-                _refuse(name, temperature, f"{known_ones}: {shown(str(failure))}")
+                _refuse_unknown(name, temperature, failure)
     first = min(_FIRST_PRESSURE, 0.5 * limit)
     pressures = np.append(0.0, np.geomspace(first, limit, _FEWEST))
     known = np.append(0.0, slopes(pressures[1:]))
@@ -373,17 +438,73 @@ def _table(name: str, temperature: float) -> _Table:
     return _Table(pressures, potential, slope, saturates, float(state.molar_mass()))
 
 
-def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> tuple[str, float] | None:
-    """Name of an ideal gas of the table and relative error of its leakage between two pressures [Pa], by CoolProp.
+@dataclass(frozen=True)
+class IdealGasError:
+    """How far the leakage of an ideal gas is off that of the real gas that it stands for.
 
-    The gas is known by its molar mass; None of another, without a drop of pressure, and where CoolProp knows no more.
+    name : of the real gas, "" where it is unknown. ratio : leakage of the ideal gas over that of the real one, NaN
+    where it is unknown. reason : why it is unknown, "" otherwise.
     """
+
+    name: str
+    ratio: float = nan
+    reason: str = ""
+
+
+def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
+    """Compare the leakage of an ideal gas between two pressures [Pa] with that of the real gas, by CoolProp.
+
+    The real gas is recognised by its molar mass, and of several by its viscosity.
+    """
+    try:
+        name = _recognised(gas)
+    except ImportError:
+        missing = (
+            "CoolProp, which knows real gases, is not installed (pip install 'femseal[fluids]')"
+        )
+        return IdealGasError("", reason=missing)
+    if not name:
+        mass = f"a molar mass of {1e3 * gas.molar_mass:.5g} g/mol"
+        return IdealGasError("", reason=f"CoolProp has no gas with {mass} and this viscosity")
+    try:
+        real = RealGas(name, gas.temperature)
+        if real.condenses and max(inlet, outlet) > real.highest_pressure:
+            limit = to_text(real.highest_pressure, "Pa")
+            at = f"{gas.temperature - 273.15:.4g} °C"
+            liquid = (
+                f"it seems to be {name}, which condenses at {limit} and {at}, and is a liquid then"
+            )
+            return IdealGasError(name, reason=liquid)
+        for end, pressure in (("inlet", inlet), ("outlet", outlet)):
+            real.check_pressure(end, pressure)
+    except InputError as error:
+        return IdealGasError(name, reason=f"it seems to be {name}, and of that {error}")
+    ideal_drop, drop = (g.potential(inlet) - g.potential(outlet) for g in (gas, real))
+    return IdealGasError(name, float(ideal_drop / drop) if drop else nan)
+
+
+def is_nearly_ideal(gas: Any) -> bool:
+    """Whether an ideal gas stands for one of the table, well above its boiling point: ideal within 2 % up to 20 bar."""
+    masses = [fluid.parameters.get("molar_mass", 0.0) for fluid in TABLE.values()]
+    known = any(abs(gas.molar_mass - mass) <= _SAME_MASS * mass for mass in masses)
+    return known and gas.temperature >= _ABOVE_CRITICAL
+
+
+def _recognised(gas: Any) -> str:
+    """Name of the gas that an ideal gas stands for, "" if CoolProp has none. Raises ImportError without CoolProp."""
+    from CoolProp import CoolProp
+
+    def is_same(mass: float) -> bool:
+        return abs(gas.molar_mass - mass) <= _SAME_MASS * mass
+
     for name, known in TABLE.items():
-        mass = known.parameters.get("molar_mass", 0.0)
-        if abs(gas.molar_mass - mass) <= _SAME_MASS * mass and inlet != outlet:
-            with suppress(InputError):
-                real = RealGas(name, gas.temperature)
-                real.check_pressure("inlet", inlet)
-                ideal, drop = (g.potential(inlet) - g.potential(outlet) for g in (gas, real))
-                return name, float(ideal / drop - 1)
-    return None
+        if is_same(known.parameters.get("molar_mass", 0.0)):
+            return name
+    distances = {}
+    for name in sorted({*_names_in_coolprop().values()}):
+        if is_same(CoolProp.PropsSI("M", name)):
+            with suppress(InputError, ValueError):
+                viscosity = RealGas(name, gas.temperature).viscosity_at(_THIN)
+                distances[name] = abs(float(np.log(viscosity / gas.viscosity)))
+    name = min(distances, key=lambda name: distances[name], default="")
+    return name if name and distances[name] <= log(_SAME_VISCOSITY) else ""

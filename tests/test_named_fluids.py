@@ -4,12 +4,13 @@ import re
 import sys
 
 import pytest
+from each import each
 from numpy.testing import assert_allclose
 from small_cases import CASE
 
 import femseal as fs
 from femseal.fluids import FLUIDS
-from femseal.named_fluids import TABLE, named_fluid
+from femseal.named_fluids import TABLE, _name_in_coolprop, _plain_name, named_fluid
 
 
 def test_the_table_makes_fluids():
@@ -43,6 +44,64 @@ def test_other_temperatures_and_phases():
         named_fluid("helium", 1e5)
     with pytest.raises(fs.InputError, match=r"'grease'.*helium.*Acetone"):
         named_fluid("grease")
+
+
+@each(
+    ("written", "fluid"),
+    [
+        ("carbon dioxide", "CarbonDioxide"),
+        ("Carbon-Dioxide", "CarbonDioxide"),
+        ("CO2", "CarbonDioxide"),
+        ("R-744", "CarbonDioxide"),
+        ("sulphur hexafluoride", "SulfurHexafluoride"),
+        ("iso-butane", "IsoButane"),
+        ("R 134a", "R134a"),
+        ("ethene", "Ethylene"),
+        ("n2", "Nitrogen"),
+        ("compressed air", "Air"),
+        ("ISO-PENTANE", "Isopentane"),
+    ],
+)
+def test_other_names_of_coolprops_fluids(written, fluid):
+    pytest.importorskip("CoolProp")
+    assert _name_in_coolprop(written) == fluid
+    if fluid == "Ethylene":
+        with pytest.raises(fs.InputError, match=r"'ethene' .*viscosity CoolProp knows; otherwise"):
+            named_fluid(written, 400.0)
+        return
+    hot = named_fluid(fluid, 400.0)
+    assert named_fluid(written, 400.0) == hot
+    assert fs.RealGas(written, 400.0).molar_mass == hot.parameters["molar_mass"]
+
+
+def test_a_plain_name_is_that_of_one_fluid():
+    CoolProp = pytest.importorskip("CoolProp.CoolProp")
+    found = {}
+    for fluid in CoolProp.get_global_param_string("fluids_list").split(","):
+        for name in (fluid, *CoolProp.get_aliases(fluid)):
+            assert found.setdefault(_plain_name(name), fluid) == fluid
+            assert _name_in_coolprop(name) == fluid
+
+
+def test_formulas_and_other_names_of_the_table():
+    for written, name in {
+        "H2O": "water",
+        "He": "helium",
+        "dry air": "air",
+        "GN2": "nitrogen",
+    }.items():
+        assert named_fluid(written) is TABLE[name]
+
+
+def test_steam_is_a_gas():
+    pytest.importorskip("CoolProp")
+    hot = named_fluid("steam", 473.15, (5e5, 1e5))
+    assert hot == named_fluid("water", 473.15, (5e5, 1e5))
+    assert hot.kind == "ideal-gas"
+    assert fs.RealGas("Steam", 473.15).molar_mass == hot.parameters["molar_mass"]
+    for temperature, pressures in ((293.15, (5e5, 1e5)), (373.15, (20e5, 10e5))):
+        with pytest.raises(fs.InputError, match=r"^name: given 'steam' .*it is a gas at both ends"):
+            named_fluid("steam", temperature, pressures)
 
 
 def test_without_coolprop_the_table_is_told(monkeypatch):

@@ -151,11 +151,11 @@ class ContactLaw:
         return YieldLine(hardness, slope)
 
     def key(self) -> str:
-        """The same for the same parameters, and for no others."""
+        """Return a text that is the same for laws of the same parameters and code, and for no others."""
         try:
             return digest(self)
-        except Unnamed:
-            return repr(self)
+        except Unnamed:  # as of an object of C code: the law is equal to itself alone
+            return f"{type(self).__qualname__} {id(self)}"
 
     def __str__(self) -> str:
         return f"{type(self).__name__} with hardness {to_text(self.mean_hardness, 'Pa')}"

@@ -39,6 +39,7 @@ from ..base import (
     numerical_versions,
 )
 from ..base.files import opened_plain
+from .code import CodeDescription, Unnamed
 
 log = logging.getLogger("femseal.store")
 #: Suffix of the files with results.
@@ -54,16 +55,15 @@ _PACKAGE = __name__.partition(".")[0]
 _DAMAGES = (TypeError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError)
 
 
-class Unnamed(TypeError):
-    """A value has no digest."""
-
-
 def digest(value: Any) -> str:
-    """Digest of plain data, contents of files, functions of modules, and of what is made of them.
+    """Digest of plain data, contents of files and code, and of what is made of them.
 
-    Raises Unnamed: something else, such as a function inside a function, or a file that cannot be read.
+    Code of users is told apart by what it does, see `femseal.store.code`.
+
+    Raises Unnamed: something else, such as an object of C code, or a file that cannot be read.
     """
     state, size = hashlib.blake2b(digest_size=16), 0
+    code = CodeDescription()
 
     def added(data: bytes) -> int:
         nonlocal size
@@ -71,31 +71,25 @@ def digest(value: Any) -> str:
         size += len(data)
         return size
 
-    state.update(json.dumps(described(value, added, _named)).encode())
+    def named(part: Any) -> Any:
+        if isinstance(part, Path):
+            return "file", _digest_of_file(part)
+        return code(part)
+
+    try:
+        state.update(json.dumps(described(value, added, named)).encode())
+    except RecursionError:
+        raise Unnamed("an object that holds itself") from None
     return state.hexdigest()
 
 
-def _named(value: Any) -> Any:
-    """What stands for a value that is no plain data in a digest."""
-    name = getattr(value, "__qualname__", "<")
-    of = getattr(value, "__self__", None)
-    if isinstance(value, Path):
-        try:
-            with value.open("rb") as file:
-                return "file", hashlib.file_digest(file, "sha256").digest()
-        except OSError as error:
-            raise Unnamed(str(error)) from None
-    if isinstance(value, partial):
-        return "partial", value.func, value.args, value.keywords
-    if isinstance(value, tuple | list):
-        return type(value).__qualname__, *value
-    if is_dataclass(value) and not isinstance(value, type):
-        kind = type(value)
-        return kind.__module__, kind.__qualname__, *(getattr(value, f.name) for f in fields(value))
-    # a function of a module or of a class, and not of an object
-    if callable(value) and "<" not in name and (of is None or isinstance(of, type)):
-        return "function", value.__module__, name, getattr(of, "__qualname__", "")
-    raise Unnamed(type(value).__qualname__)
+def _digest_of_file(path: Path) -> bytes:
+    """SHA-256 of the content of a file. Raises Unnamed: it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").digest()
+    except OSError as error:
+        raise Unnamed(str(error)) from None
 
 
 class Store:

@@ -24,7 +24,7 @@ from ..contact.law import ContactLaw
 from ..flow import cell_permeability
 from ..fluids import Fluid, IdealGas, leak_basis
 from ..materials import YOUNG_LIMITS
-from ..named_fluids import ideal_gas_error
+from ..named_fluids import ideal_gas_error, is_nearly_ideal
 from ..seal.tiles import SealTiles
 from ..topography import Topography
 from ..topography.defects import fit_form
@@ -50,8 +50,10 @@ _FEWEST = 8
 _FLATTENING_FRACTION = 0.5
 #: Largest rms slope for which a face is near to a half-space.
 _STEEP = 1.0
-#: Pressure above which a gas is noticeably not ideal [Pa].
-_IDEAL_UP_TO = 20e5
+#: Pressure [Pa] above which every gas is noticeably not ideal, and one up to which gases do not condense at 20 °C.
+_IDEAL_UP_TO, _NO_GAS_CONDENSES_UP_TO = 20e5, 2e5
+#: Relative error of the leakage of an ideal gas at lower pressures that is not worth a warning.
+_IDEAL_WITHIN = 0.05
 #: Groups of waves into which a spectrum is put together, and the part of the mean square slope that is rounding.
 _GROUPS, _ROUNDING = 64, 1e-12
 #: Measured on 100 scenes of `tests/benchmarks/first_answer.py`: up to a contact fraction half of the answers are off by
@@ -236,17 +238,26 @@ def _implausible(scene: Scene) -> Iterator[str]:
 
 
 def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
-    """An ideal gas, that the case gives by a key, at a pressure at which none is, with the error of its leakage."""
-    if not isinstance(fluid, IdealGas) or inlet <= _IDEAL_UP_TO:
+    """Warn of an ideal gas, which the case gives by a key, at pressures at which the real one is not ideal.
+
+    Gases of the table are looked at from 20 bar on, all others from 2 bar on, as many of them condense.
+    """
+    if not isinstance(fluid, IdealGas):
         return
-    error = "an error that is not known, as CoolProp is not installed or does not know the gas"
-    if (found := ideal_gas_error(fluid, inlet, outlet)) is not None:
-        name, value = found
-        error = f"{1 + value:.3g} times the leakage that {name} has by CoolProp"
-    yield (
-        f"{key} is an ideal gas from {to_text(inlet, 'Pa')}, above {to_text(_IDEAL_UP_TO, 'Pa')}, with {error}: "
-        "kind = 'real-gas' with its name takes density and viscosity as they are (pip install 'femseal[fluids]')"
-    )
+    is_high = inlet > _IDEAL_UP_TO
+    if not is_high and (is_nearly_ideal(fluid) or inlet <= _NO_GAS_CONDENSES_UP_TO):
+        return
+    error = ideal_gas_error(fluid, inlet, outlet)
+    ends = f"from {to_text(inlet, 'Pa')} to {to_text(outlet, 'Pa')}"
+    if not isfinite(error.ratio):
+        if is_high or error.name:
+            yield f"the leakage of the ideal gas in {key} {ends} has an unknown error: {error.reason}"
+    elif is_high or abs(error.ratio - 1) > _IDEAL_WITHIN:
+        yield (
+            f"the ideal gas in {key} leaks {error.ratio:.3g} times as much {ends} as {error.name}, which it seems to "
+            f"be, does by CoolProp: kind = 'real-gas' with name = '{error.name}' takes density and viscosity as they "
+            "are"
+        )
 
 
 @dataclass(frozen=True, eq=False)
