@@ -196,7 +196,7 @@ def _is_made_by_dataclass(value: Any) -> bool:
 
 
 def _state(value: Any) -> list[Any]:
-    """Names and values of the fields of a dataclass; of one of a user also what else it holds but for cached results."""
+    """Names and values of the fields of a dataclass; of a user's also of all else but cached results."""
     kind = type(value)
     state = {field.name: getattr(value, field.name) for field in fields(value)}
     if is_known(kind.__module__):

@@ -242,7 +242,7 @@ def test_a_law_without_a_digest_is_equal_to_itself_alone():
     law = module(LAW).Law
     assert law(Plain()) != law(Plain())
     one = law(Plain())
-    assert one == one  # noqa: PLR0124
+    assert one == one
     assert hash(one) == hash(one)
 
 
