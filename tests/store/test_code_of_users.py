@@ -163,7 +163,16 @@ class Plain:
         iter([1]),
         partial(Plain(), 1),
     ],
-    ids=str,
+    ids=[
+        "object",
+        "method of an object",
+        "generator",
+        "numpy.vectorize",
+        "ufunc of a lambda",
+        "method of a string",
+        "iterator",
+        "partial of an object",
+    ],
 )
 def test_what_cannot_be_described_has_no_digest(value):
     for one in (value, lambda: value, {"within": [value]}):
