@@ -9,6 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
+from femseal.case import parse_case
+from femseal.preparation import prepare
 
 example = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "paper_2018.py"))
 CELLS = (4, 4)
@@ -124,3 +126,17 @@ def test_drawn_seals_leak_less_after_the_peak(strip, drawn):
     median = np.median(seals, axis=0)
     assert (median[UNLOADED] > 0).all()
     assert (median[UNLOADED] < median[LOADED]).all()
+
+
+def test_it_is_compared_with_as_many_cells_as_a_case_takes():
+    """A case that does not say how many, of a seal as broad as the face, whose cells stay in order."""
+    data = {
+        "method": "stochastic",
+        "face": {"kind": "self-affine", "points": [256, 256], "size": ["256 um", "256 um"]},
+        "material": {"young": "210 GPa", "poisson": 0.3, "yield_stress": "1.2 GPa"},
+        "load": {"loading": ["50 MPa"]},
+        "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "10 MPa"},
+        "stochastic": {"length": "256 um"},
+    }
+    data["face"] |= {"hurst": 0.8, "rms_slope": 0.2, "roll_off": "100 um"}
+    assert prepare(parse_case(data)).cells == example["OWN_CELLS"]

@@ -111,7 +111,7 @@ def test_an_array_of_heights_gives_a_curve_of_hysteresis(tmp_path, capsys, monke
 
 @pytest.mark.parametrize("block", [1, 2])
 def test_the_form_gives_the_permeability_of_the_cell(tmp_path, capsys, block):
-    # 64 elements of a smooth gap, and 64 of a contact with closed pixels
+    # 64 × 128 elements of a smooth gap, and as many of a contact with closed pixels
     first, second = printed(block, tmp_path, capsys, "m³")
     assert abs(first / second - 1) < (1e-3 if block == 1 else 1e-2)
 
