@@ -27,6 +27,7 @@ from .execution.terminal import (
     flag,
     option,
     print_table,
+    print_text,
     show_progress,
 )
 
@@ -157,6 +158,8 @@ def run(
     if own is not None and not quiet:
         typer.echo(f"part {part}: all parts are done; `{again} --resume` writes the results")
     elif results is not None and not quiet:
+        for text in results.verdict_texts:
+            print_text(text)
         print_table(results.table())
         if results.attempts is not None:
             print_table(results.attempts_table())

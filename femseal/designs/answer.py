@@ -35,21 +35,22 @@ def design(
 ) -> Design:
     """Pressures that a seal needs in assembly and in service, and what changes its leakage most.
 
-    Qmin(L) is the nominal pressure in assembly from which on a fraction of the seals leaks no more than a class L
-    allows, QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them:
-    along the loading, and along the unloading from Q_A; by the upper end of the whole band of error of the run, with
-    what the leakage as computed needs beside. Where loads relax (`relaxation` of the case), also the pressure
-    in assembly from which on the class is kept with what relaxation leaves. Between load steps ln(leakage) is straight
-    in ln(pressure); nothing is extrapolated.
+    Qmin(L) is the nominal pressure in assembly from which on the seal leaks no more than a class L allows,
+    QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them: along the
+    loading, and along the unloading from Q_A; as computed, and with the whole 95 % interval of the run. It is the
+    verdict of the report, see `results.verdict`. What a fraction of the drawn seals needs as computed stands beside:
+    the interval contains their scatter already. Where loads relax (`relaxation` of the case), also the pressure in
+    assembly from which on the class is kept with what relaxation leaves. Between load steps ln(leakage) is straight in
+    ln(pressure); nothing is extrapolated.
 
     Parameters
     ----------
     what : a case or its file, or results or their folder; results are taken as they are, without solving.
     output : folder of the run and of the answer, where complete results of the same case are taken; None writes
-        nothing.
+        nothing, not even into the folder of results that are given.
     classes : leakage classes, or leakages with their unit, see `base.leak_rates`; those of the case unless given,
         else L0.01, L0.1 and L1. The test fluid decides on them where there is one.
-    probability : fraction of the seals that is to keep the class, above 0 and below 1.
+    probability : fraction of the drawn seals of which the pressure is given beside, above 0 and below 1.
     assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; of results
         those that they hold.
     nominal_diameter : [m] or as "50 mm", for the rates of ISO 5208.
@@ -134,14 +135,13 @@ def design(
         probability=probability,
         requirements=needs,
         relaxation=relaxation,
-        sealing=sealing_load(seals, probability),
+        sealing=sealing_load(seals),
         at=place,
         sensitivities=sensitivities(seals, variants, place[1], probability) if known_load else (),
         notes=tuple(notes),
     )
-    folder = results.folder if output is None and case is None else output
-    if folder is not None:
-        answer.write(folder)
+    if output is not None:
+        answer.write(output)
     return answer
 
 
@@ -186,7 +186,7 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
         )
     if results.budget is None:
         notes.append(
-            "without an error budget the pressures are those of the leakage as computed: output.budget = true"
+            "without an error budget the pressures are those of the leakage as computed: set output.budget = true"
         )
     if not seals.steps.unload_from:
         notes.append(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from math import ceil, isfinite, isinf
+from math import ceil, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,10 +40,19 @@ from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset import FILE_NAME
-from ..results.results import Results, loads_as_given
-from ..results.tables import format_leakage, kind_of
+from ..results.results import Results, force_scale, loads_as_given
+from ..results.tables import kind_of
 from ..results.variables import pressures_and_peaks
-from .requirements import ENDS, LoadText, NeededPressure, Requirement, Seals
+from ..results.verdict import (
+    LoadText,
+    NeededPressure,
+    Verdict,
+    short_loads,
+    verdict_table,
+    verdicts_in_words,
+    verdicts_of,
+)
+from .requirements import ENDS, Requirement, Seals
 from .sensitivities import Sensitivity
 
 if TYPE_CHECKING:
@@ -55,9 +64,9 @@ if TYPE_CHECKING:
 class Design(Plotted):
     """What a seal needs, see `design`.
 
-    results : of the run. seals : the leakages that decide. probability : fraction of the seals that keep a class.
-    requirements : Qmin and QSmin of every class. relaxation : fraction of the load in assembly that is lost before
-    service. sealing : load from which on nothing leaks. at : class and nominal
+    results : of the run. seals : the leakages that decide. probability : fraction of the seals of which the pressure
+    is given beside. requirements : Qmin and QSmin of every class. relaxation : fraction of the load in assembly that is
+    lost before service. sealing : load from which on nothing leaks. at : class and nominal
     pressure [Pa] of the sensitivities; NaN where there is none. sensitivities : what changes the leakage.
     notes : what to keep in mind, one line each.
     """
@@ -88,6 +97,11 @@ class Design(Plotted):
             if pressure[0] <= (third := np.log(peak / 3)) + 1e-9:
                 found[peak] = 2 / 3 * peak / (np.interp(third, pressure, gap) - gap[-1])
         return found
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Whether each class is met and from which load on: the verdict of the report."""
+        return verdicts_of(self.results, [(need.name, need.limit) for need in self.requirements])
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
@@ -146,18 +160,24 @@ class Design(Plotted):
 
 @shows(Design)
 def design_figure(answer: Design) -> Figure:
-    """Leakage that a fraction of the seals does not exceed over nominal pressure: limits of classes, Qmin, QSmin."""
+    """Leakage with its interval over the load of the case: limits of classes, Qmin, QSmin."""
     unit, scale = answer.leak_scale
     seals = answer.seals
-    many = seals.count > 1
-    low, high = (seals.curve_of(end) for end in ENDS)
+    curve = seals.curve
+    band, band_name = None, "95 % interval"
+    if curve.has_interval:
+        band = curve.lower, curve.upper
+    elif seals.count > 1:
+        band = seals.curve_of(ENDS[0]), seals.curve_of(ENDS[1])
+        band_name = f"{100 * ENDS[0]:g} – {100 * ENDS[1]:g} % of the seals"
     curves = LeakageCurves(
         *pressures_and_peaks(seals.steps),
-        seals.curve_of(answer.probability),
+        np.where(np.isfinite(curve.leakage), curve.leakage, np.nan),
         "",
-        band=(low, high) if many else None,
-        band_name=f"{100 * ENDS[0]:g} – {100 * ENDS[1]:g} % of the seals",
+        band=band,
+        band_name=band_name,
         scale=(scale, f"{kind_of(unit)} [{unit.name}]"),
+        force=force_scale(answer.results.dataset),
     )
     below = LEGEND_LINE * ceil((len(seals.steps.unload_from) + 6) / 2)
     sheet = Sheet([4.4 + below])
@@ -170,12 +190,15 @@ def design_figure(answer: Design) -> Figure:
     axes.set_ylim(min([least, *(x / 2 for x in near)]), max([most, *(2 * x for x in near)]))
     decades(axes.yaxis)
     limit_lines(axes, limits)
-    legend_below(sheet.figure, handles + _marks(axes, answer, scale))
+    legend_below(sheet.figure, handles + _marks(axes, answer, scale, curves.load_scale[1]))
     return sheet.figure
 
 
-def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
-    """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend."""
+def _marks(axes: Axes, answer: Design, scale: float, load_factor: float) -> list[Any]:
+    """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend.
+
+    scale : leakage that is 1 on the axis. load_factor : load on the axis at a nominal pressure of 1 Pa.
+    """
     from matplotlib.lines import Line2D
 
     # branches are drawn from the highest peak
@@ -185,8 +208,9 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
         for peak, needed in [(None, need.assembly), *need.service.items()]:
             if not np.isfinite(needed.at) or not need.limit > 0:
                 continue
-            x, y, colour = needed.at / 1e6, need.limit / scale, looks[peak]["color"]
-            ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.value)]
+            x, y = load_factor * needed.at, need.limit / scale
+            colour = looks[peak]["color"]
+            ends = [load_factor * needed.bound(end) for end in (needed.low, needed.value)]
             marker, above = ("v", 7) if peak is None else ("^", -15)
             axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, zorder=4)
             axes.plot(x, y, color=colour, marker=marker, ms=9, mec="black", zorder=5)
@@ -196,7 +220,7 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
         Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=f"{name} as computed")
         for marker, name in (("v", "Qmin"), ("^", "QSmin"))
     ]
-    band = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error")
+    band = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="up to the whole 95 % interval")
     return [*handles, band]
 
 
@@ -205,30 +229,31 @@ TABLE_FILE = "design.csv"
 
 def sheet_tables(answer: Design) -> list[TextTable]:
     """A line for each class, with Qmin and with QSmin by the pressure in assembly; and what changes them most."""
-    unit, scale = answer.leak_scale
-    needs, peaks, shown = answer.requirements, answer.seals.steps.unload_from, answer.load_text
-    columns = [
-        ("class L", [need.name for need in needs]),
-        (f"limit [{unit.name}]", [format_leakage(need.limit, scale) for need in needs]),
-        ("Qmin(L)", [need.assembly.text(shown) for need in needs]),
-    ]
+    needs, peaks = answer.requirements, answer.seals.steps.unload_from
+    shown = short_loads(answer.results)
+    more: list[tuple[str, list[str]]] = []
+    if answer.seals.count > 1:
+        texts = [need.of_seals.words(need.of_seals.value, shown) for need in needs]
+        more.append(
+            (f"Qmin(L) of {100 * answer.probability:.4g} % of the seals, as computed", texts)
+        )
     lost = answer.relaxation
     if lost:
         texts = [need.relaxed.text(shown) if need.relaxed else "" for need in needs]
-        columns.append((f"Qmin(L), {100 * lost:.3g} % relaxation", texts))
-    for q in peaks:
-        left = relaxed(q, lost) if lost else None
-        head = f"QSmin(L), Q_A = {shown(q)}"
-        columns.append((head, [_service_text(need.service[q], left, shown) for need in needs]))
-    tables = [
-        TextTable.of_columns(
-            "Pressure in assembly (Qmin) and in service (QSmin)", columns, names=len(columns)
-        )
-    ]
+        more.append((f"Qmin(L), {100 * lost:.3g} % relaxation", texts))
+    for q in peaks if lost else ():
+        left = relaxed(q, lost)
+        is_enough = [need.service[q].value <= left for need in needs]
+        head = f"{shown(left)}, which relaxation leaves of {shown(q)}"
+        more.append((head, ["enough" if one else "too low" for one in is_enough]))
+    table = verdict_table(
+        answer.results, answer.verdicts, more, names=("Qmin(L)", "QSmin(L), Q_A = {}")
+    )
+    tables = [replace(table, title="Load in assembly (Qmin) and in service (QSmin)")]
     if answer.sensitivities:
         found = answer.sensitivities
         name, load = answer.at
-        place = f"at {shown(load)} on loading{name and f', Qmin of {name}'}"
+        place = f"at {answer.load_text(load)} on loading{name and f', Qmin of {name}'}"
         columns = [
             ("quantity x", [one.quantity for one in found]),
             ("d ln L / d ln x", [_slope_text(one.leakage) for one in found]),
@@ -244,18 +269,8 @@ def _slope_text(slope: float) -> str:
     return f"{slope:+.2f}" if isfinite(slope) else "–"
 
 
-def _service_text(needed: NeededPressure, left: float | None, shown: LoadText) -> str:
-    """QSmin, and whether the pressure that relaxation leaves [Pa] is enough."""
-    if isinf(needed.value):
-        return "not met at Q_A"
-    text = needed.text(shown)
-    if left is None:
-        return text
-    return f"{text}; {shown(left)} is {'enough' if needed.value <= left else 'too low'}"
-
-
 def sheet_sentences(answer: Design) -> list[str]:
-    """What the tables are of, the sealing load, and what to keep in mind."""
+    """The verdict on each class, what the tables are of, the sealing load, and what to keep in mind."""
     data, count = answer.results.dataset, answer.seals.count
     prefix = "test_" if "test_leakage" in data else ""
     ends = " to ".join(
@@ -263,18 +278,19 @@ def sheet_sentences(answer: Design) -> list[str]:
     )
     fluid = f"{data.attrs[f'{prefix}fluid']}, from {ends}"
     width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
-    found = [f"A seal {width} wide and {length} long; {fluid}."]
+    shown = answer.load_text
+    found = [" ".join(one) for one in verdicts_in_words(answer.verdicts, shown)]
+    found.append(f"A seal {width} wide and {length} long; {fluid}.")
+    found.append(
+        "Qmin is the load in assembly from which on a class is met, QSmin that down to which it is kept after an "
+        "assembly at Q_A."
+    )
     if count > 1:
         found.append(
-            f"Qmin and QSmin are nominal pressures that keep {answer.probability:.4g} of {count} seals in the class."
+            f"They are those of the median of {count} seals; the interval holds their scatter. What "
+            f"{100 * answer.probability:.4g} % of them need as computed stands beside."
         )
-    if answer.results.budget is not None:
-        found.append(
-            "They are those of the upper end of the whole band of error, which holds the leakage with 95 %; in "
-            "brackets what the leakage as computed needs."
-        )
-    shown = answer.load_text
-    found.append(f"The load that seals without leakage: {answer.sealing.text(shown)}.")
+    found.append(f"It seals without any leakage {answer.sealing.text(shown)}.")
     for peak, stiffness in answer.stiffness.items():
         found.append(
             f"From Q_A = {shown(peak)} to a third of it the faces part with {stiffness / 1e12:.3g} MPa/µm. Times the "
@@ -293,6 +309,9 @@ def rows(answer: Design) -> list[dict[str, Any]]:
     pressures: list[tuple[str, str, float | None, NeededPressure]] = []
     for need in answer.requirements:
         pressures.append(("Qmin [Pa]", need.name, None, need.assembly))
+        if answer.seals.count > 1:
+            figure = f"Qmin of {100 * answer.probability:.4g} % of the seals [Pa]"
+            pressures.append((figure, need.name, None, need.of_seals))
         if need.relaxed is not None:
             pressures.append(("Qmin with relaxation [Pa]", need.name, None, need.relaxed))
         pressures += [("QSmin [Pa]", need.name, *pair) for pair in need.service.items()]

@@ -50,6 +50,13 @@ def print_table(table: Any) -> None:
     Console(width=None if sys.stdout.isatty() else 160).print(table)
 
 
+def print_text(text: str) -> None:
+    """Print a text of some sentences, broken at the width of a terminal."""
+    from rich.markup import escape
+
+    print_table(escape(text))
+
+
 @contextmanager
 def show_progress(quiet: bool, log_file: Path | None = None) -> Iterator[Progress]:
     """Bars on a terminal, log lines elsewhere; nothing if quiet.

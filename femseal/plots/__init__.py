@@ -6,7 +6,7 @@ a run. matplotlib is loaded when something is drawn.
 
 from .drawing import picture, png, shown
 from .heights import heights_figure, survey_figure
-from .leakage_curves import leakage_figure, pieces_figure
+from .leakage_curves import leak_test_figure, leakage_figure, pieces_figure
 from .maps import (
     contact_figure,
     cycle_figure,

@@ -12,8 +12,9 @@ from ..base import Array, Flags, Indices, InputError
 from ..base.leak_units import leakage_unit
 from ..flow.law import cubic_law
 from ..results.results import METHODS, Results, branches, force_scale
-from ..results.tables import leakage_of
+from ..results.tables import class_unit, kind_of, leakage_of
 from ..results.variables import pressures_and_peaks
+from ..results.verdict import LeakageCurve, deciding_fluid
 from ..studies import BlocksResult, FaceResult, StochasticResult
 from .drawing import (
     GREY,
@@ -40,6 +41,8 @@ _BEYOND = 10.0
 _NAME_HEIGHT, _STRIP = 0.042, 0.08
 #: Studies drawn as single markers beside the main curve.
 _SINGLE = {"two-scale": ("D", 7), "deterministic": ("x", 5), "blocks": ("s", 6)}
+#: The interval of an error budget.
+_INTERVAL = "95 % interval"
 #: The unit in axes of the user, which several results share.
 _COMMON = (1.0, "leakage per length of seal [m²/s]")
 
@@ -78,6 +81,14 @@ class LeakageCurves:
         return [loading, *unloadings]
 
     @property
+    def load_scale(self) -> tuple[str, float]:
+        """Name of the axis of loads, and the load on it at a nominal pressure of 1 Pa."""
+        if self.force is None:
+            return "nominal pressure [MPa]", 1e-6
+        unit, factor = self.force
+        return f"force [{unit}]", factor
+
+    @property
     def range(self) -> Array:
         """Sizes of all leakages [m²/s], and the ends of their band that are not far from them."""
         drawn = np.abs(np.concatenate([self.leakage, *self.others.values()]))
@@ -100,9 +111,7 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
 
     before = len(axes.get_legend_handles_labels()[0])
     factor, name = curves.scale
-    load_name, load_factor = "nominal pressure [MPa]", 1e-6
-    if curves.force is not None:
-        load_name, load_factor = f"force [{curves.force[0]}]", curves.force[1]
+    load_name, load_factor = curves.load_scale
     parts = curves.branches
     inside = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
     leakage_axis(axes, np.concatenate([curves.range / factor, *inside]))
@@ -234,7 +243,7 @@ def realisations_figure(
 def leakage_figure(results: Results, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Size of the leakage against load, in the forces of the case if it has any; sealed loads stand in a strip below.
 
-    Shaded: the 95 % band of error, or without one the redraws of the measured patch.
+    Shaded: the 95 % interval, or without one the redraws of the measured patch.
     `label` names the run in the legend; several runs are drawn together into one `ax`, over nominal pressure.
     """
     return _curves_figure(leakage_curves(results), ax, label)
@@ -243,7 +252,7 @@ def leakage_figure(results: Results, ax: Axes | None = None, label: str | None =
 def leakage_curves(results: Results) -> LeakageCurves:
     """All leakages of a run, as they are drawn."""
     data, budget = results.dataset, results.budget
-    band, band_name = None, "95 % band of error"
+    band, band_name = None, _INTERVAL
     if budget is not None:
         band = budget.lower, budget.upper
     elif "leakage_lower" in data:
@@ -262,7 +271,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         pressure=data["nominal_pressure"].values,
         peaks=data["unloaded_from"].values,
         leakage=results.leakage.values,
-        title="median of the drawn seals" if results.method == "median" else results.method,
+        title=_title(results),
         band=band,
         band_name=band_name,
         others=others,
@@ -270,6 +279,40 @@ def leakage_curves(results: Results) -> LeakageCurves:
         scale=_scale(results),
         force=force_scale(data),
     )
+
+
+def leak_test_figure(results: Results) -> Figure:
+    """Size of the leakage of the test fluid against load with its interval, and the limits of the classes.
+
+    Raises InputError: results without a test fluid.
+    """
+    data = results.dataset
+    if "test_leakage" not in data:
+        raise InputError(
+            "leak test figure", "results without a test fluid", "those of a case with it"
+        )
+    curve, unit, basis = LeakageCurve.of_results(results), class_unit(results), results.class_basis
+    is_known = ~results.has_failed
+    name = f"{kind_of(unit)} [{unit.name}]\ntest with {deciding_fluid(results)}"
+    limits = {}
+    if "leak_class" in data.coords:
+        limits = dict(zip(data["leak_class"].values, data["class_limit"].values, strict=True))
+    curves = LeakageCurves(
+        pressure=data["nominal_pressure"].values,
+        peaks=data["unloaded_from"].values,
+        leakage=np.where(is_known, results.class_leakage[0], np.nan),
+        title=_title(results),
+        band=(curve.lower, np.where(is_known, curve.upper, np.nan)) if curve.has_interval else None,
+        band_name=_INTERVAL,
+        limits=limits,
+        scale=(basis.factor(unit), name),
+        force=force_scale(data),
+    )
+    return _curves_figure(curves, None, None)
+
+
+def _title(results: Results) -> str:
+    return "median of the drawn seals" if results.method == "median" else results.method
 
 
 def _redraws(low: float, high: float) -> str:

@@ -29,7 +29,7 @@ from ..base import (
     write_text,
     writing,
 )
-from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
+from ..plots import heights_figure, leak_test_figure, leakage_figure, pieces_figure, seal_figure
 from ..plots.drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, lying, map_row, png
 from ..plots.heights import height_panel
 from ..plots.maps import (
@@ -42,8 +42,9 @@ from ..plots.maps import (
     sides,
 )
 from ..results.dataset import FILE_NAME, open_results, unfit
-from ..results.results import Results, load_names
+from ..results.results import Results, load_names, loads_as_given
 from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
+from ..results.verdict import verdicts_in_words
 from ..topography import Topography
 from . import report_tables
 from .report_tables import design_section, png_uri
@@ -93,6 +94,7 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
         "drawn": (maps and drawn_seal, lambda: drawn_figure(data, s)),
         "pieces": ("piece_k1" in data or "state_k1" in data, lambda: pieces_figure(results)),
         "leakage": (True, lambda: leakage_figure(results)),
+        "test": ("test_leakage" in data, lambda: leak_test_figure(results)),
         "face": ("face_height" in data, lambda: _face_figure(data)),
         "seat": (
             bool(data.attrs.get("seat")) and "row_pressure" in data,
@@ -194,6 +196,7 @@ def report_html(results: Results, drawings: Drawings | None = None) -> str:
         load_names=load_names(data),
         load=load_names(data)[s],
         basis=results.leak_basis,
+        verdicts=verdicts_in_words(results.verdicts, loads_as_given(data, 3)),
         key_numbers=report_tables.key_numbers(results),
         flows=np.nan_to_num(face_leakage(data)[s]) != 0,
         half_drop=_half_drop(data, s),

@@ -13,91 +13,58 @@ from typing import Any
 import numpy as np
 
 from ..base import TextTable, format_deviation, read_plain
-from ..base.leak_rates import leak_classes, within
 from ..base.leak_units import LEAK_UNITS
 from ..budget import ErrorPart
 from ..loads import first_known, least_counted
-from ..results.results import Results, branches_in, load_names, loads_as_given
-from ..results.tables import class_unit, format_error_band, format_leakage, leakage_texts
+from ..results.results import Results, load_names
+from ..results.tables import class_unit, format_error_band, format_leakage, with_leak_unit
+from ..results.verdict import LeakageCurve, deciding_fluid, verdict_table
 
 
 def key_numbers(results: Results) -> list[tuple[str, str, str]]:
-    """Leakage of the whole seal at the highest and the first load and after the last unloading: label, value, note."""
-    leakage, basis, budget = results.leakage.values, results.leak_basis, results.budget
-    names = load_names(results.dataset)
+    """Leakage of the whole seal at the assembly load, the first one and the last: label, value and interval.
+
+    It is that of the fluid that decides on classes, the test fluid where there is one, in one unit.
+    """
+    curve, basis = LeakageCurve.of_results(results), results.class_basis
+    leakage, names = results.class_leakage[0], load_names(results.dataset)
+    steps = list(dict.fromkeys((curve.assembly_step, 0, len(names) - 1)))
+    unit = results.asked_unit
+    if unit is None or unit.per_length or not basis.has(unit):
+        shown = np.r_[leakage[steps], curve.upper[steps]]
+        unit = basis.readable(shown[np.isfinite(shown)])
+    factor = basis.factor(unit)
+    of = (
+        f"test with {deciding_fluid(results)}"
+        if "test_leakage" in results.dataset
+        else "whole seal"
+    )
     numbers = []
-    for s in dict.fromkeys((results.peak, 0, len(names) - 1)):
-        unit = results.asked_unit
-        if unit is None or unit.per_length or not basis.has(unit):
-            unit = basis.readable([leakage[s]])
-        factor, note = basis.factor(unit), ""
-        value = leakage_texts(results, factor)[s]
-        value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
-        if budget is not None:
-            ends = budget.lower[s], budget.upper[s]
-            note = f"95 % band of error {format_error_band(*ends, factor, leakage[s])}"
-        numbers.append((f"whole seal, {names[s]}", value, note))
+    for s in steps:
+        value = with_leak_unit(format_leakage(leakage[s], factor), unit)
+        if s in results.open_steps:
+            value = "open"
+        elif results.has_failed[s]:
+            value = "failed"
+        note = ""
+        if curve.has_interval and np.isfinite(curve.leakage[s]):
+            ends = format_error_band(curve.lower[s], curve.upper[s], factor, leakage[s])
+            note = f"95 % interval {with_leak_unit(ends, unit)}"
+        numbers.append((f"{of}, {names[s]}", value, note))
     return numbers
 
 
 def class_table(results: Results) -> TextTable | None:
-    """Each class, its limit, from which load on it is met, down to which it is kept in service; None without classes.
-
-    Loads are load steps. Where the leakage that decides has a band of error, also from which load on all of it is met.
-    """
-    data = results.dataset
-    if "leak_class" not in data.coords:
-        return None
-    limits, met = data["class_limit"].values, data["class_met"].values
-    names = data["leak_class"].values.tolist()
-    units, factor = [LEAK_UNITS[c.unit] for c in leak_classes(names)], results.class_basis.factor
-    texts = [
-        f"{format_leakage(limit, factor(unit))} {unit.name}" if limit else "no leakage"
-        for limit, unit in zip(limits, units, strict=True)
-    ]
-    columns = [("class", names), ("limit", texts)]
-    text = loads_as_given(data)
-    # the force alone where the case has forces
-    short = [text(p).partition(" (")[0] for p in data["nominal_pressure"].values]
-    seal = "the median seal" if results.method == "median" else "the seal"
-    for n, (_, steps) in enumerate(branches_in(data)):
-        loads = [short[s] for s in steps]
-        if n == 0 and results.budget is not None:
-            upper = results.class_upper[steps]
-            sure = [within(upper, limit) for limit in limits]
-            columns.append(("met with the whole band", [_met_text(loads, each) for each in sure]))
-        if n == 0:
-            columns.append((f"met by {seal}", [_met_text(loads, each[steps]) for each in met]))
-        else:
-            head = f"in service, unloading from {loads[0]}"
-            columns.append((head, [_kept_text(loads, each[steps]) for each in met]))
-    fluid = "the test fluid" if "test_leakage" in data else "the fluid"
-    title = f"Leakage classes at the load steps, decided by {fluid}"
-    return TextTable.of_columns(title, columns, names=len(columns))
-
-
-def _met_text(loads: list[str], met: np.ndarray) -> str:
-    """From which load on a class is met; "open" where the leakage at the highest may be any."""
-    if np.isnan(met[-1]):
-        return "open"
-    if (met == 1).all():
-        return "at every load step"
-    good = len(met) - np.argmin(met[::-1] == 1)
-    return "at no load step" if good == len(met) else f"from {loads[good]}"
-
-
-def _kept_text(loads: list[str], met: np.ndarray) -> str:
-    """Down to which load a class is kept; "open" where the leakage at the peak may be any."""
-    if np.isnan(met[0]):
-        return "open"
-    good = np.argmin(met == 1) if not (met == 1).all() else len(met)
-    return "not even at the peak" if good == 0 else f"kept down to {loads[good - 1]}"
+    """Each class, from which load on it is met, down to which it is kept in service; None without classes."""
+    verdicts = results.verdicts
+    return verdict_table(results, verdicts) if verdicts else None
 
 
 def test_fluid(results: Results) -> dict[str, Any] | None:
-    """Leakage of the test fluid at the highest load, and how many times as much leaks in service; None without one.
+    """Leakage of the test fluid at the assembly load, and how many times as much leaks in service; None without one.
 
-    The ratio is of pressure × volume where both are gases, else of volumes; 0 where neither leaks.
+    The ratio is of pressure × volume where both are gases, else of volumes, over the loads at which both leak; 0 where
+    there are none.
     """
     data = results.dataset
     if "test_leakage" not in data:
@@ -107,11 +74,15 @@ def test_fluid(results: Results) -> dict[str, Any] | None:
     gases = basis.is_gas and results.leak_basis.is_gas
     common = LEAK_UNITS["Pa·m³/s" if gases else "m³/s"]
     scale = basis.factor(common) / results.leak_basis.factor(common)
-    known = np.isfinite(own) & np.isfinite(test) & (test != 0)
+    both = np.isfinite(own) & np.isfinite(test) & (own != 0) & (test != 0)
+    step = LeakageCurve.of_results(results).assembly_step
+    text = format_leakage(test[step], basis.factor(unit))
     return {
-        "leakage": f"{format_leakage(test[results.peak], basis.factor(unit))} {unit.name}",
+        "name": deciding_fluid(results),
+        "load": load_names(data)[step],
+        "leakage": with_leak_unit(text, unit),
         "gases": gases,
-        "ratio": scale * np.median(own[known] / test[known]) if known.any() else 0.0,
+        "ratio": scale * np.median(own[both] / test[both]) if both.any() else 0.0,
     }
 
 

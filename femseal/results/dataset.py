@@ -185,8 +185,13 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
                 f"the leakage at {load_names(data)[vague[0]]}{more} is not known within a factor of {VAGUE:g}; "
                 f"the widest source of error there is: {budget.limiting(vague[0])}"
             )
-    wanted, leakage = leak_classes(facts.classes), results.class_leakage
-    later += add_classes(data, wanted, results.class_basis, facts.nominal_diameter, *leakage, upper)
+    wanted = leak_classes(facts.classes)
+    best, several = results.class_leakage
+    # a load at which the solution of either fluid failed meets no class
+    best = np.where(results.has_failed, np.nan, best)
+    later += add_classes(
+        data, wanted, results.class_basis, facts.nominal_diameter, best, several, upper
+    )
     if later:
         data.attrs["warnings"] = _json([*results.warnings, *later])
     return results

@@ -13,6 +13,7 @@ import numpy as np
 from ..base import (
     AnyPath,
     Array,
+    Flags,
     Indices,
     InputError,
     Plotted,
@@ -115,19 +116,47 @@ class Results(Plotted):
         return best, several
 
     @property
-    def class_upper(self) -> Array:
-        """Upper end of the band of error of that leakage (step,) [m²/s]: inf where it is not known.
+    def has_failed(self) -> Flags:
+        """Whether the leakage of the fluid, or of the test fluid, was not found at a step (step,)."""
+        failed = np.isnan(self.leakage.values) | np.isnan(self.class_leakage[0])
+        failed[self.open_steps] = False
+        return failed
 
-        The band is that of the fluid of the run; it reaches as far, as a factor, for a test fluid.
+    @property
+    def class_interval(self) -> tuple[Array, Array] | None:
+        """Lower and upper end of the 95 % interval of that leakage (step,) [m²/s], NaN where one is not known.
+
+        It is that of the fluid of the run, and reaches as far, as a factor, for a test fluid. Where nothing leaks, the
+        factor is the largest of all steps. None without an error budget.
         """
-        best = np.abs(self.class_leakage[0])
-        if (budget := self.budget) is None:
-            return np.full_like(best, np.inf)
-        own = np.abs(budget.leakage)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(own > 0, best / own, np.nan)
-        largest = np.nan_to_num(ratio).max(initial=0.0) or 1.0
-        return np.nan_to_num(np.where(own > 0, ratio, largest) * budget.upper, nan=np.inf)
+        budget = self.budget
+        if budget is None:
+            return None
+        own, best = np.abs(budget.leakage), np.abs(self.class_leakage[0])
+        leaks = (own > 0) & (best > 0)
+        ratio = np.divide(best, own, out=np.zeros_like(best), where=leaks)
+        largest = ratio.max(initial=0.0) or 1.0
+        factor = np.where(leaks, ratio, largest)
+        return factor * budget.lower, factor * budget.upper
+
+    @property
+    def class_upper(self) -> Array:
+        """Upper end of that interval (step,) [m²/s]: inf where it is not known."""
+        if (interval := self.class_interval) is None:
+            return np.full(len(self.steps), np.inf)
+        return np.nan_to_num(interval[1], nan=np.inf)
+
+    @property
+    def verdicts(self) -> tuple[Any, ...]:
+        """Whether the leakage classes of the case are met and from which load on, see `verdict.Verdict`."""
+        return tuple(room("results").verdicts_of(self))
+
+    @property
+    def verdict_texts(self) -> list[str]:
+        """The verdicts in words, a text for each class; [] without classes."""
+        shown = loads_as_given(self.dataset, 3)
+        sentences = room("results").verdicts_in_words(self.verdicts, shown)
+        return [" ".join(one) for one in sentences]
 
     @property
     def classes(self) -> list[str]:

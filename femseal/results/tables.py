@@ -191,6 +191,18 @@ def format_error_band(low: float, high: float, factor: float, leakage: float) ->
     return below if low == high == 0 else _joined(below, above)
 
 
+def with_leak_unit(text: str, unit: LeakUnit) -> str:
+    """A leakage or an interval as text with its unit, which words such as "sealed" do not have.
+
+    >>> [with_leak_unit(text, LEAK_UNITS["mL/h"]) for text in ("0.1–2", "sealed–2", "sealed", "≈0 to > 1000 times")]
+    ['0.1–2 mL/h', 'sealed–2 mL/h', 'sealed', '≈0 to > 1000 times']
+    """
+    # the last word is a number, or "more" than one
+    end = text.removesuffix(" or more")
+    is_number = end[-1:].isdigit()  # also one above, of a power of ten
+    return f"{end} {unit.name}{text[len(end) :]}" if is_number else text
+
+
 def attempt_sentences(found: dict[str, Any]) -> list[str]:
     """Whether the accuracy is met, what limits it, and what half the error takes."""
     wanted, error = format_deviation(log1p(found["wanted"])), _half_width(found)
@@ -275,6 +287,8 @@ def contents(run: Results) -> dict[str, str]:
         "leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})",
         "load": cycle_text(steps),
     }
+    for name, text in zip(run.verdicts, run.verdict_texts, strict=True):
+        found[f"class {name.name}"] = text
     if stored := stored_steps(run):
         found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
     for name, texts in (("warnings", run.warnings), ("failures", run.failures)):

@@ -368,9 +368,10 @@ def add_classes(
     if upper is not None:
         met[:, (leakage == 0) & ~np.isfinite(upper)] = np.nan
         fraction[:, (realisations == 0).any(axis=0) & ~np.isfinite(upper)] = np.nan
-    text = "1 where the leakage given meets the class, 0 where not, NaN: open"
+    fraction[:, np.isnan(leakage)] = np.nan
+    text = "1 where the leakage given meets the class, 0 where not or failed, NaN: open"
     add_new(data, "class_met", "1", text, met, LEAK_CLASS)
-    text = "fraction of the realisations that meet the class, NaN: open"
+    text = "fraction of the realisations that meet the class, NaN: open or failed"
     add_new(data, "class_fraction", "1", text, fraction, LEAK_CLASS)
     return _doubts(classes, basis.length, diameter)
 
@@ -393,14 +394,24 @@ def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None)
 
 
 def tightest_classes(data: xarray.Dataset) -> list[str]:
-    """The tightest class of each family that is met, at every step; "none", or "open": unknown; [] without classes."""
+    """The tightest class of each family that is met, at every step; "none", "open" or "failed"; [] without classes.
+
+    Open is a step that is computed as sealed, and may leak any amount by its error budget.
+    """
     if "leak_class" not in data.coords:
         return []
     classes = leak_classes(data["leak_class"].values.tolist())
     # the tightest of a family last
     order = np.argsort(data["class_limit"].values, kind="stable")[::-1]
     lines = []
-    for met in data["class_met"].values.T:
+    for met, fraction in zip(
+        data["class_met"].values.T, data["class_fraction"].values.T, strict=True
+    ):
         best = {classes[n].family or classes[n].name: classes[n].name for n in order if met[n]}
-        lines.append("open" if np.isnan(met).any() else ", ".join(best.values()) or "none")
+        if np.isnan(met).any():
+            lines.append("open")
+        elif np.isnan(fraction).all():
+            lines.append("failed")
+        else:
+            lines.append(", ".join(best.values()) or "none")
     return lines

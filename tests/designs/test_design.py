@@ -2,7 +2,6 @@
 
 import csv
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from femseal.designs.requirements import Seals, requirement, sealing_load
 from femseal.designs.sensitivities import Variants, level_at, sensitivities, slope_at
 from femseal.loads import LoadProgramme
 from femseal.results import assemble
+from femseal.results.verdict import LeakageCurve
 
 STEPS = LoadProgramme.of(
     [1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7]
@@ -42,8 +42,8 @@ AMPLITUDES = np.exp(np.random.default_rng(3).normal(0, 0.3, 60)) * 1e12
 MEAN, LIMIT = 1e12, 1e12 * 2e8**-FALL
 
 
-def seals_of(leakage=None, steps=STEPS, *bands):
-    return Seals.of(steps, power_law(AMPLITUDES) if leakage is None else leakage, *bands)
+def seals_of(leakage=None, steps=STEPS, interval=None):
+    return Seals.of(steps, power_law(AMPLITUDES) if leakage is None else leakage, interval)
 
 
 def test_pressures_of_power_laws_are_exact():
@@ -57,54 +57,78 @@ def test_pressures_of_power_laws_are_exact():
 
 
 def test_a_share_of_the_seals_keeps_the_class():
-    """At Qmin the share of seals in the class is at least the probability, and just below it is not."""
-    need = requirement(seals_of(), "L", LIMIT, 0.9)
-    for needed, leak in (
-        (need.assembly, lambda p: AMPLITUDES * p**-FALL),
-        (need.service[4e8], lambda p: AMPLITUDES * 4e8**-FALL * (p / 4e8) ** -RISE),
+    """At its pressure the share of seals in the class is at least the probability, and just below it is not."""
+    for peak, leak in (
+        (None, lambda p: AMPLITUDES * p**-FALL),
+        (4e8, lambda p: AMPLITUDES * 4e8**-FALL * (p / 4e8) ** -RISE),
     ):
+        needed = seals_of().needed_by(0.9, LIMIT, peak)
         assert np.mean(leak(needed.value * 1.000001) <= LIMIT) >= 0.9
         assert np.mean(leak(needed.value * 0.999999) <= LIMIT) < 0.9
         assert needed.relation == "="
         assert needed.low == needed.value == needed.computed
+    need = requirement(seals_of(), "L", LIMIT, 0.9)
+    assert need.of_seals == seals_of().needed_by(0.9, LIMIT)
+    # as computed it is the median seal
+    middle = np.sort(AMPLITUDES)[(len(AMPLITUDES) - 1) // 2]
+    assert_allclose(need.assembly.computed, (middle / LIMIT) ** (1 / FALL))
 
 
-def test_the_whole_band_of_error_decides():
-    """A band that is a factor f wide on both sides moves Qmin by f to the power of 1/3."""
-    alike = power_law(np.full(3, MEAN))
+def test_the_whole_interval_decides():
+    """An interval that is a factor f wide on both sides moves Qmin by f to the power of 1/3."""
+    median = power_law([MEAN])[0]
 
-    def needed(low, high):
-        return requirement(seals_of(alike, STEPS, low, high), "L", LIMIT, 0.9).assembly
+    def needed(low, high, scatter=1.0):
+        seals = MEAN * np.array([1 / scatter, 1.0, scatter])
+        interval = low * median, high * median
+        return requirement(seals_of(power_law(seals), STEPS, interval), "L", LIMIT, 0.9).assembly
 
     known, vague = needed(1 / 1.3, 1.3), needed(0.0, 1e6)
     found = np.array([known.low, known.computed, known.value]) / 2e8
     assert_allclose(found, np.array([1 / 1.3, 1, 1.3]) ** (1 / FALL))
-    assert known.text(pascals) == "218 MPa (as computed: 200 MPa)"
+    assert known.text(pascals) == "from 218 MPa on (as computed: from 200 MPa on)"
     assert (vague.low, vague.value, vague.relation) == (0.0, np.inf, ">")
-    # what is sealed leaks what its band allows
-    sealed = alike * (STEPS.pressures < 1e8)
-    wide = seals_of(sealed, STEPS, 1.0, 1.0, np.where(STEPS.pressures == 1e8, 1e-3, 0.0))
-    as_computed, at_most = (
-        seals.needed(LIMIT)[0] for seals in (wide, replace(wide, leakage=wide.upper))
-    )
-    assert as_computed < at_most
+    # it holds the scatter of the seals already
+    assert needed(1 / 1.3, 1.3, scatter=5.0) == known
+    # what is sealed leaks what its interval allows
+    sealed = np.where(STEPS.pressures < 1e8, median, 0.0)
+    upper = np.where(STEPS.pressures == 1e8, 10 * LIMIT, sealed)
+    wide = requirement(seals_of(sealed[None], STEPS, (sealed, upper)), "L", LIMIT, 0.9).assembly
+    assert wide.computed < wide.value
 
 
 def test_what_keeps_a_class_keeps_it_at_higher_loads():
-    """Bands of a test fluid are those of the run by their factor, which may rise faster than the leakage falls."""
+    """Intervals of a test fluid are those of the run by their factor, which may rise faster than the leakage falls."""
     leakage, limit = power_law([1e12]), 1e12 * 2e8**-FALL
-    factor = np.where(STEPS.pressures > 5e8, 10 * limit / leakage, 1.0)
-    seals = Seals.of(STEPS, leakage, 1.0, factor)
-    assert requirement(seals, "L", limit, 0.5).assembly.text(pascals) == "200 MPa"
+    upper = np.where(STEPS.pressures > 5e8, 10 * limit, leakage[0])
+    seals = Seals.of(STEPS, leakage, (leakage[0], upper))
+    assert requirement(seals, "L", limit, 0.5).assembly.text(pascals) == "from 200 MPa on"
+
+
+def test_a_load_that_failed_is_not_met_and_tells_nothing_of_others():
+    """The interval at 900 MPa is no wider than at 400 MPa, whether or not the solution failed at 30 MPa."""
+    leakage = power_law([1e12])[0]
+    upper = np.where(STEPS.pressures > 5e8, 1.0, 1.3) * leakage
+    upper[STEPS.on_loading & (STEPS.pressures > 5e8)] = 1.0
+    failed = np.where(STEPS.on_loading & (STEPS.pressures == 3e7), np.nan, leakage)
+    limit = leakage[0]
+    for known, expected in ((leakage, "from 10.9 MPa on"), (failed, "from 100 MPa on")):
+        needed = LeakageCurve.of(STEPS, known, (known, np.where(known > 0, upper, np.nan)))
+        assert needed.needed(limit).text(pascals).startswith(expected)
 
 
 def test_nothing_is_extrapolated():
-    for pressure, relation, words in ((1e9, ">", "above 900 MPa"), (9e6, None, "at most 10 MPa")):
+    for pressure, relation, words in (
+        (1e9, ">", "at no load up to 900 MPa"),
+        (9e6, None, "at every load from 10 MPa on"),
+    ):
         need = requirement(seals_of(power_law([MEAN])), "L", MEAN * pressure**-FALL, 0.5)
         assert need.assembly.text(pascals) == words
         assert relation is None or need.assembly.relation == need.service[9e8].relation == relation
-    assert need.service[4e8].text(pascals) == "at most 10 MPa"
+    assert need.service[4e8].text(pascals) == "down to the lowest load of 10 MPa"
     assert need.assembly.low == 0
+    never = requirement(seals_of(power_law([MEAN])), "L", MEAN * 1e9**-FALL, 0.5)
+    assert never.service[4e8].text(pascals) == "not even at 400 MPa"
 
 
 def test_loads_that_the_fluid_carries_alone_are_open():
@@ -125,7 +149,7 @@ def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
     """No logarithm reaches 0: between an open and a closed step the closed one is known to be enough."""
     loading = LoadProgramme.of(STEPS.loading)
     closing = seals_of(np.array([[5.0, 1.0, 1e-3, 0.0, 0.0]]), loading)
-    assert sealing_load(closing, 0.5).value == 4e8
+    assert sealing_load(closing).value == 4e8
     # a loading that leaks more again counts from there on
     again = seals_of(np.array([[1.0, 0.1, 1.0, 0.1, 0.01]]), loading)
     assert 1e8 < again.needed(0.5)[0] < 4e8
