@@ -9,6 +9,13 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
+    from .changed_models import (
+        FormTolerance,
+        ModelChange,
+        model_changes,
+        model_part,
+        opposite_matters,
+    )
     from .error_parts import (
         MODEL_PARTS,
         VAGUE,
@@ -21,13 +28,9 @@ if TYPE_CHECKING:
         widest_band,
     )
     from .estimates import (
-        FormTolerance,
-        ModelChange,
         effective_pressure_part,
         error_budget,
         longer_waves_part,
-        model_changes,
-        model_part,
         patch_form_part,
         places_to_halve,
         thin_gap_part,

@@ -307,11 +307,13 @@ class CoarserSolution:
 
     points : of the face. leakage : at every step of the scene [m²/s].
     against : leakage of the same study on the points of the scene; None: that of which the budget is.
+    rms_slope : of the face; None where it is not known.
     """
 
     points: Shape
     leakage: Array
     against: Array | None = None
+    rms_slope: float | None = None
 
     def change(self, leakage: Array) -> Array:
         """Change of ln(leakage) to this solution at every step (steps,), unless `against` says otherwise.
@@ -322,6 +324,15 @@ class CoarserSolution:
         other = np.abs(np.asarray(self.leakage, float))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where((own == 0) & (other == 0), 0.0, np.log(other / own))
+
+
+def expected_sensitivity(in_contact: Array) -> Array:
+    """Slope |d ln(leakage) / d ln(load)| that the fraction in contact lets expect (steps,), whatever other loads say.
+
+    Measured on 25 faces of five kinds at up to 16 loads each: the median is 0.6 below 2 % of contact, 1.0 at 5 %, 2.0
+    at 17 %, 4.0 at 32 % and 4.9 at 45 %; nine in ten states have at most about twice as much.
+    """
+    return 0.5 + 9.0 * np.nan_to_num(np.asarray(in_contact, float))
 
 
 def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array:

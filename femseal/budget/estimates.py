@@ -4,7 +4,7 @@ Also for what a method leaves out of a face, by the calibration set, and for wha
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import sqrt
 from typing import Any
 
@@ -13,16 +13,12 @@ from scipy.special import bdtr, ndtri, stdtrit
 
 from ..base import Array, Pair, counted
 from ..loads import LoadProgramme
-from ..seal.form import ScaledForm, SealForm
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
 from ..studies.doubts import FormEffect
 from ..studies.drawn_error import COVERAGE, interval_widths
 from ..studies.patch_state import PatchState
 from ..studies.study_registry import contact_fraction_of, open_leakage_of
-from ..topography.seat import Seat
 from .error_parts import (
-    LEAST_SLOPE,
-    MODEL_PARTS,
     USUAL_PIXELS,
     CoarserSolution,
     ErrorBudget,
@@ -31,7 +27,6 @@ from .error_parts import (
     near_closing,
     part_of_changes,
     pixels_part,
-    scale_of_changes,
 )
 from .resolution import filter_part, one_grid_part, raised_by_slope
 
@@ -157,101 +152,6 @@ def median_interval(values: Array) -> Pair:
     return float(low), float(high)
 
 
-@dataclass(frozen=True, eq=False)
-class ModelChange:
-    """A scene with another model or input, whose leakage shows how much that matters.
-
-    name : of the part, one of `MODEL_PARTS`. scene : the changed one. both : whether the truth may lie on the other
-    side as well. note : a sentence. forms : the changed forms of a seal that has any, see `Sampling`.
-    """
-
-    name: str
-    scene: Scene
-    both: bool
-    note: str
-    forms: tuple[SealForm, ...] = ()
-
-
-@dataclass(frozen=True)
-class FormTolerance:
-    """Relative errors of the heights of forms.
-
-    forms : of the seal, see `Sampling`. tolerances : of each. seat : a form that is on the heights of the face instead,
-    which is as broad as the seal; None where there is none. tolerance : of that.
-    """
-
-    forms: tuple[SealForm, ...] = ()
-    tolerances: tuple[float, ...] = ()
-    seat: Seat | None = None
-    tolerance: float = 0.0
-
-
-def model_changes(
-    scene: Scene,
-    names: Sequence[str] = MODEL_PARTS,
-    hardness: float = 0.1,
-    form: FormTolerance | None = None,
-) -> list[ModelChange]:
-    """Changes of a scene that its model and its input may be wrong by.
-
-    names : of the parts that are wanted. hardness : relative error of the hardness. form : errors of
-    the forms of seal and seat.
-    """
-    found = []
-    if "hardness" in names and hardness > 0 and not scene.law.is_elastic:
-        harder = replace(scene, hardness=scene.law.times(1 + hardness))
-        note = f"change of ln(leakage) with {hardness:.0%} more hardness, on either side"
-        found.append(ModelChange("hardness", harder, True, note))
-    acting = replace(scene, fluid_pressure="acts")
-    if "fluid pressure" in names and scene.is_dry and acting.acting_fluid is not None:
-        note = (
-            "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
-        )
-        found.append(ModelChange("fluid pressure", acting, False, note))
-    if form is None or "form" not in names:
-        return found
-    if form.seat is not None and form.tolerance > 0:
-        below = form.seat.rows_below(scene.surface.shape[0], scene.surface.spacing[0])
-        deeper = scene.surface.with_form(-form.tolerance * below)
-        note = f"change of ln(leakage) with a form of the seat {form.tolerance:.0%} deeper, on either side"
-        found.append(ModelChange("form", replace(scene, surface=deeper), True, note))
-    elif any(form.tolerances):
-        forms = tuple(
-            ScaledForm(one, 1 + t) for one, t in zip(form.forms, form.tolerances, strict=True)
-        )
-        note = f"change of ln(leakage) with a form of the seal up to {max(form.tolerances):.0%} higher, on either side"
-        found.append(ModelChange("form", scene, True, note, forms))
-    return found
-
-
-def model_part(
-    change: ModelChange, steps: LoadProgramme, leakage: Array, solution: CoarserSolution
-) -> ErrorPart:
-    """Part of a change of the model.
-
-    solution : leakage of the changed scene against that of the scene itself, both on the same points.
-    """
-    moved = solution.change(leakage)
-    slope = np.maximum(load_sensitivity(steps, leakage), LEAST_SLOPE)
-    # beside a sealed step the nearest ones tell
-    near = scale_of_changes(steps, moved, slope)
-    size = np.where(np.isfinite(moved), np.abs(moved), near)
-    rises = float(np.nansum(np.where(np.isfinite(moved), moved, 0.0))) >= 0
-    below = size * (change.both or not rises)
-    above = size * (change.both or rises)
-    if change.both:
-        moved = np.abs(moved)
-    return part_of_changes(
-        change.name,
-        steps,
-        leakage,
-        below,
-        above,
-        change.note,
-        change=np.nan_to_num(moved, nan=0.0, posinf=np.inf),
-    )
-
-
 def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     """What pieces under their effective pressure differ by from the coupled face.
 
@@ -344,7 +244,6 @@ def error_budget(
     *,
     coarse: Sequence[CoarserSolution] = (),
     filtered: CoarserSolution | None = None,
-    octaves: float = 0.0,
     kept_slope: float = 1.0,
     wave_pixels: float = USUAL_PIXELS,
 ) -> ErrorBudget:
@@ -354,11 +253,10 @@ def error_budget(
     ----------
     scene : input of the study. study : its result; of a stochastic study the budget is that of the median.
     coarse : the same scene solved on fewer points; of several the first counts. Without any the pixels have no part.
-    filtered : the scene solved without waves up to twice the shortest one. octaves : of waves that were removed from
-        the face before; without any, as of a generated face, the filter has no part.
-    kept_slope : rms slope over that with the waves that were removed. Where these may open what is sealed, and no load
-        shows what it then leaks, the upper end is inf: unknown. So it is of what is sealed where no coarser solution is
-        given.
+    filtered : the scene solved without waves up to twice the shortest one.
+    kept_slope : rms slope over that with the waves that were removed; without any, as of a generated face, it is 1, and
+        the filter has no part. Where these may open what is sealed, and no load shows what it then leaks, the upper end
+        is inf: unknown. So it is of what is sealed where no coarser solution is given.
     wave_pixels : pixels to the shortest wave of the scene: with more than 8 the least error of the pixels is less.
 
     Returns
@@ -384,8 +282,8 @@ def error_budget(
         parts.append(pixels_part(scene, leakage, coarse[0], wave_pixels, closing))
     else:
         parts += one_grid_part(leakage, in_contact)
-    if filtered is not None and octaves > 0:
-        parts.append(filter_part(scene, leakage, filtered, octaves))
+    if filtered is not None and kept_slope < 1:
+        parts.append(filter_part(scene, leakage, in_contact, filtered, kept_slope))
     elif kept_slope < 1:
         parts.append(
             ErrorPart("filter", leakage, leakage, "no solution without the shortest waves")

@@ -6,7 +6,7 @@ These tell how much the pixels of a case and the waves that its face lacks matte
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import ceil, inf, log2, prod
+from math import ceil, hypot, prod, sqrt
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,13 @@ from ..budget import (
     CoarserSolution,
     ErrorBudget,
     ErrorPart,
+    ModelChange,
     continuation_part,
     effective_pressure_part,
     longer_waves_part,
     model_changes,
     model_part,
+    opposite_matters,
     patch_form_part,
     thin_gap_part,
 )
@@ -28,7 +30,9 @@ from ..budget.estimates import error_budget
 from ..preparation.preparation import Pair, Prepared
 from ..studies import STUDIES, Scene, StochasticResult, Study, study_of_result
 from ..studies.sampling import FEWEST_SEALS
+from ..studies.study_registry import contact_fraction_of
 from ..topography import Topography
+from ..topography.conditioning import UNSEEN
 
 #: Points a side of the coarser grid over those of the scene.
 COARSENING = 0.5
@@ -37,8 +41,8 @@ MOST_POINTS_FRACTION = 0.6
 #: Seals that are drawn again from a changed face, at most, and as long as how many faces they are together; each is
 #: compared with that of the same pieces.
 SEALS_AGAIN, FACES_AGAIN = 5, 40
-#: Octaves of removed waves from which on they matter.
-LEAST_OCTAVES = 0.05
+#: Fraction of the rms slope that removed waves have at least where they matter.
+LEAST_REMOVED = 1e-4
 #: Draws of the phases of continued waves besides that of a run.
 OTHER_PHASES = 3
 #: Scenes that measure what continued waves may change: with these, and with fewer waves.
@@ -107,7 +111,7 @@ def kept_slope(prepared: Prepared) -> float:
 
 def _lacks_waves(prepared: Prepared) -> bool:
     """Whether the face lacks waves that matter, removed by the low-pass or not seen by its instrument."""
-    return prepared.conditioning.removed_octaves >= LEAST_OCTAVES
+    return 1 - prepared.conditioning.kept_slope >= LEAST_REMOVED
 
 
 def _reduced(prepared: Prepared, surface: Topography) -> Prepared:
@@ -152,7 +156,6 @@ def budgets_of(
             result,
             coarse=[against(result, grid, solved)],
             filtered=None if smooth is None else against(result, smooth, again),
-            octaves=prepared.conditioning.removed_octaves,
             kept_slope=kept_slope(prepared),
             wave_pixels=prepared.conditioning.shortest_wave / max(prepared.scene.surface.spacing),
         )
@@ -160,23 +163,60 @@ def budgets_of(
     continued = continued_scenes(grid) if "continuation" in model_parts else []
     own = solved or (_solved(grid, mapper) if changes or continued else {})
     phases = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
-    moved = []  # of each change the leakage alone, as fields may be large
-    for change in changes:
-        found = _solved(grid.changed(change), mapper)
-        moved.append((change, {key: leakage_of(one) for key, one in found.items()}))
     for key, result in studies.items():
         parts = [*budgets[key].parts, *_unsolved_parts(prepared, grid, result, model_parts, mapper)]
         other = route(study_of_result(result)).key
         if phases and other in own:
             faces = [one.get(other) for one in phases]
             parts.append(_of_continued(prepared, grid, result, own[other], faces))
-        for change, leakages in moved:
-            if other in own and other in leakages:
-                both = leakages[other], leakage_of(own[other])
-                solution = CoarserSolution(grid.scene.surface.shape, *both)
-                parts.append(model_part(change, result.steps, leakage_of(result), solution))
         budgets[key] = replace(budgets[key], parts=tuple(filter(None, parts)))
+    for change in changes:
+        found = parts_of_change(change, grid, own, studies, budgets, mapper)
+        for key, part in found.items():
+            budgets[key] = replace(budgets[key], parts=(*budgets[key].parts, part))
     return budgets
+
+
+def parts_of_change(
+    change: ModelChange,
+    grid: Prepared,
+    own: Mapping[str, Any],
+    studies: Mapping[str, Any],
+    budgets: Mapping[str, ErrorBudget],
+    mapper: Mapper,
+) -> dict[str, ErrorPart]:
+    """Solve a change of the model, its opposite where that matters, and estimate its part of every study, by key.
+
+    grid, own : the version that is changed, and its results by key. budgets : of the studies, without this part.
+    """
+
+    def solutions(one: ModelChange) -> dict[str, CoarserSolution]:
+        """Leakage with a change against that without it, by the key of the study that was solved."""
+        shape = grid.scene.surface.shape
+        return {
+            key: CoarserSolution(shape, leakage_of(found), leakage_of(own[key]))
+            for key, found in _solved(grid.changed(one), mapper).items()
+            if key in own
+        }
+
+    def parts(
+        there: Mapping[str, CoarserSolution], back: Mapping[str, CoarserSolution]
+    ) -> dict[str, ErrorPart]:
+        found = {}
+        for key, result in studies.items():
+            solved = route(study_of_result(result)).key
+            if solved in there:
+                leakage, opposite = leakage_of(result), back.get(solved)
+                found[key] = model_part(change, result.steps, leakage, there[solved], opposite)
+        return found
+
+    there = solutions(change)
+    found = parts(there, {})
+    if change.opposite is None or not any(
+        opposite_matters(part, budgets[key]) for key, part in found.items()
+    ):
+        return found
+    return parts(there, solutions(change.opposite))
 
 
 def _unsolved_parts(
@@ -210,9 +250,15 @@ def _of_continued(
     unknown = np.full(len(scene.steps), np.nan)
     leakages = (unknown if one is None else leakage_of(one) for one in moved)
     *others, shorter = (CoarserSolution(scene.surface.shape, found, q) for found in leakages)
+    surface, cut_off = prepared.scene.surface, continued.cut_off
+    shorter = replace(shorter, rms_slope=surface.low_pass(2 * cut_off).rms_slope)
+    # an octave at least, and a decade at most
     last = continued.last_that_counts(scene.law.mean_hardness, scene.modulus)
-    octaves = max(1.0, log2(continued.cut_off / last)) if last else inf
-    return continuation_part(prepared.scene, leakage_of(result), others, shorter, octaves)
+    shortest = float(np.clip(last, cut_off / UNSEEN, cut_off / 2))
+    beyond = continued.law.slope_power(cut_off, shortest)
+    kept = surface.rms_slope / hypot(surface.rms_slope, sqrt(beyond))
+    in_contact = contact_fraction_of(result, prepared.scene.steps)
+    return continuation_part(prepared.scene, leakage_of(result), in_contact, others, shorter, kept)
 
 
 def leakage_of(result: Any) -> Array:
@@ -222,15 +268,15 @@ def leakage_of(result: Any) -> Array:
 
 def against(result: Any, coarse: Prepared, solved: Mapping[str, Any]) -> CoarserSolution:
     """A coarser solution beside the result of a study; unknown leakage where it failed."""
-    points = coarse.scene.surface.shape
+    points, slope = coarse.scene.surface.shape, coarse.scene.surface.rms_slope
     found = solved.get(route(study_of_result(result)).key)
     if found is None:
         return CoarserSolution(points, np.full(len(coarse.scene.steps), np.nan))
     if not isinstance(result, StochasticResult):
-        return CoarserSolution(points, leakage_of(found))
+        return CoarserSolution(points, leakage_of(found), rms_slope=slope)
     # the same pieces in the same tiles: the first seals of both are compared
     own = replace(result, leakage=result.leakage[: len(found.leakage)])
-    return CoarserSolution(points, leakage_of(found), leakage_of(own))
+    return CoarserSolution(points, leakage_of(found), leakage_of(own), slope)
 
 
 def _solved(coarse: Prepared, mapper: Mapper) -> dict[str, Any]:

@@ -213,8 +213,10 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     if (smooth := without_filtered_waves(prepared)) is not None:
         again.append(smooth)
     parts = case.output.model_parts
-    changes = model_changes(grid.scene, parts, case.hardness_tolerance, grid.form)
-    again += [grid.changed(change) for change in changes]
+    for change in model_changes(grid.scene, parts, case.hardness_tolerance, grid.form):
+        # whether the opposite is solved depends on the other parts of the budget: at most it is
+        sides = change, change.opposite
+        again += [grid.changed(side) for side in sides if side is not None]
     if prepared.continuation is not None and "continuation" in parts:
         again += [grid] * CONTINUED_SCENES
     return again

@@ -14,7 +14,7 @@ in Fourier space so that the shortest wave is resolved by at least 8 pixels; Chu
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import atan, ceil, hypot, inf, log2, pi, prod, sqrt
+from math import atan, ceil, hypot, inf, pi, prod, sqrt
 
 import numpy as np
 import scipy
@@ -175,14 +175,8 @@ class Conditioning(Labelled):
         return max(0.0, 1 - self.rms_slope / self.rms_slope_measured)
 
     @property
-    def removed_octaves(self) -> float:
-        """Octaves of waves that the face lacks: above noise and removed, and those that the instrument did not see."""
-        removed = self.shortest_wave / self.shortest_measured if self.lost_slope > 0 else 1.0
-        return max(0.0, log2(removed)) + (log2(UNSEEN) if self.unseen_slope else 0.0)
-
-    @property
     def kept_slope(self) -> float:
-        """Rms slope over that with the waves of `removed_octaves`."""
+        """Rms slope over that with the waves that were removed, but for noise, or not seen by the instrument."""
         whole = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
         return min(self.rms_slope, self.rms_slope_measured) / whole if whole else 1.0
 

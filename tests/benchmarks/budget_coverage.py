@@ -39,7 +39,7 @@ FLOOR = 1e-3
 def coarser(scene, surface, leakage):
     """The solution on another surface beside the own leakage."""
     found = deterministic(replace(scene, surface=surface)).leakage
-    return CoarserSolution(surface.shape, found, leakage)
+    return CoarserSolution(surface.shape, found, leakage, surface.rms_slope)
 
 
 def whole_face(drawn):
@@ -50,11 +50,12 @@ def whole_face(drawn):
     solutions["coarse"] = [coarser(scene, scene.surface.resample(half), whole.leakage)]
     if drawn.kind == "filtered":
         smooth = scene.surface.low_pass(16 * PIXEL).resample(half)
+        unfiltered = drawn.scene(FINER, filtered=False)
         solutions |= {
             "filtered": coarser(scene, smooth, whole.leakage),
-            "octaves": np.log2(FINER),
+            "kept_slope": scene.surface.rms_slope / unfiltered.surface.rms_slope,
         }
-        truth = deterministic(drawn.scene(FINER, filtered=False)).leakage
+        truth = deterministic(unfiltered).leakage
     else:
         truth = deterministic(drawn.scene(2)).leakage
     return {

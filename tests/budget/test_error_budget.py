@@ -95,15 +95,36 @@ def test_a_step_that_is_open_on_one_grid_only_may_be_sealed_or_open(scene):
     assert (part.lower[:3] > 0).all()
 
 
-def test_removed_waves_are_carried_on_from_the_shortest_octave(scene):
+IN_CONTACT = np.array([0.02, 0.06, 0.12, 0.2, 0.3, 0.28, 0.25])
+
+
+def test_removed_waves_count_by_their_slope(scene):
+    """The row ends with the slope that was removed; octaves that hold nothing do not count."""
     q = np.full(7, 0.5)
-    filtered = CoarserSolution((32, 32), 0.8 * q)
-    one, two = (filter_part(scene, q, filtered, octaves) for octaves in (1.0, 2.0))
-    assert (one.upper > 0.5).all()
-    assert_allclose(np.log(two.upper / q), 1.4 * np.log(one.upper / q))
-    # leakage fell with the waves that were taken away, and so rises with those that are missing
-    assert (np.log(one.upper / q) > 2 * np.log(q / one.lower)).all()
-    assert "filter" not in error_budget_of(scene, q, filtered=filtered, octaves=0.0)
+    filtered = CoarserSolution((32, 32), 0.2 * q, rms_slope=0.8 * scene.surface.rms_slope)
+    widths = [
+        np.log(filter_part(scene, q, IN_CONTACT, filtered, kept).upper / q)
+        for kept in (0.3, 0.7, 0.95, 0.99, 1 - 1e-6)
+    ]
+    assert (np.diff(widths, axis=0) < 0).all()
+    assert np.max(widths[-1]) < 0.02
+    assert "filter" not in error_budget_of(scene, q, filtered=filtered)
+    assert "filter" in error_budget_of(scene, q, filtered=filtered, kept_slope=0.9)
+
+
+def test_the_row_of_removed_waves_depends_on_the_state_of_a_load_alone(scene):
+    """A load by itself has the row that it has among others; an unloading has no less than its peak."""
+    q = np.array([1.0, 0.5, 0.2, 0.05, 1e-3, 2e-3, 1e-2])
+    other = q * np.array([1.2, 0.9, 0.5, 1.5, 0.2, 0.9, 1.0])
+    part = filter_part(scene, q, IN_CONTACT, CoarserSolution((32, 32), other), 0.8)
+    for s in range(5):
+        alone = replace(scene, loading=(scene.loading[s],), unload_from=(), unloading=())
+        solution = CoarserSolution((32, 32), other[s : s + 1])
+        single = filter_part(alone, q[s : s + 1], IN_CONTACT[s : s + 1], solution, 0.8)
+        assert_allclose([single.lower[0], single.upper[0]], [part.lower[s], part.upper[s]])
+    widths = np.log(part.upper / q)
+    peak = scene.steps.peak_indices
+    assert (widths >= widths[peak]).all()
 
 
 def test_states_that_leak_far_less_than_their_mean_gap_have_wider_intervals(scene):

@@ -16,6 +16,7 @@ from femseal.budget import (
     effective_pressure_part,
     model_changes,
     model_part,
+    opposite_matters,
     thin_gap_part,
 )
 from femseal.seal import Frame
@@ -93,6 +94,41 @@ def test_a_part_is_the_change_of_ln_leakage(scene):
     assert_allclose(part.lower, dry)
 
 
+def test_both_sides_of_the_hardness_are_those_that_are_solved(scene):
+    """Less hardness changes leakage by more than more of it does."""
+    q = fs.deterministic(scene).leakage
+    (harder,) = model_changes(scene, hardness=0.3)
+    assert_allclose(harder.opposite.scene.law.mean_hardness, 0.7 * H)
+    more, less = (fs.deterministic(one.scene).leakage for one in (harder, harder.opposite))
+    solutions = (CoarserSolution((48, 48), found, q) for found in (more, less))
+    part = model_part(harder, scene.steps, q, *solutions)
+    assert (less < q).all()
+    assert_allclose(part.lower, less)
+    assert_allclose(part.upper, more)
+    assert (np.log(q / part.lower) > 1.1 * np.log(part.upper / q)).any()
+
+
+def test_sides_of_a_change_that_seals_opens_or_goes_one_way(scene):
+    q = np.array([4.0, 2.0, 0.0])
+    (harder,) = model_changes(scene)
+    more = CoarserSolution((48, 48), np.array([5.0, 2.2, 1e-3]), q)
+    less = CoarserSolution((48, 48), np.array([4.4, 0.0, 0.0]), q)
+    part = model_part(harder, scene.steps, q, more, less)
+    assert_allclose(part.upper[:2], [5.0, 2.2])
+    assert part.upper[2] >= 1e-3
+    assert_allclose(part.lower, [4.0 / 1.1, 0.0, 0.0])
+
+
+def test_the_opposite_is_solved_where_the_mirror_image_matters(scene):
+    q = np.array([4.0, 2.0, 1.0])
+    for width, expected in ((0.1, False), (0.3, True)):
+        others = ErrorBudget(
+            "deterministic", q, (ErrorPart.of("patch", q, [1.0] * 3, [1.0] * 3, ""),)
+        )
+        part = ErrorPart.of("hardness", q, [0.0, 0.0, width], [0.0, 0.0, width], "")
+        assert opposite_matters(part, others) == expected
+
+
 def test_a_gap_that_is_not_thin_leaks_less_where_slopes_are_steep(scene):
     q = np.array([2.0, 1.0, 0.0])
     part = thin_gap_part(scene, q)
@@ -150,10 +186,14 @@ def test_a_form_with_a_tolerance_is_a_part(scene):
     (change,) = model_changes(formed, ["form"], form=FormTolerance(seat=seat, tolerance=0.25))
     heights = deeper.on(scene.surface).heights
     assert_allclose(change.scene.surface.heights, heights, atol=1e-18)
+    shallower = CrownedSeat(2e-3 / 0.75).on(scene.surface).heights
+    assert_allclose(change.opposite.scene.surface.heights, shallower, atol=1e-18)
     (change,) = model_changes(scene, ["form"], form=FormTolerance((seat,), (0.25,)))
     assert change.scene is scene
     points, frame = np.stack([np.linspace(0, 2e-4, 5)] * 2, axis=1), Frame.of_strip((2e-4, 1e-3))
     assert_allclose(change.forms[0].heights(points, frame), deeper.heights(points, frame))
+    shallower = CrownedSeat(2e-3 / 0.75).heights(points, frame)
+    assert_allclose(change.opposite.forms[0].heights(points, frame), shallower)
     assert model_changes(scene, ["form"], form=FormTolerance(seat=seat)) == []
 
 

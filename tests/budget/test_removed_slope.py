@@ -1,12 +1,16 @@
 """Bands of leakages of faces that lost their short waves: what is sealed without them may be open with them."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
+from femseal.budget.error_parts import expected_sensitivity
 from femseal.budget.resolution import LOAD_POWER, under_less_load
 from femseal.designs.requirements import Seals
 from femseal.loads import LoadProgramme
+from femseal.preparation import prepare
 from femseal.results import leakage_table
 
 #: A generated face with half of its slope in waves that its grid does not carry, under loads that seal it without them.
@@ -126,3 +130,68 @@ def test_a_design_does_not_count_on_what_may_be_open(tmp_path):
         seals.needed(limit)[0] == np.inf
     )  # by the leakage alone it would be some pressure between both
     assert Seals.of(results.steps, results.leakage.values).needed(limit)[0] < np.inf
+
+
+def test_a_load_by_itself_may_leak_as_much_more_as_its_contact_lets_expect():
+    """Under less load: by twice the slope that is expected, whatever fraction of the slope is kept."""
+    steps, in_contact = LoadProgramme.of([1e7]), np.array([0.1])
+    for kept in (0.9, 0.6):
+        found = under_less_load(steps, np.array([1e-9]), in_contact, kept)
+        slope = 2 * expected_sensitivity(in_contact)
+        assert_allclose(found, 1e-9 * kept ** (-slope * LOAD_POWER))
+
+
+#: A file on its own pixels, and the same face on four times the points a side.
+FILE = """
+method = "deterministic"
+[face]
+path = "face.npy"
+spacing = ["1 um", "1 um"]
+[surface]
+points = [64, 64]
+[material]
+young = "210 GPa"
+hardness = "2.3 GPa"
+[load]
+loading = ["10 MPa", "40 MPa", "120 MPa"]
+[contact]
+fluid_pressure = "ignored"
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "1 MPa"
+[output]
+model_parts = []
+"""
+
+
+def width_and_error(tmp_path, cut_off, seed):
+    """Half-width of the row "filter" of a turned file, and what its waves below 8 pixels do to ln(leakage)."""
+    made = fs.turned(
+        (80, 80), (80e-6,) * 2, pitch=9e-6, depth=0.8e-6, roughness=0.15e-6,
+        depth_error=0.1, hurst=0.7, roughness_roll_off=10e-6, cut_off=2e-6, rng=seed,
+    )  # fmt: skip
+    heights = made.low_pass(cut_off).heights[:64, :64]
+    np.save(tmp_path / "face.npy", heights)
+    (tmp_path / "case.toml").write_text(FILE)
+    results = fs.run(tmp_path / "case.toml", workers=1)
+    scene = prepare(fs.load_case(tmp_path / "case.toml")).scene
+    whole = fs.Topography(heights, (1e-6, 1e-6), (False, False)).detrend(1)
+    with_waves, without = (
+        fs.deterministic(replace(scene, surface=one.resample((256, 256)))).leakage
+        for one in (whole, scene.surface)
+    )
+    counts = results.leakage.values > 1e-3 * results.leakage.values[0]
+    error = np.log(with_waves / without)
+    return results.budget.widths()["filter"][counts], error[counts]
+
+
+def test_a_file_without_short_waves_has_a_narrow_row_and_one_with_them_a_wide_one(tmp_path):
+    """Both hold what the waves do: a turned face, whose octave of 8 to 16 µm decides."""
+    narrow, little = width_and_error(tmp_path, 8e-6, 3)
+    assert narrow.size
+    assert (np.abs(little) <= narrow).all()
+    assert narrow.max() < np.log(4)
+    wide, much = width_and_error(tmp_path, 2e-6, 3)
+    assert (np.abs(much) <= wide).all()
+    assert wide[0] > 2 * narrow[0]

@@ -169,9 +169,9 @@ def test_a_case_solves_the_continued_face(case):
     assert [text for text in prepared.warnings if "long waves" not in text] == []
     longer = prepare(case({"shortest_wave": "4 um"}))
     assert longer.continuation.longest == 4e-6
-    # three states each: pixels, hardness, three other phases, fewer waves, as measured
+    # three states each: pixels, more and less hardness, three other phases, fewer waves, as measured
     text = "\n".join(describe(case({}), prepared))
-    assert "states again, 18 on 128 × 128 points" in text
+    assert "states again, 21 on 128 × 128 points" in text
 
 
 def test_the_budget_solves_other_phases_and_fewer_waves(case):
@@ -217,14 +217,14 @@ def test_the_band_of_a_continued_face_holds_the_leakage_of_all_of_its_waves(case
 def test_the_part_of_the_continuation_is_scatter_and_trend():
     surface = fs.self_affine((16, 16), (16e-6, 16e-6), hurst=0.8, rms_slope=0.1, rng=1)
     scene = steel_scene(surface, loading=(1e7, 2e7, 4e7))
-    q = np.array([8e-9, 4e-9, 0.0])
+    q, in_contact, kept = np.array([8e-9, 4e-9, 0.0]), np.array([0.02, 0.04, 0.5]), 1.0
 
     def solution(first, second, closed=0.0):
         changed = [q[0] * np.exp(first), q[1] * np.exp(second), closed]
         return CoarserSolution((8, 8), np.array(changed), q)
 
     def part(others, shorter):
-        found = continuation_part(scene, q, others, shorter, 1.0)
+        found = continuation_part(scene, q, in_contact, others, shorter, kept)
         return np.array([found.lower, found.upper])
 
     same, trend = solution(0, 0), solution(-0.2, -0.2)
@@ -234,7 +234,11 @@ def test_the_part_of_the_continuation_is_scatter_and_trend():
     assert_allclose(np.log(upper[:2] / q[:2]), student + np.array([0, 0.1]), rtol=1e-9)
     assert_allclose(np.log(q[:2] / lower[:2]), student - np.array([0, 0.1]), rtol=1e-9)
     assert upper[2] > 0  # within the scatter of the load at which it closes
-    alone = filter_part(scene, q, trend, 1.0)
+    # without waves beyond the cut-off there is no trend
+    assert_allclose(part([same] * 3, trend)[:, :2], [q[:2], q[:2]])
+    kept = 0.7
+    alone = filter_part(scene, q, in_contact, trend, kept)
+    assert (alone.upper[:2] > q[:2]).all()
     assert_allclose(part([same] * 3, trend), [alone.lower, alone.upper])
     assert part([same, same, solution(0, 0, 1e-9)], same)[1, 2] >= 1e-9
     assert np.all(np.isnan(part([same, same, solution(*[np.nan] * 3)], same)[1, :2]))
