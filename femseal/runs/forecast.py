@@ -29,13 +29,15 @@ from ..studies import Scene, drop_ratio
 from ..studies.blocks import blocks_of
 from ..studies.doubts import flow_warnings
 from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
-from ..studies.sampling import describe_map
+from ..studies.sampling import FEWEST_SEALS, MOST_SEALS, describe_map
 from ..studies.study_registry import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
 from ..topography import Places
 from .efforts import efforts, pace
 
 #: Seconds of starting, of loading compiled loops and making or reading a face, and of pictures, report and tables.
 _START_SECONDS, _PICTURES_SECONDS = 2.5, 2.4
+#: Ratio of the longest to the shortest time up to which one time is stated.
+_SAME_TIME = 1.5
 #: Memory of another process [byte].
 _WORKER_MEMORY = 0.25e9
 #: Shortest waves that a piece should hold along each side.
@@ -48,15 +50,32 @@ class Forecast:
 
     own : seconds of what one process does, whatever the number of workers: starting, pictures, files. work : seconds
     of contact and flow, which the workers share; both where the costs were measured. memory : with one worker.
+    most_work : `work` with as many realisations as the run takes at most, where their number follows from their
+    scatter and `work` is that of the fewest.
     """
 
     own: float
     work: float
     memory: float
+    most_work: float
 
     def seconds(self, workers: int = 1) -> float:
         """Time on this machine [s], whose pace is measured when a time is first asked for."""
         return (self.own + self.work / workers) * pace()
+
+    def most_seconds(self, workers: int = 1) -> float:
+        """Time on this machine [s] with as many realisations as the run takes at most."""
+        return (self.own + self.most_work / workers) * pace()
+
+    def time_text(self, workers: int = 1) -> str:
+        """State the time, as a range where it depends on the scatter of the realisations.
+
+        >>> Forecast(1.0, 1.0, 0.0, 1.1).time_text() == duration(2 * pace())
+        True
+        """
+        least, most = self.seconds(workers), self.most_seconds(workers)
+        text = duration(least)
+        return f"{text} to {duration(most)}" if most > _SAME_TIME * least else text
 
 
 def describe(case: Case, made: Prepared) -> list[str]:
@@ -88,8 +107,10 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         states = (f"{count} on {as_text(shape)} points" for shape, count in counts.items())
         yield "error budget", f"states again, {' and '.join(states)}"
     expected, cores = forecast(case, prepared, again=again), psutil.cpu_count() or 1
-    alone, shared = duration(expected.seconds()), duration(expected.seconds(cores))
+    alone, shared = expected.time_text(), expected.time_text(cores)
     times = f"about {alone} on one core, {shared} on the {cores} of this machine"
+    if expected.most_work > _SAME_TIME * expected.work:
+        times += f" ({FEWEST_SEALS} to {MOST_SEALS} seals, as many as their scatter asks for)"
     further = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
     yield "expected", f"{attempt}{times}; {expected.memory / 1e9:.1f} GB of memory, {further}"
     yield "disk", str(disk(case, prepared, again))
@@ -125,11 +146,26 @@ def forecast(
         if test is not None and drop_ratio(test.state, prepared.scene) is None:
             methods, scene = frozenset({prepared.answer.name}), test.state.in_scene(prepared.scene)
             solved.append(replace(prepared, methods=methods, scene=scene))
-        costs = [one.cost(study, known) for one in solved for study in one.solved_studies]
+        few, many = (
+            [
+                one.cost(study, known)
+                for one in [_with_seals(each, count) for each in solved]
+                for study in one.solved_studies
+            ]
+            for count in (FEWEST_SEALS, MOST_SEALS)
+        )
     own = _START_SECONDS + _PICTURES_SECONDS * (case.output.pictures or case.output.report)
-    seconds, memory = zip(*costs, strict=True)
+    seconds, memory = zip(*few, strict=True)
+    most = sum(seconds for seconds, _ in many)
     # what a study holds stays until the results are written; what it works with does not
-    return Forecast(own, sum(seconds), START_MEMORY + max(memory))
+    return Forecast(own, sum(seconds), START_MEMORY + max(memory), most)
+
+
+def _with_seals(prepared: Prepared, count: int) -> Prepared:
+    """The same input with a number of realisations, where it does not say how many."""
+    if prepared.sampling is None or prepared.sampling.realisations is not None:
+        return prepared
+    return prepared.with_realisations(count)
 
 
 def refuse_too_large(case: Case, made: Prepared) -> None:

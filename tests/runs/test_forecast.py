@@ -19,6 +19,7 @@ from femseal.runs import forecast as module
 from femseal.runs.efforts import efforts
 from femseal.runs.forecast import describe, disk, forecast
 from femseal.studies import StudyOptions, fluid_coupling
+from femseal.studies.sampling import FEWEST_SEALS, MOST_SEALS
 from femseal.studies.study_registry import (
     PILOT_PIXELS,
     Effort,
@@ -203,6 +204,28 @@ def test_one_load_is_named_in_the_singular(data):
     for text in [*texts, report_html(results)]:
         plain = re.sub(r"<[^>]*>", " ", text)
         assert not (found := re.findall(rf"(?<![×.]) 1 (?:\w+ )?(?:{things})s\b.*", plain)), found
+
+
+def test_seals_as_many_as_their_scatter_asks_for_are_forecast_as_a_range(data):
+    """Between the work of the fewest and of the most seals, which a case may ask for itself."""
+    drawn = {"length": "20 mm", "breadth": "1 mm"}
+    data |= {"method": "stochastic", "output": {"budget": False}}
+
+    def foreseen(more):
+        return forecast(*of(data | {"stochastic": drawn | more}))
+
+    open_number = foreseen({})
+    assert_allclose(open_number.work, foreseen({"realisations": FEWEST_SEALS}).work, rtol=1e-12)
+    most = foreseen({"realisations": MOST_SEALS})
+    assert_allclose([open_number.most_work, most.most_work], most.work, rtol=1e-12)
+    assert open_number.most_work > 3 * open_number.work
+    texts = [
+        "\n".join(describe(*of(data | {"stochastic": drawn | m})))
+        for m in ({}, {"realisations": 9})
+    ]
+    said = r"about \S+ \S+ to \S+ \S+ on one core.*\(3 to 200 seals, as many as their scatter asks for\)"
+    assert re.search(said, texts[0])
+    assert not re.search("scatter asks for|s to .* on one core", texts[1])
 
 
 def test_drawn_seals_take_longer_at_several_fluid_pressures(data):
