@@ -51,6 +51,8 @@ FEW_LOADS = {0: 3.0, 1: 3.0, 2: 1.45, 3: 1.15}
 #: The least shift of the load, that of all faces, and the least slope of ln(leakage) over ln(load) that it is counted
 #: with. Measured as above: with a third of the shift and a fifth of the slope as wide bands hold 94.5 in place of 97.
 _LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
+#: Slope of ln(leakage) over ln(load) over that which is expected, see `expected_sensitivity`, of nine in ten states.
+STEEPEST = 2.0
 #: Pixels to the shortest wave of the faces on which that was measured.
 USUAL_PIXELS = 8.0
 #: Leakage over that of an open seal, one whose gap is the mean gap everywhere, below which a seal is near closing.
@@ -335,6 +337,19 @@ def expected_sensitivity(in_contact: Array) -> Array:
     return 0.5 + 9.0 * np.nan_to_num(np.asarray(in_contact, float))
 
 
+def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Array:
+    """Slope |d ln(leakage) / d ln(load)| at every step (steps,), no less than its contact lets expect.
+
+    It is that to the loads beside a step. A load that is solved alone has the largest slope of nine in ten states, so
+    that what follows from it is no narrower than among other loads.
+
+    in_contact : fraction in contact at every step (steps,), NaN where it is unknown.
+    """
+    expected = expected_sensitivity(in_contact)
+    found = load_sensitivity(steps, leakage)
+    return np.where(found > 0, np.maximum(found, expected), STEEPEST * expected)
+
+
 def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array:
     """Size of the changes of ln(leakage) at every step (steps,), from those of the steps near it and of all of them.
 
@@ -427,17 +442,19 @@ def pixels_part(
     coarse: CoarserSolution,
     wave_pixels: float = USUAL_PIXELS,
     closing: Flags | bool = False,
+    in_contact: Array | float = np.nan,
 ) -> ErrorPart:
     """Part of the pixels, from the solution on a coarser grid.
 
     A step that is open on one grid and sealed on the other may be either. wave_pixels : to the shortest wave; where
     they are more than usual, the least shift of the load is in proportion to the size of the pixels.
-    closing : whether the surface is near closing at each step, see `near_closing`.
+    closing : whether the surface is near closing at each step, see `near_closing`. in_contact : fraction in contact at
+    every step (steps,).
     """
     steps = scene.steps
     coarsening = float(np.sqrt(np.prod(scene.surface.shape) / np.prod(coarse.points)))
     change = coarse.change(leakage)
-    slope = np.maximum(load_sensitivity(steps, leakage), _LEAST_SLOPE)
+    slope = np.maximum(sensitivity(steps, leakage, np.asarray(in_contact)), _LEAST_SLOPE)
     # as if the change were that to half the points a side, by the order of the leakage
     scaled = change * (2.0**ORDER - 1) / (coarsening**ORDER - 1)
     least = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)

@@ -23,10 +23,10 @@ from .error_parts import (
     CoarserSolution,
     ErrorBudget,
     ErrorPart,
-    load_sensitivity,
     near_closing,
     part_of_changes,
     pixels_part,
+    sensitivity,
 )
 from .resolution import filter_part, one_grid_part, raised_by_slope
 
@@ -55,9 +55,9 @@ _WHAT = {
 _NEAR_CLOSING = 3.0
 
 
-def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
+def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
     """Residuals of contact and flow: that of the contact acts as a change of the load."""
-    slope = load_sensitivity(scene.steps, leakage)
+    slope = sensitivity(scene.steps, leakage, in_contact)
     distance = _RESIDUAL * scene.rtol * np.maximum(slope, 1.0) + _FLOW
     note = f"contact residual {scene.rtol:.0e} as a change of the load, by the slope of ln(leakage) over ln(load)"
     return ErrorPart.of("solver", leakage, distance, distance, note)
@@ -164,7 +164,8 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     note = "pieces under their effective pressure against a coupled face, measured on faces four waves broad"
     q, carried = study.quantile(0.5), abs(fluid.carried)
     loads = np.maximum(study.steps.pressures, max(carried, 1e-300))
-    effect = load_sensitivity(study.steps, q) * carried / loads
+    slope = sensitivity(study.steps, q, study.contact_fraction)
+    effect = slope * carried / loads
     return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
 
 
@@ -276,10 +277,10 @@ def error_budget(
     own = study_of_result(study)
     leakage = own.leakage(study)
     in_contact = contact_fraction_of(study, scene.steps)
-    parts: list[ErrorPart] = [solver_part(scene, leakage)]
+    parts: list[ErrorPart] = [solver_part(scene, leakage, in_contact)]
     closing = near_closing(leakage, open_leakage_of(study, scene))
     if coarse:
-        parts.append(pixels_part(scene, leakage, coarse[0], wave_pixels, closing))
+        parts.append(pixels_part(scene, leakage, coarse[0], wave_pixels, closing, in_contact))
     else:
         parts += one_grid_part(leakage, in_contact)
     if filtered is not None and kept_slope < 1:

@@ -10,7 +10,12 @@ from small_cases import SWEPT, steel_scene
 
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
-from femseal.budget.error_parts import pixels_part, scale_of_changes
+from femseal.budget.error_parts import (
+    expected_sensitivity,
+    pixels_part,
+    scale_of_changes,
+    sensitivity,
+)
 from femseal.budget.estimates import median_interval
 from femseal.budget.resolution import filter_part
 from femseal.loads import LoadProgramme
@@ -134,13 +139,35 @@ def test_states_that_leak_far_less_than_their_mean_gap_have_wider_intervals(scen
     q = share * open_leakage_of(study, scene)
     half = CoarserSolution((32, 32), 1.1 * q)
     widths = fs.error_budget(scene, replace(study, leakage=q), coarse=[half]).widths()["pixels"]
-    plain = np.log(pixels_part(scene, q, half).upper / q)
+    part = pixels_part(scene, q, half, in_contact=study.contact_fraction)
+    plain = np.log(part.upper / q)
     assert_allclose(widths, plain * np.where(share < 1e-2, 3.0, 1.0))
 
 
 def error_budget_of(scene, q, **solutions):
     study = fs.deterministic(replace(scene, surface=scene.surface.resample((16, 16))))
     return fs.error_budget(scene, replace(study, leakage=q), **solutions).widths()
+
+
+def test_a_load_by_itself_has_parts_no_narrower_than_among_others(scene):
+    """Of a leakage that falls by a power of the load, and a solution that is shifted by a part of the load."""
+    steps = LoadProgramme.of([1e8, 2e8, 4e8, 8e8])
+    in_contact = np.array([0.02, 0.05, 0.1, 0.2])
+    power = expected_sensitivity(in_contact)
+    q = np.exp(-power * np.log(steps.pressures / 1e8))
+    other = q * np.exp(0.03 * power)
+    found = sensitivity(steps, q, in_contact)
+    assert (found >= power).all()
+    among = replace(scene, loading=tuple(steps.pressures), unload_from=(), unloading=())
+    full = pixels_part(among, q, CoarserSolution((32, 32), other), in_contact=in_contact)
+    for s in range(4):
+        here = slice(s, s + 1)
+        alone = replace(among, loading=(steps[s].pressure,))
+        assert_allclose(sensitivity(alone.steps, q[here], in_contact[here]), 2 * power[s])
+        solution = CoarserSolution((32, 32), other[here])
+        single = pixels_part(alone, q[here], solution, in_contact=in_contact[here])
+        assert single.upper[0] > full.upper[s]
+        assert single.lower[0] < full.lower[s]
 
 
 @pytest.mark.slow
