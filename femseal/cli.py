@@ -261,6 +261,16 @@ def surface(
             help="Points under the mask in a .gwy or .npz are undefined, or taken as they are."
         ),
     ] = True,
+    no_data: Annotated[
+        str | None,
+        option(
+            "Number of points that were not measured, such as -9999; none: all are heights.",
+            "as the file says, or as found",
+        ),
+    ] = None,
+    verify_checksum: Annotated[
+        bool, typer.Option(help="An .x3p whose checksum is wrong is refused, or read all the same.")
+    ] = True,
     crop: Annotated[
         tuple[str, str, str, str] | None,
         option("Part that is used: x1 from, x1 to, x2 from, x2 to.", "the whole"),

@@ -280,10 +280,13 @@ def labelled(label: str, unit: str = "", **options: Any) -> Any:
 
 
 class Labelled:
-    """Base of dataclasses whose fields carry `unit`, `label`, and `percent` for fractions: a line of text for each."""
+    """Base of dataclasses whose fields carry `unit`, `label`, and `percent` for fractions: a line of text for each.
+
+    A field without a label has no line.
+    """
 
     def __str__(self) -> str:
-        metadata = {f.name: f.metadata for f in fields(self)}  # type: ignore[arg-type]
+        metadata = {f.name: f.metadata for f in fields(self) if "label" in f.metadata}  # type: ignore[arg-type]
         width = max(len(m["label"]) for m in metadata.values())
         return "\n".join(
             f"{m['label']:{width}}  {as_text(getattr(self, name), **m)}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import glob
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
@@ -49,6 +49,14 @@ Wave = Annotated[Length, Usual(1e-9, 0.1, "m")]
 Relief = Annotated[Length, Usual(1e-10, 1e-3, "m")]
 
 
+class MadeFace(NamedTuple):
+    """A face of a case, the instrument that limits it, and sentences on how its file was understood."""
+
+    topography: Topography
+    instrument: Instrument
+    notes: tuple[str, ...] = ()
+
+
 _CUT_OFF = "shortest wave of the roughness; 8 pixels unless given"
 
 
@@ -66,13 +74,12 @@ class GeneratedFace(Table):
         """The face itself: it is one map."""
         return [self]
 
-    def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
+    def make(self, folder: Path, rng: np.random.Generator) -> MadeFace:
         """The face, which no instrument limits."""
         given = self.model_dump(exclude={"kind", "points", "size"})
         made = self.cut_off or resolved_wave(self.size, self.points)
-        return type(self).make_heights(self.points, self.size, rng=rng, **given), Instrument(
-            made=made
-        )
+        heights = type(self).make_heights(self.points, self.size, rng=rng, **given)
+        return MadeFace(heights, Instrument(made=made))
 
 
 class SelfAffineFace(GeneratedFace):
@@ -123,7 +130,7 @@ class MapFile(Table):
     """A file with a map of heights, see `topography.read_topography`; paths are relative to the case file."""
 
     path: Path | None = key(
-        "relative to the case: .npy .npz .csv .asc .txt .x3p .sdf, more after "
+        "relative to the case: .npy .npz .csv .asc .txt .xyz .x3p .sdf, more after "
         "`pip install 'femseal[surface]'`",
         None,
         example="face.plu",
@@ -147,6 +154,13 @@ class MapFile(Table):
         example="mask.png",
     )
     file_mask: bool = key("whether points under the mask of a `.gwy` or `.npz` are undefined", True)
+    no_data: float | Literal["none"] | None = key(
+        "number of points that were not measured, as the file says or as found unless given; `none`: all are heights",
+        None,
+        example=-9999,
+        since="0.3",
+    )
+    verify_checksum: bool = key("whether an `.x3p` with a wrong checksum is refused", True)
     crop: Annotated[tuple[Place, Place, Place, Place] | None, BeforeValidator(_part)] = key(
         "part that is used: x1 from, to, x2 from, to",
         None,
@@ -245,12 +259,12 @@ class FileFace(MapFile):
             raise fault("face.places", given, "at least two; path for a single one")
         return found
 
-    def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
-        """The face, of one map, and its instrument."""
+    def make(self, folder: Path, rng: np.random.Generator) -> MadeFace:
+        """The face, of one map, its instrument, and notes on its file."""
         given = self.model_dump(exclude={"kind", "path", "places", "mask", *_PLACEMENT})
         path, mask = folder / (self.path or ""), None if self.mask is None else folder / self.mask
         try:
-            return read_measured(path, mask=mask, **given)
+            look = read_measured(path, mask=mask, **given)
         except InputError as error:  # of a file, which it names
             keys = (
                 f"{key}, "
@@ -258,6 +272,8 @@ class FileFace(MapFile):
                 if error.what.startswith(str(file))
             )
             raise InputError(next(keys, "") + error.what, error.given, error.expected) from None
+        notes = tuple(f"{path.name}: {note}" for note in look.notes)
+        return MadeFace(look.topography, look.instrument, notes)
 
 
 _PLACEMENT = {"mirror", "rotate", "shift"}

@@ -93,7 +93,7 @@ def conditioned_face(
 
     Raises InputError: a face that cannot be read or used, or pieces that do not suit it.
     """
-    places, parts, overlap, instrument = _repaired_faces(case)
+    places, parts, overlap, instrument, notes = _repaired_faces(case)
     flat, repaired = places[0]
     if len(places) > 1:
         flat = Places([face for face, _ in places])
@@ -111,6 +111,7 @@ def conditioned_face(
         surface, report = smooth(
             flat, repaired.form, parts, shortest_wave=wave, shape=shape, instrument=instrument
         )
+    report = replace(report, reading=notes)
     if pieces is not None:
         Cut.of(surface.shortest_place, pieces)  # refuses pieces of too few points
         pieces = of_all_places(flat, pieces)
@@ -137,16 +138,19 @@ def conditioned_face(
 Repaired = list[tuple[Topography, Repair]]
 
 
-def _repaired_faces(case: Case) -> tuple[Repaired, Repaired, Overlap | None, Instrument]:
+def _repaired_faces(
+    case: Case,
+) -> tuple[Repaired, Repaired, Overlap | None, Instrument, tuple[str, ...]]:
     """Every place of one face, or of the sum of two: repaired, and the maps that were measured or made for it.
 
-    Also returned: the overlap of two faces, and an instrument that sees what all of them see.
+    Also returned: the overlap of two faces, an instrument that sees what all of them see, and notes on the files.
     """
     # every face has its own random stream, independent of later draws of the method
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     treatment = case.surface.model_dump(include={"max_undefined", "detrend"})
     faces: list[Repaired] = []
     instruments: list[Instrument] = []
+    notes: list[str] = []
     for n, table in enumerate(case.face):
         place, spikes = f"face.{n}" if len(case.face) > 1 else "face", case.surface.spikes
         if not isinstance(table, FileFace):
@@ -156,20 +160,21 @@ def _repaired_faces(case: Case) -> tuple[Repaired, Repaired, Overlap | None, Ins
             rng = np.random.default_rng(seeds[n])
             maps = [one.make(case.folder, rng) for one in table.each(case.folder)]
         with with_keys(SURFACE_KEYS | {"heights": place}):
-            faces.append([repair(face, spikes=spikes, **treatment) for face, _ in maps])
-        instruments += [instrument for _, instrument in maps]
+            faces.append([repair(face.topography, spikes=spikes, **treatment) for face in maps])
+        instruments += [face.instrument for face in maps]
+        notes += [note for face in maps for note in face.notes]
     seen = map(Instrument.shortest_wave, instruments, (flat for flat, _ in chain(*faces)))
     made = min(instrument.made or 0.0 for instrument in instruments)
     instrument = Instrument(resolution=max(seen) or None, made=made or None)
     if len(faces) == 1:
-        return faces[0], faces[0], None, instrument
+        return faces[0], faces[0], None, instrument, tuple(notes)
     # place n of one face lies on place n of the other; where there are fewer they come again
     pairs = [[face[n % len(face)] for face in faces] for n in range(max(map(len, faces)))]
     placement = case.face[1].placement if isinstance(case.face[1], FileFace) else {}
     sums, overlaps = zip(*(combine(a, b, **placement) for (a, _), (b, _) in pairs), strict=True)
     with with_keys(SURFACE_KEYS | {"heights": "face"}):
         flat = [repair(face, spikes=inf, **treatment) for face in sums]
-    return flat, [*chain(*pairs)], overlaps[0], instrument
+    return flat, [*chain(*pairs)], overlaps[0], instrument, tuple(notes)
 
 
 def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:

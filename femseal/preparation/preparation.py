@@ -295,6 +295,7 @@ def prepare(case: Case) -> Prepared:
             warnings=(
                 *unusual(case),
                 *case.named_warnings,
+                *conditioning.reading,
                 *scene_warnings(scene),
                 *tested,
                 *filter_doubts(case, surface, conditioning),

@@ -31,7 +31,7 @@ from ..topography import (
     representative,
     smooth,
 )
-from ..topography.formats import TEXT
+from ..topography.text_files import is_text
 from .face import default_grid, with_keys
 
 #: Arguments of `topography` by their option.
@@ -44,6 +44,7 @@ SURFACE_OPTIONS = {
     "crop": "--crop",
     "mask": "--mask",
     "file_mask": "--no-file-mask",
+    "no_data": "--no-data",
     "shape": "surface.points",
     "tip_radius": "--tip-radius",
     "resolution": "--resolution",
@@ -117,7 +118,8 @@ def survey(
         texts.append(
             f"{masked} of the points in the file are masked in it: --no-file-mask takes their heights"
         )
-    if path.suffix.lower() in TEXT:
+    texts += seen.notes
+    if is_text(path) and not any("x y z" in note for note in seen.notes):
         texts.append(_ORIENTATION)
     if found.conditioning is not None:
         texts += notes(found.report, found.conditioning)
@@ -240,7 +242,8 @@ def case_of_face(
         "",
         "[face]",
         *(f"{key} = {as_toml(value)}" for key, value in known.items() if value is not None),
-        *([f"# {_ORIENTATION}"] if path.suffix.lower() in TEXT else []),
+        *(f"# {note}" for note in seen.notes),
+        *([f"# {_ORIENTATION}"] if is_text(path) else []),
         f"# size = {as_toml(sides)}  # as the file says: ? is that the field of the instrument",
     ]
     questions, surface = [*map(str, seen.doubts), *found.reasons], []

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .defects import SPIKES, TooManyUndefined
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
+    from .raw import NO_VALUE
     from .read import Look, read_for_a_look, read_measured, read_topography
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
     from .texture import spectrum

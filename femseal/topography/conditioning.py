@@ -146,7 +146,10 @@ MOST_POINTS = 2**22
 
 @dataclass(frozen=True)
 class Conditioning(Labelled):
-    """What was done to a measured map; "before" means filled and flat, but not yet low-passed."""
+    """What was done to a measured map; "before" means filled and flat, but not yet low-passed.
+
+    reading : sentences on how its file was understood, where that is not obvious.
+    """
 
     undefined_fraction: float = labelled("undefined points, filled", percent=True)
     spike_points: int = labelled("points in spikes, filled")
@@ -166,6 +169,7 @@ class Conditioning(Labelled):
     shape: Shape = labelled("points")
     spacing_before: Pair = labelled("pixel measured", "m")
     spacing: Pair = labelled("pixel", "m")
+    reading: tuple[str, ...] = ()
 
     @property
     def lost_slope(self) -> float:

@@ -149,12 +149,14 @@ def _stands_alone(group: Flags, flat: NDArray, median: NDArray) -> bool:
     return not bool(follows.any())
 
 
-def _window_medians(z: NDArray, rows: int = 64) -> tuple[NDArray, NDArray]:
-    """Median (n1, n2) of the defined points in the window of each point, and of their distances from it.
+#: Points whose windows are looked at together: all windows at once are 25 maps.
+_BLOCK = 2**16
 
-    By blocks of `rows`, since all windows at once are 25 maps.
-    """
+
+def _window_medians(z: NDArray) -> tuple[NDArray, NDArray]:
+    """Median (n1, n2) of the defined points in the window of each point, and of their distances from it."""
     side = 2 * _REACH + 1
+    rows = max(1, _BLOCK // z.shape[1])
     windows = np.lib.stride_tricks.sliding_window_view(
         np.pad(z, _REACH, constant_values=np.nan), (side, side)
     )

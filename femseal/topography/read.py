@@ -5,6 +5,7 @@ the heights in their file: a line of an image or a text runs along the file's x,
 NumPy are taken as they are.
 """
 
+import logging
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -16,8 +17,15 @@ import numpy as np
 
 from ..base import Flags, InputError, Pair, Periodic, Shape, as_text, to_si, to_text, validate
 from .conditioning import Instrument
-from .formats import READERS, TEXT, Raw, Reading, bad_file, read_instrument, reading, unprinted
+from .coordinates import profile_error
+from .formats import READERS, read_file, reading
+from .instruments import unprinted
+from .no_data import without_no_data
+from .raw import Raw, Reading, bad_file
+from .text_files import TEXT, is_text
 from .topography import Topography
+
+log = logging.getLogger("femseal.topography")
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
 _SIZE_LIMITS = (1e-9, 1.0)
@@ -28,6 +36,10 @@ _SLOPE_LIMIT = 10.0
 _ROWS = 256
 #: Pixel [m] of a map that is only looked at where nothing says its pixel.
 _ANY_PIXEL = (1e-6, 1e-6)
+#: Relative difference of units and pixels that are the same.
+_SAME = 1e-4
+#: Points of a single line that are no profile.
+_SHORTEST_PROFILE = 2
 #: Files that may hold a mask drawn by a user, besides points that were not measured.
 _MASKED = (".gwy", ".npz")
 
@@ -37,6 +49,7 @@ class Look:
     """A map that is looked at, why `read_topography` refuses it, and the fraction of points masked in the file.
 
     said : which of pixel and unit of height the file or the caller says.
+    notes : sentences on how the file was understood, where that is not obvious.
     """
 
     topography: Topography
@@ -44,15 +57,18 @@ class Look:
     masked_fraction: float
     said: Periodic
     instrument: Instrument
+    notes: tuple[str, ...] = ()
 
 
 def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
     """Height map of a file, by its suffix; undefined points as NaN, heights as measured (tilt and all).
 
-    .npy and .npz (heights in metres, pixel from `spacing` in the .npz or the caller), .csv .asc .txt (matrix
-    of heights in metres, or triplets x y z in metres), .x3p, .sdf; every other kind through SurfaceTopography
-    (femseal[surface]). The file's x is x1: a line of a text runs along x1. Arrays of NumPy are taken as they are.
+    .npy and .npz (heights in metres, pixel from `spacing` in the .npz or the caller); texts .csv .asc .txt .xyz .tsv
+    .prn .dat (a matrix of heights, or coordinates x y z on a regular grid, in metres unless their header says another
+    unit); .x3p, .sdf; every other kind through SurfaceTopography (femseal[surface]). The file's x is x1: a line of a
+    text runs along x1. Arrays of NumPy are taken as they are.
     Size, spacing and unit given by the caller override those of the file, because units in files are sometimes wrong.
+    What is assumed of a file is logged.
 
     Parameters
     ----------
@@ -68,15 +84,19 @@ def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
         file's x), a text or a .npy.
     file_mask : whether points under a mask that the file itself holds (.gwy, or `mask` in an .npz) are undefined, or
         have the heights that are stored there.
+    no_data : number that stands for points that were not measured, such as -9999; "none": every number is a height.
+        Unless given it is what the header says, or a number that is used for that and lies far from all others.
+    verify_checksum : whether an .x3p whose checksum is wrong is refused.
     crop : part of the map that is kept: x1 from, x1 to, x2 from, x2 to [m].
     periodic : whether the face continues periodically along x1 and x2 of the result.
     tip_radius, resolution : of the instrument [m], see `Instrument`; the map is read all the same.
 
     Raises
     ------
-    InputError : no such file, not readable, damaged, no such channel or array, no size or unit, a mask of another size,
-        a part beyond the map; size outside 1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or
-        `height_unit`, say so; half of the points steeper than 10, unless the caller says both.
+    InputError : no such file, not readable, damaged, a profile, points on no grid, no such channel or array, no size or
+        unit, many points at one number far from all others, a mask of another size, a part beyond the map; size outside
+        1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or `height_unit`, say so; half of the points steeper
+        than 10, unless the caller says both.
 
     Examples
     --------
@@ -88,15 +108,18 @@ def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
     >>> face.shape, face.spacing
     ((4, 8), (1e-06, 2e-06))
     """
-    return read_measured(path, **said)[0]
+    look = read_measured(path, **said)
+    for note in look.notes:
+        log.warning("%s: %s", path, note)
+    return look.topography
 
 
-def read_measured(path: str | os.PathLike[str], **said: Any) -> tuple[Topography, Instrument]:
-    """The map as of `read_topography`, and what the caller or the file says of its instrument."""
+def read_measured(path: str | os.PathLike[str], **said: Any) -> Look:
+    """The map as of `read_topography`, with what the caller or the file says of its instrument, and notes on it."""
     look = read_for_a_look(path, **said)
     if look.doubts:
         raise look.doubts[0]
-    return look.topography, look.instrument
+    return look
 
 
 def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
@@ -107,19 +130,25 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     path, given = Path(path), Reading(**said)
     _check_options(path, given)
     with reading(path):
-        raw = READERS.get(path.suffix.lower(), read_instrument)(path, given)
-    heights, file_mask = raw.heights, raw.mask if given.file_mask else None
+        raw = read_file(path, given)
+    if 1 in raw.heights.shape and raw.heights.size > _SHORTEST_PROFILE:
+        error = profile_error(raw.heights.ravel(), "a single line")
+        raise bad_file(path, error.given, error.expected)
+    defined = without_no_data(path, raw.heights, raw.no_data, given.no_data)
+    heights, file_mask = defined.heights, raw.mask if given.file_mask else None
     pixel = raw.spacing[::-1] if raw.spacing and given.transpose else raw.spacing
-    unit = raw.height_unit
+    unit, unclear, needs_unit = raw.height_unit, raw.unclear, raw.needs_unit
     if given.height_unit is not None:
         unit = to_si(f"1 {given.height_unit}", "m", "height_unit")
+    notes = (*raw.notes, *defined.notes, *_overridden(raw, given, unit))
     known = {
         name: validate.number(name, limit, unit="m")
         for name in ("tip_radius", "resolution")
         if (limit := getattr(given, name)) is not None
     }
     instrument_of_map = replace(raw.instrument, **known)
-    del raw  # no more than two maps at once
+    doubts = [*defined.doubts]
+    del raw, defined  # no more than two maps at once
     if file_mask is not None:
         heights = np.where(file_mask, np.nan, heights)
     if given.mask is not None:
@@ -131,11 +160,14 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     elif given.size is not None:
         first, second = validate.lengths("size", given.size)
         pixel = first / heights.shape[0], second / heights.shape[1]
-    doubts = _pixel_doubts(path, pixel, heights.shape)
-    usable = pixel if pixel and not doubts else _ANY_PIXEL
-    if unit is None and path.suffix.lower() not in READERS:
-        allowed = "height_unit= such as 'um' (--height-unit)"
-        doubts.append(bad_file(path, "no unit of height in the file", allowed))
+    of_pixel = _pixel_doubts(path, pixel, heights.shape, unclear)
+    usable = pixel if pixel and not of_pixel else _ANY_PIXEL
+    doubts += of_pixel
+    if unit is None and needs_unit:
+        found = "no unit of height in the file" + (
+            f" that can be read ({unclear})" if unclear else ""
+        )
+        doubts.append(bad_file(path, found, "height_unit= such as 'um' (--height-unit)"))
     heights = heights if unit is None else heights * unit
     try:
         whole = Topography(heights, usable, given.periodic)  # type: ignore[arg-type]
@@ -145,7 +177,31 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     kept = whole if given.crop is None else whole.crop_to(given.crop)
     masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
     is_said = pixel is not None, unit is not None
-    return Look(kept, tuple(doubts), masked_fraction, is_said, instrument_of_map)
+    return Look(kept, tuple(doubts), masked_fraction, is_said, instrument_of_map, notes)
+
+
+def _overridden(raw: Raw, given: Reading, unit: float | None) -> Iterator[str]:
+    """Sentences on units and sizes of the caller that differ from those of a file, or stand for unclear ones."""
+    found = raw.height_unit
+    if given.height_unit is not None and unit is not None:
+        if found is None and raw.unclear and raw.needs_unit:
+            yield f"height_unit {given.height_unit} is taken; the file has the {raw.unclear}"
+        elif found is not None and abs(found / unit - 1) > _SAME:
+            yield f"height_unit {given.height_unit} is taken; the file says {to_text(found, 'm')} per number"
+    if raw.spacing is None or (given.spacing is None and given.size is None):
+        return
+    n1, n2 = raw.heights.shape
+    there = raw.spacing[::-1] if given.transpose else raw.spacing
+    if given.transpose:
+        n1, n2 = n2, n1
+    here = given.spacing
+    if given.size is not None:
+        first, second = validate.lengths("size", given.size)
+        here = first / n1, second / n2
+    chosen = validate.lengths("spacing", here)
+    if any(abs(a / b - 1) > _SAME for a, b in zip(there, chosen, strict=True)):
+        name = "spacing" if given.size is None else "size"
+        yield f"{name} is taken, a pixel of {as_text(chosen, 'm')}; the file says {as_text(there, 'm')}"
 
 
 def _check_options(path: Path, given: Reading) -> None:
@@ -153,12 +209,13 @@ def _check_options(path: Path, given: Reading) -> None:
     if not path.is_file():
         found = "a folder" if path.is_dir() else "no such file"
         raise InputError(str(path), found, "a file with heights")
-    suffix, plain = path.suffix.lower(), (".npy", ".npz", *TEXT)
+    suffix, has_text = path.suffix.lower(), is_text(path)
     for name, kinds, fits in (
         ("array", ".npz files", suffix == ".npz"),
-        ("delimiter", f"{', '.join(TEXT)} files", suffix in TEXT),
+        ("delimiter", f"{', '.join(TEXT)} files", has_text),
         ("file_mask", f"{', '.join(_MASKED)} files", suffix in _MASKED),
-        ("channel", "files of instruments", suffix not in plain),
+        ("channel", "files of instruments", suffix not in (".npy", ".npz") and not has_text),
+        ("verify_checksum", ".x3p files", suffix == ".x3p"),
     ):
         value = getattr(given, name)
         if value != getattr(Reading, name) and not fits:
@@ -167,10 +224,13 @@ def _check_options(path: Path, given: Reading) -> None:
         raise InputError("size, spacing", "both", "one of the two")
 
 
-def _pixel_doubts(path: Path, pixel: Pair | None, shape: tuple[int, ...]) -> list[InputError]:
-    """What is wrong with the pixel of a map."""
+def _pixel_doubts(
+    path: Path, pixel: Pair | None, shape: tuple[int, ...], unclear: str
+) -> list[InputError]:
+    """What is wrong with the pixel of a map; `unclear` is what the file says that cannot be read."""
     if pixel is None:
-        found = f"no pixel size in the file ({as_text(shape)} points)"
+        says = f"; it says {unclear}" if unclear else ""
+        found = f"no pixel size in the file ({as_text(shape)} points{says})"
         allowed = "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)"
     elif all(0 < d < inf for d in pixel):
         return []

@@ -231,7 +231,7 @@ def unread(monkeypatch):
         monkeypatch.setattr(f"{module}.free_memory", lambda: 1e7)
     suffixes = (".npy", ".txt", ".x3p", ".plu", ".npz", ".plux")
     readers = dict.fromkeys(suffixes, lambda *_, **__: pytest.fail("read"))
-    monkeypatch.setattr("femseal.topography.read.READERS", readers)
+    monkeypatch.setattr("femseal.topography.formats.READERS", readers)
 
 
 @pytest.mark.usefixtures("unread")
@@ -334,7 +334,7 @@ def test_what_is_too_large_all_the_same_is_bad_input(monkeypatch, data, tmp_path
     )
     if isinstance(error, MemoryError):
         np.save(tmp_path / "face.npy", np.zeros((4, 4)))
-        monkeypatch.setattr("femseal.topography.read.READERS", {".npy": fail})
+        monkeypatch.setattr("femseal.topography.formats.READERS", {".npy": fail})
         assert "fit into memory" in refusal(READ, tmp_path / "face.npy")
 
 

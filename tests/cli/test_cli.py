@@ -269,6 +269,27 @@ def test_bad_options_of_surface(femseal, face, tmp_path, monkeypatch, arguments,
     assert [p.name for p in tmp_path.iterdir()] == ["face.npz"]
 
 
+def test_how_a_table_was_understood_is_said(femseal, tmp_path):
+    """Points that are missing, and a number far from all others."""
+    z = 1e6 * TURNED.heights[:40, :30]
+    lines = [f"{2 * i} {2 * j} {z[i, j]:.4f}" for i in range(40) for j in range(30)]
+    lines[7] = lines[7].rsplit(maxsplit=1)[0] + " -9999"
+    path = tmp_path / "face.xyz"
+    path.write_text("\n".join(lines[:90] + lines[91:]))
+    said = ["--spacing", "2 um", "2 um", "--height-unit", "um"]
+    code, text, errors = femseal("surface", path, *said)
+    assert (code, errors) == (0, "")
+    assert fields(text)["points"] == "40 × 30"
+    assert "note: the table x y z is a grid of 40 × 30 points; 1 point of them" in text
+    assert "note: 1 point (0.0833 %) at exactly -9999, far from all others" in text
+    code, text, _ = femseal("surface", path, *said, "--no-data", "none")
+    assert code == 0
+    assert fields(text)["undefined points"] == "0.0833 %"
+    code, text, _ = femseal("new", tmp_path / "case.toml", "--from", path, *said)
+    assert code == 0
+    assert "# the table x y z is a grid" in (tmp_path / "case.toml").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -422,7 +443,7 @@ def test_new_asks_for_what_a_text_does_not_say(tmp_path, femseal):
     assert femseal("new", case, "--from", tmp_path / "face.txt", *said)[0] == 0
     assert "# a line of the text runs along x1" in case.read_text(encoding="utf-8")
     (table,) = fs.load_case(case).face
-    found, _ = table.make(tmp_path, np.random.default_rng())
+    found = table.make(tmp_path, np.random.default_rng()).topography
     np.testing.assert_allclose(found.heights, face.heights, rtol=1e-12)
     np.testing.assert_allclose(found.spacing, 1e-6)
 

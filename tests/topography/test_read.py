@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import zipfile
 from functools import partial
 from types import SimpleNamespace
 
@@ -15,7 +16,7 @@ from numpy.testing import assert_allclose
 from PIL import Image
 
 from femseal.base import InputError
-from femseal.topography import read_topography
+from femseal.topography import read_for_a_look, read_topography
 
 Z = np.array([[1.0, 2.0, np.nan], [4.0, -5.0, 6.5]]) * 1e-6
 PIXEL = (2e-6, 3e-6)
@@ -164,9 +165,6 @@ def test_triplets_are_a_grid_in_any_order(tmp_path):
     order = rng.permutation(z.size)
     lines = [f"{1e-3 + 3e-6 * i[n]:.12g}, {2e-6 * j[n]:.12g}, {z[i[n], j[n]]:.12g}" for n in order]
     same(read_topography(write(tmp_path, "face.csv", "\n".join(lines))), z, (3e-6, 2e-6))
-    # one point short of a grid: an ordinary matrix of three columns, whose pixel is not said
-    with pytest.raises(InputError, match="no pixel size"):
-        read_topography(write(tmp_path, "face.csv", "\n".join(lines[:-1])))
 
 
 @pytest.mark.parametrize(
@@ -179,10 +177,9 @@ def test_triplets_are_a_grid_in_any_order(tmp_path):
         ("1e-6|2e-6\n3e-6|4e-6\n", r"'1e-6\|2e-6' in line 1"),
         ("# nothing\n", "given no line with numbers"),
         ("", "given no line with numbers"),
-        (b"\xff\xfe\x00\x01", "bytes that are not UTF-8 text"),
+        (bytes(range(256)), "bytes that are no text"),
         ("1 inf\n2 3\n", r"face\.asc: heights: given 1 point not finite"),
-        ("# Width: 9 apples\n1 2\n3 4", "a header with width: given '9 apples'"),
-        ("ncols 2\nNROWS 2\n1 2\n3 4\n", "given 'ncols' in line 1, .* put # before the lines of"),
+        ("a = 1 mm\n1 2\n3 4\nend\n", "given 'end' in line 4, .* put # before lines that are none"),
     ],
 )
 def test_bad_text(tmp_path, text, message):
@@ -200,7 +197,7 @@ def test_x3p(tmp_path):
     same(read_topography(path, channel=1), 2 * Z)
     refused("given channel=2, expected 0 to 1, it has 2 layers", path, channel=2)
     x3pio.write(path, Z[1], x_scale=1e-6)
-    refused("given a Profile on no regular grid", path)
+    refused("given a profile of 3 points .*, expected a map", path)
 
 
 def test_x3p_agrees_with_an_independent_reader(tmp_path):
@@ -410,7 +407,7 @@ def test_channels_by_name(tmp_path, monkeypatch):
         ({}, r"no pixel size in the file \(2 × 3 points\), expected two lengths in size= or s"),
         ({"size": (1, 1), "spacing": PIXEL}, "size, spacing: given both, expected one of the two"),
         ({"spacing": (0.0, 1.0)}, "spacing: given"),
-        ({"height_unit": "furlongs-ish", "spacing": PIXEL}, "given '1 furlongs-ish'"),
+        ({"height_unit": "parsnips-ish", "spacing": PIXEL}, "given '1 parsnips-ish'"),
         ({"array": "z", "spacing": PIXEL}, "array: given .* only, not face.npy"),
         ({"delimiter": ",", "spacing": PIXEL}, "delimiter: given .* only, not face.npy"),
         ({"channel": 1, "spacing": PIXEL}, "channel: given .* only, not face.npy"),
@@ -437,7 +434,7 @@ def test_files_of_instruments(tmp_path, suffix):
     """Heights, pixel, orientation and undefined points, by formats whose units differ."""
     path = write(tmp_path, f"face{suffix}", WRITERS[suffix](Z, PIXEL))
     same(read_topography(path))
-    refused("given channel=1, expected 0 to 0, it has 1 channels", path, channel=1)
+    refused("given channel=1, expected 0, the only channel of the file", path, channel=1)
 
 
 # --- memory -----------------------------------------------------------------------------------------------
@@ -468,3 +465,93 @@ def test_files_are_read_in_three_times_their_memory(tmp_path, kind):
     command = [sys.executable, "-c", READ, *paths]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert int(done.stdout) < 3 * size
+
+
+# --- units that the file states wrongly or not at all -------------------------------------------------------
+
+
+@pytest.mark.parametrize("micron", ["µm".encode(), b"\xe6m", b"\xb5m", b"um"])
+def test_a_micrometre_in_another_encoding(tmp_path, micron):
+    """Programs write it in UTF-8, in the code page of DOS, or in latin-1."""
+    pytest.importorskip("SurfaceTopography")
+    content = WRITERS[".sur"](Z, PIXEL).replace(b"\xb5m".ljust(16), micron.ljust(16))
+    path = write(tmp_path, "face.sur", content)
+    same(read_topography(path))
+    found = read_for_a_look(path, height_unit="nm", spacing=(1e-6, 1e-6))
+    same(found.topography, 1e-3 * Z, (1e-6, 1e-6))
+    assert "height_unit nm is taken; the file says 1 µm per number" in found.notes
+
+
+def test_an_unknown_unit_of_a_file_is_that_of_the_caller(tmp_path):
+    pytest.importorskip("SurfaceTopography")
+    content = WRITERS[".sur"](Z, PIXEL)
+    for unit in (b"mm", b"\xb5m"):
+        content = content.replace(unit.ljust(16), b"parsnip".ljust(16))
+    path = write(tmp_path, "face.sur", content)
+    first, second = read_for_a_look(path).doubts
+    assert "no pixel size in the file (2 × 3 points; it says unit 'parsnip')" in str(first)
+    assert "no unit of height in the file that can be read (unit 'parsnip')" in str(second)
+    found = read_for_a_look(path, height_unit="um", spacing=PIXEL)
+    same(found.topography)
+    assert "height_unit um is taken; the file has the unit 'parsnip'" in found.notes
+
+
+def gwyddion(folder, heights, mask=None):
+    """A file of Gwyddion without units."""
+    surfaces = pytest.importorskip("SurfaceTopography")
+    path = folder / "face.gwy"
+    z = heights if mask is None else np.ma.masked_array(heights, mask)
+    surfaces.Topography(z, (4.0, 9.0), unit="m").to_gwy(str(path))
+    content = path.read_bytes()
+    assert content.count(b"unitstr\0sm\0") >= 2
+    path.write_bytes(content.replace(b"unitstr\0sm\0", b"unitstr\0s1\0"))
+    return path
+
+
+def test_a_gwyddion_file_without_units(tmp_path):
+    z = np.nan_to_num(Z) * 1e6 + 1
+    path = gwyddion(tmp_path, z)
+    refused("1 field whose unit is no length .1., expected a map of heights; .*--height-unit", path)
+    refused("no pixel size in the file", path, height_unit="um")
+    same(read_topography(path, height_unit="um", spacing=PIXEL), z * 1e-6)
+    refused("channel=1, expected 0, the only field of the file", path, channel=1, height_unit="um")
+    path = gwyddion(tmp_path, z, MASK)
+    same(read_topography(path, height_unit="um", spacing=PIXEL), masked(z * 1e-6))
+
+
+def test_a_channel_that_is_no_height_is_read_in_the_unit_of_the_caller(tmp_path, monkeypatch):
+    surfaces = pytest.importorskip("SurfaceTopography")
+    z = np.nan_to_num(Z) * 1e6
+    face = surfaces.Topography(z, (4.0, 9.0), unit="µm")
+    shape = {"dim": 2, "nb_grid_pts": (2, 3), "physical_sizes": (4.0, 9.0), "data_unit": "deg"}
+    given = {"name": "Phase", "is_height_channel": False, "topography": lambda: face}
+    file = SimpleNamespace(channels=[SimpleNamespace(**shape, **given)])
+    monkeypatch.setattr(surfaces, "open_topography", lambda path: file)
+    path = write(tmp_path, "face.xyz9", "x")
+    refused(
+        "Phase., which is no map of heights in 'deg', .* none in this file; if its numbers", path
+    )
+    found = read_for_a_look(path, height_unit="nm")
+    same(found.topography, z * 1e-9)
+    assert "height_unit nm is taken; the file has the unit 'deg' of the channel" in found.notes[0]
+    file.channels = []
+    refused("no channel of the file has a unit of length", path)
+
+
+def test_an_x3p_with_a_wrong_checksum_is_read_on_request(tmp_path):
+    path = tmp_path / "face.x3p"
+    x3pio.write(path, Z.T, x_scale=PIXEL[0], y_scale=PIXEL[1])
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content + b" " * (name == "main.xml"))
+    refused("changed or damaged after it was written .*--no-verify-checksum", path)
+    found = read_for_a_look(path, verify_checksum=False)
+    same(found.topography)
+    assert "read all the same" in found.notes[0]
+    refused(
+        "verify_checksum: given False, expected for .x3p files",
+        stored(tmp_path),
+        verify_checksum=False,
+    )
