@@ -131,9 +131,6 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     _check_options(path, given)
     with reading(path):
         raw = read_file(path, given)
-    if 1 in raw.heights.shape and raw.heights.size > _SHORTEST_PROFILE:
-        error = profile_error(raw.heights.ravel(), "a single line")
-        raise bad_file(path, error.given, error.expected)
     defined = without_no_data(path, raw.heights, raw.no_data, given.no_data)
     heights, file_mask = defined.heights, raw.mask if given.file_mask else None
     pixel = raw.spacing[::-1] if raw.spacing and given.transpose else raw.spacing
@@ -147,7 +144,7 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
         if (limit := getattr(given, name)) is not None
     }
     instrument_of_map = replace(raw.instrument, **known)
-    doubts = [*defined.doubts]
+    doubts = [*_profile_doubts(path, raw), *defined.doubts]
     del raw, defined  # no more than two maps at once
     if file_mask is not None:
         heights = np.where(file_mask, np.nan, heights)
@@ -222,6 +219,14 @@ def _check_options(path: Path, given: Reading) -> None:
             raise InputError(name, repr(value), f"for {kinds} only, not {path.name}")
     if given.size is not None and given.spacing is not None:
         raise InputError("size, spacing", "both", "one of the two")
+
+
+def _profile_doubts(path: Path, raw: Raw) -> list[InputError]:
+    """What is wrong with a map of a single line."""
+    if 1 not in raw.heights.shape or raw.heights.size <= _SHORTEST_PROFILE:
+        return []
+    error = profile_error(raw.heights.ravel(), "a single line")
+    return [bad_file(path, error.given, error.expected)]
 
 
 def _pixel_doubts(
