@@ -185,17 +185,15 @@ def report(
     output: Annotated[
         Path | None, option("Page to write.", "DIR/report.html", "-o", "--output")
     ] = None,
-    pdf: Annotated[
-        bool, flag("--pdf", "Print the page beside it, by a browser or WeasyPrint.")
-    ] = False,
+    pdf: Annotated[bool, typer.Option("--pdf", hidden=True)] = False,
 ) -> None:
-    """Write one self-contained HTML page about a run: verdict, curves, maps, tables, error budget; also as PDF."""
-    from .report import write_pdf, write_report
-
-    page = write_report(folder, output)
-    typer.echo(page)
+    """Write one self-contained HTML page about a run: verdict, curves, maps, tables, error budget."""
     if pdf:
-        typer.echo(write_pdf(page))
+        expected = "none: removed; open report.html in a browser and print it to a PDF"
+        raise InputError("--pdf", "an option of report", expected)
+    from .report import write_report
+
+    typer.echo(write_report(folder, output))
 
 
 @app.command()

@@ -9,7 +9,6 @@ import re
 import shlex
 import shutil
 from contextlib import contextmanager, nullcontext
-from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 
@@ -20,7 +19,6 @@ from typer.main import get_command
 
 import femseal as fs
 from femseal.cli import app
-from femseal.report import page as report_page
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -177,8 +175,6 @@ def written(path):
     "form", [pytest.param(f, marks=[pytest.mark.slow] if f in SLOW else []) for f in FORMS]
 )
 def test_a_documented_command_does_its_work(form, femseal, place, finished):
-    if "--pdf" in form and report_page.find_browser() is None and find_spec("weasyprint") is None:
-        pytest.skip("no program that prints a page")
     form, _, into = form.partition(" > ")
     with cluster() if "ADDRESS" in form or "tcp:" in form else nullcontext("") as address:
         arguments = small(form, address)

@@ -1,6 +1,4 @@
-"""The report as PDF, the table as a workbook, and the verdict at the head of the page."""
-
-import os
+"""The table as a workbook, and the verdict at the head of the page."""
 
 import numpy as np
 import openpyxl
@@ -8,14 +6,10 @@ import pytest
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.base import FemsealError, InputError, comma_separated
-from femseal.report import page as report_page
-from femseal.report import write_pdf
+from femseal.base import InputError, comma_separated
 from femseal.report.report_tables import class_table
 from femseal.results import RunFacts, assemble, rows
 from femseal.results.tables import write_workbook
-
-PAGE = '<!DOCTYPE html>\n<html><body><p id="text">A page.</p></body></html>\n'
 
 
 @pytest.fixture(scope="module")
@@ -63,35 +57,10 @@ def test_texts_of_a_spreadsheet_are_never_formulas(scene, study, tmp_path):
             )
 
 
-# --- PDF --------------------------------------------------------------------------------------------------
+def test_a_pdf_is_printed_from_a_browser(tmp_path):
+    """The removed option says what to do instead, before anything is written."""
+    from femseal.cli import app
 
-
-def test_without_a_browser_the_error_says_what_is_needed(tmp_path, monkeypatch):
-    (tmp_path / "page.html").write_text(PAGE)
-    monkeypatch.setattr(report_page, "find_browser", lambda: None)
-    monkeypatch.setattr(report_page, "find_spec", lambda name: None)
-    with pytest.raises(
-        InputError, match=r"no program that prints a page.*chromium.*pip install weasyprint"
-    ):
-        write_pdf(tmp_path / "page.html")
-    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
-
-
-@pytest.mark.skipif(os.name == "nt", reason="the browser that stands in is a script")
-def test_a_browser_prints(tmp_path, monkeypatch):
-    browser = tmp_path / "chromium"
-    browser.write_text(
-        "#!/bin/sh\n"
-        'for a in "$@"; do case "$a" in --print-to-pdf=*) to="${a#--print-to-pdf=}";; esac; done\n'
-        "case \"$a\" in file:///*good*) printf %s '%PDF-1.4' > \"$to\";; *) echo 'no printer' >&2; exit 1;; esac\n"
-    )
-    browser.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{tmp_path}")
-    good, bad = tmp_path / "good page.html", tmp_path / "bad.html"
-    for page in (good, bad):
-        page.write_text(PAGE)
-    assert write_pdf(good) == tmp_path / "good page.pdf"
-    assert (tmp_path / "good page.pdf").read_bytes() == b"%PDF-1.4"
-    with pytest.raises(FemsealError, match=r"did not print the page .*no printer"):
-        write_pdf(bad)
-    assert not (tmp_path / "bad.pdf").exists()
+    with pytest.raises(InputError, match=r"--pdf: given .*removed; open report\.html in a browser"):
+        app(["report", str(tmp_path), "--pdf"], standalone_mode=False)
+    assert not any(tmp_path.iterdir())
