@@ -1,7 +1,9 @@
 """The error budget of a leakage: what solver, pixels, filter, realisations and one measured patch may be off.
 
-A budget belongs to one study of one scene: `error_budget` gathers the estimates of its parts (`estimates.py`) and
-combines them to one band (`error_parts.py`). All distances are of ln(leakage): near closing, errors are factors.
+`sources.py` has the list of all sources of error, which a run and its forecast iterate: each with the versions of the
+input that are solved for it (`versions.py`), and its evaluation. A budget belongs to one study of one scene:
+`error_budget` gathers the estimates of its numbers (`estimates.py`), and `error_parts.py` combines all parts to one
+interval. All distances are of ln(leakage): near closing, errors are factors.
 """
 
 from typing import TYPE_CHECKING
@@ -36,5 +38,6 @@ if TYPE_CHECKING:
         thin_gap_part,
     )
     from .resolution import continuation_part
+    from .sources import SOURCES, BudgetRequest, ErrorSource, budgets_of, versions_of_budget
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -202,6 +202,10 @@ class Prepared:
         assert self.sampling is not None
         return laid_out(self.scene.surface, self.scene.layout, self.cells, self.sampling)
 
+    def replaced(self, **changes: Any) -> Prepared:
+        """The input with other attributes."""
+        return replace(self, **changes)
+
     def changed(self, change: ModelChange) -> Prepared:
         """The input with a change of the model."""
         sampling = self.sampling

@@ -1,1 +1,1 @@
-"""Coarser and finer versions of a case: error budgets, refinement to a wanted accuracy."""
+"""Coarser and finer versions of a case: refinement to a wanted accuracy."""

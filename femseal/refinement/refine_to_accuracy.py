@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..base import FemsealError, NotKept, as_text, duration, format_deviation, free_memory, to_text
-from ..budget import MODEL_PARTS, ErrorBudget, widest_band
+from ..budget import MODEL_PARTS, BudgetRequest, ErrorBudget, budgets_of, widest_band
 from ..case.case import Case
 from ..execution.run import Run
 from ..face.pieces import FEWEST_POINTS
 from ..preparation.preparation import START_MEMORY, Pair, Prepared, refused_if_too_large
 from ..studies.study_registry import contact_tolerance
-from .budgets import budgets_of
 
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
 TIME_LIMIT = 3600.0
@@ -296,7 +295,7 @@ class _Attempts:
             result = prepared.solve(answer, mapper)
         with self.run.timed(f"{name}, error budget") as mapper:
             alone = replace(prepared, methods=frozenset({answer.name}))
-            budget = budgets_of(alone, {key: result}, mapper)[key]
+            budget = budgets_of(BudgetRequest(alone), {key: result}, mapper)[key]
         seconds = time.perf_counter() - start
         seconds = self.run.decided("time of the attempt", self._so_far, seconds)
         found = widest_band(budget)

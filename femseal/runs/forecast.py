@@ -15,13 +15,12 @@ import psutil
 
 from ..base import InputError, Shape, as_text, counted, duration, free_memory, to_text
 from ..base.machine import storing
-from ..budget import model_changes
+from ..budget import BudgetRequest, versions_of_budget
 from ..case.case import Case
 from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
 from ..materials import METALS
 from ..preparation.preparation import START_MEMORY, Prepared
-from ..refinement.budgets import CONTINUED_SCENES, coarser_grid, without_filtered_waves
 from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
 from ..results.results import cycle_text
 from ..results.variables import fluid_text
@@ -241,21 +240,11 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
 
 
 def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
-    """What the error budget of a run solves besides."""
+    """What the error budget of a run solves besides, at most: opposite changes are left out that matter little."""
     if not case.output.budget:
         return []
-    coarser = coarser_grid(prepared)
-    grid, again = coarser or prepared, [coarser] if coarser else []
-    if (smooth := without_filtered_waves(prepared)) is not None:
-        again.append(smooth)
-    parts = case.output.model_parts
-    for change in model_changes(grid.scene, parts, case.hardness_tolerance, grid.form):
-        # whether the opposite is solved depends on the other parts of the budget: at most it is
-        sides = change, change.opposite
-        again += [grid.changed(side) for side in sides if side is not None]
-    if prepared.continuation is not None and "continuation" in parts:
-        again += [grid] * CONTINUED_SCENES
-    return again
+    request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
+    return [version for version in versions_of_budget(request) if isinstance(version, Prepared)]
 
 
 def _keeps_states(prepared: Prepared) -> bool:

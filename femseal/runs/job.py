@@ -28,7 +28,7 @@ from ..base import (
 )
 from ..base.files import remove_foreign
 from ..base.machine import storing
-from ..budget import ErrorBudget
+from ..budget import BudgetRequest, ErrorBudget, budgets_of
 from ..case.case import Case
 from ..case.case_tables import FILE_KEYS
 from ..case.reading import load_case
@@ -54,7 +54,6 @@ from ..execution.run import (
 )
 from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import Prepared, prepare
-from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import (
     first_settings,
     first_version,
@@ -225,12 +224,9 @@ def _results(
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
-        parts: dict[str, Any] = {
-            "model_parts": case.output.model_parts,
-            "hardness": case.hardness_tolerance,
-        }
+        request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
         with run.timed("error budget") as mapper:
-            budgets = budgets_of(prepared, studies, mapper, known=known, **parts)
+            budgets = budgets_of(request, studies, mapper, known)
     if part is not None:
         return None
     attributes = {

@@ -18,9 +18,9 @@ from femseal.budget.error_parts import (
 )
 from femseal.budget.estimates import median_interval
 from femseal.budget.resolution import filter_part
+from femseal.budget.versions import coarser_points
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
-from femseal.refinement.budgets import coarser_points
 from femseal.runs.forecast import describe, forecast
 from femseal.studies.drawn_error import interval_widths
 from femseal.studies.study_registry import open_leakage_of

@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 from small_cases import HARDENED
 
 import femseal as fs
+from femseal.budget.versions import without_filtered_waves
 from femseal.case import parse_case
 from femseal.preparation import face, prepare
-from femseal.refinement.budgets import without_filtered_waves
 
 
 @pytest.fixture

@@ -13,9 +13,9 @@ from small_cases import HARDENED, steel_scene
 import femseal as fs
 from femseal.budget import CoarserSolution, continuation_part
 from femseal.budget.resolution import filter_part
+from femseal.budget.versions import continued_versions
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.refinement.budgets import continued_scenes
 from femseal.runs.forecast import describe
 from femseal.topography import continuation_of, spectrum
 
@@ -176,14 +176,14 @@ def test_a_case_solves_the_continued_face(case):
 
 def test_the_budget_solves_other_phases_and_fewer_waves(case):
     prepared = prepare(case({}))
-    *others, shorter = (scene.surface for scene in continued_scenes(prepared))
+    *others, shorter = (one.scene.surface for one in continued_versions(prepared))
     face, longest = prepared.scene.surface, prepared.continuation.longest
     assert len({one.rms_slope for one in (face, *others)}) == 4
     long = face.low_pass(1.01 * longest).heights
     for one in others:
         assert_allclose(one.low_pass(1.01 * longest).heights, long, atol=1e-12)
     assert_allclose(shorter.low_pass(2e-6).heights, shorter.heights, atol=1e-12)
-    assert continued_scenes(replace(prepared, continuation=None)) == []
+    assert continued_versions(replace(prepared, continuation=None)) == []
 
 
 @each(

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from small_cases import HARDENED
 
 import femseal as fs
+from femseal.budget.versions import kept_slope
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.refinement.budgets import kept_slope
 from femseal.topography import Instrument, Places, condition, read_for_a_look
 
 AMPLITUDE, RADIUS = 1e-6, 2e-6

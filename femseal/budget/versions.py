@@ -1,0 +1,238 @@
+"""Versions of the input of a run that its error budget solves besides: coarser, without waves, with another model."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import ceil, prod
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..base import Array, FemsealError, Mapper, NotKept, Shape
+from ..studies import STUDIES, Sampling, Scene, StochasticResult, Study, study_of_result
+from ..studies.doubts import FormEffect
+from ..studies.sampling import FEWEST_SEALS
+from ..topography import Conditioning, Continuation, Representative, Topography
+from .changed_models import FormTolerance, ModelChange
+from .error_parts import CoarserSolution
+
+#: Points a side of the coarser grid over those of the scene.
+COARSENING = 0.5
+#: A coarser grid of more than this fraction of the points shows nothing.
+MOST_POINTS_FRACTION = 0.6
+#: Seals that are drawn again from a changed face, at most, and as long as how many faces they are together; each is
+#: compared with that of the same pieces.
+SEALS_AGAIN, FACES_AGAIN = 5, 40
+#: Fraction of the rms slope that removed waves have at least where they matter.
+LEAST_REMOVED = 1e-4
+#: Draws of the phases of continued waves besides that of a run.
+OTHER_PHASES = 3
+log = logging.getLogger("femseal")
+
+
+class Version(Protocol):
+    """Input of the studies, as `preparation.Prepared` has it."""
+
+    @property
+    def scene(self) -> Scene:
+        """Scene of the studies."""
+        ...
+
+    @property
+    def sampling(self) -> Sampling | None:
+        """How seals are drawn; None without."""
+        ...
+
+    @property
+    def conditioning(self) -> Conditioning:
+        """How the surface was conditioned."""
+        ...
+
+    @property
+    def continuation(self) -> Continuation | None:
+        """How its spectrum is continued; None where it is not."""
+        ...
+
+    @property
+    def form(self) -> FormTolerance | None:
+        """Errors of the forms of seal and seat."""
+        ...
+
+    @property
+    def form_effect(self) -> FormEffect | None:
+        """What the form in the patch does."""
+        ...
+
+    @property
+    def holds(self) -> Representative | None:
+        """What the patch holds of its long waves."""
+        ...
+
+    @property
+    def flatness(self) -> float | None:
+        """Flatness of the seal [m]."""
+        ...
+
+    @property
+    def studies(self) -> list[Study]:
+        """Studies of the run."""
+        ...
+
+    @property
+    def solved_studies(self) -> list[Study]:
+        """Those of them that are solved."""
+        ...
+
+    @property
+    def least_points(self) -> Shape:
+        """Fewest points along x1 and x2."""
+        ...
+
+    @property
+    def points_divide_by(self) -> Shape:
+        """Numbers that divide those of the points."""
+        ...
+
+    @property
+    def cut_and_tiles(self) -> tuple[Any, Any]:
+        """The cut of the surface, and the tiles of the seal."""
+        ...
+
+    def replaced(self, **changes: Any) -> Any:
+        """The input with other attributes."""
+        ...
+
+    def changed(self, change: ModelChange) -> Any:
+        """The input with a change of the model."""
+        ...
+
+    def solve(self, study: Study, mapper: Mapper) -> Any:
+        """Result of a study."""
+        ...
+
+    def longer_waves(self, surface: Topography, mapper: Mapper) -> Array | None:
+        """Changes of ln(leakage) by waves longer than the patch."""
+        ...
+
+
+def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 1)) -> Shape | None:
+    """Half the points a side, or as few more as cells ask for; None where that shows nothing."""
+    wanted = [
+        ceil(max(ceil(COARSENING * n), few) / m) * m
+        for n, few, m in zip(points, least, divide_by, strict=True)
+    ]
+    if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
+        return None
+    return wanted[0], wanted[1]
+
+
+def route(study: Study) -> Study:
+    """The study with the contact and flow of another one on a coarser grid: that of the face for two scales."""
+    return STUDIES["deterministic"] if study.name == "two-scale" else study
+
+
+def coarser_grid(version: Version) -> Version | None:
+    """The version on half of the points a side; None where that shows nothing."""
+    surface = version.scene.surface
+    points = coarser_points(surface.shape, version.least_points, version.points_divide_by)
+    return None if points is None else _reduced(version, surface.resample(points))
+
+
+def without_filtered_waves(version: Version) -> Version | None:
+    """The version without waves up to twice the shortest one; None where none were removed."""
+    if not _lacks_waves(version):
+        return None
+    surface, wave = version.scene.surface, 2 * version.conditioning.shortest_wave
+    n1, n2 = (
+        ceil(n / (2 * m)) * m for n, m in zip(surface.shape, version.points_divide_by, strict=True)
+    )
+    least1, least2 = version.least_points
+    if wave >= max(surface.size) or n1 < least1 or n2 < least2:
+        log.warning(
+            "error budget: the face or its pieces are too small to do without the shortest waves"
+        )
+        return None
+    return _reduced(version, surface.low_pass(wave).resample((n1, n2)))
+
+
+def continued_versions(grid: Version) -> list[Version]:
+    """Versions with other phases of the continued waves, `OTHER_PHASES` of them, and one without the shortest octave.
+
+    None where nothing is continued.
+    """
+    continued = grid.continuation
+    if continued is None:
+        return []
+    surface = grid.scene.surface
+    measured = continued.added_to(surface, factor=-1.0)
+    others = [continued.added_to(measured, number) for number in range(1, OTHER_PHASES + 1)]
+    surfaces = [*others, surface.low_pass(2 * continued.cut_off)]
+    return [grid.replaced(scene=replace(grid.scene, surface=one)) for one in surfaces]
+
+
+def kept_slope(version: Version) -> float:
+    """Rms slope of the face over that with the waves that it lacks; 1 where none matter."""
+    return version.conditioning.kept_slope if _lacks_waves(version) else 1.0
+
+
+def _lacks_waves(version: Version) -> bool:
+    """Whether the face lacks waves that matter, removed by the low-pass or not seen by its instrument."""
+    return 1 - version.conditioning.kept_slope >= LEAST_REMOVED
+
+
+def _reduced(version: Version, surface: Topography) -> Version:
+    """The version for a coarser face: each study by its route, with the same cells and few of the same seals."""
+    sampling = version.sampling
+    if sampling is not None:
+        cut, tiles = version.cut_and_tiles
+        enough = ceil(FACES_AGAIN * prod(cut.shape) / tiles.count)
+        few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN, enough)
+        sampling = replace(sampling, realisations=few, median_fields=False)
+    methods = frozenset(route(study).name for study in version.studies)
+    scene = replace(version.scene, surface=surface)
+    found: Version = version.replaced(scene=scene, sampling=sampling, methods=methods)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class VersionLeakage:
+    """Leakage of a study of a version at every step (steps,) [m²/s]; seals : that were drawn, None of others."""
+
+    leakage: Array
+    seals: int | None
+
+
+def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage]:
+    """Solve the studies of a version, and keep their leakage by key; studies that fail are left out."""
+    found: dict[str, VersionLeakage] = {}
+    for study in version.solved_studies:
+        try:
+            result = version.solve(study, mapper)
+        except NotKept:
+            raise
+        except FemsealError as error:
+            log.warning("error budget: %s on a coarser grid failed: %s", study.name, error)
+            continue
+        seals = len(result.leakage) if isinstance(result, StochasticResult) else None
+        found[study.key] = VersionLeakage(leakage_of(result), seals)
+    return found
+
+
+def leakage_of(result: Any) -> Array:
+    """Leakage of a study at every step (steps,) [m²/s]: the one that answers."""
+    return study_of_result(result).leakage(result)
+
+
+def against(result: Any, version: Version, solved: Mapping[str, VersionLeakage]) -> CoarserSolution:
+    """The leakage of a coarser version beside the result of a study; unknown where it failed."""
+    points, slope = version.scene.surface.shape, version.scene.surface.rms_slope
+    found = solved.get(route(study_of_result(result)).key)
+    if found is None:
+        return CoarserSolution(points, np.full(len(version.scene.steps), np.nan))
+    if not isinstance(result, StochasticResult):
+        return CoarserSolution(points, found.leakage, rms_slope=slope)
+    # the same cells in the same tiles: the first seals of both are compared
+    own = replace(result, leakage=result.leakage[: found.seals])
+    return CoarserSolution(points, found.leakage, leakage_of(own), slope)
