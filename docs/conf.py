@@ -16,7 +16,7 @@ sys.path.insert(0, str(HERE / "extensions"))
 from case_keys import write_case_keys  # noqa: E402
 from command_line import write_command_line  # noqa: E402
 from docstrings import restructured_docstring, short_signature  # noqa: E402
-from gallery_support import figures_of_results, name_the_script, notebook_as_script  # noqa: E402  beside this file
+from gallery_support import name_the_script, notebook_as_script  # noqa: E402  beside this file
 
 os.environ["MPLBACKEND"] = "Agg"
 logging.getLogger("skfem").setLevel(logging.WARNING)
@@ -81,7 +81,8 @@ sphinx_gallery_conf = {
     "examples_dirs": "_examples",
     "gallery_dirs": "gallery",
     "filename_pattern": rf"/({'|'.join(QUICK if tags.has('short') else SHOWN)})\.py",  # noqa: F821
-    "image_scrapers": ("matplotlib", figures_of_results),
+    # every picture of a result belongs to pyplot
+    "image_scrapers": ("matplotlib",),
     "reset_modules": ("matplotlib", name_the_script),
     "within_subsection_order": ExplicitOrder([f"{stem}.py" for stem in SHOWN]),
     "capture_repr": ("_repr_html_",),

@@ -16,7 +16,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from .base import FemsealError, InputError, shortened, writing
-from .commands import Resume, calibrate, compare, design, sweep
+from .commands import Replace, Resume, calibrate, compare, design, sweep
 from .execution.run import reporting_compilation
 from .execution.terminal import (
     CasePath,
@@ -126,6 +126,7 @@ def run(
         Path | None, option("Results folder.", "results/CASE", "-o", "--output")
     ] = None,
     resume: Resume = False,
+    replace: Replace = False,
     part: PartOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -150,7 +151,16 @@ def run(
     again = f"femseal run {path} -o {folder}"
     try:
         with show_progress(quiet, log_file) as progress:
-            results = job.run(case, folder, resume, workers, scheduler, part=own, progress=progress)
+            results = job.run(
+                case,
+                folder,
+                resume,
+                workers,
+                scheduler,
+                part=own,
+                replace_results=replace,
+                progress=progress,
+            )
     except KeyboardInterrupt:
         raise FemsealError(
             f"stopped; `{again} {f'--part {part}' if part else '--resume'}` goes on"

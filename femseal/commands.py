@@ -23,6 +23,9 @@ from .execution.terminal import (
 
 #: Options that several commands have.
 Resume = Annotated[bool, flag("--resume", "Keep what is complete, and go on with the rest.")]
+Replace = Annotated[
+    bool, flag("--replace", "Replace the results of a finished run in the folder, of any case.")
+]
 Unit = Annotated[str | None, option("Unit of leakage.", "as in the case")]
 
 
@@ -52,6 +55,7 @@ def sweep(
         Path | None, option("Folder of all cases.", "results/CASE-sweep", "-o", "--output")
     ] = None,
     resume: Resume = False,
+    replace: Replace = False,
     unit: Unit = None,
     part: PartOption = None,
     workers: Workers = None,
@@ -71,6 +75,7 @@ def sweep(
             parsed_keys(keys),
             folder,
             resume=resume,
+            replace_results=replace,
             workers=workers,
             scheduler=scheduler,
             unit=unit,
@@ -138,6 +143,7 @@ def design(
     solve: Annotated[
         bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness.")
     ] = True,
+    replace: Replace = False,
     workers: Workers = None,
     quiet: Quiet = False,
 ) -> None:
@@ -157,6 +163,7 @@ def design(
             assembly=assembly or (),
             nominal_diameter=diameter,
             solve=solve,
+            replace_results=replace,
             workers=workers,
             progress=progress,
         )
@@ -189,6 +196,7 @@ def calibrate(
     error: Annotated[str, typer.Option(help="Relative error of a measured leakage.")] = "10 %",
     scenes: Annotated[int, typer.Option(help="Scenes that are solved at most.")] = 40,
     resume: Resume = False,
+    replace: Replace = False,
     part: PartOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -212,6 +220,7 @@ def calibrate(
             error=error,
             scenes=scenes,
             resume=resume,
+            replace_results=replace,
             part=parsed_part(part),
             workers=workers,
             scheduler=scheduler,

@@ -1,26 +1,9 @@
-"""What sphinx-gallery does not do by itself: figures of results, the name of a script, a notebook as an example."""
+"""What sphinx-gallery does not do by itself: the name of a script, and a notebook as an example."""
 
 import builtins
 import json
 import re
 from pathlib import Path
-from weakref import WeakSet
-
-from matplotlib.figure import Figure
-from sphinx_gallery.scrapers import figure_rst
-
-_SAVED: WeakSet = WeakSet()
-
-
-def figures_of_results(block, block_vars, gallery_conf):
-    """Save every figure among the variables of an example, and that of its last line: they do not belong to pyplot."""
-    names = []
-    for value in list(block_vars["example_globals"].values()):
-        if isinstance(value, Figure) and value not in _SAVED:
-            _SAVED.add(value)
-            names.append(block_vars["image_path_iterator"].next())
-            value.savefig(names[-1])
-    return figure_rst(names, gallery_conf["src_dir"])
 
 
 def name_the_script(gallery_conf, fname):

@@ -67,6 +67,7 @@ def calibrate(
     error: float | str = 0.1,
     scenes: int = 40,
     resume: bool = False,
+    replace_results: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
     part: Part | None = None,
@@ -85,6 +86,7 @@ def calibrate(
         unless given, `WIDTHS` times to either side of the case's values (of 1), no wave below 8 pixels.
     error : of a measured leakage, relative standard deviation. scenes : solved at most.
     resume : take the scenes of the folder that were solved for the same case, test and ranges.
+    replace_results : begin anew where the folder holds a finished calibration, and replace it.
     part : such as (3, 16), to solve the third sixteenth of the scenes that are asked for at a time, and write them.
     workers, scheduler, progress : see `run`.
 
@@ -100,6 +102,14 @@ def calibrate(
     >>> found.hardness.median, found.factor  # doctest: +SKIP
     """
     folder, going_on, part = job.checked_output(output, resume, part)
+    is_finished = folder is not None and (folder / FILE).exists()
+    if is_finished and not going_on and not replace_results:
+        given = f"'{folder}', which holds a finished calibration"
+        expected = (
+            "another folder, --resume to go on with its scenes, or --replace (Python: replace_results=True) to begin "
+            "anew and replace it"
+        )
+        raise InputError("output", given, expected)
     loaded = case if isinstance(case, Case) else load_case(case)
     if loaded.accuracy is not None:
         raise InputError("accuracy", loaded.accuracy, "none: every scene is solved alike")
@@ -125,7 +135,7 @@ def calibrate(
     progress = progress or no_progress
     with ExitStack() as stack:
         if folder is not None:
-            if not going_on and (folder / FILE).exists():  # a finished one
+            if not going_on and is_finished:
                 remove_run(folder)
             stack.enter_context(writing_in(made_folder(folder), identity, going_on, part))
             begin_run(folder, identity)

@@ -30,6 +30,7 @@ def design(
     assembly: Iterable[float | str] = (),
     nominal_diameter: float | str | None = None,
     solve: bool = True,
+    replace_results: bool = False,
     workers: int | None = None,
     progress: job.Progress | None = None,
 ) -> Design:
@@ -55,6 +56,7 @@ def design(
         those that they hold.
     nominal_diameter : [m] or as "50 mm", for the rates of ISO 5208.
     solve : solve the case again with another hardness, for what no law gives; cases only.
+    replace_results : compute the case where the folder holds results of another one, and replace these.
     workers : processes; all cores unless given. progress : see `run`.
 
     Raises
@@ -89,7 +91,14 @@ def design(
             drop = tested.state.pressure_drop
             basis = leak_basis(tested.fluid, 1.0, pressure_drop=drop, **case.output.valve)
             check_classes(classes, diameter or case.output.nominal_diameter, basis)
-        results = job.run(case, output, output is not None, workers, progress=shown)
+        results = job.run(
+            case,
+            output,
+            output is not None,
+            workers,
+            replace_results=replace_results,
+            progress=shown,
+        )
     seals = Seals.of_results(results)
     known = seals.steps.unload_from
     lacking = [q for q in extra if not np.isclose(q, known, rtol=1e-9).any()]

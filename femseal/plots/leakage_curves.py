@@ -92,12 +92,16 @@ class LeakageCurves:
     def range(self) -> Array:
         """Sizes of all leakages [m²/s], and the ends of their band that are not far from them."""
         drawn = np.abs(np.concatenate([self.leakage, *self.others.values()]))
-        ends = np.abs(np.concatenate(self.band or (drawn[:0],)))
-        sizes = drawn[np.isfinite(drawn) & (drawn > 0)]
-        if not sizes.size:
-            return np.r_[drawn, ends]
-        known = ends[np.isfinite(ends) & (ends > 0)]
-        return np.r_[drawn, np.clip(known, sizes.min() / _BEYOND, sizes.max() * _BEYOND)]
+        return with_near_ends(drawn, np.abs(np.concatenate(self.band or (drawn[:0],))))
+
+
+def with_near_ends(drawn: Array, ends: Array) -> Array:
+    """Sizes that are drawn, and the ends of their intervals as far as these are not far from them."""
+    sizes = drawn[np.isfinite(drawn) & (drawn > 0)]
+    if not sizes.size:
+        return np.r_[drawn, ends]
+    known = ends[np.isfinite(ends) & (ends > 0)]
+    return np.r_[drawn, np.clip(known, sizes.min() / _BEYOND, sizes.max() * _BEYOND)]
 
 
 def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[Any]:
@@ -192,6 +196,13 @@ def leakage_band(axes: Axes, x: Array, low: Array, high: Array, colour: Any) -> 
         axes.fill_between(x, low, high, color=colour, lw=0, alpha=0.14)
     else:
         axes.vlines(x, low, high, color=colour, lw=5, alpha=0.25)
+
+
+def leakage_bars(axes: Axes, x: Array, low: Array, high: Array, colour: Any) -> None:
+    """Draw intervals of leakages of any direction as thin bars, as far as the scale reaches."""
+    bottom, top = axes.get_ylim()
+    low, high = (np.clip(np.abs(end), bottom, top) for end in (low, high))
+    axes.vlines(x, low, high, color=colour, lw=1.4, alpha=0.75)
 
 
 def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) -> Figure:

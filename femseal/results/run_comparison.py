@@ -28,7 +28,7 @@ from ..base.text import room
 from ..loads import LoadStep
 from .dataset import open_results
 from .results import Results
-from .tables import kind_of, leakage_texts
+from .tables import format_error_band, kind_of, leakage_texts
 
 #: Ends of the band of realisations, where a run has them.
 BAND = ("leakage_lower", "leakage_upper")
@@ -62,6 +62,14 @@ class RunComparison(Plotted):
         factor = results.leak_basis.factor(self.unit)
         return low / factor, high / factor
 
+    def interval(self, run: int) -> tuple[Array, Array] | None:
+        """Lower and upper end of the 95 % interval of a run (steps,) in `unit`; None without an error budget."""
+        results = self.runs[run]
+        if (budget := results.budget) is None:
+            return None
+        factor = results.leak_basis.factor(self.unit)
+        return budget.lower / factor, budget.upper / factor
+
     @property
     def common_steps(self) -> tuple[LoadStep, ...]:
         """Load steps that all runs have, in the order of the first."""
@@ -84,12 +92,13 @@ class RunComparison(Plotted):
 
     def rows(self) -> list[dict[str, Any]]:
         """One dictionary for each run and load step: the run, the keys of a sweep, the load, the leakage in SI and in
-        the unit of the comparison; keys carry the units, missing bands are NaN."""
+        the unit of the comparison; keys carry the units, missing intervals and quantiles are NaN."""
         column = with_unit("leakage", self.unit.name)
         rows = []
         for n, results in enumerate(self.runs):
             data, basis = results.dataset, results.leak_basis
             low, high = self.band(n) or (np.nan, np.nan)
+            lowest, highest = self.interval(n) or (np.nan, np.nan)
             varied = zip(self.keys, self.settings[n], strict=True) if self.keys else ()
             columns: dict[str, Any] = {
                 "run": self.names[n],
@@ -103,6 +112,8 @@ class RunComparison(Plotted):
                 "leakage_m2_per_s": results.leakage,
                 "leakage_lower_m2_per_s": low * basis.factor(self.unit),
                 "leakage_upper_m2_per_s": high * basis.factor(self.unit),
+                "interval_lower_m2_per_s": lowest * basis.factor(self.unit),
+                "interval_upper_m2_per_s": highest * basis.factor(self.unit),
                 column: self.leakage(n),
             }
             rows += rows_of(columns)
@@ -112,7 +123,7 @@ class RunComparison(Plotted):
         """The table for people, one line for each run, to be given to `rich.print`.
 
         The columns are the keys of a sweep, or else the names of the runs; the method where it differs; the leakage at
-        a few load steps that all runs have, or else at their own highest one.
+        a few load steps that all runs have, or else at their own highest one, in brackets its 95 % interval.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
@@ -120,12 +131,25 @@ class RunComparison(Plotted):
         names, methods = len(columns), [results.method for results in self.runs]
         if len({*methods}) > 1:
             columns.append(("method", methods))
-        leakages = [leakage_texts(run, run.leak_basis.factor(self.unit)) for run in self.runs]
+        leakages = [self._texts(run) for run in range(len(self.runs))]
         columns += [
             (name, [texts[s] for texts, s in zip(leakages, steps, strict=True)])
             for name, steps in self._columns()
         ]
         return TextTable.of_columns(self.label, columns, names=names)
+
+    def _texts(self, run: int) -> list[str]:
+        """Leakage of a run at its own steps as text, with its interval where one is known."""
+        results = self.runs[run]
+        factor = results.leak_basis.factor(self.unit)
+        texts = leakage_texts(results, factor)
+        if (budget := results.budget) is None:
+            return texts
+        ends = zip(texts, budget.lower, budget.upper, budget.leakage, strict=True)
+        return [
+            f"{text} ({format_error_band(low, high, factor, q)})" if np.isfinite(q) else text
+            for text, low, high, q in ends
+        ]
 
     def _columns(self) -> list[tuple[str, list[int]]]:
         """Heading and the step of every run, for each column of leakage."""

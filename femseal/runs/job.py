@@ -62,6 +62,7 @@ from ..refinement.refine_to_accuracy import (
 )
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
+from ..results.dataset import FILE_NAME
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, StochasticResult, drop_ratio
 from ..studies.compiling import compile_ahead
@@ -80,6 +81,7 @@ def run(
     *,
     part: Part | None = None,
     shared: AnyPath | None = None,
+    replace_results: bool = False,
     progress: Progress | None = None,
 ) -> Results:
     """Run a case, from surface to leakage.
@@ -97,6 +99,7 @@ def run(
         one folder at the same time or one after the other, go on from what is there, and write no results: None is
         returned. Once all is there, a run with `resume` and without `part` writes them, the same bits as those of one
         process.
+    replace_results : compute the case where the folder holds results of a finished run, whose files are replaced.
     shared : folder with results of stages, where a run keeps its own and finds those of other runs that do the same
         with the same numbers; it grows with every run.
     progress : called as progress(stage, done, total) while states and realisations are computed.
@@ -104,8 +107,9 @@ def run(
     Raises
     ------
     InputError : the case or an argument cannot be used, the run is expected to take more memory than there is, the
-        folder holds an unfinished run of another case, other face files or other versions, or one without `resume`,
-        or another run is under way there; nothing has been written then.
+        folder holds the results of a finished run, with `resume` those of another case, or an unfinished run of another
+        case, other face files or other versions, or one without `resume`, or another run is under way there; nothing
+        has been written then.
     PartsMissing : the part has computed what it can, and needs items of other parts that are not there yet.
     FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
         folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
@@ -130,6 +134,8 @@ def run(
             resumable(folder, identity)
             remove_run(folder)
         return finished
+    if folder is not None and not replace_results:
+        refuse_finished(folder, case if resume else None)
     progress = progress or no_progress
 
     with ExitStack() as stack:
@@ -376,6 +382,32 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
         )
         log.info("other files written to %s", folder)
     return results
+
+
+def refuse_finished(folder: Path, case: Case | None = None) -> None:
+    """Raise InputError where a folder holds the results of a finished run, or of one of another case.
+
+    case : that may go on there; None: no results may be there.
+    """
+    path = folder / FILE_NAME
+    if path.is_symlink() or not path.is_file():  # the file that a link leads to stays
+        return
+    if case is None:
+        given = f"'{folder}', which holds the results of a finished run"
+        expected = "another folder, --resume to take these results if they are of this case"
+    else:
+        try:
+            former = open_results(folder).case
+        except FemsealError:  # a damaged file is no result
+            return
+        if _numbers(former) == _numbers(case.echo()):  # computed again, as of another face file
+            return
+        given = f"'{folder}', which holds the results of another case, or of another version"
+        expected = "another folder"
+    expected += (
+        ", or --replace (Python: replace_results=True) to compute this case and replace them"
+    )
+    raise InputError("output", given, expected)
 
 
 def _chosen(case: Case, made: Prepared) -> dict[str, Any]:

@@ -49,6 +49,7 @@ def sweep(
     output: AnyPath,
     *,
     resume: bool = False,
+    replace_results: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
     unit: str | None = None,
@@ -68,6 +69,7 @@ def sweep(
         quantities are texts with their unit as in the file. "face.0.pitch" is a key of the first of two faces.
     output : folder, made if needed: a results folder for each case, `sweep.csv` and `sweep.png`.
     resume : take the cases that are complete, and go on with those that are not.
+    replace_results : compute cases whose folders hold results of finished runs, and replace these.
     workers, scheduler : of each run, see `run`. unit : of the comparison, see `compare`.
     part : such as (3, 16), to run the third sixteenth of the cases only, and write no table; with `resume` and without
         `part` the others are run that are not there, and all are compared.
@@ -103,6 +105,8 @@ def sweep(
             raise with_setting(error, variation.setting) from error
         if not resume:
             refuse_unfinished(folder / variation.name)
+        if not replace_results:
+            job.refuse_finished(folder / variation.name, variation.case if resume else None)
     if not resume:
         refuse_unfinished(folder, SHARED)
     with alone_in(made_folder(folder), part):
@@ -115,7 +119,13 @@ def sweep(
             try:
                 where = folder / variation.name, resume, workers, scheduler
                 shared = folder / SHARED
-                results = job.run(variation.case, *where, shared=shared, progress=report)
+                results = job.run(
+                    variation.case,
+                    *where,
+                    shared=shared,
+                    replace_results=replace_results,
+                    progress=report,
+                )
                 kept.append((variation, results))
             except InputError:
                 raise

@@ -126,8 +126,39 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     monkeypatch.setitem(STUDIES, "deterministic", replace(STUDIES["deterministic"], solve=fail))
     assert_array_equal(fs.run(case, out, resume=True, workers=1).leakage, done.leakage)
     case.write_text(case.read_text().replace("seed = 2", "seed = 3"))
-    with pytest.raises(ValueError, match="no such colour"):
+    with pytest.raises(fs.InputError, match="holds the results of another case"):
         fs.run(case, out, resume=True, workers=1)
+    with pytest.raises(ValueError, match="no such colour"):
+        fs.run(case, out, resume=True, workers=1, replace_results=True)
+
+
+def test_results_of_a_finished_run_are_not_replaced_unasked(femseal, case, undrawn, tmp_path):
+    """Neither by the same case, nor by another one that is to go on there; nor are they touched."""
+    case.write_text(ALONE.replace('method = "stochastic"', 'method = "deterministic"'))
+    other, out = tmp_path / "other.toml", tmp_path / "out"
+    other.write_text(case.read_text().replace("seed = 2", "seed = 3"))
+    first = fs.run(case, out, workers=1)
+    (out / "run.log").unlink()
+    before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
+    for path, more, words in (
+        (case, (), "holds the results of a finished run"),
+        (other, (), "holds the results of a finished run"),
+        (other, ("--resume",), "holds the results of another case"),
+    ):
+        code, _, said = femseal("run", path, "-o", out, "--workers", "1", *more)
+        assert (code, said.count("\n")) == (2, 1)
+        assert words in said
+        assert "--replace" in said
+    with pytest.raises(fs.InputError, match="another case"):
+        fs.design(other, out, workers=1)
+    for resume, words in ((False, "finished run"), (True, "another case")):
+        with pytest.raises(fs.InputError, match=words):
+            fs.run(other, out, resume=resume, workers=1)
+    assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
+    code, _, _ = femseal("run", other, "-o", out, "--workers", "1", "--replace")
+    assert code == 0
+    assert fs.open_results(out).case["seed"] == 3
+    assert (fs.open_results(out).leakage.values != first.leakage.values).any()
 
 
 def test_bad_input_writes_nothing_and_exits_with_2(femseal, case, tmp_path):

@@ -2,15 +2,21 @@
 
 import csv
 import io
+import re
+from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import SWEPT as CASE
 
 import femseal as fs
+from femseal.budget import ErrorBudget, ErrorPart
 from femseal.case.reading import read_case
+from femseal.results.run_comparison import compared
+from femseal.results.variables import add_budgets
 from femseal.runs import job
 from femseal.sweeps.sweeping import parsed_keys, variations
 
@@ -202,6 +208,49 @@ def test_picture_of_a_sweep(swept):
     assert_allclose(lines[::2], [found.leakage(n)[:2] for n in range(4)])
     assert_allclose(right.lines[0].get_xdata(), [3, 6])
     assert_allclose(right.lines[0].get_ydata(), [found.leakage(n)[1] for n in (0, 2)])
+
+
+@each("count", [2, 4])
+def test_intervals_are_drawn_and_told_where_they_are_known(swept, count):
+    """The legend says of nothing that is not there; shaded areas and bars end where the intervals do."""
+    _, found = swept
+    bare = fs.compare(dict(zip(found.names, found.runs, strict=True)))
+    assert bare.interval(0) is None
+    (panel,) = bare.plot().axes
+    assert legend_title(panel) == "dashed: unloading"
+    known = [with_budget(run) for run in found.runs[:count]]
+    both = compared(found.names[:count], known, keys=found.keys, settings=found.settings[:count])
+    for n, run in enumerate(known):
+        assert_allclose(both.interval(n), np.outer([0.5, 3], both.leakage(n)))
+        assert_allclose(both.rows()[3 * n]["interval_upper_m2_per_s"], 3 * run.leakage.values[0])
+    assert re.fullmatch(r"[\d.]+ \([\d.]+–[\d.]+\)", both.table().lines[0][2])
+    panel, key_panel = both.plot().axes
+    words = "shaded" if count <= 3 else "bars"
+    assert legend_title(panel) == f"dashed: unloading; {words}: 95 % interval on loading"
+    assert "95 % interval" in key_panel.get_title()
+    ends = [
+        np.sort(segment[:, 1])
+        for lines in key_panel.collections
+        for segment in lines.get_segments()
+    ]
+    expected = [np.outer([0.5, 3], both.leakage(n)[1:2]).ravel() for n in range(count)]
+    assert_allclose(sorted(map(tuple, ends)), sorted(map(tuple, expected)))
+    shown = [c for c in panel.collections if hasattr(c, "get_segments") == (words == "bars")]
+    assert len(shown) == count
+
+
+def legend_title(axes):
+    (legend,) = axes.figure.legends
+    return legend.get_title().get_text()
+
+
+def with_budget(results):
+    """The results with an interval from half of the leakage to three times as much."""
+    leakage = results.leakage.values
+    part = ErrorPart("patch", leakage / 2, 3 * leakage, "by hand")
+    data = results.dataset.copy()
+    add_budgets(data, {"stochastic": ErrorBudget("stochastic", leakage, (part,), results.steps)})
+    return replace(results, dataset=data)
 
 
 def test_runs_of_other_loads_methods_and_lengths(case, swept, tmp_path):
