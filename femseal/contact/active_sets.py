@@ -5,15 +5,14 @@ is the projection of p − c (v − δ) on the law, with v = Kp + h₁ and the �
 y = clip(p − c (v − δ), 0, H). One iteration computes y. Where y moves points out of contact, to the hardness or back,
 the sets change: p becomes y, and a product with K gives the new v. Then conjugate gradients on the free points
 (elastic, or yielding on a slope) lower the energy for a few steps, with a product with K each. This is an inexact
-semismooth Newton method. There is no proof of convergence: after 60 iterations `Descent` takes over, and
-`ActiveSets.residual` is the residual reached.
+semismooth Newton method. There is no proof of convergence: where the energy keeps rising, or after 60 iterations,
+`Descent` takes over, and `ActiveSets.residual` is the residual reached.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
 from math import inf, sqrt
 
 from ..base import Array
-from . import convolution
 from .descent import Descent
 from .law import YieldLine
 from .workspace import Workspace
@@ -21,10 +20,14 @@ from .workspace import Workspace
 #: Steps of conjugate gradients after a change of the sets, and without one, and the fraction to which the squared
 #: energy norm of the residual falls in them at most.
 _STEPS = 3, 5, 0.04
-#: The same on large grids, where patches in contact are wide: an unloading of 2048² points takes 37 products, not 48.
-_LARGE_STEPS = 8, 16, 0.01
-#: Iterations after which no step may raise the energy (`Descent`), a slower rule that is seldom needed.
-_MONOTONE_AFTER = 60
+#: The same where an axis is long, as patches in contact are wide or far from each other: an unloading of 2048² points
+#: takes 37 products, not 48; a strip of 2 × 32768 points takes 200, not 400 to 1,400.
+_LONG_STEPS = 64, 64, 0.01
+#: Points of the longer axis from which it is long.
+_LONG = 1024
+#: Iterations, and damping of steps that keep raising the energy, after which no step may raise it (`Descent`), a slower
+#: rule that is seldom needed.
+_MONOTONE_AFTER, _MONOTONE_BELOW = 60, 0.1
 #: w·r that is a rounding error, relative to that of δ at all free points.
 _FLAT = 1e-30
 #: Sets stay while points that would leave them have at most this fraction of the squared residual, and it halves.
@@ -68,7 +71,7 @@ class ActiveSets:
         self._load = 0.0 if load is None else load * gap0.size
         self.delta = 0.0 if approach is None else approach - offset
         self.residual, self.iterations, self.pairs = inf, 0, 0
-        self._steps = _LARGE_STEPS if gap0.size >= convolution.LARGE else _STEPS
+        self._steps = _LONG_STEPS if max(grid.half_space.shape) >= _LONG else _STEPS
         self._c = self._c0 = grid.stiffness
         self._least_c = grid.stiffness / (4 * max(grid.half_space.shape))
         self._damping, self._energy = 1.0, inf
@@ -88,7 +91,8 @@ class ActiveSets:
             converged = self.residual <= rtol
             if self.iterations >= limit and not converged:
                 return
-            if self.iterations >= _MONOTONE_AFTER and not converged:
+            circles = self.iterations >= _MONOTONE_AFTER or self._damping < _MONOTONE_BELOW
+            if circles and not converged:
                 self._descend(rtol, limit)
                 return
             self.iterations += 1

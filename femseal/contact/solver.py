@@ -26,7 +26,8 @@ from .workspace import Workspace, coarsen, workspace
 _COARSE_RTOL = 1e-2
 _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
-#: Largest number of points along the shorter side of the coarsest grid.
+#: Largest number of points along the longer side of the coarsest grid: on finer ones nothing carries a pressure from
+#: one end of a long strip to the other within a few steps.
 _COARSEST = 48
 #: Solutions with tangents of a curved law after which it does not settle.
 _MOST_TANGENTS = 100
@@ -325,7 +326,7 @@ class _Problem:
     def _nested(self, offset: float) -> ActiveSets:
         """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
         problems = [self]
-        while min(problems[-1].half_space.shape) > _COARSEST:
+        while max(problems[-1].half_space.shape) > _COARSEST:
             problems.append(problems[-1]._coarser())
         start = problems[-1]._first_guess()
         while True:
@@ -342,7 +343,7 @@ class _Problem:
             del grid, sets  # before the next ones come
 
     def _coarser(self) -> _Problem:
-        """The problem with about half of the points along both axes."""
+        """The problem with about half of the points along each axis that has more than one."""
         body, load = self.half_space, self.load
         (n1, n2), (d1, d2) = body.shape, body.spacing
         values = self.line.hardness, self.line.slope
@@ -350,7 +351,8 @@ class _Problem:
         if load is not None and np.isfinite(line.capacity):
             # coarse means count an odd border twice: every grid carries the same fraction of its capacity
             load *= line.capacity / self.line.capacity
-        body = replace(body, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2))
+        spacing = 2 * d1 if n1 > 1 else d1, 2 * d2 if n2 > 1 else d2
+        body = replace(body, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=spacing)
         return replace(self, gap0=coarsen(self.gap0), half_space=body, line=line, load=load)
 
     def _first_guess(self) -> Array:

@@ -89,13 +89,10 @@ class Workspace:
             dense=self.search.pressure.ravel(),
         )
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
-        # on thin grids no point is its own neighbour
-        r1 = min(1, (n1 - 1) // 2)
-        r2 = min(1, (n2 - 1) // 2)
         self.stencil = Stencil(
-            np.ascontiguousarray(stencil[1 - r1 : 2 + r1, 1 - r2 : 2 + r2]),
-            _index_map(n1, r1, half_space.boundary[0]),
-            _index_map(n2, r2, half_space.boundary[1]),
+            stencil,
+            _index_map(n1, 1, half_space.boundary[0]),
+            _index_map(n2, 1, half_space.boundary[1]),
         )
         self.stiffness = half_space.stiffness
         self.loops = _IN_PARTS if n > PART else _AT_ONCE

@@ -357,6 +357,31 @@ def test_steps_become_monotone_where_active_sets_go_round_in_circles():
     assert residual(contact, h, hardness=H) <= 1.001e-9
 
 
+# --- slender surfaces ---
+
+
+@each("shape", [(2, 32768), (1, 16384), (16384, 1), (40, 2048)])
+@each("hardness", [np.inf, 0.02 * E])
+def test_slender_surfaces_take_no_more_products_than_their_length_needs(shape, hardness):
+    """Two hundred where they took up to fourteen hundred."""
+    h = rough(shape, 0.1, seed=1, cut=12)
+    contact = solve_contact(h, HalfSpace(shape, (D, D), E), pressure=0.001 * E, hardness=hardness)
+    assert residual(contact, h, hardness=hardness) <= 1.01e-6
+    assert contact.fft_pairs <= 1.4 * np.sqrt(max(shape))
+
+
+@each("kind", ["periodic", "mirror"])
+@each("rows", [2, 3])
+def test_a_profile_is_the_surface_that_repeats_it(kind, rows):
+    h = rough((1, 4096), 0.1, seed=2)
+    given = {"pressure": 0.001 * E, "hardness": 0.02 * E, "rtol": 1e-9}
+    line = solve_contact(h, HalfSpace((1, 4096), (D, D), E, kind), **given)
+    sheet = np.repeat(h, rows, axis=0)
+    strip = solve_contact(sheet, HalfSpace(sheet.shape, (D, D), E, kind), **given)
+    assert_allclose(strip.pressure, line.pressure + 0 * sheet, rtol=0, atol=1e-6 * 0.02 * E)
+    assert_allclose(strip.gap, line.gap + 0 * sheet, rtol=0, atol=1e-6 * np.ptp(h))
+
+
 # --- real area ---
 
 
