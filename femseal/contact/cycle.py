@@ -7,10 +7,10 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 201
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,8 +25,22 @@ from .solver import Contact, check_capacity, solve_contact
 STATE_FIELDS = 20
 
 
-#: Plastic deformation (n1, n2) [m] that a load leaves to its unloading, and what else `load_states` remembers.
-_Left = tuple[np.ndarray | None, Any]
+class _Solved(NamedTuple):
+    """A solved load step.
+
+    taken : value of `take`, or the state itself.
+    deformation : plastic deformation (n1, n2) [m] that a peak leaves to its unloading; None of other steps.
+    remembered : value of `remember`.
+    has_yielded : whether any point has deformed for good.
+    """
+
+    taken: Any
+    deformation: np.ndarray | None = None
+    remembered: Any = None
+    has_yielded: bool = False
+
+
+_NOTHING_BEFORE = _Solved(taken=None)
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,7 +153,10 @@ def load_states(
     memory: float = 0.0,
     mapper: Mapper = map,
 ) -> Iterator[Any]:
-    """Solve the contact states of a programme one after another; no state is kept.
+    """Solve the contact states of a programme one after another.
+
+    Where no point has yielded, unloading goes back along the loading: a pressure that has been solved is then not
+    solved again, and what was taken of its state is returned once more. No other state is kept.
 
     Parameters
     ----------
@@ -158,51 +175,79 @@ def load_states(
 
 
 def _solved(stage: Stage, programme: LoadProgramme, in_turn: bool, mapper: Mapper) -> Iterator[Any]:
-    """What is taken of every state, in the order of the programme: unloading begins from what its peak has left.
+    """Yield what is taken of every state in the order of the programme.
 
-    `in_turn` each load begins from what the one before has left.
+    `in_turn` each load begins from what the one before has left, so that states of one pressure differ.
     """
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
     is_peak = [step.pressure in programme.unload_from for step in loading]
-    left: dict[float | None, _Left] = {}
-    solved = _in_turn(stage, loading, mapper) if in_turn else mapper(stage, loading, is_peak)
-    for step, (taken, leaves) in zip(loading, solved, strict=True):
-        left[step.pressure] = leaves
-        yield taken
-    peaks = (left[step.unloaded_from] for step in unloading)
-    for taken, _ in mapper(stage, unloading, [False] * len(unloading), peaks):
-        yield taken
+    after_peak: dict[float | None, _Solved] = {}
+    elastic: dict[float, Any] = {}  # taken at a pressure at which no point has yielded
+    states = _in_turn(stage, loading, mapper) if in_turn else mapper(stage, loading, is_peak)
+    for step, solved in zip(loading, states, strict=True):
+        after_peak[step.pressure] = solved._replace(taken=None)
+        if step.pressure in programme.unloading and not (solved.has_yielded or in_turn):
+            elastic[step.pressure] = solved.taken
+        yield solved.taken
+
+    def goes_back(step: LoadStep) -> bool:
+        """Whether unloading to a step goes back along the loading."""
+        return not (in_turn or after_peak[step.unloaded_from].has_yielded)
+
+    new: list[LoadStep] = []
+    for step in unloading:
+        is_known = step.pressure in elastic or step.pressure in [
+            other.pressure for other in new if goes_back(other)
+        ]
+        if not (goes_back(step) and is_known):
+            new.append(step)
+    peaks = [after_peak[step.unloaded_from] for step in new]
+    states = mapper(stage, new, [False] * len(new), peaks) if new else ()
+    at_new_steps = iter(states)
+    for step in unloading:
+        if not goes_back(step):
+            yield next(at_new_steps).taken
+            continue
+        if step.pressure not in elastic:
+            elastic[step.pressure] = next(at_new_steps).taken
+        taken = elastic[step.pressure]
+        is_state = isinstance(taken, LoadState)
+        yield replace(taken, unloaded_from=step.unloaded_from) if is_state else taken
+    next(at_new_steps, None)  # a mapper may have something to do at its end
 
 
-def _in_turn(stage: Stage, loading: Sequence[LoadStep], mapper: Mapper) -> Iterator[Any]:
-    """States of a loading, each from what the one before has left besides plastic deformation."""
-    former = None
+def _in_turn(stage: Stage, loading: Sequence[LoadStep], mapper: Mapper) -> Iterator[_Solved]:
+    """Solve the states of a loading, each from what the one before has left besides plastic deformation."""
+    before = _NOTHING_BEFORE
     for step in loading:
-        ((taken, left),) = mapper(stage, [step], [True], [(None, former)])
-        former = left[1]
-        yield taken, left
+        (solved,) = mapper(stage, [step], [True], [before])
+        before = _NOTHING_BEFORE._replace(remembered=solved.remembered)
+        yield solved
 
 
 def _state(
     step: LoadStep,
-    peak: bool,
-    left: _Left = (None, None),
+    is_peak: bool,
+    before: _Solved = _NOTHING_BEFORE,
     *,
     solve: Callable[..., Contact],
     rtol: float,
     take: Callable[[LoadState], Any] | None,
     remember: Callable[[Contact], Any] | None,
-) -> tuple[Any, _Left]:
-    """Solve a state; return the value of `take`, and of a peak what it leaves."""
-    deformation, former = left
-    settings = {} if remember is None else {"former": former}
+) -> _Solved:
+    """Solve a state after what the peak, or the load before, has left."""
+    settings = {} if remember is None else {"former": before.remembered}
+    deformation = before.deformation
     contact = solve(pressure=step.pressure, deformation=deformation, rtol=rtol, **settings)
     again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
-    kept = contact.plastic_deformation if peak else None
-    leaves = kept, None if remember is None else remember(contact)
-    return state if take is None else take(state), leaves
+    return _Solved(
+        taken=state if take is None else take(state),
+        deformation=contact.plastic_deformation if is_peak else None,
+        remembered=None if remember is None else remember(contact),
+        has_yielded=bool(contact.plastic_deformation.any()),
+    )
 
 
 def _yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:

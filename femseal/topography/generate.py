@@ -17,6 +17,8 @@ from .topography import SLACK, Topography
 
 #: Pixels of the coarser spacing per shortest wave, unless given: enough to resolve contact and flow.
 PIXELS_PER_WAVE = 8
+#: Number of waves whose phases are drawn at a time.
+_WAVES_AT_ONCE = 2**20
 
 
 def self_affine(
@@ -215,16 +217,19 @@ def random_waves(
 ) -> NDArray:
     """Heights (n1, n2) [m] of waves of random phases, of `wave_numbers` and as many amplitudes [m]."""
     k1, k2 = numbers
-    phase = 2 * np.pi * rng.random(amplitude.size)
-    # Samples are at pixel centres, half a pixel from the origin of the phases: they stay put when the grid
-    # changes.
-    phase += np.pi * (k1 / shape[0] + k2 / shape[1])
-    waves = amplitude * np.exp(1j * phase)
     spectrum = np.zeros((shape[0], shape[1] // 2 + 1), dtype=complex)
-    spectrum[k1, k2] = waves
-    rim = k2 == 0
-    spectrum[-k1[rim], 0] = waves[rim].conj()
-    return scipy.fft.irfft2(spectrum, s=shape, norm="forward")
+    for first in range(0, amplitude.size, _WAVES_AT_ONCE):
+        some = slice(first, first + _WAVES_AT_ONCE)
+        row, column = k1[some], k2[some]
+        phase = 2 * np.pi * rng.random(row.size)
+        # Samples are at pixel centres, half a pixel from the origin of the phases: they stay put when the grid
+        # changes.
+        phase += np.pi * (row / shape[0] + column / shape[1])
+        waves = amplitude[some] * np.exp(1j * phase)
+        spectrum[row, column] = waves
+        rim = column == 0
+        spectrum[-row[rim], 0] = waves[rim].conj()
+    return scipy.fft.irfft2(spectrum, s=shape, norm="forward", overwrite_x=True)
 
 
 def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
@@ -234,8 +239,10 @@ def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
     grid.
     """
     most = [int(length / cut_off) for length in size]
-    k1, k2 = np.meshgrid(np.arange(-most[0], most[0] + 1), np.arange(most[1] + 1), indexing="ij")
-    square = k1**2 + (k2 * (size[0] / size[1])) ** 2
+    # short numbers, as a face has half as many waves as points
+    first, second = np.arange(-most[0], most[0] + 1), np.arange(most[1] + 1)
+    k1, k2 = np.meshgrid(first.astype(np.int32), second.astype(np.int32), indexing="ij")
+    square = np.square(k1, dtype=float) + (k2 * (size[0] / size[1])) ** 2
     half = (k2 > 0) | (k1 > 0)
     # At the limit itself a wave could be the sampled Nyquist wave, whose phase the grid would decide.
     kept = half & (square < (size[0] / cut_off) ** 2 * (1 - SLACK))

@@ -42,9 +42,26 @@ SLACK = 1e-9
 def power(z: NDArray, periodic: Periodic) -> NDArray:
     """Fraction (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
     mirrored, wrapped = _axes(periodic)
-    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
-    c = scipy.fft.fftn(c, axes=wrapped, norm="ortho")
-    return (c * c.conj()).real / z.size
+    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    if not wrapped:
+        return c**2 / z.size
+    # the real transform takes half the memory: the waves that it leaves out are conjugates of others
+    half = scipy.fft.rfftn(c, axes=wrapped, norm="ortho")
+    powers = np.empty(z.shape)
+    known = powers.swapaxes(-1, wrapped[-1])
+    half = half.swapaxes(-1, wrapped[-1])
+    count, n = half.shape[-1], known.shape[-1]
+    np.square(half.real, out=known[:, :count])
+    for row, waves in zip(known, half, strict=True):
+        row[:count] += waves.imag**2
+    known /= z.size
+    others = known[:, 1 : n - count + 1][:, ::-1]
+    if len(wrapped) == 2:
+        known[0, count:] = others[0]
+        known[1:, count:] = others[:0:-1]
+    else:
+        known[:, count:] = others
+    return powers
 
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
@@ -174,7 +191,9 @@ class Topography(Plotted):
         """
         powers = power(self._defined("rms_slope"), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
-        return float(np.sqrt(np.sum(q1**2 * powers))), float(np.sqrt(np.sum(q2**2 * powers)))
+        along1 = np.sum(q1[:, 0] ** 2 * powers.sum(axis=1))
+        along2 = np.sum(q2[0] ** 2 * powers.sum(axis=0))
+        return float(np.sqrt(along1)), float(np.sqrt(along2))
 
     @property
     def rms_slope(self) -> float:
@@ -339,19 +358,27 @@ class Topography(Plotted):
         q [rad/m] and C2D [m⁴], rings without waves left out.
         """
         powers = self._centred_power("radial_psd")
-        q = np.hypot(*wavenumber_grids(self.shape, self.spacing, self.periodic))
+        q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
         # A wave along a mirror axis stands for itself and its mirror image in the plane of wave vectors.
         first, second = (
             np.where(wraps | (np.arange(n) == 0), 1.0, 2.0)
             for n, wraps in zip(self.shape, self.periodic, strict=True)
         )
-        copies = np.outer(first, second)
-        ring = np.rint(q / max(self._wave_steps)).astype(int).ravel() + 1
-        ring[0] = 0
-        count = np.bincount(ring, copies.ravel())
+        step = max(self._wave_steps)
+        rings = int(np.hypot(np.abs(q1).max(), np.abs(q2).max()) / step) + 3
+        count, total_wave, total_power = np.zeros((3, rings))
+        for row in range(self.shape[0]):  # one at a time, as several fields would take more memory
+            q = np.hypot(q1[row], q2[0])
+            ring = np.rint(q / step).astype(int) + 1
+            copies = first[row] * second
+            if row == 0:
+                ring[0] = 0  # the mean
+            count += np.bincount(ring, copies, rings)
+            total_wave += np.bincount(ring, q * copies, rings)
+            total_power += np.bincount(ring, powers[row], rings)
         keep = np.flatnonzero(count)[1:]
-        waves = np.bincount(ring, (q * copies).ravel())[keep] / count[keep]
-        mean_power = np.bincount(ring, powers.ravel())[keep] / count[keep]
+        waves = total_wave[keep] / count[keep]
+        mean_power = total_power[keep] / count[keep]
         return waves, mean_power * (4 * np.pi**2 / (self._wave_steps[0] * self._wave_steps[1]))
 
     @property

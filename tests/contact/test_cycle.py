@@ -184,3 +184,29 @@ def test_states_that_do_not_depend_on_each_other_go_to_the_map_together(cycle):
     assert calls == [list(steps[: len(LOADING)]), list(steps[len(LOADING) :])]
     for one, other in zip(found, cycle, strict=True):
         assert_array_equal(one.contact.gap, other.contact.gap)
+
+
+def test_what_has_not_yielded_goes_back_along_the_loading_and_is_solved_once(contacts):
+    """Stops on the loading curve and off it, from two peaks, and the same states as solved alone."""
+    loads = {"loading": [1e7, 3e7], "unload_from": [2e7, 3e7], "unloading": [1e7, 0.5e7]}
+    cycle = cycle_of(np.inf, **loads)
+    assert sorted(contacts) == [0.5e7, 1e7, 2e7, 3e7]
+    names = [step.name for step in LoadProgramme.of(**loads)]
+    assert [state.name for state in cycle] == names
+    for state in cycle:
+        expected = alone(GAP, state.pressure, np.inf)
+        assert_array_equal(state.contact.pressure, expected.pressure)
+        assert_array_equal(state.contact.gap, expected.gap)
+
+
+def test_only_peaks_that_have_yielded_leave_something(contacts):
+    """The first peak is below the pressure at which the highest point yields, the second above."""
+    light = alone(GAP, 1e6, np.inf)
+    hardness = 1.5 * light.pressure.max()
+    cycle = cycle_of(hardness, loading=[1e6], unload_from=[1e6, 1e8], unloading=[5e5])
+    assert contacts[1:] == [1e6, 1e8, 5e5, 5e5]
+    up, peak, after_light, after_peak = cycle
+    assert not up.contact.plastic_deformation.any()
+    assert not after_light.contact.plastic_deformation.any()
+    assert peak.contact.plastic_deformation.any()
+    assert after_peak.contact.mean_gap < after_light.contact.mean_gap

@@ -327,8 +327,8 @@ def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary
         assert other.pressure.tobytes() + other.gap.tobytes() == (
             large.pressure.tobytes() + large.gap.tobytes()
         )
-    # wrong directions would be made up for by more iterations
-    assert large.iterations <= whole.iterations
+    # wrong directions would be made up for by more products; other digits may change the sets once more
+    assert large.fft_pairs <= whole.fft_pairs + 2
     for name, size in (("pressure", H), ("gap", h.std()), ("plastic_deformation", h.std())):
         assert_allclose(getattr(large, name), getattr(whole, name), rtol=0, atol=1e-7 * size)
 
