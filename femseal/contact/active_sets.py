@@ -2,20 +2,24 @@
 
 The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), ψ that of the law. Its minimum under a load is where p = y(δ) for any c > 0: y
 is the projection of p − c (v − δ) on the law, with v = Kp + h₁ and the δ that keeps Σ y = load; for perfect plasticity
-y = clip(p − c (v − δ), 0, H). One iteration computes y. Where y moves points out of contact, to the hardness or back,
-the sets change: p becomes y, and a product with K gives the new v. Then conjugate gradients on the free points
-(elastic, or yielding on a slope) lower the energy for a few steps, with a product with K each. This is an inexact
-semismooth Newton method. There is no proof of convergence: where the energy keeps rising, or after 60 iterations,
-`Descent` takes over, and `ActiveSets.residual` is the residual reached.
+y = clip(p − c (v − δ), 0, H). Each iteration
+
+1. changes the sets where y moves points out of contact, to the hardness or back: p becomes y, and a product with K
+   gives the new v;
+2. lowers the energy by a few steps of conjugate gradients on the free points (elastic, or yielding on a slope), with a
+   product with K each;
+3. looks at the contact: computes δ, y and the residual ‖p − y‖/‖y‖ · c₀/c.
+
+This is an inexact semismooth Newton method. There is no proof of convergence: where the energy keeps rising, or after
+60 iterations, `descent` takes over, and the residual returned is the one reached.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
 from math import inf, sqrt
+from typing import NamedTuple
 
-from ..base import Array
-from .descent import Descent
-from .law import YieldLine
-from .workspace import Workspace
+from .descent import Solution, descend
+from .workspace import Loops, Problem, Workspace
 
 #: Steps of conjugate gradients after a change of the sets, and without one, and the fraction to which the squared
 #: energy norm of the residual falls in them at most.
@@ -25,245 +29,219 @@ _STEPS = 3, 5, 0.04
 _LONG_STEPS = 64, 64, 0.01
 #: Points of the longer axis from which it is long.
 _LONG = 1024
-#: Iterations, and damping of steps that keep raising the energy, after which no step may raise it (`Descent`), a slower
-#: rule that is seldom needed.
+#: Iterations, and damping of steps that keep raising the energy, after which no step may raise it.
 _MONOTONE_AFTER, _MONOTONE_BELOW = 60, 0.1
+#: Smallest damping.
+_LEAST_DAMPING = 1e-3
 #: w·r that is a rounding error, relative to that of δ at all free points.
 _FLAT = 1e-30
 #: Sets stay while points that would leave them have at most this fraction of the squared residual, and it halves.
 _FRACTION = 0.1
+#: The initial pressure is the solution only if its load is right to this relative error.
+_LOAD_RTOL = 1e-10
 
 
-class ActiveSets:
-    """The contact problem on one grid, and the state of its iteration.
+class Lists(NamedTuple):
+    """Numbers of points on the lists of a grid.
+
+    near : points near contact, in contact or with v below `reach` [m]. free : points whose pressure is unknown.
+    margin : reach less δ when the list was made [m].
+    """
+
+    near: int
+    free: int
+    reach: float
+    margin: float
+
+
+class Look(NamedTuple):
+    """Approach δ less the offset [m], residual, and whether the sets are to be changed."""
+
+    delta: float
+    residual: float
+    sets_change: bool
+
+
+class Directions(NamedTuple):
+    """Conjugate gradients on one set of free points.
+
+    total_ones : Σ M1. former : w·r of the direction before; inf, there is none. ready : w·r of a direction that is
+    made but not gone yet; None, there is none.
+    """
+
+    total_ones: float
+    former: float = inf
+    ready: float | None = None
+
+
+class Gradients(NamedTuple):
+    """Steps of conjugate gradients: where they ended, their number, and the largest step c that they allow [Pa/m]."""
+
+    directions: Directions
+    steps: int
+    longest: float
+
+
+def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int) -> Solution:
+    """Solve a contact problem from the pressure that the grid holds, which then holds the solution.
 
     Parameters
     ----------
-    grid : holds the initial pressure, and after `solve` the pressure and v of the solution.
-    gap0 : undeformed gap h₁ [m].
-    offset : height [m] that is subtracted from h₁ and δ, because large heights cost digits.
-    line : pressures at which the points yield.
-    load : mean pressure [Pa]; None where the approach is given.
-    approach : δ [m]; None where the load is given.
-
-    Attributes
-    ----------
-    delta : δ less the offset [m].
-    residual : ‖p − y‖/‖p‖ · c₀/c.
-    iterations : number of evaluations of y, less one.
-    pairs : number of products with K, each a pair of transforms.
+    grid : with the initial pressure; see `Workspace.start`.
+    problem : gap, law and load.
+    rtol : residual to reach.
+    limit : most iterations.
     """
-
-    def __init__(
-        self,
-        grid: Workspace,
-        gap0: Array,
-        offset: float,
-        line: YieldLine,
-        load: float | None,
-        approach: float | None,
-    ) -> None:
-        self.grid = grid
-        self._gap0, self._offset, self._line = gap0.ravel(), offset, line
-        self._law = line.hardness.ravel(), line.slope.ravel()
-        self._points, self._stencil = tuple(grid.points), tuple(grid.stencil)
-        self._loaded = load is not None
-        self._load = 0.0 if load is None else load * gap0.size
-        self.delta = 0.0 if approach is None else approach - offset
-        self.residual, self.iterations, self.pairs = inf, 0, 0
-        self._steps = _LONG_STEPS if max(grid.half_space.shape) >= _LONG else _STEPS
-        self._c = self._c0 = grid.stiffness
-        self._least_c = grid.stiffness / (4 * max(grid.half_space.shape))
-        self._damping, self._energy = 1.0, inf
-        self._new_sets = True
-        # numbers of points near contact (in contact, or with v < reach) and of free points
-        self._n_near, self._n_free, self._reach, self._margin = 0, 0, -inf, 0.0
-        self._changed, self._fresh = True, False
-        # of conjugate gradients: Σ M1, w·r of the next and of the former direction, and whether there is a next one
-        self._ones, self._wr, self._former, self._turned = 0.0, 0.0, inf, False
-
-    def solve(self, rtol: float, limit: int) -> None:
-        """Iterate until the residual is `rtol`, for at most `limit` iterations."""
-        self.grid.points.dense[:] = 0
-        self._begin()
-        self._look()
-        while not self._solved(rtol):
-            converged = self.residual <= rtol
-            if self.iterations >= limit and not converged:
-                return
-            circles = self.iterations >= _MONOTONE_AFTER or self._damping < _MONOTONE_BELOW
-            if circles and not converged:
-                self._descend(rtol, limit)
-                return
-            self.iterations += 1
-            if self._changed or converged or self._n_free < 2:
-                self._change_sets()
-            if converged:
-                self._c = self._c0  # the returned residual follows its definition
-            elif self._n_free >= 2:
-                self._conjugate_gradients()
-            self._look()
-
-    def _solved(self, rtol: float) -> bool:
-        """Whether the residual is reached by a pressure whose v is known and that carries the load."""
-        if not (self.residual <= rtol and self._fresh):
-            return False
-        # a projected pressure carries the load; the initial one may miss it by as much as the residual
-        start = self.iterations == 0 and self._loaded
-        return not start or abs(float(self.grid.p.sum()) - self._load) <= 1e-10 * self._load
-
-    def _begin(self) -> None:
-        """List the points near contact of the initial pressure, with a first guess of the approach."""
-        _, load, total = self._product()
-        if self._loaded:
-            self.delta = total / max(
-                self._n_near, 1
-            )  # none where coarser grids lose so light a load
-        self._margin = 0.5 * load / (max(self._n_near, 1) * self._c0)
-        self._reach = self.delta + self._margin
-        self._list_near()
-
-    def _product(self) -> tuple[float, float, float]:
-        """Find v = Kp + h₁ and list the points near contact; returns energy and load of p, and Σ v on the list."""
-        grid = self.grid
-        grid.respond.apply()
-        self.pairs += 1
-        self._fresh = True
-        energy, load, total = self._list_near(add=True)
-        return energy - (0.0 if self._loaded else self.delta * load), load, total
-
-    def _list_near(self, add: bool = False) -> tuple[float, float, float]:
-        """List the points near contact, after h₁ is added to v where `add`; returns energy, Σ p and Σ v."""
-        grid = self.grid
-        self._n_near, self._n_free, *sums = grid.loops.add_gap(
-            0,
-            len(grid.v),
-            add,
-            self._gap0,
-            self._offset,
-            self._reach,
-            self._law,
-            self._points,
-        )
-        return tuple(sums)
-
-    def _look(self) -> None:
-        """Find δ and the residual, and decide whether the sets are to be changed.
-
-        Points that are not on the list had v above `reach` when the list was made. If δ exceeds `reach`, a new list is
-        made. It needs v of all points; after a step of conjugate gradients it waits for the next product with p.
-        """
-        grid, former = self.grid, self.residual
-        while True:
-            self.delta, carried, r2, y2, changed, changed2 = grid.loops.look(
-                self._n_near,
-                self._c,
-                self._load,
-                self._loaded,
-                self.delta,
-                self._law,
-                self._points,
+    loops = grid.loops(problem)
+    c0 = step = grid.stiffness
+    least = c0 / (4 * max(grid.half_space.shape))
+    lists, look = _first_look(grid, loops, c0)
+    iterations, products = 0, 1
+    damping, energy = 1.0, inf
+    is_fresh = True  # v belongs to p, to rounding
+    directions = None
+    lists, look = _look(grid, loops, lists, look, step, is_fresh)
+    look = look._replace(sets_change=True)
+    while not _is_solved(grid, problem, look, rtol, is_fresh, iterations):
+        is_converged = look.residual <= rtol
+        if iterations >= limit and not is_converged:
+            break
+        circles = iterations >= _MONOTONE_AFTER or damping < _MONOTONE_BELOW
+        if circles and not is_converged:
+            _change_sets(grid, loops, lists, step, look.delta, keep=True)
+            rest = descend(grid, problem, look.delta, rtol, limit - iterations)
+            return Solution(
+                rest.delta,
+                rest.residual,
+                iterations + rest.iterations,
+                products + 1 + rest.products,
             )
-            if (carried and self.delta <= self._reach) or not self._fresh or self._reach == inf:
-                break
-            self._margin = max(4.0 * self._margin, self.delta - self._reach)
-            reach = self.delta + self._margin
-            self._reach = reach if carried and reach < inf else inf  # inf if NaN
-            self._list_near()
+        iterations += 1
+        if look.sets_change or is_converged or lists.free < 2:
+            keep = iterations > 1
+            former = energy
+            lists, energy = _change_sets(grid, loops, lists, step, look.delta, keep)
+            products += 1
+            is_fresh = True
+            rises = energy > former + 1e-13 * abs(former)
+            damping = max(damping / 2, _LEAST_DAMPING) if rises else min(1.0, 1.25 * damping)
+            directions = None
+        if is_converged:
+            step = c0  # the returned residual follows its definition
+        elif lists.free >= 2:
+            gradients = _conjugate_gradients(grid, loops, lists, look, directions)
+            directions = gradients.directions
+            products += gradients.steps
+            is_fresh = is_fresh and gradients.steps == 0
+            step = max(least, min(c0, damping * gradients.longest))
+        lists, look = _look(grid, loops, lists, look, step, is_fresh)
+    return Solution(look.delta, look.residual, iterations, products)
+
+
+def _is_solved(
+    grid: Workspace, problem: Problem, look: Look, rtol: float, is_fresh: bool, iterations: int
+) -> bool:
+    """Return whether the residual is reached by a pressure whose v is known and that carries the load."""
+    if not (look.residual <= rtol and is_fresh):
+        return False
+    if iterations > 0:
+        return True  # a projected pressure carries the load; the initial one may miss it
+    return abs(float(grid.arrays.p.sum()) - problem.load) <= _LOAD_RTOL * problem.load
+
+
+def _product(
+    grid: Workspace, loops: Loops, reach: float, margin: float
+) -> tuple[Lists, float, float, float]:
+    """Find v = Kp + h₁ and list the points near contact; returns the lists, energy, Σ p, and Σ v on the list."""
+    loops.respond()
+    near, free, energy, load, total = loops.list_near(
+        grid.compliance, 1.0, reach, 0, len(grid.arrays.v)
+    )
+    return Lists(near, free, reach, margin), energy, load, total
+
+
+def _list_near(grid: Workspace, loops: Loops, reach: float, margin: float) -> Lists:
+    """List the points near contact again, with another reach."""
+    near, free, *_ = loops.list_near(1.0, 0.0, reach, 0, len(grid.arrays.v))
+    return Lists(near, free, reach, margin)
+
+
+def _first_look(grid: Workspace, loops: Loops, c: float) -> tuple[Lists, Look]:
+    """List the points near contact of the initial pressure, with a first guess of the approach: the mean v of these."""
+    lists, _, load, total = _product(grid, loops, -inf, 0.0)
+    in_contact = max(lists.near, 1)  # none where coarser grids lose so light a load
+    delta = total / in_contact
+    margin = 0.5 * load / (in_contact * c)
+    return _list_near(grid, loops, delta + margin, margin), Look(delta, inf, True)
+
+
+def _look(
+    grid: Workspace, loops: Loops, lists: Lists, former: Look, c: float, is_fresh: bool
+) -> tuple[Lists, Look]:
+    """Find δ and the residual, and decide whether the sets are to be changed.
+
+    Points that are not on the list had v above `reach` when the list was made. If δ exceeds `reach`, a new list is
+    made. It needs v of all points; after a step of conjugate gradients it waits for the next product with p.
+    """
+    delta = former.delta
+    while True:
+        delta, carried, r2, y2, changed, changed2 = loops.look(lists.near, c, delta)
+        if (carried and delta <= lists.reach) or not is_fresh or lists.reach == inf:
+            break
+        margin = max(4.0 * lists.margin, delta - lists.reach)
+        reach = delta + margin
+        is_finite = carried and reach < inf  # not NaN either
+        lists = _list_near(grid, loops, reach if is_finite else inf, margin)
+    if y2 > 0.0:
+        relative = sqrt(r2 / y2)
+    else:
         relative = inf if r2 > 0.0 else 0.0
-        if y2 > 0.0:
-            relative = sqrt(r2 / y2)
-        self.residual = relative * (self._c0 / self._c)  # about the residual for the step c₀
-        leaving = changed2 > _FRACTION * r2
-        # keep the sets as long as the residual falls and the points that would leave them have a small fraction of it
-        self._changed = (
-            changed > 0 and (leaving or self.residual > 0.5 * former)
-        ) or self.iterations == 0
+    residual = relative * (grid.stiffness / c)  # about the residual for the step c₀
+    # keep the sets as long as the residual falls and the points that would leave them have a small fraction of it
+    matters = changed2 > _FRACTION * r2 or residual > 0.5 * former.residual
+    return lists, Look(delta, residual, changed > 0 and matters)
 
-    def _change_sets(self) -> None:
-        """Project p on the bounds and the load, which decides which points are free, and find v."""
-        grid = self.grid
-        keep = self.iterations > 1
-        self._n_free = grid.loops.project(
-            self._n_near,
-            self._n_free,
-            self._c,
-            self.delta,
-            self._load,
-            keep,
-            self._law,
-            self._points,
-        )
-        self._reach = self.delta + self._margin
-        energy, _, _ = self._product()
-        rose = energy > self._energy + 1e-13 * abs(self._energy)
-        self._damping = max(self._damping / 2, 1e-3) if rose else min(1.0, 1.25 * self._damping)
-        self._energy = energy
-        self._new_sets = True
 
-    def _conjugate_gradients(self) -> None:
-        """Make a few steps on the free points; their Rayleigh quotients d·Kd/d·d give the step c of the next look."""
-        grid, longest, first = self.grid, self._c0, inf
-        after_change, without, drop = self._steps
-        if self._new_sets:
-            self._ones = grid.loops.restart(
-                self._n_free,
-                self.delta,
-                self._loaded,
-                self._law,
-                self._points,
-                self._stencil,
-            )
-            self._former, self._turned, self._new_sets = inf, False, False
-        for steps in range(after_change if self._changed else without):
-            if not self._turned:
-                self._wr = grid.loops.turn(
-                    self._n_free,
-                    self._former,
-                    self._ones,
-                    self._loaded,
-                    self._points,
-                    self._stencil,
-                )
-                self._turned = True
-            if steps == 0:
-                first = self._wr
-                # flat to rounding on the free points: the sets have to change
-                if not first > _FLAT * self.delta**2 * self._ones:
-                    self._c = max(self._least_c, self._damping * self._c0)
-                    return
-            if not (self._wr > 0.0 and self._wr >= drop * first):
+def _change_sets(
+    grid: Workspace, loops: Loops, lists: Lists, c: float, delta: float, keep: bool
+) -> tuple[Lists, float]:
+    """Project p on the bounds and the load, which decides which points are free, and find v; returns the energy too."""
+    loops.project(lists.near, lists.free, c, delta, keep)
+    lists, energy, _, _ = _product(grid, loops, delta + lists.margin, lists.margin)
+    return lists, energy
+
+
+def _conjugate_gradients(
+    grid: Workspace, loops: Loops, lists: Lists, look: Look, directions: Directions | None
+) -> Gradients:
+    """Make a few steps on the free points, going on with `directions` where the sets are the same.
+
+    The Rayleigh quotients d·Kd/d·d of the steps limit the step c of the next look.
+    """
+    is_long = max(grid.half_space.shape) >= _LONG
+    after_change, without, drop = _LONG_STEPS if is_long else _STEPS
+    if directions is None:
+        directions = Directions(loops.restart(lists.free, look.delta))
+    total_ones, former, ready = directions
+    first = smallest = inf
+    steps = 0
+    while steps < (after_change if look.sets_change else without):
+        if ready is None:
+            ready = loops.turn(lists.free, former, total_ones)
+        if steps == 0:
+            first = ready
+            # flat to rounding on the free points: the sets have to change
+            if not first > _FLAT * look.delta**2 * total_ones:
                 break
-            grid.search.apply()
-            self.pairs += 1
-            curvature, length, made = grid.loops.step(
-                self._n_near,
-                self._n_free,
-                self._wr,
-                self._loaded,
-                grid.kd,
-                self._points,
-            )
-            self._turned = False
-            if not made:
-                self._former = inf
-                break
-            self._former, self._fresh = self._wr, False
-            longest = min(longest, length / curvature) if curvature > 0.0 else longest
-        self._c = max(self._least_c, min(self._c0, 2.0 * self._damping * longest))
-
-    def _descend(self, rtol: float, limit: int) -> None:
-        """Go on by steps that never raise the energy."""
-        grid = self.grid
-        self._change_sets()
-        descent = Descent(
-            grid,
-            self._gap0 - self._offset,
-            self._line,
-            self._load if self._loaded else None,
-            self.delta,
-        )
-        descent.solve(rtol, limit - self.iterations)
-        self.delta, self.residual = descent.delta, descent.residual
-        self.iterations += descent.iterations
-        self.pairs += descent.pairs
+        if not (ready > 0.0 and ready >= drop * first):
+            break
+        loops.search()
+        curvature, length, is_made = loops.step(lists.near, lists.free, ready)
+        steps += 1
+        former = ready if is_made else inf
+        ready = None
+        if not is_made:
+            break
+        if curvature > 0.0:
+            smallest = min(smallest, length / curvature)
+    return Gradients(Directions(total_ones, former, ready), steps, 2.0 * smallest)

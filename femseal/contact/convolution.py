@@ -27,7 +27,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -51,6 +51,30 @@ _ALIGNED = 8
 #: Rows of waves take 8k + 3 cache lines of 64 bytes: the points of a column do not push each other out of the cache.
 LINE, _LINES, _MORE_LINES = 64, 8, 3
 _PLANNING = threading.RLock()
+
+
+class Axis(NamedTuple):
+    """One axis of a grid.
+
+    points : number of points. length : that of its transform. order : in which points are transformed (points,).
+    is_mirror : whether it continues by its mirror image.
+    """
+
+    points: int
+    length: int
+    order: Indices
+    is_mirror: bool
+
+    @classmethod
+    def of(cls, n: int, kind: str) -> Axis:
+        """The axis of n points of a kind, "periodic", "mirror" or "free"."""
+        is_mirror = kind == "mirror"
+        return cls(n, padded_length(n) if kind == "free" else n, order_of(n, is_mirror), is_mirror)
+
+    @property
+    def is_padded(self) -> bool:
+        """Whether zeros follow the points."""
+        return self.length > self.points
 
 
 class Convolution:
@@ -85,100 +109,215 @@ class Convolution:
     ) -> None:
         self._threads, real = threads, np.dtype(dtype)
         kind = np.result_type(real, np.complex64)
-        (n1, n2), large = shape, math.prod(shape) >= LARGE
-        l1, l2 = (
-            padded_length(n) if end == "free" else n for n, end in zip(shape, boundary, strict=True)
-        )
-        mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
-        order1, order2 = (order_of(n, m) for n, m in zip(shape, mirrors, strict=True))
-        # those of even and of odd waves along a first axis that is not padded as a whole
-        transforms = 2 if large and l1 > n1 else 1
-        m1, m2 = l1 // transforms, l2 // 2 + 1
+        axis1, axis2 = (Axis.of(n, end) for n, end in zip(shape, boundary, strict=True))
+        is_large = math.prod(shape) >= LARGE
+        # a first axis that is not padded as a whole has a transform for its even and one for its odd waves
+        transforms = 2 if is_large and axis1.is_padded else 1
         if over is None:
             assert symbol is not None
-            self._weights = weights_of(symbol, *mirrors, transforms)
-            self._weights /= l1 * l2  # which transforms there and back multiply with
+            self._weights = weights_of(symbol, axis1.is_mirror, axis2.is_mirror, transforms)
+            self._weights /= (
+                axis1.length * axis2.length
+            )  # with which transforms there and back multiply
         else:
             self._weights = over._weights
-        length = row_length(m2, kind.itemsize)
-        rows = n1 if transforms == 2 else l1
-        size = rows * length * kind.itemsize
+        waves_of_row = axis2.length // 2 + 1
+        length = row_length(waves_of_row, kind.itemsize)
+        count = axis1.points if transforms == 2 else axis1.length
+        size = count * length * kind.itemsize
         self._memory: Any = fftw().empty_aligned(size, np.uint8) if over is None else over._memory
-        every_wave = self._memory[:size].view(kind).reshape(rows, length)
-        waves = every_wave[:, :m2]
-        # a large displacement takes the memory of its waves; transforms to another one are a sixth faster
-        self.rows = every_wave[:n1].view(real) if large else fftw().empty_aligned((n1, l2), real)
+        every_wave = self._memory[:size].view(kind).reshape(count, length)
+        waves = every_wave[:, :waves_of_row]
         self.pressure: Any = fftw().zeros_aligned(shape, dtype=real)
-        self.displacement, laid = self.rows[:, :n2], self.rows[:, :l2]
-        # columns of large grids are put in order as they are copied, and rows in their own memory
-        order, unordered = (np.arange(n1), mirrors[1]) if large else (order1, any(mirrors))
-        if unordered and not large:
-            laid = fftw().empty_aligned((n1, l2), real)
-        points, lay_out, take_out = self.pressure, None, None
-        if unordered or l2 > n2:
-            points, lay_out = laid, partial(lay, self.pressure, laid, order, order2)
-        if unordered:
-            take_out = partial(take, laid, self.displacement, order, order2)
-        # of each stage the parts that threads share, and of each part the calls
-        first: list[list[Call]] = []
-        last: list[list[Call]] = []
+        # a large displacement takes the memory of its waves; transforms to another one are a sixth faster
+        self.rows = (
+            every_wave[: axis1.points].view(real)
+            if is_large
+            else fftw().empty_aligned((axis1.points, axis2.length), real)
+        )
+        self.displacement = self.rows[:, : axis2.points]
         with planner() as planned:
-            for i, end in parts(n1, max(ROW_POINTS / l2, n1 / ROW_PARTS)):
-                there, back = planned(points[i:end], waves[i:end], laid[i:end], axis=1)
-                first.append([partial(lay_out, i, end), there] if lay_out else [there])
-                last.append([back, partial(take_out, i, end)] if take_out else [back])
-            if rows > n1:
-                first.append([partial(waves[n1:].fill, 0)])
-            twist = np.exp(-1j * np.pi * np.arange(n1 if l1 > m1 else 0) / m1).astype(kind)
-            turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, l2)]
-            copied = (twist, order1) if large else None
-            columns = self._column_calls(planned, waves, m1, l1 // m1, turns, copied)
-        self._stages = [first, columns, last]
-        if threads == 1:  # on small grids passing from call to call is what takes time
-            self._stages = [[[call for stage in self._stages for part in stage for call in part]]]
-
-    def _column_calls(
-        self,
-        planned: Planned,
-        waves: Any,
-        m1: int,
-        transforms: int,
-        turns: list[Array],
-        copied: tuple[Any, Indices] | None,
-    ) -> list[list[Call]]:
-        """For each thread, the calls that turn columns of waves of pressure into those of displacement.
-
-        m1 : waves of a column of a transform. turns : see `respond`. copied : twist and order with which columns are
-        copied to a block; None where they go there from strided memory.
-        """
-        m2, kind = waves.shape[1], waves.dtype
-        # a block and its copy fit in the cache; of fewer columns, or of 16 long ones, copies take thrice the time
-        width = BLOCK_BYTES // (transforms * m1 * kind.itemsize * (2 if copied else 1))
-        width = m2 if width >= m2 else max(_ALIGNED, width - width % _ALIGNED)
-        shape = transforms * width, row_length(m1, kind.itemsize) if copied else m1
-        stage = []
-        for starts in np.array_split(range(0, m2, width), self._threads):
-            block, copy = (fftw().zeros_aligned(shape, kind) for _ in range(2))
-            there, back = planned(copy[:, :m1], block[:, :m1], copy[:, :m1], axis=1)
-            calls: list[Call] = []
-            for j in starts:
-                some = waves[:, j : j + width]
-                count = some.shape[1]
-                twisted = transforms > 1
-                work = partial(respond, block, m1, j, count, self._weights, twisted, *turns)
-                if copied:
-                    calls += partial(_gather, some, copy, *copied), there, work, back
-                    calls += [partial(_scatter, some, copy, *copied)]
-                else:
-                    there, back = planned(some, block[:count, :m1].T, some, axis=0)
-                    calls += there, work, back
-            stage.append(calls)
-        return stage
+            rows: Rows | LaidOutRows
+            # large grids put columns in order as they are copied
+            is_mirror = axis2.is_mirror or (axis1.is_mirror and not is_large)
+            if is_mirror or axis2.is_padded:
+                order1 = np.arange(axis1.points) if is_large else axis1.order
+                rows = LaidOutRows(self, waves, axis2, order1, is_mirror, is_large)
+            else:
+                rows = Rows(self, waves, axis2)
+            first, last = rows.calls(planned)
+            columns: StridedColumns | CopiedColumns
+            kind_of_columns = CopiedColumns if is_large else StridedColumns
+            columns = kind_of_columns(waves, axis1, axis2, self._weights, transforms)
+            if count > axis1.points:
+                first.append([partial(waves[axis1.points :].fill, 0)])
+            self._stages = [first, columns.calls(planned, threads), last]
+        # by one thread: on small grids passing from call to call is what takes time
+        self._calls = [call for stage in self._stages for part in stage for call in part]
 
     def apply(self) -> None:
         """Fill `displacement` from `pressure`."""
+        if self._threads == 1:
+            _in_turn(self._calls)
+            return
         for parts_of_stage in self._stages:
             on_threads(self._threads, _in_turn, parts_of_stage)
+
+
+class Rows:
+    """Transforms of rows whose points are transformed as they are, on a periodic second axis.
+
+    waves : of every row of the grid, and of rows of zeros behind them.
+    """
+
+    def __init__(self, product: Convolution, waves: Any, axis2: Axis) -> None:
+        self.points, self.target = product.pressure, product.rows[:, : axis2.length]
+        self.waves, self.length = waves, axis2.length
+
+    def calls(self, planned: Planned) -> tuple[list[list[Call]], list[list[Call]]]:
+        """The parts that threads share, and of each the calls: of points to waves, and back."""
+        there, back = [], []
+        n1 = len(self.target)
+        for i, end in parts(n1, max(ROW_POINTS / self.length, n1 / ROW_PARTS)):
+            some = self.points[i:end], self.waves[i:end], self.target[i:end]
+            forward, backward = planned(*some, axis=1)
+            there.append([*self.before(i, end), forward])
+            back.append([backward, *self.after(i, end)])
+        return there, back
+
+    def before(self, first: int, end: int) -> list[Call]:
+        """What is done with some rows before their transform."""
+        return []
+
+    def after(self, first: int, end: int) -> list[Call]:
+        """What is done with some rows after the transform back."""
+        return []
+
+
+class LaidOutRows(Rows):
+    """Transforms of rows that are laid out before: their points in another order, or zeros behind them.
+
+    On a mirror axis the points change their order, rows too on small grids; on a free one zeros follow them.
+    order1 : of the rows. is_mirror : whether there is another order than that of the points.
+    """
+
+    def __init__(
+        self,
+        product: Convolution,
+        waves: Any,
+        axis2: Axis,
+        order1: Indices,
+        is_mirror: bool,
+        is_large: bool,
+    ) -> None:
+        super().__init__(product, waves, axis2)
+        if is_mirror and not is_large:  # rows of large grids are put in order in their own memory
+            self.target = fftw().empty_aligned(self.target.shape, self.target.dtype)
+        self.points, self.pressure = self.target, product.pressure
+        self.displacement = product.displacement if is_mirror else None
+        self.orders = order1, axis2.order
+
+    def before(self, first: int, end: int) -> list[Call]:
+        """Write the points in order, and zeros behind them."""
+        return [partial(lay, self.pressure, self.target, *self.orders, first, end)]
+
+    def after(self, first: int, end: int) -> list[Call]:
+        """Write displacements back in the order of the points."""
+        if self.displacement is None:
+            return []
+        return [partial(take, self.target, self.displacement, *self.orders, first, end)]
+
+
+class StridedColumns:
+    """Transforms of columns of small grids, from strided memory to a block in the cache and back.
+
+    waves : of rows (>= n1, waves). weights : see `weights_of`. transforms : number along the first axis, 1 or 2.
+    """
+
+    #: Blocks of waves that have to fit in the cache together.
+    blocks = 1
+
+    def __init__(
+        self, waves: Any, axis1: Axis, axis2: Axis, weights: Array, transforms: int
+    ) -> None:
+        self.waves, self.weights, self.transforms = waves, weights, transforms
+        self.length = axis1.length // transforms
+        lengths = self.length, axis2.length
+        self.turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in lengths]
+        kind = waves.dtype
+        self.twist = np.exp(-1j * np.pi * np.arange(axis1.points) / self.length).astype(kind)
+        if transforms == 1:
+            self.twist = self.twist[:0]
+        self.order = axis1.order
+
+    @property
+    def row_length(self) -> int:
+        """Waves in the memory of a column in a block."""
+        return self.length
+
+    def calls(self, planned: Planned, threads: int) -> list[list[Call]]:
+        """For each thread, the calls that turn columns of waves of pressure into those of displacement."""
+        count, kind = self.waves.shape[1], self.waves.dtype
+        column_bytes = self.transforms * self.length * kind.itemsize
+        # a block and its copy fit in the cache; of fewer columns, or of 16 long ones, copies take thrice the time
+        width = BLOCK_BYTES // (column_bytes * self.blocks)
+        width = count if width >= count else max(_ALIGNED, width - width % _ALIGNED)
+        stage = []
+        for starts in np.array_split(range(0, count, width), threads):
+            block, copy = (
+                fftw().zeros_aligned((self.transforms * width, self.row_length), kind)
+                for _ in range(2)
+            )
+            calls: list[Call] = []
+            for first in starts:
+                some = self.waves[:, first : first + width]
+                calls += self.calls_of_block(planned, some, block, copy, first)
+            stage.append(calls)
+        return stage
+
+    def calls_of_block(
+        self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
+    ) -> list[Call]:
+        """The calls for some columns, of which `first` is the number of the first."""
+        points = block[: columns.shape[1], : self.length].T
+        there, back = planned(columns, points, columns, axis=0)
+        return [there, self.response(block, first, columns.shape[1]), back]
+
+    def response(self, block: Any, first: int, count: int) -> Call:
+        """The call that multiplies the waves in a block with the symbol."""
+        is_twisted = self.transforms > 1
+        return partial(
+            respond, block, self.length, first, count, self.weights, is_twisted, *self.turns
+        )
+
+
+class CopiedColumns(StridedColumns):
+    """Transforms of columns of large grids, which are copied to a block, in the order of a mirror and with a twist.
+
+    With m points, half of the padded length of a free axis, its even waves are the transform of the points, and its odd
+    ones that of the points times the twist exp(−iπk/m).
+    """
+
+    blocks = 2
+
+    @property
+    def row_length(self) -> int:
+        """Waves in the memory of a column in a block, with some cache lines empty behind them."""
+        return row_length(self.length, self.waves.dtype.itemsize)
+
+    def calls_of_block(
+        self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
+    ) -> list[Call]:
+        """The calls for some columns, of which `first` is the number of the first."""
+        points, waves = copy[:, : self.length], block[:, : self.length]
+        there, back = planned(points, waves, points, axis=1)
+        return [
+            partial(gather, columns, copy, self.twist, self.order),
+            there,
+            self.response(block, first, columns.shape[1]),
+            back,
+            partial(scatter, columns, copy, self.twist, self.order),
+        ]
 
 
 def padded_length(n: int) -> int:
@@ -340,7 +479,7 @@ def take(staged, points, order1, order2, first, end):
 
 
 @contracted
-def _gather(columns, block, twist, order):
+def gather(columns, block, twist, order):
     """Copy columns to rows of a block, and behind these the same columns with a twist; zeros follow."""
     n1, count = columns.shape
     width = block.shape[0] // 2
@@ -358,7 +497,7 @@ def _gather(columns, block, twist, order):
 
 
 @contracted
-def _scatter(columns, block, twist, order):
+def scatter(columns, block, twist, order):
     """Copy rows of a block to columns, where there is a twist their sums without it."""
     n1, count = columns.shape
     width = block.shape[0] // 2

@@ -6,7 +6,10 @@ Sources: Johnson, Contact Mechanics, 1985, ch. 3 and 13; Love, Phil. Trans. R. S
 constant pressure); Liu, Wang, Liu, Wear 243, 2000, 101 (DC-FFT).
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,7 +74,7 @@ class HalfSpace:
             raise InputError("boundary", self.boundary, kinds)
         object.__setattr__(self, "boundary", tuple(ends))
 
-    @property
+    @cached_property
     def stiffness(self) -> float:
         """c = πE*/(4Δ) [Pa/m], that of a wave of four pixels: the step from gap to pressure of the contact solver.
 
@@ -81,6 +84,18 @@ class HalfSpace:
             min(self.spacing)
         ]
         return np.pi * self.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
+
+    @cached_property
+    def of_unit_modulus(self) -> HalfSpace:
+        """The body with E* = 1 Pa, whose displacements are E* times as large."""
+        return replace(self, modulus=1.0)
+
+    @cached_property
+    def coarser(self) -> HalfSpace:
+        """The same area with about half of the points along each axis that has more than one."""
+        (n1, n2), (d1, d2) = self.shape, self.spacing
+        spacing = 2 * d1 if n1 > 1 else d1, 2 * d2 if n2 > 1 else d2
+        return replace(self, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=spacing)
 
     def symbol(self) -> Array:
         """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.

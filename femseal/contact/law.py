@@ -12,7 +12,7 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335 (perfectly plastic).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import inf
 from typing import Any
 
@@ -204,6 +204,24 @@ class LinearHardening(ContactLaw):
         """True."""
         return True
 
+    @property
+    def is_uniform(self) -> bool:
+        """Whether hardness and slope are numbers."""
+        return isinstance(self.hardness, float) and isinstance(self.slope, float)
+
+    @property
+    def capacity(self) -> float:
+        """Largest mean pressure [Pa] that the points carry; inf where any of them hardens."""
+        return self._uniform_line.capacity if self.is_uniform else super().capacity
+
+    def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
+        """The law itself, whatever the deformation."""
+        return self._uniform_line if self.is_uniform else super().tangent(shape, 0.0)
+
+    @cached_property
+    def _uniform_line(self) -> YieldLine:
+        return super().tangent((1, 1))
+
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """H + h u."""
         return self.hardness + self.slope * reals(deformation)
@@ -340,12 +358,12 @@ class YieldLine:
         """Mean of the hardness [Pa]."""
         return self.hardness.item() if self.hardness.size == 1 else float(self.hardness.mean())
 
-    @property
+    @cached_property
     def capacity(self) -> float:
         """Largest mean pressure that the points carry [Pa]."""
         return inf if self.hardens else self.mean_hardness
 
-    @property
+    @cached_property
     def limit(self) -> Array:
         """Largest pressure of each point [Pa], inf where it hardens: (1,) or (n1, n2)."""
         return np.where(self.slope > 0, inf, self.hardness) if self.hardens else self.hardness
@@ -355,7 +373,15 @@ def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
     """A law as given, or the perfectly plastic one of a hardness [Pa], a number or an array (n1, n2)."""
     if isinstance(hardness, ContactLaw):
         return hardness
+    if isinstance(hardness, float):
+        return _plastic(hardness)
     return PerfectlyPlastic(hardness)  # type: ignore[arg-type]
+
+
+@lru_cache(maxsize=64)
+def _plastic(hardness: float) -> PerfectlyPlastic:
+    """The law of a number, which is checked once."""
+    return PerfectlyPlastic(hardness)
 
 
 def _numbers(name: str, value: Any, unit: str, *, zero: bool = False) -> float | Array:

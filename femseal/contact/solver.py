@@ -1,4 +1,4 @@
-"""Contact under a load or at an approach: nested start, then projected active sets on the given grid.
+"""Contact under a load: nested start, then projected active sets on the given grid.
 
 Symbols: p pressure, H hardness, h₁ undeformed gap, v = Kp + h₁, δ approach, g = v − δ raw gap, E* contact modulus,
 u plastic deformation. The problem is the convex programme  min ½⟨p,Kp⟩ + ⟨p,h₁⟩,  0 ≤ p ≤ H,  mean p = p̄;  a law that
@@ -9,20 +9,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, Flags, InputError, NotConverged, Shown, validate
 from ..base.compiled import number, over, rows, using
-from . import kernels
-from .active_sets import ActiveSets
+from .active_sets import solve_active_sets
+from .descent import Solution
 from .half_space import HalfSpace
-from .kernels import Line
 from .law import ContactLaw, YieldLine, contact_law
-from .workspace import Workspace, coarsen, workspace
+from .projection import gap_and_deformation
+from .workspace import Problem, Workspace, coarsened, workspace
 
+#: Residual to reach on coarse grids, and most iterations there and on the given grid.
 _COARSE_RTOL = 1e-2
 _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
@@ -109,15 +110,14 @@ def solve_contact(
     gap0: ArrayLike,
     half_space: HalfSpace,
     *,
-    pressure: float | None = None,
-    approach: float | None = None,
+    pressure: float,
     hardness: float | ArrayLike | ContactLaw = inf,
     deformation: ArrayLike | None = None,
     fluid_pressure: ArrayLike = 0.0,
     rtol: float = 1e-6,
     threads: int | None = None,
 ) -> Contact:
-    """Pressure and gap of an elastic-plastic half-space pressed on a rough gap, by a load or to an approach.
+    """Find the pressure and the gap of an elastic-plastic half-space that a load presses on a rough gap.
 
     Parameters
     ----------
@@ -125,8 +125,6 @@ def solve_contact(
     half_space : elastic body, boundary kinds, grid.
     pressure : nominal pressure p̄ [Pa], 0 ≤ p̄ ≤ mean H; 0 is first touch, mean H all plastic. A law that hardens carries
         any. A fluid carries its mean pressure of it, and the contact the rest.
-    approach : rigid-body approach δ [m] instead, g = Kp + h₁ − δ. Where no axis is free, K leaves the mean displacement
-        out, and δ of faces that do not yield has to stay below the mean of h₁, at which the load has no bound.
     hardness : H [Pa] of perfect plasticity, a number or one per point, inf is elastic; or a law, such as
         `LinearHardening`.
     deformation : plastic deformation (n1, n2) >= 0 [m] that an earlier load has left; that of the result is this and
@@ -141,15 +139,15 @@ def solve_contact(
 
     Raises
     ------
-    InputError : wrong shape, undefined points, a pressure that the law cannot carry, one below the mean of the fluid's,
-        under which the faces part, or not just one of `pressure` and `approach`.
+    InputError : wrong shape, undefined points, a pressure that the law cannot carry, or one below the mean of the
+        fluid's, under which the faces part.
     NotConverged : the residual was not reached; the message says which was. Or tangents of a curved law did not settle.
 
     Notes
     -----
     Inexact semismooth Newton on the contact and plastic sets, as in gradient-projection conjugate gradients
-    (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206), and where the sets do not settle
-    within 60 iterations, steps that never raise the energy. The residual is that of the returned pressure.
+    (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206), and where the sets do not
+    settle, steps that never raise the energy. The residual is that of the returned pressure.
 
     Examples
     --------
@@ -171,10 +169,10 @@ def solve_contact(
         if np.ndim(fluid_pressure) or fluid_pressure != 0:
             gap, law, pressure = _with_fluid(gap, half_space, law, pressure, fluid_pressure)
         line = law.tangent(half_space.shape)
-        pressure, approach = _checked_load(gap, half_space, law, pressure, approach)
+        load = _checked_load(pressure, law)
         validate.tolerance("rtol", rtol)
-        problem = _Problem(gap, half_space, line, pressure, approach, rtol)
-        contact = problem.solve() if law.linear else _by_tangents(law, problem)
+        level = _Level(gap, half_space, line, load)
+        contact = _solve(level, rtol) if law.linear else _solve_by_tangents(law, level, rtol)
     if deformation is not None:
         np.add(contact.plastic_deformation, deformation, out=contact.plastic_deformation)
     return contact
@@ -184,9 +182,9 @@ def _with_fluid(
     gap: Array,
     half_space: HalfSpace,
     law: ContactLaw,
-    pressure: float | None,
+    pressure: float,
     fluid_pressure: ArrayLike,
-) -> tuple[Array, ContactLaw, float | None]:
+) -> tuple[Array, ContactLaw, float]:
     """Undeformed gap [m], law and nominal pressure [Pa] of a contact whose faces a fluid presses apart."""
     if np.ndim(fluid_pressure) == 0:
         value = validate.number("fluid_pressure", fluid_pressure, unit="Pa", above=-inf)
@@ -199,47 +197,25 @@ def _with_fluid(
         raise InputError(
             "fluid_pressure", given, f"less than the hardness, {law.mean_hardness:g} Pa"
         )
-    if pressure is not None:
-        pressure, mean = (
-            validate.number("pressure", pressure, unit="Pa", inclusive=True),
-            float(p_f.mean()),
+    pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
+    mean = float(p_f.mean())
+    if pressure < mean:
+        given = f"{pressure:g} Pa, of which the fluid carries {mean:g} Pa"
+        raise InputError(
+            "pressure", given, "more than the fluid carries: below that the faces part"
         )
-        if pressure < mean:
-            given = f"{pressure:g} Pa, of which the fluid carries {mean:g} Pa"
-            raise InputError(
-                "pressure", given, "more than the fluid carries: below that the faces part"
-            )
-        pressure -= mean
     # the same number at every point stays one, and the law with it
     reduced = law.less(p_f.flat[0] if np.all(p_f == p_f.flat[0]) else p_f)
     grid = workspace(half_space)
     grid.pressure[:] = p_f
-    grid.respond.apply()
-    return gap + grid.respond.displacement, reduced, pressure
+    return gap + grid.displacement(), reduced, pressure - mean
 
 
-def _checked_load(
-    gap: Array,
-    half_space: HalfSpace,
-    law: ContactLaw,
-    pressure: float | None,
-    approach: float | None,
-) -> tuple[float | None, float | None]:
-    """Pressure and approach as numbers that the law can carry, one of them None; raises InputError."""
-    if (pressure is None) == (approach is None):
-        raise InputError(
-            "pressure and approach", f"{pressure} and {approach}", "one of them, the other None"
-        )
-    if pressure is not None:
-        pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
-        check_capacity("pressure", pressure, law)
-    if approach is not None:
-        approach = validate.number("approach", approach, unit="m", above=-inf)
-        if "free" not in half_space.boundary and law.is_elastic and approach >= gap.mean():
-            raise InputError(
-                "approach", f"{approach:g} m", f"less than the mean of gap0, {gap.mean():g} m"
-            )
-    return pressure, approach
+def _checked_load(pressure: float, law: ContactLaw) -> float:
+    """The nominal pressure as a number that the law can carry; raises InputError."""
+    pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
+    check_capacity("pressure", pressure, law)
+    return pressure
 
 
 def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
@@ -250,7 +226,122 @@ def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
         )
 
 
-def _by_tangents(law: ContactLaw, problem: _Problem) -> Contact:
+class _Level(NamedTuple):
+    """A contact problem on one of the nested grids, checked: gap (n1, n2) [m], body, law and nominal pressure [Pa]."""
+
+    gap0: Array
+    half_space: HalfSpace
+    line: YieldLine
+    load: float
+
+    def coarser(self) -> _Level:
+        """The problem with about half of the points along each axis that has more than one."""
+        values = self.line.hardness, self.line.slope
+        line = YieldLine(*(coarsened(a) if a.size > 1 else a for a in values))
+        load = self.load
+        if np.isfinite(line.capacity):
+            # coarse means count an odd border twice: every grid carries the same fraction of its capacity
+            load *= line.capacity / self.line.capacity
+        return _Level(coarsened(self.gap0), self.half_space.coarser, line, load)
+
+    def on_grid(self, offset: float) -> Problem:
+        """The problem as the solver of one grid takes it, its heights counting from an offset [m]."""
+        law = self.line.hardness.ravel(), self.line.slope.ravel()
+        return Problem(self.gap0.ravel(), offset, *law, self.load * self.gap0.size)
+
+    def first_guess(self) -> Array:
+        """Initial pressure: the load spread over as many of the highest points as carry it at H, or at 0.1 E*."""
+        soft = min(self.line.mean_hardness, 0.1 * self.half_space.modulus)
+        gap0 = self.gap0
+        n = max(min(4, gap0.size), min(gap0.size, int(self.load / soft * gap0.size)))
+        touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
+        return touching * (self.load * gap0.size / np.count_nonzero(touching))
+
+
+def _solve(level: _Level, rtol: float) -> Contact:
+    """Solve at once where no point or every point is at its bound, else from coarse grids to the given one."""
+    # what the highest points are above others is known to all its digits, however small it is beside the heights
+    offset = float(level.gap0.min())
+    if level.load == 0:
+        return _uniform(level, offset, 0.0)
+    if level.load >= level.line.capacity * (1 - 1e-12):
+        return _uniform(level, offset, level.line.hardness)
+    levels = [level]
+    while max(levels[-1].half_space.shape) > _COARSEST:
+        levels.append(levels[-1].coarser())
+    start = levels[-1].first_guess()
+    while len(levels) > 1:
+        coarse = levels.pop()
+        grid = workspace(coarse.half_space, level.half_space)
+        grid.start(start, coarse.line.limit)
+        solve_active_sets(grid, coarse.on_grid(offset), _COARSE_RTOL, _COARSE_ITERATIONS)
+        start = grid.pressure
+        del grid, coarse  # before the next ones take memory
+    grid = workspace(level.half_space)
+    grid.start(start, level.line.limit)
+    solution = solve_active_sets(grid, level.on_grid(offset), rtol, _MAX_ITERATIONS)
+    _check(level, float(grid.pressure.mean()), solution, rtol)
+    return _contact(level, grid, offset, solution)
+
+
+def _uniform(level: _Level, offset: float, pressure: float | Array) -> Contact:
+    """Solution of no load, or of a pressure at which every point is in contact."""
+    grid = workspace(level.half_space)
+    grid.pressure[:] = pressure
+    v = grid.displacement()
+    v += level.gap0 - offset
+    delta = float(v.max()) if grid.pressure.any() else 0.0
+    return _contact(level, grid, offset, Solution(delta, 0.0, 0, 1))
+
+
+def _check(level: _Level, carried: float, solution: Solution, rtol: float) -> None:
+    """Raise NotConverged if the load or the residual is not what was asked for."""
+    if not abs(carried - level.load) <= 1e-9 * level.load:
+        raise NotConverged(
+            f"contact: the load is {carried / level.load:.6g} of the given one; try another grid",
+            solution.residual,
+        )
+    if not solution.residual <= rtol:
+        raise NotConverged(
+            f"contact: residual {solution.residual:.1e} after {solution.iterations} iterations, wanted {rtol:.1e}; "
+            "try a larger rtol, a filtered surface or a finer grid",
+            solution.residual,
+        )
+
+
+def _contact(level: _Level, grid: Workspace, offset: float, solution: Solution) -> Contact:
+    """The solution that a grid holds, in the fields of a `Contact`."""
+    v, pressure = grid.arrays.v, grid.pressure
+    p = pressure.copy() if grid.is_kept else pressure
+    grid.release()
+    gap, deformation, plastic = np.empty(p.shape), np.empty(p.shape), np.empty(p.shape, bool)
+    over(
+        rows(*p.shape),
+        gap_and_deformation,
+        p.ravel(),
+        v,
+        solution.delta,
+        grid.stiffness,
+        level.line.hardness.ravel(),
+        level.line.slope.ravel(),
+        gap.ravel(),
+        deformation.ravel(),
+        plastic.ravel(),
+    )
+    return Contact(
+        pressure=p,
+        gap=gap,
+        plastic_deformation=deformation,
+        approach=solution.delta + offset,
+        residual=solution.residual,
+        iterations=solution.iterations,
+        fft_pairs=solution.products,
+        plastic=plastic,
+        half_space=level.half_space,
+    )
+
+
+def _solve_by_tangents(law: ContactLaw, level: _Level, rtol: float) -> Contact:
     """Solve a curved law by contacts with its tangents, each at the deformation that the former contact gives the law.
 
     A tangent so steep that it leaves no pressure at u = 0 holds from a depth on, which is in the gap of its contact.
@@ -261,25 +352,25 @@ def _by_tangents(law: ContactLaw, problem: _Problem) -> Contact:
     NotConverged : pressures and deformations do not come to the law within `_MOST_TANGENTS` solutions.
     """
     iterations = pairs = 0
-    shape, stiffness = problem.half_space.shape, problem.half_space.stiffness
+    shape, stiffness = level.half_space.shape, level.half_space.stiffness
     u, change = np.zeros(shape), np.zeros(shape)
     for _ in range(_MOST_TANGENTS):
         modulus = law.hardening_modulus(u)
         slope = np.maximum(modulus, 1.0)
         depth = np.maximum(u - _FROM_DEPTH * law.yield_pressure(u) / slope, 0.0)
         line = law.after(depth).tangent(shape, u - depth)
-        if problem.load is not None and problem.load >= line.capacity * (1 - 1e-9):
+        if level.load >= line.capacity * (1 - 1e-9):
             line = replace(
                 line, slope=np.maximum(line.slope, 0.1 * stiffness)
             )  # the curve carries it further on
-        contact = replace(problem, gap0=problem.gap0 + depth, line=line).solve()
+        contact = _solve(level._replace(gap0=level.gap0 + depth, line=line), rtol)
         iterations, pairs = iterations + contact.iterations, pairs + contact.fft_pairs
         raw = contact.raw_gap - depth
         y, wanted = law.admissible(contact.pressure, raw, stiffness)
         mismatch = float(np.linalg.norm(contact.pressure - y)) / (
             float(np.linalg.norm(contact.pressure)) or 1.0
         )
-        if mismatch <= problem.rtol:
+        if mismatch <= rtol:
             if depth.any():
                 left = np.where(wanted > 0, np.maximum(-raw, 0.0), 0.0)
                 contact = replace(
@@ -291,130 +382,7 @@ def _by_tangents(law: ContactLaw, problem: _Problem) -> Contact:
         u = u + change
     raise NotConverged(
         f"contact: pressures are off the law by {mismatch:.1e} after {_MOST_TANGENTS} tangents, wanted "
-        f"{problem.rtol:.1e}; try a law that softens less, such as a smoother table or a larger smallest depth, or a "
+        f"{rtol:.1e}; try a law that softens less, such as a smoother table or a larger smallest depth, or a "
         "finer grid",
         mismatch,
     )
-
-
-@dataclass(frozen=True)
-class _Problem:
-    """Checked input of one problem: load or approach, one of them None."""
-
-    gap0: Array
-    half_space: HalfSpace
-    line: YieldLine
-    load: float | None
-    approach: float | None
-    rtol: float
-
-    def solve(self) -> Contact:
-        """Solve at once where no point or every point is at its bound, else from coarse grids to this one."""
-        # what the highest points are above others is known to all its digits, however small it is beside the heights
-        offset = float(self.gap0.min())
-        if self.load == 0:
-            return self._uniform(offset, 0.0, offset)
-        if self.load is not None and self.load >= self.line.capacity * (1 - 1e-12):
-            return self._uniform(offset, self.line.hardness, None)
-        sets = self._nested(offset)
-        self._check(sets)
-        grid, delta, residual = sets.grid, sets.delta, sets.residual
-        counted = {"iterations": sets.iterations, "fft_pairs": sets.pairs}
-        del sets  # and its lists, before the fields come
-        return self._result(grid, offset, delta, residual=residual, **counted)
-
-    def _nested(self, offset: float) -> ActiveSets:
-        """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
-        problems = [self]
-        while max(problems[-1].half_space.shape) > _COARSEST:
-            problems.append(problems[-1]._coarser())
-        start = problems[-1]._first_guess()
-        while True:
-            problem = problems.pop()
-            grid = workspace(problem.half_space, self.half_space)
-            grid.start(start, problem.line.limit)
-            of_points = offset, problem.line, problem.load, self.approach
-            sets = ActiveSets(grid, problem.gap0, *of_points)
-            if not problems:
-                sets.solve(self.rtol, _MAX_ITERATIONS)
-                return sets
-            sets.solve(_COARSE_RTOL, _COARSE_ITERATIONS)
-            start = grid.pressure
-            del grid, sets  # before the next ones come
-
-    def _coarser(self) -> _Problem:
-        """The problem with about half of the points along each axis that has more than one."""
-        body, load = self.half_space, self.load
-        (n1, n2), (d1, d2) = body.shape, body.spacing
-        values = self.line.hardness, self.line.slope
-        line = YieldLine(*(coarsen(a) if a.size > 1 else a for a in values))
-        if load is not None and np.isfinite(line.capacity):
-            # coarse means count an odd border twice: every grid carries the same fraction of its capacity
-            load *= line.capacity / self.line.capacity
-        spacing = 2 * d1 if n1 > 1 else d1, 2 * d2 if n2 > 1 else d2
-        body = replace(body, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=spacing)
-        return replace(self, gap0=coarsen(self.gap0), half_space=body, line=line, load=load)
-
-    def _first_guess(self) -> Array:
-        """Initial pressure on the coarsest grid.
-
-        A load is spread over as many of the highest points as carry it at H, or at 0.1 E*. At an approach each point
-        below δ has the pressure that would press the longest wave so deep.
-        """
-        modulus, gap0, load = self.half_space.modulus, self.gap0, self.load
-        if load is None:
-            assert self.approach is not None
-            size = max(
-                n * d for n, d in zip(self.half_space.shape, self.half_space.spacing, strict=True)
-            )
-            return np.maximum(self.approach - gap0, 0.0) * np.pi * modulus / size
-        soft = min(self.line.mean_hardness, 0.1 * modulus)
-        n = max(min(4, gap0.size), min(gap0.size, int(load / soft * gap0.size)))
-        touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
-        return touching * (load * gap0.size / np.count_nonzero(touching))
-
-    def _uniform(self, offset: float, pressure: float | Array, approach: float | None) -> Contact:
-        """Solution whose pressure is known; `approach` None is the least at which every point is in contact."""
-        grid = workspace(self.half_space)
-        grid.pressure[:] = pressure
-        grid.respond.apply()
-        v = grid.respond.displacement
-        v += self.gap0 - offset
-        delta = float(v.max()) if approach is None else approach - offset
-        return self._result(grid, offset, delta, residual=0.0, iterations=0, fft_pairs=1)
-
-    def _check(self, sets: ActiveSets) -> None:
-        """Raise NotConverged if the load or the residual is not what was asked for."""
-        carried = float(sets.grid.p.mean())
-        if self.load and not abs(carried - self.load) <= 1e-9 * self.load:
-            raise NotConverged(
-                f"contact: the load is {carried / self.load:.6g} of the given one; try another grid",
-                sets.residual,
-            )
-        if not sets.residual <= self.rtol:
-            raise NotConverged(
-                f"contact: residual {sets.residual:.1e} after {sets.iterations} iterations, wanted {self.rtol:.1e}; "
-                "try a larger rtol, a filtered surface or a finer grid",
-                sets.residual,
-            )
-
-    def _result(self, grid: Workspace, offset: float, delta: float, **counted: Any) -> Contact:
-        """The solution in the fields of a `Contact`."""
-        grid.end()
-        p = grid.pressure.copy() if grid.kept else grid.pressure
-        gap = np.empty(p.shape)
-        deformation = np.empty(p.shape)
-        plastic = np.empty(p.shape, bool)
-        law = Line(self.line.hardness.ravel(), self.line.slope.ravel())
-        found = gap.ravel(), deformation.ravel(), plastic.ravel()
-        arguments = p.ravel(), grid.v, delta, grid.stiffness, law, found
-        over(rows(*p.shape), kernels.gap_and_deformation, *arguments)
-        return Contact(
-            pressure=p,
-            gap=gap,
-            plastic_deformation=deformation,
-            approach=delta + offset,
-            plastic=plastic,
-            half_space=self.half_space,
-            **counted,
-        )

@@ -1,6 +1,6 @@
 """Contact and flow as one writes them with other programs; nothing of femseal is used here.
 
-Contact is by Tamaas or ContactMechanics, flow over a face by scikit-fem and a sparse solver or by
+Contact is by Tamaas, ContactMechanics or ASPHER, flow over a face by scikit-fem and a sparse solver or by
 reynoldsflow, flow over a seal by a sparse solver. Each program is imported where it is asked for.
 Fields are samples at the nodes of a grid of square pixels, periodic along both axes, (n1, n2).
 What is the same at all states, such as plans of transforms, meshes and bases, is made once.
@@ -20,6 +20,7 @@ import numpy as np
 #: Unknowns up to which a sparse factorisation takes less time than to set multigrid up.
 DIRECT = 6000
 MODULES = {
+    "ASPHER": "aspher",
     "Tamaas": "tamaas",
     "ContactMechanics": "ContactMechanics",
     "ContactMechanics from bearing area": "ContactMechanics",
@@ -130,7 +131,37 @@ class FromBearingArea(ContactMechanics):
         return np.where(gap0 <= np.quantile(gap0, pressure / self.hardness), self.hardness, 0.0)
 
 
+class Aspher:
+    """Elastic contact from coarse grids to fine ones with ASPHER's periodic backend, on squares of 64 · 2^k points.
+
+    Lengths are in sizes of the face and pressures in moduli.
+    """
+
+    def __init__(self, shape, spacing, modulus, hardness, threads=1):
+        if np.isfinite(hardness) or shape[0] != shape[1]:
+            raise ValueError("ASPHER's periodic contact is elastic, on squares")
+        self.points, self.size, self.modulus = shape[0], shape[0] * spacing, modulus
+
+    def __call__(self, gap0, pressure, tolerance):
+        """Pressure and raw gap, as those of `Tamaas`."""
+        import aspher
+
+        result = aspher.solve_nested(
+            self.points,
+            np.ascontiguousarray(gap0 - gap0.min()) / self.size,
+            pressure / self.modulus,
+            domain_size=1.0,
+            E_star=1.0,
+            coarsest=64,
+            tol=tolerance,
+            backend="periodic",
+        )
+        p = np.asarray(result.pressure).reshape(gap0.shape) * self.modulus
+        return p, np.asarray(result.gap).reshape(gap0.shape) * self.size
+
+
 CONTACTS = {
+    "ASPHER": Aspher,
     "Tamaas": Tamaas,
     "ContactMechanics": ContactMechanics,
     "ContactMechanics from bearing area": FromBearingArea,
