@@ -46,7 +46,7 @@ def power(z: NDArray, periodic: Periodic) -> NDArray:
     if not wrapped:
         return c**2 / z.size
     # the real transform takes half the memory: the waves that it leaves out are conjugates of others
-    half = scipy.fft.rfftn(c, axes=wrapped, norm="ortho")
+    half: NDArray[Any] = scipy.fft.rfftn(c, axes=wrapped, norm="ortho")
     powers = np.empty(z.shape)
     known = powers.swapaxes(-1, wrapped[-1])
     half = half.swapaxes(-1, wrapped[-1])
