@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from .studies.stochastic_result import StochasticResult
     from .sweeps.sweeping import sweep
     from .topography import (
+        Patches,
         Places,
         SurfaceReport,
         Topography,
@@ -110,6 +111,7 @@ __all__ = [
     "NotConverged",
     "PerfectlyPlastic",
     "Permeability",
+    "Patches",
     "Places",
     "RealGas",
     "RectangularSeal",

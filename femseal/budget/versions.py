@@ -14,7 +14,7 @@ from ..base import Array, FemsealError, Mapper, NotKept, Shape
 from ..studies import STUDIES, Sampling, Scene, StochasticResult, Study, study_of_result
 from ..studies.doubts import FormEffect
 from ..studies.sampling import FEWEST_SEALS
-from ..topography import Conditioning, Continuation, Representative, Topography
+from ..topography import Conditioning, Continuation, Representative, Surface
 from .changed_models import FormTolerance, ModelChange
 from .error_parts import CoarserSolution
 
@@ -112,7 +112,7 @@ class Version(Protocol):
         """Result of a study."""
         ...
 
-    def longer_waves(self, surface: Topography, mapper: Mapper) -> Array | None:
+    def longer_waves(self, surface: Surface, mapper: Mapper) -> Array | None:
         """Changes of ln(leakage) by waves longer than the patch."""
         ...
 
@@ -182,7 +182,7 @@ def _lacks_waves(version: Version) -> bool:
     return 1 - version.conditioning.kept_slope >= LEAST_REMOVED
 
 
-def _reduced(version: Version, surface: Topography) -> Version:
+def _reduced(version: Version, surface: Surface) -> Version:
     """The version for a coarser face: each study by its route, with the same cells and few of the same seals."""
     sampling = version.sampling
     if sampling is not None:

@@ -129,7 +129,7 @@ class Case(Table):
     )
     face: tuple[Face, ...] = key(
         "the rough face; two, each under [[face]], are summed",
-        needed="without a `path` or `places`",
+        needed="without a `path` or `patches`",
         min_length=1,
         max_length=2,
     )
@@ -155,7 +155,7 @@ class Case(Table):
         since="0.2",
         validate_default=True,
     )
-    cells: CellsTable | None = key("pieces of the face, of several places of each", None)
+    cells: CellsTable | None = key("pieces of the face, of several patches of each", None)
     stochastic: StochasticTable | None = key("seals that are drawn", None)
     output: OutputTable = key("what is written, and how", OutputTable())
     folder: Path = Field(default=Path(), exclude=True)
@@ -272,7 +272,7 @@ class Case(Table):
     def files(self) -> Iterator[tuple[str, Path]]:
         """Key and path, relative to the folder of the case, of every file that it names."""
         for face in (face for face in self.face if isinstance(face, FileFace)):
-            name = "path" if face.places is None else "places"
+            name = "path" if face.patches is None else "patches"
             for table in face.each(self.folder):
                 yield f"face.{name}", table.path or Path()
                 yield from files_of(table.model_copy(update={"path": None}), "face")

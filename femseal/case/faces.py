@@ -181,7 +181,7 @@ class MapFile(Table):
 
 
 def _tables(given: Any) -> Any:
-    """Places as tables: a text is a path or a pattern of paths."""
+    """Patches as tables: a text is a path or a pattern of paths."""
     given = [given] if isinstance(given, str) else given
     return (
         [{"path": one} if isinstance(one, str) else one for one in given]
@@ -190,8 +190,8 @@ def _tables(given: Any) -> Any:
     )
 
 
-#: Maps of several places: paths, a pattern of paths such as "place*.plu", or tables with keys of their own.
-PlaceTables = Annotated[
+#: Maps of several patches: paths, a pattern of paths such as "patch*.plu", or tables with keys of their own.
+PatchTables = Annotated[
     tuple[MapFile, ...],
     BeforeValidator(_tables),
     WithJsonSchema({"type": ["string", "array"], "items": {}}),
@@ -199,15 +199,15 @@ PlaceTables = Annotated[
 
 
 class FileFace(MapFile):
-    """A measured face: one map, or `places`, several of them.
+    """A measured face: one map, or `patches`, several of them.
 
-    Keys of the table are those of every place that has none of its own. `mirror`, `rotate` and `shift` place the second
+    Keys of the table are those of every patch that has none of its own. `mirror`, `rotate` and `shift` place the second
     of two faces on the first, see `topography.combined`.
     """
 
     kind: Literal["file"]
-    places: PlaceTables | None = key(
-        "several measured places: files, a pattern, or tables with keys of their own",
+    patches: PatchTables | None = key(
+        "several measured patches: files, a pattern, or tables with keys of their own",
         None,
         example=["a.plu", "b.plu", "c.plu"],
         since="0.2",
@@ -232,36 +232,36 @@ class FileFace(MapFile):
         return self.model_dump(include=_PLACEMENT, exclude_none=True)
 
     def each(self, folder: Path) -> list[FileFace]:
-        """The tables of all places, patterns resolved in alphabetical order; the face itself where it is one map.
+        """List the tables of all patches, patterns resolved in alphabetical order; the face itself where it is one map.
 
-        Raises PydanticCustomError: no file, or one besides places, or fewer than two places.
+        Raises PydanticCustomError: no file, or one besides patches, or fewer than two patches.
         """
-        if self.places is None:
+        if self.patches is None:
             if self.path is None:
-                raise fault("face.path", "none", "the file of the map, or places")
+                raise fault("face.path", "none", "the file of the map, or patches")
             return [self]
         if self.path is not None:
-            raise fault("face.path", "a file besides places", "one of them")
+            raise fault("face.path", "a file besides patches", "one of them")
         found = []
-        for place in self.places:
-            if place.path is None:
-                raise fault("face.places", "a place without path", "a path in every place")
-            own = {key: getattr(place, key) for key in place.model_fields_set}
-            name, paths = str(place.path), [place.path]
+        for patch in self.patches:
+            if patch.path is None:
+                raise fault("face.patches", "a patch without path", "a path in every patch")
+            own = {key: getattr(patch, key) for key in patch.model_fields_set}
+            name, paths = str(patch.path), [patch.path]
             if glob.has_magic(name) and "\0" not in name:
                 paths = [Path(path) for path in sorted(glob.glob(name, root_dir=folder))]
             found += [
-                self.model_copy(update={**own, "places": None, "path": path}) for path in paths
+                self.model_copy(update={**own, "patches": None, "path": path}) for path in paths
             ]
         if len(found) < 2:
-            names = ", ".join(str(place.path) for place in self.places)
+            names = ", ".join(str(patch.path) for patch in self.patches)
             given = f"'{shortened(names)}', which is {'one file' if found else 'no file'}"
-            raise fault("face.places", given, "at least two; path for a single one")
+            raise fault("face.patches", given, "at least two; path for a single one")
         return found
 
     def make(self, folder: Path, rng: np.random.Generator) -> MadeFace:
         """The face, of one map, its instrument, and notes on its file."""
-        given = self.model_dump(exclude={"kind", "path", "places", "mask", *_PLACEMENT})
+        given = self.model_dump(exclude={"kind", "path", "patches", "mask", *_PLACEMENT})
         path, mask = folder / (self.path or ""), None if self.mask is None else folder / self.mask
         try:
             look = read_measured(path, mask=mask, **given)

@@ -50,6 +50,7 @@ def filled(data: dict[str, Any]) -> dict[str, Any]:
     odd = {name: data[name] for name in _TABLES if not isinstance(data.get(name, {}), dict)}
     warnings: list[str] = []
     data = _with_what_is_open(data | {name: {} for name in odd})
+    data = _with_new_names(data, warnings)
     data = _with_fluids(data, warnings)
     for place in ("material", "counter_material"):
         if place in data:
@@ -61,12 +62,33 @@ def filled(data: dict[str, Any]) -> dict[str, Any]:
     return _with_detrending(data) | odd
 
 
+def _with_new_names(data: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
+    """Take the key `places` of a face for `patches`, its name from now on, and say so in a warning."""
+    faces = data.get("face")
+    tables = [faces] if isinstance(faces, dict) else faces
+    if not isinstance(tables, (list, tuple)):
+        return data
+    renamed = []
+    for table in tables:
+        if isinstance(table, dict) and "places" in table and "patches" not in table:
+            rest = {key: value for key, value in table.items() if key != "places"}
+            renamed.append(rest | {"patches": table["places"]})
+        else:
+            renamed.append(table)
+    if all(new is old for new, old in zip(renamed, tables, strict=True)):
+        return data
+    warnings.append(
+        "face.places is face.patches now: the former name is read until the next version"
+    )
+    return data | {"face": renamed}
+
+
 def listed(value: Any) -> Any:
-    """A list of tables from one or several, each of the kind "file" where it has a path or places and no kind."""
+    """A list of tables from one or several, each of the kind "file" where it has a path or patches and no kind."""
     tables = [value] if isinstance(value, dict) else value
     if not isinstance(tables, (list, tuple)):
         return value
-    files = [isinstance(table, dict) and {"path", "places"} & {*table} for table in tables]
+    files = [isinstance(table, dict) and {"path", "patches"} & {*table} for table in tables]
     return [
         {"kind": "file", **table} if is_file else table
         for table, is_file in zip(tables, files, strict=True)

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base import Array, Floats, Pair, Shape
-from ..topography import Topography
-from ..topography.combined import divided
+from ..base import Floats, Pair, Shape
+from ..topography import Surface, Topography
 from ..topography.topography import power, wavenumber_grids
 from .piece_flow import Failed, FlowSettings, attempt, strip_permeability
 
@@ -83,7 +82,7 @@ def strip_scatter(gap: Floats, spacing: Pair, flow: FlowSettings) -> float:
     return float(k.std()) / mean if mean > 0 else _NO_STRIP
 
 
-def blocks_of_one_wave(surface: Topography) -> Shape:
+def blocks_of_one_wave(surface: Surface) -> Shape:
     """Numbers of blocks along x1 and x2 into which a surface is cut, each about one of its short waves long and broad.
 
     That wave is the shortest of those that hold 95 % of the mean square slope. It is a property of the surface and not
@@ -95,24 +94,20 @@ def blocks_of_one_wave(surface: Topography) -> Shape:
     return min(m1, n1), min(m2, n2)
 
 
-def short_wave(surface: Topography) -> float:
+def short_wave(surface: Surface) -> float:
     """Find the shortest of the waves that hold 95 % of the mean square slope [m]; the median of several patches."""
-    widths = getattr(surface, "widths", None)
-    if widths is None:
-        return _short_wave(surface.heights, surface)
-    patches = divided(surface.heights, widths)
-    return float(np.median([_short_wave(patch, surface) for patch in patches]))
+    return float(np.median([_short_wave(patch) for patch in surface.patches]))
 
 
-def _short_wave(heights: Array, surface: Topography) -> float:
-    """Find the short wave of heights (n1, n2) [m]."""
-    periodic = surface.periodic
-    q1, q2 = wavenumber_grids((heights.shape[0], heights.shape[1]), surface.spacing, periodic)
+def _short_wave(patch: Topography) -> float:
+    """Find the short wave of a single map [m]."""
+    q1, q2 = wavenumber_grids(patch.shape, patch.spacing, patch.periodic)
     squared = q1**2 + q2**2
-    slope = (power(heights - heights.mean(), periodic) * squared).ravel()
+    heights = patch.heights - patch.heights.mean()
+    slope = (power(heights, patch.periodic) * squared).ravel()
     total = float(slope.sum())
     if not total > 0:
-        return _FLAT_BLOCK * max(surface.spacing)
+        return _FLAT_BLOCK * max(patch.spacing)
     order = np.argsort(squared, axis=None)
     last = int(np.searchsorted(np.cumsum(slope[order]), _SLOPE_FRACTION * total))
     last = min(last, order.size - 1)

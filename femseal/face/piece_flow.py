@@ -18,7 +18,7 @@ from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.pressure_drop import VISCOUS, PressureDrop, pressure_between
 from ..flow.problem import check_solver
 from ..flow.spiral import spiral_flow
-from ..topography.combined import divided
+from ..topography.patches import divided
 
 Result = TypeVar("Result")
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
@@ -220,7 +220,7 @@ def permeability_along_x2(
     Parameters
     ----------
     gap : (n1, n2) [m].
-    widths : points of each measured patch along x2, empty for a single one.
+    widths : points of each measured patch along x2.
     spacing : of the points [m].
     settings : how the flow is solved.
     sides : of the surface along x1, see `resolved_flow`.
@@ -229,7 +229,7 @@ def permeability_along_x2(
 
     Raises NotConverged: see `resolved_flow`.
     """
-    patches = divided(gap, widths) if widths else [gap]
+    patches = divided(gap, widths)
     values = [
         resolved_flow(np.ascontiguousarray(patch.T), spacing[::-1], settings, sides).permeability
         for patch in patches

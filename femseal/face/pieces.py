@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..base import Array, Flags, Floats, Indices, InputError, Pair, Shape, validate
 from ..loads import LoadProgramme
-from ..topography import Topography
+from ..topography import Surface
 from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
 
 #: Pieces along the shorter side of a face from which seals are drawn, and where a seal is as broad as the face: in
@@ -33,7 +33,7 @@ OVERLAP = 0.125
 MOST_FACTOR, MOST_RATIO = 3.0, 2.0
 
 
-def usual_pieces(surface: Topography, in_place: bool = False) -> Shape:
+def usual_pieces(surface: Surface, in_place: bool = False) -> Shape:
     """Numbers of about square pieces along x1 and x2, four on the shorter side of a place.
 
     in_place : pieces stay in their rows, as where a seal is as broad as the face: two.
@@ -47,9 +47,9 @@ def usual_pieces(surface: Topography, in_place: bool = False) -> Shape:
     )
 
 
-def _widths(surface: Topography) -> tuple[int, ...]:
+def _widths(surface: Surface) -> tuple[int, ...]:
     """Points along x2 of every measured place."""
-    return tuple(getattr(surface, "widths", (surface.shape[1],)))
+    return surface.widths
 
 
 #: How a surface continues along x1 and x2, as of a `HalfSpace`.
@@ -83,7 +83,7 @@ class Cut:
     spacing: Pair
 
     @classmethod
-    def of(cls, surface: Topography, pieces: Shape) -> Cut:
+    def of(cls, surface: Surface, pieces: Shape) -> Cut:
         """Cut a face into pieces along x1 and x2, in each of several places by itself.
 
         Raises InputError: pieces of fewer than 8 points a side, fewer columns than places.

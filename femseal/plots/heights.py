@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..base import Array, Flags, Pair, counted, to_text
 from ..results.variables import block_means
-from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
+from ..topography import SPIKES, Conditioning, Patches, Surface, SurfaceReport, Topography
 from .drawing import (
     GREY,
     HEIGHTS,
@@ -81,10 +81,12 @@ def height_panel(
 
 
 @shows(Topography)
-def heights_figure(topography: Topography) -> Figure:
+@shows(Patches)
+def heights_figure(topography: Surface) -> Figure:
     """Heights, their profiles through the middle, and the spectral density of profiles along both axes.
 
-    topography : heights; where points are undefined the spectral densities are left out.
+    topography : heights; where points are undefined the spectral densities are left out. Of several patches side by
+        side the spectral densities are those of the longest one.
     """
     l1, l2 = topography.size
     sheet = Sheet([map_row(lying((l1, l2)), HEIGHTS), _PROFILE, _PROFILE])
@@ -102,7 +104,7 @@ def heights_figure(topography: Topography) -> Figure:
     if topography.undefined_fraction:
         panel_title(density, "no spectral density with undefined points")
     else:
-        _densities_panel(density, topography)
+        _densities_panel(density, max(topography.patches, key=lambda patch: patch.shape[1]))
         decades(density.xaxis)
         decades(density.yaxis)
     for axes in (profile, density):

@@ -27,9 +27,10 @@ from ..topography import (
     Continuation,
     Instrument,
     Overlap,
-    Places,
+    Patches,
     Repair,
     Representative,
+    Surface,
     Topography,
     check_wave,
     combine,
@@ -85,7 +86,7 @@ def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
 
 def conditioned_face(
     case: Case,
-) -> tuple[Topography, Conditioning, Overlap | None, Continuation | None, Shape | None]:
+) -> tuple[Surface, Conditioning, Overlap | None, Continuation | None, Shape | None]:
     """Make or read the faces of a case, and condition their sum.
 
     Returned: the face that is solved, how it was conditioned, the overlap of two faces, how its spectrum was continued,
@@ -93,10 +94,11 @@ def conditioned_face(
 
     Raises InputError: a face that cannot be read or used, or pieces that do not suit it.
     """
-    places, parts, overlap, instrument, notes = _repaired_faces(case)
-    flat, repaired = places[0]
-    if len(places) > 1:
-        flat = Places([face for face, _ in places])
+    patches, parts, overlap, instrument, notes = _repaired_faces(case)
+    flat: Surface = patches[0][0]
+    repaired = patches[0][1]
+    if len(patches) > 1:
+        flat = Patches([face for face, _ in patches])
     asked, cut_off = case.surface.shortest_wave, case.surface.continue_spectrum
     shape, continued = _grid(case, flat, instrument), None
     with with_keys(SURFACE_KEYS):
@@ -104,8 +106,8 @@ def conditioned_face(
             longest = asked or instrument.resolution
             continued = continuation_of(flat, cut_off, longest=longest, rng=case.seed)
         wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
-        check_memory_of_points("surface.points", shape, len(flat.each))
-        place = flat.shortest_place
+        check_memory_of_points("surface.points", shape, len(flat.patches))
+        place = flat.shortest_patch
         pieces = _pieces(case, place, shape, wave)
         check_wave(wave, place.size, (shape[0], round(shape[1] * place.shape[1] / flat.shape[1])))
         surface, report = smooth(
@@ -113,7 +115,7 @@ def conditioned_face(
         )
     report = replace(report, reading=notes)
     if pieces is not None:
-        Cut.of(surface.shortest_place, pieces)  # refuses pieces of too few points
+        Cut.of(surface.shortest_patch, pieces)  # refuses pieces of too few points
         pieces = of_all_places(flat, pieces)
     if continued is not None:
         surface = continued.added_to(surface)
@@ -177,7 +179,7 @@ def _repaired_faces(
     return flat, [*chain(*pairs)], overlaps[0], instrument, tuple(notes)
 
 
-def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
+def _grid(case: Case, flat: Surface, instrument: Instrument) -> Shape:
     """Points of the grid: those of the case, or of a generated face, or what the shortest measured wave takes.
 
     Those of the case are of one place, the others of all that were measured, side by side. A measured face keeps its
@@ -185,7 +187,7 @@ def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
     """
     cut_off, points = case.surface.continue_spectrum, case.surface.points
     if points is not None:
-        size = flat.shortest_place.size
+        size = flat.shortest_patch.size
         if cut_off is not None and cut_off < resolved_wave(size, points) * (1 - 1e-9):
             expected = f"8 pixels to continue_spectrum, {list(resolving_shape(size, cut_off))}"
             raise InputError("surface.points", list(points), expected)
@@ -197,12 +199,12 @@ def _grid(case: Case, flat: Topography, instrument: Instrument) -> Shape:
     return default_grid(flat, case.surface.shortest_wave, instrument)
 
 
-def of_all_places(face: Topography, shape: Shape) -> Shape:
+def of_all_places(face: Surface, shape: Shape) -> Shape:
     """Points of all places of a face together where its shortest has so many."""
-    return shape[0], round(shape[1] * face.shape[1] / face.shortest_place.shape[1])
+    return shape[0], round(shape[1] * face.shape[1] / face.shortest_patch.shape[1])
 
 
-def default_grid(flat: Topography, shortest_wave: float | None, instrument: Instrument) -> Shape:
+def default_grid(flat: Surface, shortest_wave: float | None, instrument: Instrument) -> Shape:
     """Points on which a measured face is solved unless the case says otherwise, see `topography.resolving_shape`.
 
     flat : without undefined points.
@@ -247,7 +249,7 @@ def _pieces(case: Case, place: Topography, shape: Shape, wave: float) -> Shape |
     return m1, m2
 
 
-def filter_doubts(case: Case, face: Topography, surface: Conditioning) -> Iterator[str]:
+def filter_doubts(case: Case, face: Surface, surface: Conditioning) -> Iterator[str]:
     """Warn where the low-pass removes much of the measured slope, and say what keeps it."""
     if case.surface.continue_spectrum is not None:
         return
@@ -256,7 +258,7 @@ def filter_doubts(case: Case, face: Topography, surface: Conditioning) -> Iterat
     )
     unseen = surface.shortest_wave == surface.shortest_seen  # as `femseal check` says
     if not unseen and surface.lost_slope > _LOST_SLOPE:
-        size = face.shortest_place.size
+        size = face.shortest_patch.size
         remedy = f"set surface.points = {list(resolving_shape(size, surface.shortest_measured))}"
         if case.surface.shortest_wave is not None:
             also = " and surface.points" if case.surface.points else ""
@@ -274,7 +276,7 @@ def filter_doubts(case: Case, face: Topography, surface: Conditioning) -> Iterat
 
 
 def measured_patch(
-    case: Case, surface: Topography, scene: Scene
+    case: Case, surface: Surface, scene: Scene
 ) -> tuple[Representative | None, FormEffect | None]:
     """What a measured face holds of its long waves, and what its form does where the case neither says nor has one.
 
@@ -313,7 +315,7 @@ def wound_layout(case: Case) -> Layout:
     return replace(layout, lay=lay)
 
 
-def groove_question(case: Case, surface: Topography) -> Iterator[str]:
+def groove_question(case: Case, surface: Surface) -> Iterator[str]:
     """Ask of a measured face with grooves along x2 whether they wind."""
     measured = all(isinstance(face, FileFace) for face in case.face)
     if not measured or "lay" in case.seal.model_fields_set or _circumference(case) is None:
@@ -328,8 +330,15 @@ def groove_question(case: Case, surface: Topography) -> Iterator[str]:
         )
 
 
-def groove_pitch(surface: Topography) -> float | None:
-    """Distance of grooves along x2 [m] that are equally far apart; None where the face has none."""
+def groove_pitch(surface: Surface) -> float | None:
+    """Find the distance of grooves along x2 [m] that are equally far apart; None where the face has none.
+
+    Of several patches it is the mean of their distances, None where one of them has no such grooves.
+    """
+    if not isinstance(surface, Topography):
+        pitches = [groove_pitch(patch) for patch in surface.patches]
+        known = [pitch for pitch in pitches if pitch is not None]
+        return float(np.mean(known)) if len(known) == len(pitches) else None
     profile = surface.heights.mean(axis=1)
     if not profile.var() > _GROOVED * surface.heights.var():
         return None
@@ -352,9 +361,9 @@ def _circumference(case: Case) -> float | None:
     return None if table is None else table.length
 
 
-def check_memory_of_points(key: str, shape: tuple[int, int], places: int = 1) -> None:
-    """Raise InputError if a face of so many points, those of all its places, does not fit into the free memory."""
-    together = f" of {places} places together" if places > 1 else ""
+def check_memory_of_points(key: str, shape: tuple[int, int], patches: int = 1) -> None:
+    """Raise InputError if a surface of so many points, those of all its patches, does not fit into the free memory."""
+    together = f" of {patches} patches together" if patches > 1 else ""
     check_memory(key, f"{shape[0]} × {shape[1]} points{together}", prod(shape) * _POINT_BYTES)
 
 

@@ -32,7 +32,7 @@ from ..topography import (
     Continuation,
     Overlap,
     Representative,
-    Topography,
+    Surface,
     representative,
 )
 from ..topography.seat import Seat
@@ -55,7 +55,7 @@ def _keys_of(table: str, names: str) -> dict[str, str]:
 _SCENE_KEYS = (
     _keys_of("contact", "fluid_pressure")
     | _keys_of("fluid", "inlet_pressure")
-    | _keys_of("face", "places")
+    | _keys_of("face", "patches")
 )
 _SEAL_KEYS = _keys_of("stochastic", "length breadth") | _keys_of(
     "seal", "path unit inlet outlet lay centre inner_radius outer_radius field"
@@ -70,7 +70,7 @@ START_MEMORY = 0.5e9
 _TILE_BYTES = 4000
 
 
-def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topography) -> None:
+def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Surface) -> None:
     """Raise InputError if the tiles of a strip or a ring, as large as pieces of a face, do not fit into memory."""
     key, length, breadth = "stochastic.length", sampling.length, sampling.breadth
     if isinstance(layout, AnnularLayout):
@@ -122,7 +122,7 @@ class Prepared:
     flatness: float | None = None
     warnings: tuple[str, ...] = ()
 
-    def longer_waves(self, surface: Topography, mapper: Mapper) -> Array | None:
+    def longer_waves(self, surface: Surface, mapper: Mapper) -> Array | None:
         """Changes of ln(leakage) of drawn seals by waves longer than the patch, see `studies.longer_waves`.
 
         surface : the face, also on fewer points. None where nothing is to be expected.
@@ -323,7 +323,7 @@ def _form_tolerance(
 
 
 def _seals(
-    case: Case, surface: Topography, layout: Layout, cells: Pair | None
+    case: Case, surface: Surface, layout: Layout, cells: Pair | None
 ) -> tuple[Sampling | None, tuple[float, float], bool]:
     """How seals are drawn, None where none are; breadth and length of the seal that loads act on [m], as given.
 
@@ -350,7 +350,7 @@ def _seals(
     return sampling, (table.breadth or surface.size[0], length), broader
 
 
-def _with_seat(case: Case, seat: Seat | None, surface: Topography, broader: bool) -> Topography:
+def _with_seat(case: Case, seat: Seat | None, surface: Surface, broader: bool) -> Surface:
     """The face with the form of its seat.
 
     broader : the seat has the form beside the face, whose heights stay as they are.
@@ -370,7 +370,7 @@ def _with_seat(case: Case, seat: Seat | None, surface: Topography, broader: bool
 
 
 def _scene(
-    case: Case, surface: Topography, layout: Layout, pressures: dict[str, tuple[float, ...]]
+    case: Case, surface: Surface, layout: Layout, pressures: dict[str, tuple[float, ...]]
 ) -> Scene:
     """The face between its solids, under nominal pressures, with its fluid."""
     fluid = case.fluid

@@ -26,7 +26,7 @@ from ..results.results import Results
 from ..results.tables import rows, write_workbook
 from ..results.vtk_files import write_vtk
 from ..studies.choices import FIELDS_LIMIT
-from ..topography import Topography
+from ..topography import Surface
 from .page import FILES, REPORT_NAME, draw_all, write_report
 
 #: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
@@ -42,7 +42,7 @@ VIEWS = "vtk"
 def write_folder(
     results: Results,
     folder: AnyPath,
-    surface: Topography | None = None,
+    surface: Surface | None = None,
     *,
     pictures: bool = True,
     report: bool = True,
@@ -84,7 +84,7 @@ def write_folder(
 
 def write_again(
     results: Results,
-    surface: Topography | None = None,
+    surface: Surface | None = None,
     *,
     pictures: bool = True,
     report: bool = True,
@@ -161,7 +161,7 @@ def _list_files(folder: Path, names: Iterable[Path]) -> None:
 
 
 def _write_for_people(
-    results: Results, surface: Topography | None, pictures: bool, report: bool, folder: Path
+    results: Results, surface: Surface | None, pictures: bool, report: bool, folder: Path
 ) -> list[Path]:
     """Tables, pictures and report."""
     written = [

@@ -40,7 +40,7 @@ from ..results.dataset import FILE_NAME, open_results, unfit
 from ..results.results import Results, load_names, loads_as_given
 from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
 from ..results.verdict import verdicts_in_words
-from ..topography import Topography
+from ..topography import Surface
 from . import report_tables
 from .report_tables import design_section, png_uri
 
@@ -56,7 +56,7 @@ FILES = ("surface", "seal", "seat", "place", "drawn", "pieces", "leakage")
 Drawings = Mapping[str, bytes]
 
 
-def draw_all(results: Results, surface: Topography | None = None) -> dict[str, bytes]:
+def draw_all(results: Results, surface: Surface | None = None) -> dict[str, bytes]:
     """Draw every picture for which there are data.
 
     results : of a run.
@@ -66,13 +66,13 @@ def draw_all(results: Results, surface: Topography | None = None) -> dict[str, b
     return {name: png(draw()) for name, draw in _figures(results, surface).items()}
 
 
-def _figures(results: Results, surface: Topography | None) -> dict[str, Callable[[], Figure]]:
+def _figures(results: Results, surface: Surface | None) -> dict[str, Callable[[], Figure]]:
     """What draws each picture for which there are data."""
     data, s = results.dataset, default_step(results.dataset)
     maps, drawn_seal = "face_gap" in data, "drawn_corners" in data
     found = results.attempts or {"attempts": []}
     pictures: dict[str, tuple[bool, Callable[[], Figure]]] = {
-        "surface": (surface is not None, lambda: heights_figure(cast(Topography, surface))),
+        "surface": (surface is not None, lambda: heights_figure(cast(Surface, surface))),
         "seal": (maps or drawn_seal, lambda: seal_figure(results)),
         "drawn": (maps and drawn_seal, lambda: drawn_figure(data, s)),
         "pieces": ("piece_k1" in data or "state_k1" in data, lambda: pieces_figure(results)),

@@ -39,7 +39,7 @@ from ..studies import (
     StudyResult,
 )
 from ..studies.study_registry import contact_fraction_of
-from ..topography import Places
+from ..topography import Patches
 from . import variables
 from .results import METHODS, Results, load_names
 from .variables import HEIGHT_BLOCKS, add_classes, add_test_fluid, basis_attributes, fluid_text
@@ -235,7 +235,7 @@ def _add_studies(
     for result in known.values():
         if result.places is not None:
             gap = faces[-1].gap if faces else None
-            variables.add_places(data, cast(Places, scene.surface), result.places, gap)
+            variables.add_places(data, cast(Patches, scene.surface), result.places, gap)
             break
     if (count := data.sizes.get("row")) is not None:
         rows = (np.arange(count) + 0.5) * (breadth / count)

@@ -43,7 +43,7 @@ from ..studies import FaceResult, Scene, StochasticResult
 from ..studies.other_fluid import OtherLeakage, limit_factors
 from ..studies.piece_states import FacePieces, PlaceLeakage
 from ..studies.scene import FluidState
-from ..topography import Places, Topography
+from ..topography import Patches, Surface
 
 if TYPE_CHECKING:
     import xarray
@@ -155,7 +155,7 @@ def add_states(data: xarray.Dataset, pieces: FacePieces) -> None:
 
 
 def add_places(
-    data: xarray.Dataset, places: Places, result: PlaceLeakage, gap: NDArray[Any] | None
+    data: xarray.Dataset, places: Patches, result: PlaceLeakage, gap: NDArray[Any] | None
 ) -> None:
     """Add the leakage of each measured place and its scatter; heights of the one that leaks most, and its gap if known.
 
@@ -166,7 +166,7 @@ def add_places(
     add_declared(data, result)
     relative = result.relative
     most = int(np.argmax(relative))
-    add_blocks(data, ("place1", "place2"), places.each[most], FIELD_BLOCKS)
+    add_blocks(data, ("place1", "place2"), places.patches[most], FIELD_BLOCKS)
     text = "{} of the place that leaks most, mean of each block"
     about = {"place": most + 1, "over_mean": float(relative[most])}
     heights = block_means(places.divided(places.heights)[most], FIELD_BLOCKS)
@@ -189,7 +189,7 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> No
             add_new(data, f"face_{made.name}", made.unit, text, np.array(means), BLOCK)
 
 
-def add_blocks(data: xarray.Dataset, dims: tuple[str, str], face: Topography, most: int) -> None:
+def add_blocks(data: xarray.Dataset, dims: tuple[str, str], face: Surface, most: int) -> None:
     """Add the coordinates of blocks of a face, at most so many along a side."""
     for n, dim, count, length in zip((1, 2), dims, face.shape, face.size, strict=True):
         blocks = min(count, most)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ..base import AnyPath, Array, Mapper, Pair, Stage, made_folder, write_bytes, write_text
 from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, Field, Place
-from ..topography import Topography
+from ..topography import Surface
 
 if TYPE_CHECKING:
     import xarray
@@ -93,7 +93,7 @@ class Cells:
         return with_load(mesh, self.loads[step])
 
 
-def _heights(surface: Topography) -> Any:
+def _heights(surface: Surface) -> Any:
     """Heights of the face as points, so that the map can be warped at once."""
     import pyvista
 
@@ -170,7 +170,7 @@ def as_xml(mesh: Any) -> bytes:
 
 
 def write_vtk(
-    run: Results, surface: Topography | None, folder: AnyPath, mapper: Mapper = map
+    run: Results, surface: Surface | None, folder: AnyPath, mapper: Mapper = map
 ) -> list[Path]:
     """Write the views of results; open the `.pvd` files in ParaView.
 
@@ -198,7 +198,7 @@ def write_vtk(
     return [target / name for name in names]
 
 
-def _written(folder: Path, views: list[Cells], surface: Topography | None) -> list[Path]:
+def _written(folder: Path, views: list[Cells], surface: Surface | None) -> list[Path]:
     """Write views and heights into an absolute folder; returns paths relative to it."""
     written: list[Path] = []
     for view in views:

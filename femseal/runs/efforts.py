@@ -50,7 +50,7 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
     The state that an earlier load left is left out: unloading takes about as many transforms as loading. So are what a
     gas slips, grooves that wind and what pockets hold, which the costs count by themselves.
     """
-    surface = scene.surface
+    surface = scene.surface.shortest_patch
     scale = min(1.0, sqrt(PILOT_PIXELS / surface.heights.size))
     # lengths whose transforms are fast: without prime factors above 5
     n1, n2 = (fft.prev_fast_len(min(n, max(16, int(n * scale))), real=True) for n in surface.shape)

@@ -30,7 +30,7 @@ from ..studies.doubts import flow_warnings
 from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
 from ..studies.sampling import FEWEST_SEALS, MOST_SEALS, describe_map
 from ..studies.study_registry import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
-from ..topography import Places
+from ..topography import Patches
 from .efforts import efforts, pace
 
 #: Seconds of starting, of loading compiled loops and making or reading a face, and of pictures, report and tables.
@@ -271,7 +271,7 @@ def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Name and text of each line on a prepared case; one that goes on with the name before has none."""
     scene = prepared.scene
     files = (
-        ", ".join(str(place.path) for place in face.places or [face])
+        ", ".join(str(patch.path) for patch in face.patches or [face])
         if isinstance(face, FileFace)
         else face.kind
         for face in case.face
@@ -348,8 +348,8 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     if report.undefined_fraction or report.spike_points:
         undefined = f"{report.undefined_fraction:.2%} undefined points"
         yield "", f"{undefined} and {report.spike_points} in spikes filled"
-    if isinstance(surface, Places):
-        yield "", f"{len(surface.widths)} places"
+    if isinstance(surface, Patches):
+        yield "", f"{len(surface.widths)} patches"
     if overlap := prepared.overlap:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""

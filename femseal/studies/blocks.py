@@ -21,7 +21,7 @@ from ..face.piece_flow import Failed, SolveCounts
 from ..face.pieces import FEWEST_POINTS, Cut
 from ..loads import LoadProgramme
 from ..seal.tiles import face_tiles
-from ..topography import Places, Topography
+from ..topography import Patches, Topography
 from .cells_in_order import flow_in_order
 from .doubts import scene_warnings
 from .patch_state import PatchState
@@ -154,7 +154,7 @@ def check_blocks(scene: Scene, blocks: Shape) -> None:
             expected = f"numbers of which {PIECES} times divide the points into parts of at least {FEWEST_POINTS}"
             given = "{} × {} of {} × {} points".format(*blocks, *scene.surface.shape)
             raise InputError("blocks", given, expected)
-    if isinstance(scene.surface, Places):
+    if isinstance(scene.surface, Patches):
         raise InputError("blocks", "several places", "one face: each place is solved by itself")
     if scene.traps_liquid:
         raise InputError("fluid_pressure", "'trapped' with blocks", "'acts'")

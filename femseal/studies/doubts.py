@@ -26,7 +26,7 @@ from ..fluids import Fluid, IdealGas, leak_basis
 from ..materials import YOUNG_LIMITS
 from ..named_fluids import ideal_gas_error, is_nearly_ideal
 from ..seal.tiles import SealTiles
-from ..topography import Topography
+from ..topography import Surface, Topography
 from ..topography.defects import fit_form
 from .scene import Scene
 
@@ -73,7 +73,7 @@ class FormEffect:
     pressures : nominal ones at which it was solved (loads,) [Pa]. loads : the lowest and the highest as text.
     permeability : of the patch, without its curvature, and without waves longer than `longest` [m] (3, loads) [m³].
     height : of the curvature, highest to lowest point [m]. radii : of curvature along x1 and x2 [m]; both of the
-    shortest of several places.
+    shortest of several patches.
     """
 
     pressures: Array
@@ -139,7 +139,7 @@ def ends_text(values: Array) -> str:
 
 
 def form_effect(
-    patch: Topography,
+    patch: Surface,
     modulus: float,
     law: ContactLaw,
     pressures: Sequence[float],
@@ -152,10 +152,10 @@ def form_effect(
     modulus, law, pressures, boundary : of the contact, the pressures > 0 and rising, see `solve_contact`.
     loads : the lowest and the highest pressure as text, unless in Pa.
     """
-    pixel = max(patch.shortest_place.size) / _POINTS * sqrt(len(patch.each))
+    pixel = max(patch.shortest_patch.size) / _POINTS * sqrt(len(patch.patches))
     n1, n2 = (max(_FEWEST, round(side / pixel)) for side in patch.size)
     few = patch.resample((min(n1, patch.shape[0]), min(n2, patch.shape[1])))
-    place = few.shortest_place
+    place = few.shortest_patch
     longest = min(place.size) / 2
     versions = (few, few.detrend(2), few.high_pass(longest))
     kept = few.rms_slope / patch.rms_slope
@@ -178,11 +178,11 @@ def form_effect(
 
 
 def _permeability(
-    face: Topography, modulus: float, law: ContactLaw, pressure: float, boundary: tuple[str, str]
+    face: Surface, modulus: float, law: ContactLaw, pressure: float, boundary: tuple[str, str]
 ) -> float:
     """Permeability of the places of a face side by side [m³]; NaN where it is not found."""
     found = []
-    for place in face.each:
+    for place in face.patches:
         half_space = HalfSpace(place.shape, place.spacing, modulus, boundary)
         try:
             contact = solve_contact(
@@ -192,7 +192,7 @@ def _permeability(
         except NotConverged:
             return nan
         found.append(flow.value)
-    return float(np.average(found, weights=[place.shape[1] for place in face.each]))
+    return float(np.average(found, weights=[place.shape[1] for place in face.patches]))
 
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
@@ -308,7 +308,7 @@ class FirstAnswer:
 
 
 def first_answer(
-    face: Topography, modulus: float, hardness: float, pressures: Sequence[float] | Array
+    face: Surface, modulus: float, hardness: float, pressures: Sequence[float] | Array
 ) -> FirstAnswer:
     """Contact fraction and passages of a face without undefined points, see `analytic.critical_junction`.
 
@@ -316,9 +316,9 @@ def first_answer(
     along the seal close at less contact than isotropic roughness and those along the leakage at more: by slopes s
     along x1 and x2 at 2s₂/(s₁ + s₂) times as much. Of several places it is the mean.
     """
-    widths = [place.shape[1] for place in face.each]
+    widths = [place.shape[1] for place in face.patches]
     found = np.full((len(widths), len(pressures), 3), nan)
-    for own, place in zip(found, face.each, strict=True):
+    for own, place in zip(found, face.patches, strict=True):
         waves, powers = _spectrum(place)
         slopes = place.rms_slopes
         closing = CLOSING_AREA * 2 * slopes[1] / sum(slopes) if waves.size else nan

@@ -18,7 +18,7 @@ from ..face.flow_concentration import FlowConcentration, blocks_of_one_wave
 from ..face.piece_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
 from ..face.pieces import Cut, PieceState
 from ..loads import LoadProgramme
-from ..topography import Places
+from ..topography import Patches
 from .doubts import scene_warnings
 from .fluid_coupling import CoupledContact
 from .piece_states import FacePieces, PlaceLeakage, joined, permeabilities_of_places
@@ -231,7 +231,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     for values in (*fields.values(), fluid_pressure):
         values.flags.writeable = False
     places = None
-    if isinstance(surface, Places):
+    if isinstance(surface, Patches):
         flow = partial(permeabilities_of_places, surface.widths, surface.spacing, scene.flow)
         found = mapper(Stage("flow of places", flow), fields["gap"])
         places = PlaceLeakage(scene.unit_leakage * np.array(list(found)).T)

@@ -22,7 +22,7 @@ from ..face.piece_flow import FaceFlow, Failed, FlowSettings, attempt, resolved_
 from ..flow.cell import harmonic_fill
 from ..flow.pressure_drop import pressure_between
 from ..fluids import Fluid
-from ..topography import Places
+from ..topography import Patches
 from .trapped_liquid import TrappedLiquid, liquid_in_pockets
 
 #: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
@@ -287,7 +287,7 @@ def contact_of_places(
     gap0: Array,
     half_space: HalfSpace,
     *,
-    places: Places,
+    places: Patches,
     solve: Callable[..., Contact],
     flow: FlowSettings,
     hardness: ContactLaw,

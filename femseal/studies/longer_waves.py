@@ -79,7 +79,7 @@ def longer_waves(
     does not rise, waves are as high as the flatness. None where a seal is hardly larger than the patch, or the patch
     holds its longest waves and no flatness is given.
     """
-    side = min(scene.surface.shortest_place.size)
+    side = min(scene.surface.shortest_patch.size)
     if not holds.rises and flatness is None:
         return None
     piece = PieceSize((side, side), max(1, round(scene.surface.size[0] / side)), length, breadth)

@@ -27,7 +27,7 @@ from ..face.piece_flow import (
 )
 from ..face.pieces import Cut, PieceState, factors
 from ..loads import LoadProgramme, LoadStep, least_counted
-from ..topography.combined import divided
+from ..topography.patches import divided
 from .cells_in_order import cells_in_order, cells_permeability_along_x2
 from .scene import Scene
 
@@ -244,7 +244,7 @@ def pieces_on_ladder(
         _of_state,
         cut=cut,
         flow=replace(scene.flow, spiral=None),
-        widths=getattr(scene.surface, "widths", ()),
+        widths=scene.surface.widths,
         blocks=blocks_of_one_wave(scene.surface),
         boundary=continues,
     )
@@ -264,7 +264,8 @@ def _of_state(
     """Cut the contact of a state into pieces, and solve the flow through the face and its places."""
     gap = state.contact.gap
     pieces = PieceState.of(gap, state.contact.pressure, cut, flow, boundary=boundary)
-    of_places = permeabilities_of_places(widths, cut.spacing, flow, gap) if widths else None
+    several = len(widths) > 1
+    of_places = permeabilities_of_places(widths, cut.spacing, flow, gap) if several else None
     through = attempt(resolved_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
     found = FlowConcentration()
     if isinstance(through, FaceFlow):

@@ -15,7 +15,7 @@ from ..seal.form import SealForm
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, Uniform, is_uniform
 from ..seal.tiles import PieceSize, SealTiles
-from ..topography import Topography
+from ..topography import Surface
 from .scene import Scene
 
 #: Fewest seals that are drawn, and most, where their number is not given.
@@ -92,7 +92,7 @@ class Sampling:
 
 
 def laid_out(
-    surface: Topography, layout: Layout, pieces: Shape | None, sampling: Sampling
+    surface: Surface, layout: Layout, pieces: Shape | None, sampling: Sampling
 ) -> tuple[Cut, SealTiles]:
     """The cut of a face into pieces along x1 and x2, and the tiles of the seal, each as large as a piece.
 

@@ -29,7 +29,7 @@ from ..loads import LoadProgramme
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
-from ..topography import Places, Topography
+from ..topography import Patches, Topography
 from .choices import FLUID_EFFECTS, NOMINALS
 from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_places
 
@@ -40,7 +40,7 @@ class Scene:
 
     Parameters
     ----------
-    surface : heights of the combined faces; high points touch first. A list of maps is `topography.Places`, several
+    surface : heights of the combined faces; high points touch first. A list of maps is `topography.Patches`, several
         measured places of the face: each is in contact by itself, and the fluid flows through all of them.
     modulus : contact modulus E* [Pa].
     hardness : H [Pa] of perfect plasticity, inf is elastic; or a contact law, such as `LinearHardening`.
@@ -66,7 +66,7 @@ class Scene:
     ['loading 50 MPa', 'loading 200 MPa']
     """
 
-    surface: Topography
+    surface: Topography | Patches
     modulus: float
     hardness: float | Array | ContactLaw
     fluid: Fluid
@@ -85,8 +85,8 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Check that parts of the scene go together, see the class."""
-        if not isinstance(self.surface, Topography):
-            object.__setattr__(self, "surface", Places(self.surface))
+        if not isinstance(self.surface, Topography | Patches):
+            object.__setattr__(self, "surface", Patches(self.surface))
         for name, choices in (("fluid_pressure", FLUID_EFFECTS), ("nominal", NOMINALS)):
             if getattr(self, name) not in choices:
                 raise InputError(name, getattr(self, name), f"one of {', '.join(choices)}")
@@ -111,14 +111,14 @@ class Scene:
                 "a face without undefined points: fill them first, see Topography.fill_undefined"
             )
             raise InputError("surface", given, expected)
-        several = isinstance(self.surface, Places)
+        several = isinstance(self.surface, Patches)
         if self.traps_liquid and (
             several or flow.spiral or not hasattr(self.fluid, "bulk_modulus")
         ):
             given = "'trapped' with a gas, several places or a spiral"
             expected = "'acts' there: what is trapped is a liquid, in one place, between grooves that do not wind"
             raise InputError("fluid_pressure", given, expected)
-        if isinstance(self.surface, Places):
+        if isinstance(self.surface, Patches):
             self.surface.check_waves()
 
     @property
@@ -217,7 +217,7 @@ class Scene:
         solve: Callable[..., Contact] = (
             solve_contact if fluid is None else partial(FluidPressure.contact, fluid)
         )
-        if isinstance(self.surface, Places):
+        if isinstance(self.surface, Patches):
             solve = partial(contact_of_places, places=self.surface, solve=solve, flow=self.flow)
         steps = self.steps if steps is None else steps
         return load_states(

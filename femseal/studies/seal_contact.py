@@ -236,7 +236,7 @@ def opened(separation: Array, opening: Array) -> Array:
 def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
     """The scene whose face has lost the waves that forms of the seal have too: those longer than two tiles."""
     shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
-    if shortest >= 2 * max(scene.surface.shortest_place.size):
+    if shortest >= 2 * max(scene.surface.shortest_patch.size):
         return scene
     return replace(scene, surface=scene.surface.high_pass(shortest))
 

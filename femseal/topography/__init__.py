@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .combined import Overlap, Places, combine
+    from .combined import Overlap, combine
     from .conditioning import (
         MOST_POINTS,
         Conditioning,
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .defects import SPIKES, TooManyUndefined
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
+    from .patches import Patches, Places, Surface
     from .raw import NO_VALUE
     from .read import Look, read_for_a_look, read_measured, read_topography
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat

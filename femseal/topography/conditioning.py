@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ..base import Array, InputError, Labelled, Pair, Shape, counted, labelled, to_text, validate
 from .defects import SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
+from .patches import Patches, Surface
 from .texture import Spectrum, spectrum
 from .topography import SLACK, Topography
 
@@ -47,16 +48,16 @@ class Instrument:
     resolution: float | None = None
     made: float | None = None
 
-    def spectrum(self, flat: Topography) -> Spectrum:
+    def spectrum(self, flat: Surface) -> Spectrum:
         """Summary of the spectrum of a flat map; of a generated one its shortest wave is known."""
         return spectrum(flat) if self.made is None else Spectrum(self.made, 0.0, None)
 
-    def shortest_wave(self, flat: Topography) -> float:
+    def shortest_wave(self, flat: Surface) -> float:
         """Shortest wave [m] of a flat map that it sees; 0 where nothing is known of it, or nothing limits it."""
         found = [self.resolution or 0.0]
         if self.tip_radius is not None:
             found += [
-                _followed(place, axis, self.tip_radius) for place in flat.each for axis in (0, 1)
+                _followed(place, axis, self.tip_radius) for place in flat.patches for axis in (0, 1)
             ]
         return max(found)
 
@@ -210,7 +211,7 @@ class Conditioning(Labelled):
 
 
 def condition(
-    topography: Topography,
+    topography: Surface,
     *,
     spikes: float = SPIKES,
     detrend: int = 1,
@@ -219,12 +220,12 @@ def condition(
     shape: Shape | None = None,
     instrument: Instrument = UNKNOWN,
     shortest_wavelength: float | None = None,
-) -> tuple[Topography, Conditioning]:
+) -> tuple[Surface, Conditioning]:
     """Take off the form of the defined points, fill spikes and undefined ones, low-pass, resample if asked.
 
     Parameters
     ----------
-    topography : the map as measured.
+    topography : the map as measured, or several patches, each of which is conditioned by itself.
     spikes : threshold of isolated points that are taken for undefined ones, see `find_spikes`; infinite leaves them.
     detrend : order of the form removed: 0 mean, 1 tilt, 2 tilt and curvature.
     shortest_wave : waves kept are no shorter [m]. Unless given: 8 pixels of the final grid, but no less than the
@@ -257,26 +258,35 @@ def condition(
         shortest_wave = shortest_wavelength
     final = topography.shape if shape is None else validate.grid("shape", shape)
     if shortest_wave is not None:
-        check_wave(shortest_wave, topography.size, final)
-    flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
-    parts = [(flat, repaired)]
+        patch = topography.shortest_patch
+        points = final[0], round(final[1] * patch.shape[1] / topography.shape[1])
+        check_wave(shortest_wave, patch.size, points)
+    parts = [
+        repair(patch, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
+        for patch in topography.patches
+    ]
+    flat: Surface = parts[0][0]
+    if isinstance(topography, Patches):
+        flat = topography.with_patches([patch for patch, _ in parts])
+    form = parts[0][1].form
     return smooth(
-        flat, repaired.form, parts, shortest_wave=shortest_wave, shape=final, instrument=instrument
+        flat, form, parts, shortest_wave=shortest_wave, shape=final, instrument=instrument
     )
 
 
 def smooth(
-    flat: Topography,
+    flat: Surface,
     form: Form,
     parts: Sequence[tuple[Topography, Repair]],
     *,
     shortest_wave: float | None,
     shape: Shape,
     instrument: Instrument,
-) -> tuple[Topography, Conditioning]:
+) -> tuple[Surface, Conditioning]:
     """Low-pass and resample a flat map; other arguments, results and errors are those of `condition`.
 
-    form : that was taken off. parts : what `repair` returned of the maps that were measured, or made, for it.
+    form : that was taken off, of the first of several patches.
+    parts : what `repair` returned of the maps that were measured, or made, for it.
     """
     waves, seen = instrument.spectrum(flat), instrument.shortest_wave(flat)
     # without a law what the map shows of waves that are not seen is the least that is there
@@ -310,7 +320,7 @@ def smooth(
     )
 
 
-def default_wave(flat: Topography, shape: Shape, instrument: Instrument) -> float:
+def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
     """Shortest wave that is kept on a grid unless given [m], see `condition`.
 
     A longer one than 8 pixels of the map would be a guess where the instrument is not known: noise is removed on demand

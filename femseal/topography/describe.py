@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..base import Labelled, Pair, Shape, labelled
 from .conditioning import repair
 from .defects import SPIKES, fit_form
+from .patches import check_single_patch
 from .texture import NO_LAW, spectrum, texture
 from .topography import Topography
 
@@ -99,6 +100,7 @@ def describe_surface(
     >>> round(report.hurst, 1), report.spike_points, report.shape
     (0.8, 0, (256, 256))
     """
+    check_single_patch("surface", topography)
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
     measured = topography.heights - fit_form(topography.heights, topography.size, detrend).heights
     z = measured[~np.isnan(measured)]

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base import Array, InputError, as_text, reals, to_si, to_text
 from ..base.validate import check_parameters, described, parameter
-from .topography import Topography
+from .patches import Surface
 
 #: Largest slope of a form: a half-space is for slopes well below 1.
 MOST_SLOPE = 0.3
@@ -64,7 +64,7 @@ class Seat:
         breadth = abs(last - first)
         return -self.depth(np.abs(frame.across(points) - first) - breadth / 2, breadth)
 
-    def on(self, face: Topography) -> Topography:
+    def on(self, face: Surface) -> Surface:
         """The face with the form added to its heights.
 
         Raises InputError: a form that is steeper than an elastic half-space allows.

@@ -15,6 +15,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..base import Array
+from .patches import Surface
 from .topography import SLACK, Topography
 
 _BINS_PER_DECADE = 12
@@ -82,15 +83,15 @@ class Spectrum:
     law: PowerLaw | None
 
 
-def spectrum(topography: Topography) -> Spectrum:
+def spectrum(topography: Surface) -> Spectrum:
     """Summary of the spectral density of a flat map without undefined points.
 
     The shortest wave is the longest of: two pixels of the coarser spacing; the wave at which C is four times the white
     noise, where the spectrum ends flat; the wave below which C is less than a tenth of the power law. All but the
-    first are limits of the instrument. Of several places it is that of the one with the longest such wave.
+    first are limits of the instrument. Of several patches it is that of the one with the longest such wave.
     """
-    if len(topography.each) > 1:
-        return max(map(spectrum, topography.each), key=lambda found: found.shortest_wave)
+    if not isinstance(topography, Topography):
+        return max(map(spectrum, topography.patches), key=lambda found: found.shortest_wave)
     q, density = topography.radial_psd()
     last = pi / max(topography.spacing)
     inside = (q > 0) & (q <= last * (1 + SLACK))

@@ -163,14 +163,19 @@ class Topography(Plotted):
         return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
 
     @property
-    def each(self) -> tuple[Topography, ...]:
-        """The places of the face that are measured, see `Places`: this one alone."""
+    def patches(self) -> tuple[Topography, ...]:
+        """The measured patches of the surface, see `Patches`: this map alone."""
         return (self,)
 
     @property
-    def shortest_place(self) -> Topography:
-        """That of them which is shortest along x2, whose points and pieces a case gives."""
-        return min(self.each, key=lambda place: place.shape[1])
+    def widths(self) -> tuple[int, ...]:
+        """Points of every measured patch along x2."""
+        return (self.shape[1],)
+
+    @property
+    def shortest_patch(self) -> Topography:
+        """The shortest measured patch along x2: this map."""
+        return self
 
     @property
     def undefined_fraction(self) -> float:

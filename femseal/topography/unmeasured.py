@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..base import InputError, Pair, Periodic, Shape, to_text, validate
 from .conditioning import resolved_wave, resolving_shape
 from .generate import random_waves, wave_numbers
+from .patches import Surface
 from .texture import PowerLaw, spectrum, texture
 from .topography import Topography
 
@@ -38,9 +39,7 @@ class Continuation:
     periodic: Periodic
     seed: tuple[int, ...]
 
-    def added_to(
-        self, face: Topography, realisation: int = 0, *, factor: float = 1.0
-    ) -> Topography:
+    def added_to(self, face: Surface, realisation: int = 0, *, factor: float = 1.0) -> Surface:
         """The face with these waves, times a factor, as far as its pixels carry them.
 
         The seed and the realisation give the same waves on every grid. Along an axis that is not periodic they are
@@ -50,10 +49,10 @@ class Continuation:
             [*self.seed, realisation + 1]
         )  # zeros at the end change nothing
         slope = -2 * self.law.hurst_error * rng.standard_normal() * (realisation > 0)
-        # of several places each has phases of its own
-        places = zip(face.each, rng.spawn(len(face.each)), strict=True)
+        # each of several patches has phases of its own
+        patches = zip(face.patches, rng.spawn(len(face.patches)), strict=True)
         added = np.concatenate(
-            [self._waves_on(place, slope, phases) for place, phases in places], axis=1
+            [self._waves_on(patch, slope, phases) for patch, phases in patches], axis=1
         )
         return face.with_heights(face.heights + factor * added)
 
@@ -104,7 +103,7 @@ class Continuation:
 
 
 def continuation_of(
-    flat: Topography, cut_off: float, *, longest: float | None = None, rng: Any = 0
+    flat: Surface, cut_off: float, *, longest: float | None = None, rng: Any = 0
 ) -> Continuation:
     """How the spectrum of a flat map without undefined points goes on from where its power law ends to a cut-off.
 
@@ -129,13 +128,13 @@ def continuation_of(
 
 
 def continue_spectrum(
-    topography: Topography,
+    topography: Surface,
     cut_off: float,
     *,
     shape: Shape | None = None,
     rng: Any,
     realisation: int = 0,
-) -> Topography:
+) -> Surface:
     """A flat map on a finer grid, with the waves that its instrument does not see, down to a cut-off.
 
     The power law of the spectrum (see `describe_surface`) is continued from its shortest wave on with random phases,
@@ -225,27 +224,34 @@ class Representative:
         return [] if self.is_enough else [f"{self}; {advice}"]
 
 
-def representative(patch: Topography) -> Representative:
-    """Longest waves of a flat patch without undefined points; of several places those of the one that holds fewest."""
-    if len(patch.each) > 1:
-        return min(map(representative, patch.each), key=lambda found: min(found.waves))
+def representative(patch: Surface) -> Representative:
+    """Find the longest waves of a flat patch without undefined points; of several those of the one that holds fewest.
+
+    Where the patch is so narrow that one of the two octaves has no waves, its spectrum does not count as rising, and
+    density and middle of the octave are NaN.
+    """
+    if not isinstance(patch, Topography):
+        return min(map(representative, patch.patches), key=lambda found: min(found.waves))
     law = spectrum(patch).law
     roll_off = law.roll_off if law and isfinite(law.roll_off) else None
     longest = roll_off or texture(patch).correlation_length / _SAL_OF_WAVE
     q, density = patch.radial_psd()
     waves = q * min(patch.size) / (2 * pi)
     longer, shorter = ((low <= waves) & (waves < 2 * low) for low in (1, 2))
-    rise = (
-        density[longer].mean() / shorter_mean
-        if (shorter_mean := density[shorter].mean()) > 0
-        else nan
-    )
+    octave_density, octave_wavenumber = _mean_of(density[longer]), _mean_of(q[longer])
+    shorter_density = _mean_of(density[shorter])
+    rise = octave_density / shorter_density if shorter_density > 0 else nan
     return Representative(
         longest=longest,
         roll_off=roll_off,
         waves=(patch.size[0] / longest, patch.size[1] / longest),
         rises=roll_off is None and rise > _RISE,
-        octave=float(2 * pi / q[longer].mean()),
-        density=float(density[longer].mean()),
+        octave=2 * pi / octave_wavenumber,
+        density=octave_density,
         hurst=float(np.clip(0.5 * np.log2(rise) - 1, 0.0, 1.0)),
     )
+
+
+def _mean_of(values: NDArray) -> float:
+    """Return the mean of some values, NaN of none."""
+    return float(values.mean()) if values.size else nan

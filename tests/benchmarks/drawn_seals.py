@@ -30,7 +30,7 @@ from femseal.seal import AnnularLayout, MeshLayout
 from femseal.studies import drawn_error
 from femseal.studies.patch_state import PatchState
 from femseal.studies.study_registry import open_leakage_of
-from femseal.topography import Places
+from femseal.topography import Patches
 from interval_tables import by_half_decade, by_surface, of_patches
 
 SURFACES = tuple(kind for kind in KINDS if kind != "filtered")
@@ -73,7 +73,7 @@ def scene_of(surface, seed, length, breadth):
     for a, b in corners:
         heights = np.ascontiguousarray(whole.surface.heights[a : a + n, b : b + n])
         patches.append(fs.Topography(heights, whole.surface.spacing, (False, False)).detrend())
-    return whole, [*patches, Places(patches)]
+    return whole, [*patches, Patches(patches)]
 
 
 def mesh_of(size, side, folder):

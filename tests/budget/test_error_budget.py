@@ -24,7 +24,7 @@ from femseal.preparation import prepare
 from femseal.runs.forecast import describe, forecast
 from femseal.studies.drawn_error import interval_widths
 from femseal.studies.study_registry import open_leakage_of
-from femseal.topography import Places
+from femseal.topography import Patches
 
 Q = np.array([4.0, 1.0, 0.0])
 
@@ -233,7 +233,7 @@ def test_three_places_tell_what_a_patch_does_not_know():
     waves = {"hurst": 0.8, "rms_slope": 0.2, "roll_off": 16e-6}
     places = [fs.self_affine((32, 32), (32e-6,) * 2, **waves, rng=n) for n in range(3)]
     for count, name in ((2, "patch"), (3, "places")):
-        scene = steel_scene(Places(places[:count]), loading=(1e8, 3e8))
+        scene = steel_scene(Patches(places[:count]), loading=(1e8, 3e8))
         sampling = fs.Sampling(length=3e-4, realisations=3, seed=1)
         study = fs.stochastic(scene, (2, 2 * count), sampling)
         widths = fs.error_budget(scene, study).widths()

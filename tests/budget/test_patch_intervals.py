@@ -24,7 +24,7 @@ from femseal.studies.drawn_error import (
 )
 from femseal.studies.drawn_study import _needed
 from femseal.studies.patch_state import PatchState
-from femseal.topography import Places
+from femseal.topography import Patches
 
 
 def state(carriers, scatter, contact, detours=0.0, still_open=1.0):
@@ -148,7 +148,7 @@ def test_two_measured_patches_narrow_the_interval():
     for seed in range(3):
         patches = [scene_of((4e8,), 10 * seed + n).surface for n in range(2)]
         widths = []
-        for surface in (patches[0], patches[1], Places(patches)):
+        for surface in (patches[0], patches[1], Patches(patches)):
             scene = replace(scene_of((4e8,)), surface=surface)
             study = fs.stochastic(scene, None, fs.Sampling(3e-4, realisations=5, seed=1))
             lower, upper = interval_widths(study.kind).ends(study.quantile(0.5), study.patch_state)

@@ -17,7 +17,7 @@ from femseal.face.flow_concentration import (
 )
 from femseal.face.piece_flow import FlowSettings, drop_fractions, resolved_flow
 from femseal.studies.patch_state import PatchState
-from femseal.topography import Places
+from femseal.topography import Patches
 
 SPACING = (1e-6, 1e-6)
 FLOW = FlowSettings()
@@ -97,9 +97,9 @@ def test_the_short_wave_is_one_of_the_surface_and_not_of_its_pixels():
 def test_patches_beside_each_other_have_the_wave_of_each():
     one = fs.Topography(rough(64).heights, SPACING, (False, False))
     other = fs.Topography(1e-6 + one.heights, SPACING, (False, False))
-    assert_allclose(short_wave(Places([one, other])), short_wave(one))
+    assert_allclose(short_wave(Patches([one, other])), short_wave(one))
     m1, m2 = blocks_of_one_wave(one)
-    assert blocks_of_one_wave(Places([one, other])) == (m1, 2 * m2)
+    assert blocks_of_one_wave(Patches([one, other])) == (m1, 2 * m2)
 
 
 def states_of(points, loading, **changes):

@@ -18,7 +18,7 @@ from femseal.face.pieces import (
 )
 from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme
-from femseal.topography import Places, Topography, self_affine
+from femseal.topography import Patches, Topography, self_affine
 
 D = 1e-6
 
@@ -58,7 +58,7 @@ def test_pieces_fill_the_face_once_and_are_alike(shape, cells):
 
 
 def test_places_are_cut_each_by_itself_and_drawn_by_their_width():
-    places = Places([face(32, 32), face(32, 64, rng=2)])
+    places = Patches([face(32, 32), face(32, 64, rng=2)])
     cut = Cut.of(places, (2, 6))
     assert cut.place == (0, 0, 1, 1, 1, 1)
     assert cut.columns == (0, 16, 32, 48, 64, 80, 96)

@@ -9,7 +9,7 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.execution.run import ordered_map
-from femseal.topography import Places
+from femseal.topography import Patches
 
 D, N = 1e-6, 128
 
@@ -82,7 +82,11 @@ def test_the_same_bits_on_any_mapper():
             (2, 2),
             "fluid_pressure: given 'trapped' with blocks, expec",
         ),
-        ({"surface": Places([scene().surface, scene().surface.flip(0)])}, (2, 2), "several places"),
+        (
+            {"surface": Patches([scene().surface, scene().surface.flip(0)])},
+            (2, 2),
+            "several places",
+        ),
     ],
 )
 def test_what_blocks_cannot_do_is_refused(changed, blocks, text):

@@ -17,7 +17,7 @@ from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.studies import Sampling, piece_states, stochastic, two_scale
 from femseal.studies.piece_states import pieces_on_ladder
-from femseal.topography import Places, Topography, self_affine
+from femseal.topography import Patches, Topography, self_affine
 
 D = 1e-6
 PERIODIC = ("periodic", "periodic")
@@ -157,7 +157,7 @@ def test_patches_leak_along_x2_each_by_itself():
     image = Topography(np.ascontiguousarray(first.heights[:, ::-1]), (D, D), (True, True))
     alone, both = (
         pieces_on_ladder(scene(top), Cut.of(top, cells), scene(top).steps, map)
-        for top, cells in ((first, (4, 4)), (Places([first, image]), (4, 8)))
+        for top, cells in ((first, (4, 4)), (Patches([first, image]), (4, 8)))
     )
     for name in ("surface_k2", "cells_k2", "factor_k2", "factor"):
         assert_allclose(getattr(both, name), getattr(alone, name), rtol=1e-3, err_msg=name)

@@ -1,5 +1,6 @@
 """What a measured patch knows of its face: how many of its long waves it holds, and what its form does to the leakage."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +32,20 @@ def crowned(height, seed=1):
     x1 = (np.arange(N) + 0.5) * D - SIDE / 2
     face = rough(seed)
     return face.with_heights(face.heights - height * (2 * x1[:, None] / SIDE) ** 2).detrend(1)
+
+
+@pytest.mark.parametrize("shape", [(2, 64), (64, 2), (3, 200), (1, 64), (5, 5), (4, 1000)])
+@pytest.mark.parametrize("periodic", [True, False])
+def test_a_narrow_patch_is_looked_through_without_a_warning(shape, periodic):
+    """Of an octave without waves nothing is known: the spectrum does not count as rising."""
+    heights = 1e-7 * np.random.default_rng(1).standard_normal(shape)
+    patch = fs.Topography(heights, (1e-6, 1e-6), periodic)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = representative(patch)
+    assert found.rises in (True, False)
+    assert np.isnan(found.density) == np.isnan(found.octave)
+    assert str(found)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -76,7 +91,7 @@ def test_waves_without_a_power_law_are_counted_by_the_autocorrelation():
 
 def test_of_several_places_the_one_with_fewest_waves_is_told():
     places = [rough(1, SIDE / 5, 4 * D), rough(2, 2 * SIDE), rough(3, SIDE / 5, 4 * D)]
-    found = representative(fs.Places(places))
+    found = representative(fs.Patches(places))
     assert found == representative(places[1])
 
 
@@ -113,7 +128,7 @@ def test_few_points_tell_what_the_form_does(height):
 
 def test_places_are_one_beside_the_other():
     places, loads = (crowned(1e-6), rough(2)), [0.06 * H]
-    two = form_effect(fs.Places(places), E, PerfectlyPlastic(H), loads)
+    two = form_effect(fs.Patches(places), E, PerfectlyPlastic(H), loads)
     one, other = (
         form_effect(place, E, PerfectlyPlastic(H), loads).permeability for place in places
     )

@@ -16,7 +16,7 @@ from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
 from femseal.studies import deterministic, piece_states, two_scale
 from femseal.studies.piece_states import along_paths, ladder_of, pieces_on_ladder
-from femseal.topography import Places, self_affine
+from femseal.topography import Patches, self_affine
 
 SIDE = 48e-6
 
@@ -54,7 +54,7 @@ def test_pieces_in_their_order_times_the_factor_leak_what_the_face_leaks(cells):
 
 
 def test_places_are_those_of_the_face():
-    one = scene(surface=Places([face(), face(3), face(4)]))
+    one = scene(surface=Patches([face(), face(3), face(4)]))
     pieces = two_scale(one, (2, 6)).pieces
     assert_array_equal(pieces.places.kept, deterministic(one).places.kept)
 

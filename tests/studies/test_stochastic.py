@@ -24,7 +24,7 @@ from femseal.seal import (
 )
 from femseal.studies import Sampling, deterministic, stochastic
 from femseal.studies.piece_states import pieces_on_ladder
-from femseal.topography import Places, Topography, self_affine
+from femseal.topography import Patches, Topography, self_affine
 
 N, D = 32, 1e-6
 SIDE = N * D
@@ -300,7 +300,7 @@ def random_scene(seed):
     options = {"pressure_map": one_of(*maps)} if one_of(True, True, False) else {}
     cells = one_of(None, None, (1, 1), (2, 2), (1, 3), (3, 1), (4, 3))
     given = {
-        "surface": Places(patches) if len(patches) > 1 else patches[0],
+        "surface": Patches(patches) if len(patches) > 1 else patches[0],
         "hardness": one_of(np.inf, 3e9, 3e9, LinearHardening(3e9, 1e9)),
         "loading": tuple(loads),
         "fluid": one_of(OIL, GAS, replace(GAS, slip=True)),

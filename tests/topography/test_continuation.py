@@ -75,7 +75,7 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
 
 def test_places_are_continued_each_by_itself():
     halves = np.split(MEASURED.heights, 2, axis=1)
-    places = fs.Places([fs.Topography(z, MEASURED.spacing, (False, False)) for z in halves])
+    places = fs.Patches([fs.Topography(z, MEASURED.spacing, (False, False)) for z in halves])
     known = continuation_of(places, 1e-6, rng=3)
     fine = places.low_pass(known.longest).resample((1024, 1024))
     found = known.added_to(fine)

@@ -11,7 +11,7 @@ import femseal as fs
 from femseal.budget.versions import kept_slope
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.topography import Instrument, Places, condition, read_for_a_look
+from femseal.topography import Instrument, Patches, condition, read_for_a_look
 
 AMPLITUDE, RADIUS = 1e-6, 2e-6
 #: The shortest wave of that amplitude that a tip of that radius follows.
@@ -65,7 +65,7 @@ def test_the_worse_of_tip_and_resolution_and_of_places_counts():
     assert_allclose(both.shortest_wave(blunt), 0.8 * LIMIT * 8 / 7)
     faces = [affine(96, rms_slope=s, rng=n) for n, s in ((1, 0.1), (2, 0.2))]
     tip = Instrument(tip_radius=20e-6)
-    assert tip.shortest_wave(Places(faces)) == max(tip.shortest_wave(face) for face in faces) > 0
+    assert tip.shortest_wave(Patches(faces)) == max(tip.shortest_wave(face) for face in faces) > 0
 
 
 MEASURED = affine(256, cut_off=2e-6)

@@ -10,9 +10,11 @@ from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal.budget import places_to_halve
+from femseal.budget.error_parts import ErrorPart
 from femseal.budget.estimates import places_part
 from femseal.case import parse_case
 from femseal.preparation import prepare
+from femseal.preparation.face import groove_pitch
 
 PIXEL = 1e-6
 HARDNESS = 2.3e9
@@ -68,15 +70,119 @@ def test_places_are_made_alike():
     a, b, c = patches(3)
     fine = b.resample((96, 96))
     narrow = c.crop((40, 30), (2, 3))
-    places = fs.Places([a, fine, narrow])
+    places = fs.Patches([a, fine, narrow])
     assert places.spacing == (PIXEL, PIXEL)
     assert places.shape[0] == 40
     assert places.widths == (48, 48, 30) or all(w % 3 == 0 for w in places.widths)
-    assert_allclose(fs.Places([a, b]).rms_slope ** 2, np.mean([a.rms_slope**2, b.rms_slope**2]))
-    assert_allclose(fs.Places([a, fine]).heights[:, 48:], b.heights, atol=1e-3 * b.rms_height)
-    smooth = fs.Places([a, b]).low_pass(16e-6)
+    assert_allclose(fs.Patches([a, b]).rms_slope ** 2, np.mean([a.rms_slope**2, b.rms_slope**2]))
+    assert_allclose(fs.Patches([a, fine]).heights[:, 48:], b.heights, atol=1e-3 * b.rms_height)
+    smooth = fs.Patches([a, b]).low_pass(16e-6)
     assert_allclose(smooth.heights[:, :48], a.low_pass(16e-6).heights, atol=1e-15)
-    assert fs.Places([a, b]).resample((24, 48)).widths == (24, 24)
+    assert fs.Patches([a, b]).resample((24, 48)).widths == (24, 24)
+
+
+def numbered():
+    """Two unlike patches with a step at their seam."""
+    a, b = patches(2)
+    return a.with_heights(a.heights + 3e-6), b.crop((48, 40))
+
+
+OPERATIONS = {
+    "flip 0": lambda p: p.flip(0),
+    "flip 1": lambda p: p.flip(1),
+    "detrend": lambda p: p.detrend(2),
+    "low_pass": lambda p: p.low_pass(16e-6),
+    "high_pass": lambda p: p.high_pass(24e-6),
+    "with_form": lambda p: p.with_form(np.linspace(0, 1e-6, 48)),
+    "without_spikes": lambda p: p.without_spikes(3.0),
+}
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_an_operation_on_patches_is_that_on_each_of_them(name):
+    """Heights step by 3 µm at the seam, which no operation looks across."""
+    change = OPERATIONS[name]
+    both = fs.Patches(numbered())
+    found = change(both)
+    for patch, before in zip(found.patches, both.patches, strict=True):
+        assert_allclose(patch.heights, change(before).heights, atol=1e-16, equal_nan=True)
+    side_by_side = np.concatenate([p.heights for p in found.patches], axis=1)
+    assert_allclose(found.heights, side_by_side, equal_nan=True)
+    assert found.widths == both.widths
+    assert found.shape == found.heights.shape
+
+
+def test_properties_of_patches_do_not_see_their_seam():
+    both = fs.Patches(numbered())
+    weights = both.widths
+    for name in ("rms_height", "rms_slope"):
+        mean = np.average([getattr(p, name) ** 2 for p in both.patches], weights=weights)
+        assert_allclose(getattr(both, name), np.sqrt(mean))
+    whole = fs.Topography(both.heights, both.spacing)
+    assert whole.rms_height > 3 * both.rms_height
+    assert whole.rms_slope > 1.5 * both.rms_slope
+    assert "2" in both.facts()["patches"]
+    assert both.heights is both.heights
+    with pytest.raises(ValueError, match="read-only"):
+        both.heights[0, 0] = 0.0
+
+
+def test_what_is_wrong_for_patches_is_not_offered():
+    both = fs.Patches(numbered())
+    for name in ("crop", "crop_to", "psd", "radial_psd", "gap", "__add__"):
+        assert not hasattr(both, name)
+    a, b = both.patches
+    for use in (
+        lambda: fs.describe_surface(both),
+        lambda: fs.combine(both, a),
+        lambda: fs.combine(b, both),
+    ):
+        with pytest.raises(fs.InputError, match="2 patches, expected a single map"):
+            use()
+
+
+def test_patches_are_conditioned_each_by_itself():
+    """Tilt, spikes and waves are those of each patch: the slope is that of the patches, not of a step between them."""
+    tilted = [
+        p.with_heights(p.heights + slope * np.arange(48)[:, None] * PIXEL)
+        for p, slope in zip(patches(2), (0.02, -0.05), strict=True)
+    ]
+    both, report = fs.condition(fs.Patches(tilted), shortest_wave=10e-6)
+    for found, patch in zip(both.patches, tilted, strict=True):
+        alone, _ = fs.condition(patch, shortest_wave=10e-6)
+        assert_allclose(found.heights, alone.heights, atol=1e-15)
+    slopes = [fs.condition(patch, shortest_wave=10e-6)[0].rms_slope for patch in tilted]
+    assert_allclose(report.rms_slope, np.sqrt(np.mean(np.square(slopes))))
+    with pytest.raises(fs.InputError, match="less than the larger side"):
+        fs.condition(fs.Patches(tilted), shortest_wave=60e-6)
+
+
+def test_the_former_name_of_patches_is_answered_with_the_new_one():
+    with pytest.warns(DeprecationWarning, match="Patches"):
+        old = fs.Places(patches(2))
+    assert isinstance(old, fs.Patches)
+    assert type(old.low_pass(16e-6)) is fs.Patches
+
+
+def test_grooves_of_patches_are_found_in_each():
+    """Grooves of two patches that lie half a pitch apart would cancel in their mean."""
+    x1 = (np.arange(64) + 0.5) * PIXEL
+    rough = fs.self_affine((64, 128), (64e-6, 128e-6), hurst=0.8, rms_height=5e-8, rng=1)
+    maps = [
+        fs.Topography(z + 1e-6 * np.cos(2 * np.pi * (x1 / 8e-6 + phase))[:, None], rough.spacing)
+        for z, phase in zip(np.split(rough.heights, 2, axis=1), (0, 0.5), strict=True)
+    ]
+    assert_allclose(groove_pitch(fs.Patches(maps)), 8e-6, rtol=0.02)
+    flat = fs.Topography(rough.heights[:, :64] * 20, rough.spacing)
+    assert groove_pitch(fs.Patches([maps[0], flat])) is None
+
+
+def test_the_former_key_of_a_case_is_answered_with_the_new_one(tmp_path, files):
+    names = files["face"]["patches"]
+    former = parse_case(files | {"face": {"kind": "file", "places": names}}, tmp_path)
+    assert [str(patch.path) for patch in former.face[0].patches] == names
+    assert any("face.patches" in text for text in former.named_warnings)
+    assert not parse_case(files, tmp_path).named_warnings
 
 
 def test_bad_places_are_refused():
@@ -89,7 +195,7 @@ def test_bad_places_are_refused():
         ([a, b, b.with_heights(1e3 * b.heights)], "heights in the same unit"),
         ([a, fs.Topography(b.heights, (8 * PIXEL, 8 * PIXEL))], "same waves"),
     ):
-        for use in (fs.Places, scene):
+        for use in (fs.Patches, scene):
             with pytest.raises(fs.InputError, match=reason):
                 use(given)
 
@@ -115,18 +221,24 @@ def test_leakage_by_places():
 def test_the_jackknife_of_a_mean_is_its_interval():
     """Of independent places whose leakages add up: Student's, of their variance pooled with the usual one."""
     rng, count = np.random.default_rng(5), 4
+    usual = 1.96 * 0.25 / np.sqrt(count)  # distance to an end by the state, for the mean of so many
     for scatter, least in ((0.05, 0.99), (0.25, 0.95)):
         one = 1 + scatter * rng.standard_normal((count, 1000))
         mean, others = one.mean(axis=0), (one.sum(axis=0) - one) / 3
         # every column is a first load: a leakage of its own, with no decades below another
-        parts = [places_part(mean[[n]], others[:, [n]]) for n in range(1000)]
+        parts = [
+            places_part(q, others[:, [n]], ErrorPart.of("patch", q, usual, usual, ""))
+            for n, q in enumerate(mean[:, None])
+        ]
         upper, lower = (np.ravel([getattr(p, end) for p in parts]) for end in ("upper", "lower"))
         if scatter < 0.1:  # elsewhere ln of the mean of the others is no sum
             own = (one.std(axis=0, ddof=1) / mean) ** 2
             pooled = np.sqrt((2 * 0.25**2 + 3 * own) / 5 / count)
             assert_allclose(np.log(upper / mean), 2.571 * pooled, rtol=0.02)
         assert np.sum((lower <= 1) & (upper >= 1)) >= binom.ppf(0.01, 1000, least)
-    shut = places_part(np.array([1.0, 0.0]), np.array([[1.0, 0.0], [0.0, 0.0], [1.5, 2.0]]))
+    q = np.array([1.0, 0.0])
+    others = np.array([[1.0, 0.0], [0.0, 0.0], [1.5, 2.0]])
+    shut = places_part(q, others, ErrorPart.of("patch", q, usual, usual, ""))
     assert shut.lower[0] == 0 < shut.upper[0] < np.inf
     assert shut.upper[1] > 2
     assert places_to_halve(3) < places_to_halve(4) < places_to_halve(8)
@@ -165,7 +277,7 @@ def files(tmp_path):
     for n, place in enumerate(patches()):
         np.savez(tmp_path / f"place{n}.npz", z=place.heights, spacing=place.spacing)
     return STRIP | {
-        "face": {"kind": "file", "places": [f"place{n}.npz" for n in range(4)]},
+        "face": {"kind": "file", "patches": [f"place{n}.npz" for n in range(4)]},
         "surface": {"shortest_wave": "8 um"},
         "cells": {"count": [2, 2]},
         "stochastic": {"length": "1 mm", "realisations": 8},
@@ -182,12 +294,12 @@ def test_places_of_a_case(tmp_path, files):
         "place?.npz",
         ["place[01].npz", {"path": "place2.npz"}, {"path": "place3.npz", "channel": 0}],
     ):
-        face = {"kind": "file", "places": places}
+        face = {"kind": "file", "patches": places}
         again = prepare(parse_case(files | {"face": face}, tmp_path)).scene.surface
         assert_allclose(again.heights, surface.heights)
     keys = {"crop": ["0 um", "48 um", "0 um", "40 um"]}
     own = [{"path": "place0.npz", **keys}, "place1.npz"]
-    cut = prepare(parse_case(files | {"face": {"kind": "file", "places": own}}, tmp_path))
+    cut = prepare(parse_case(files | {"face": {"kind": "file", "patches": own}}, tmp_path))
     assert cut.cells == (2, 4)
 
 
@@ -203,11 +315,11 @@ def test_points_and_pieces_of_a_case_are_those_of_one_place(tmp_path, files):
     assert fine.scene.surface.widths == (72,) * 4
     assert fine.cells == (2, 8)
     np.savez(tmp_path / "short.npz", z=patches()[3].heights[:, :24], spacing=(PIXEL, PIXEL))
-    unlike = {"kind": "file", "places": ["place0.npz", "short.npz"]}
+    unlike = {"kind": "file", "patches": ["place0.npz", "short.npz"]}
     assert prepared([96, 48], unlike, (2, 1)).scene.surface.widths == (96, 48)
     for given, reason in (
         ({"points": [72, 24]}, r"surface\.shortest_wave: .*surface\.points = \[48, 48\]"),
-        ({"points": [100_000, 100_000]}, r"given 100000 × 400000 points of 4 places together"),
+        ({"points": [100_000, 100_000]}, r"given 100000 × 400000 points of 4 patches together"),
         ({"wave": "60 um"}, "less than the larger side, 48 µm"),
         ({"cells": (2, 12)}, r"cells: given 2 × 12 of 48 × 48 points"),
     ):
@@ -224,10 +336,10 @@ def test_results_tell_of_places(tmp_path, files):
     assert_allclose(data["place_scatter"], results.stochastic.places.scatter)
     parts = {part.name: part for part in results.budget.parts}
     assert "patch" not in parts
-    assert "jackknife over 4 measured places" in parts["places"].note
+    assert "jackknife over 4 measured patches" in parts["places"].note
     # a place has fewer points than a map has blocks
     most = int(np.argmax(data["leakage_of_places"].values[:, 0]))
-    height = prepare(case).scene.surface.each[most].heights
+    height = prepare(case).scene.surface.patches[most].heights
     assert_allclose(data["place_height"], height, rtol=1e-6, atol=1e-12)
     for other in (fs.run(case, tmp_path / "out", resume=True), fs.run(case, workers=2)):
         assert_allclose(other.leakage, results.leakage, rtol=0)
@@ -245,7 +357,7 @@ def test_the_place_that_leaks_most_is_stored_with_its_gap(tmp_path, files):
 def test_both_faces_may_have_several_places(tmp_path, files):
     """Place n of one face lies on place n of the other."""
     first, second = (
-        {"kind": "file", "places": [f"place{n}.npz" for n in of]} for of in ((0, 1, 2), (3, 2))
+        {"kind": "file", "patches": [f"place{n}.npz" for n in of]} for of in ((0, 1, 2), (3, 2))
     )
     case = files | {"face": [first, second], "surface": {"detrend": 0, "shortest_wave": "8 um"}}
     surface = prepare(parse_case(case, tmp_path)).scene.surface
@@ -261,17 +373,20 @@ def test_bad_places_of_a_case_are_refused(tmp_path, files):
     wave = 1e-6 * np.cos(2 * np.pi * np.arange(48) / 48)[:, None] * np.ones(48)
     np.savez(tmp_path / "smooth.npz", z=wave, spacing=place.spacing)
     for face, reason in (
-        ({"places": ["place0.npz"]}, r"face\.places: given 'place0.npz', which is one file"),
-        ({"places": "none*.npz"}, r"face\.places: given .*, which is no file"),
-        ({"places": ["place0.npz", "none.npz"]}, r"face\.places: given 'none.npz'"),
-        ({"places": ["place0.npz", "place0.npz"]}, "the same map as number 1 and 2"),
-        ({"places": ["place0.npz", "place1.npz", "copy.npz"]}, "same map as number 2 and 3"),
-        ({"places": ["place0.npz", {"crop": ["0 um", "9 um", "0 um", "9 um"]}]}, "without path"),
-        ({"places": ["place0.npz", "place1.npz"], "path": "place2.npz"}, "besides places"),
-        ({"places": ["place0.npz", {"path": "place1.npz", "height_unit": "mm"}]}, "same unit|unit"),
-        ({"places": ["place0.npz", "place1.npz", "smooth.npz"]}, "like waves"),
+        ({"patches": ["place0.npz"]}, r"face\.patches: given 'place0.npz', which is one file"),
+        ({"patches": "none*.npz"}, r"face\.patches: given .*, which is no file"),
+        ({"patches": ["place0.npz", "none.npz"]}, r"face\.patches: given 'none.npz'"),
+        ({"patches": ["place0.npz", "place0.npz"]}, "the same map as number 1 and 2"),
+        ({"patches": ["place0.npz", "place1.npz", "copy.npz"]}, "same map as number 2 and 3"),
+        ({"patches": ["place0.npz", {"crop": ["0 um", "9 um", "0 um", "9 um"]}]}, "without path"),
+        ({"patches": ["place0.npz", "place1.npz"], "path": "place2.npz"}, "besides patches"),
+        (
+            {"patches": ["place0.npz", {"path": "place1.npz", "height_unit": "mm"}]},
+            "same unit|unit",
+        ),
+        ({"patches": ["place0.npz", "place1.npz", "smooth.npz"]}, "like waves"),
         ({}, r"face\.path: given none"),
-        ({"places": 3}, r"face\.places"),
+        ({"patches": 3}, r"face\.patches"),
     ):
         with pytest.raises(fs.InputError, match=reason):
             prepare(parse_case(files | {"face": {"kind": "file"} | face}, tmp_path))
