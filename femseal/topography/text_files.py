@@ -218,10 +218,11 @@ def _first_with_numbers(lines: list[str], delimiter: str | None) -> int:
     places = [n for n, shape in enumerate(shapes) if shape is not None]
     numeric = [n for n in places if isinstance(shapes[n], int)]
     for k, n in enumerate(places):
+        count = shapes[n]
         alike = [shapes[m] for m in places[k : k + _ALIKE]]
-        if isinstance(shapes[n], int) and alike == [shapes[n]] * _ALIKE:
+        if isinstance(count, int) and alike == [count] * _ALIKE:
             above = places[k - 1] if k else n
-            return above if _is_like(lines[above], delimiter, int(alike[0])) else n
+            return above if _is_like(lines[above], delimiter, count) else n
     starts = (n for n in places if re.match(r"[-+.]?\d", lines[n].strip().strip('"')))
     return numeric[0] if numeric else next(starts, len(lines))
 
