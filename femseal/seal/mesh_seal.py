@@ -23,7 +23,7 @@ from ..flow.mesh import MeshFlow, MeshOperators
 from ..flow.mesh_input import CLOSED_AXIS, is_connected, permeability_tensors
 from ..flow.problem import LINEAR
 from .plane import polygon_areas
-from .seal_files import read_mesh
+from .seal_files import NAME_BOUNDARIES, read_mesh
 
 #: Names of inlets, one or several at one pressure, or pressures [Pa] of inlets by their names.
 Inlet = str | Sequence[str] | Mapping[str, float]
@@ -135,6 +135,8 @@ class MeshSeal:
             for name in _names(names) or (names,):
                 if name not in (mesh.boundaries or {}):
                     expected = f"the name of a boundary of the mesh: {there}"
+                    if not mesh.boundaries or set(mesh.boundaries) == {"0"}:
+                        expected += f"; {NAME_BOUNDARIES}"
                     raise InputError(role, repr(name), expected)
         _check_elements(mesh)
         given = self.boundaries  # raises if one is both inlet and outlet

@@ -30,6 +30,21 @@ _SECOND_ORDER = ("triangle6", "quad8", "quad9")
 _TAGS = ("gmsh:physical", "medit:ref", "boundary")
 #: Memory that reading takes at least, in sizes of the file.
 _READING_FACTOR = 4
+#: Suffix of files of gmsh, and what is to be done there where its physical groups are not in them.
+_GMSH = ".msh"
+_PHYSICAL_SURFACE = (
+    "in gmsh, which writes what is in physical groups alone, put the surface into one beside its boundaries: "
+    'Physical Surface("seal") = {1}; or gmsh.model.addPhysicalGroup(2, [1], name="seal")'
+)
+_SAVE_GROUPS = (
+    "a file of gmsh with its physical groups: switch 'Save all elements' off (Mesh.SaveAll = 0), which leaves them "
+    "out, put the surface into a physical group too, and save again"
+)
+#: How a mesh gets names of its boundaries.
+NAME_BOUNDARIES = (
+    'name them: in gmsh by physical groups of curves, Physical Curve("inlet") = {1, 2}, beside one of the surface, '
+    "with Mesh.SaveAll = 0; in other programs by sets of line elements"
+)
 
 
 def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
@@ -53,9 +68,17 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     if len(present) != 1 or present[0] in _SECOND_ORDER:
         found = " and ".join(present) or ", ".join(data.cells_dict) or "nothing"
         expected = f"a mesh with cells of one kind of {', '.join(_KINDS)}, {LINEAR}"
+        if not present and file.suffix.lower() == _GMSH:
+            expected = f"elements of the seal's area; {_PHYSICAL_SURFACE}"
         raise InputError("path", f"'{file}' with {found}", expected)
     kind = present[0]
     cells = data.cells_dict[kind]
+    groups = {
+        str(name): tag for name, (tag, dimension) in data.field_data.items() if dimension == 1
+    }
+    if groups and not any(_has_tag(data, tag) for tag in groups.values()):
+        given = f"'{file}', none of whose lines is in its physical groups {', '.join(groups)}"
+        raise InputError("path", given, _SAVE_GROUPS)
     points = _plane(file, data, cells, 1e-9) * unit
     used, renumbered = np.unique(cells, return_inverse=True)
     cells = renumbered.reshape(cells.shape)
@@ -133,7 +156,16 @@ def read_data(file: Path) -> Any:
         if file.suffix.lower() in known:
             which = ", not damaged"
         given = f"'{file}' ({said or 'unknown or damaged format'})"
-        raise InputError("path", given, f"a mesh in a format that meshio reads{which}") from None
+        expected = f"a mesh in a format that meshio reads{which}"
+        if "Incompatible cell data 'gmsh:physical'" in said:
+            given, expected = f"'{file}', with elements that are in no physical group", _SAVE_GROUPS
+        raise InputError("path", given, expected) from None
+
+
+def _has_tag(data: Any, tag: int) -> bool:
+    """Whether lines of a mesh carry the number of a physical group."""
+    of_lines = data.cell_data_dict.get(_TAGS[0], {}).get("line", [])
+    return bool(np.any(np.asarray(of_lines) == tag))
 
 
 def _named_lines(data: Any) -> dict[str, Indices]:
