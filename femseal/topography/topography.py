@@ -50,7 +50,8 @@ def power(z: NDArray, periodic: Periodic) -> NDArray:
     powers = np.empty(z.shape)
     known = powers.swapaxes(-1, wrapped[-1])
     half = half.swapaxes(-1, wrapped[-1])
-    count, n = half.shape[-1], known.shape[-1]
+    n = z.shape[wrapped[-1]]
+    count = n // 2 + 1  # waves of a real transform
     np.square(half.real, out=known[:, :count])
     for row, waves in zip(known, half, strict=True):
         row[:count] += waves.imag**2
