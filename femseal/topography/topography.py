@@ -55,7 +55,7 @@ def power(z: NDArray, periodic: Periodic) -> NDArray:
     np.square(half.real, out=known[:, :count])
     for row, waves in zip(known, half, strict=True):
         row[:count] += waves.imag**2
-    known /= z.size
+    known[:, :count] /= z.size
     others = known[:, 1 : n - count + 1][:, ::-1]
     if len(wrapped) == 2:
         known[0, count:] = others[0]
