@@ -79,8 +79,6 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
         effort = Effort(contact.fft_pairs, contact.area_fraction, rounds=rounds)
         larger, (most, power) = PILOT_PIXELS / gap.size, _ELIMINATED
         iterations = flow.iterations or most * flow.percolating_fraction**power
-        if iterations:
-            iterations = FEW_ITERATIONS + max(0.0, iterations - FEW_ITERATIONS) * larger**0.5
         pairs = effort.pairs * larger**effort.growth
         found[pressure] = replace(effort, pairs=pairs, iterations=iterations)
     return tuple(_between(found, step.pressure) for step in scene.steps)
