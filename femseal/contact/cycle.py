@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,8 @@ from .solver import Contact, check_capacity, solve_contact
 STATE_FIELDS = 20
 
 
-class _Solved(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Solved:
     """A solved load step.
 
     taken : value of `take`, or the state itself.
@@ -186,7 +187,7 @@ def _solved(stage: Stage, programme: LoadProgramme, in_turn: bool, mapper: Mappe
     elastic: dict[float, Any] = {}  # taken at a pressure at which no point has yielded
     states = _in_turn(stage, loading, mapper) if in_turn else mapper(stage, loading, is_peak)
     for step, solved in zip(loading, states, strict=True):
-        after_peak[step.pressure] = solved._replace(taken=None)
+        after_peak[step.pressure] = replace(solved, taken=None)
         if step.pressure in programme.unloading and not (solved.has_yielded or in_turn):
             elastic[step.pressure] = solved.taken
         yield solved.taken
@@ -222,7 +223,7 @@ def _in_turn(stage: Stage, loading: Sequence[LoadStep], mapper: Mapper) -> Itera
     before = _NOTHING_BEFORE
     for step in loading:
         (solved,) = mapper(stage, [step], [True], [before])
-        before = _NOTHING_BEFORE._replace(remembered=solved.remembered)
+        before = replace(_NOTHING_BEFORE, remembered=solved.remembered)
         yield solved
 
 

@@ -345,10 +345,16 @@ RAISED = np.where(np.arange(18).reshape(6, 3) == 2, 1, CORNERS)
         (None, r"^path: given '.*mesh\.msh', expected an existing mesh file"),
         ("not a mesh", r"mesh\.msh'.*, expected a mesh in a format that meshio reads"),
         ("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n3\n1 0 0", "in a format that meshio reads"),
-        (meshio.Mesh(CORNERS, [("line", [[0, 1]])]), "with line, expected a mesh with cells of"),
+        (
+            meshio.Mesh(CORNERS, [("line", [[0, 1]])]),
+            "with line, expected elements of the seal's area",
+        ),
         (meshio.Mesh(CORNERS, [QUAD, TRIANGLES]), "with triangle and quad, expected a mesh with"),
         (meshio.Mesh(RAISED, [QUAD]), "with varying z, expected"),
-        (meshio.Mesh(CORNERS, [QUAD]), "^inlet: given 'inlet', .*the mesh: none$"),
+        (
+            meshio.Mesh(CORNERS, [QUAD]),
+            "^inlet: given 'inlet', .*the mesh: none; name them: in gmsh by physical groups of curves",
+        ),
     ],
 )
 def test_bad_mesh_files(tmp_path, file, message):
