@@ -174,20 +174,6 @@ def test_pieces_stay_in_place_where_the_seal_is_like_the_face_alone():
     assert not any(ring(lay, outer=outer).in_place for lay in ("radial", "x2", *turned))
 
 
-def test_elements_much_larger_than_cells_are_warned_of(tmp_path):
-    """The largest is the outermost half of a quadrilateral, 0.1 mm broad and up to 0.14 mm long."""
-    layout = MeshLayout(ring_file(tmp_path, 4), "mm", "in", "out")
-    side = 2e-5
-    (text,) = layout.lay_out(PieceSize((side, side), 4)).warnings
-    angle = np.pi / 2 / 16
-    largest = 0.5 * 1.4e-3 * 0.1e-3 * np.sin(angle)
-    assert f"where up to {largest / side**2:.0f} cells of 20 µm have room" in text
-    assert "over 100% of the seal" in text
-    assert "-clmax" in text
-    for fitting in (6e-5, 1e-3):
-        assert layout.lay_out(PieceSize((fitting, fitting), 4)).warnings == ()
-
-
 def test_elements_smaller_than_a_piece_share_its_tile(tmp_path):
     layout = MeshLayout(ring_file(tmp_path, 8), "mm", "in", "out")
     fine, coarse = (layout.lay_out(PieceSize((s, s), 3)) for s in (1e-6, 2 * A))
