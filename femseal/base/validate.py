@@ -7,16 +7,16 @@ a key for each of them from the same metadata.
 import dataclasses
 import os
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import partial, wraps
 from math import inf, isfinite, nan
 from numbers import Real
 from operator import index
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import InputError
+from .errors import InputError, shown
 from .quantities import counted, unit_text
 
 Array = NDArray[np.float64]
@@ -33,6 +33,41 @@ Pair = tuple[float, float]
 Periodic = tuple[bool, bool]
 #: Along x1 and x2, or the same along both.
 Lengths = float | Pair
+
+_Parameters = ParamSpec("_Parameters")
+_Result = TypeVar("_Result")
+
+
+def removed_arguments(
+    **advice: str,
+) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
+    """Answer arguments that a function had in a former version with what to do instead.
+
+    Parameters
+    ----------
+    advice : for the name of each removed argument, what to do without it.
+
+    Examples
+    --------
+    >>> @removed_arguments(wide="give a larger size")
+    ... def area(size):
+    ...     return size**2
+    >>> area(2.0, wide=True)
+    Traceback (most recent call last):
+    femseal.base.errors.InputError: wide: given True, expected none: removed; give a larger size
+    """
+
+    def decorate(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+        @wraps(function)
+        def checked(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
+            for name, instead in advice.items():
+                if name in kwargs:
+                    raise InputError(name, shown(kwargs[name]), f"none: removed; {instead}")
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorate
 
 
 def reals(values: ArrayLike) -> Array:

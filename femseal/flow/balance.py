@@ -19,25 +19,6 @@ from .percolation import union
 _LARGEST, _EXPONENTS, _CLOSED = 1024, 2100, -2000
 
 
-def balanced_link_fluxes(
-    stencil: Stencil, potential: Array, complement: Array
-) -> tuple[Array, Array]:
-    """Fluxes near −c Δφ along and across that balance at every node between the ends, on five points.
-
-    `complement` is 1 − φ: each difference is taken of the smaller of the two, which has the smaller rounding errors.
-    What is NaN counts as 0.
-    """
-    along, across = stencil.along, stencil.across
-    flux = np.empty(along.size + across.size)
-    flux1 = flux[: along.size].reshape(along.shape)
-    flux2 = flux[along.size :].reshape(across.shape)
-    _link_fluxes(along, across, potential, complement, flux1, flux2)
-    n1, n2 = along.shape
-    width = np.concatenate([along.ravel(), across.ravel()])
-    balance(*_grid_links(n1, n2, across.shape[1]), width, flux, (n1 - 1) * n2 + 1)
-    return flux1, flux2
-
-
 def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
     """Bound of the relative error of the energy of a potential, on five points.
 
@@ -69,18 +50,6 @@ def potential_drop(φ, ψ, i, j, a, b):
 def _width(along, across, k):
     """Conductance of link k, those along before those across."""
     return along[k] if k < along.size else across[k - along.size]
-
-
-@compiled()
-def _link_fluxes(along, across, φ, ψ, flux1, flux2):
-    """Write c times the drop of all links along and across."""
-    n2 = along.shape[1]
-    for i in range(along.shape[0]):
-        for j in range(n2):
-            flux1[i, j] = along[i, j] * potential_drop(φ, ψ, i, j, i + 1, j)
-    for i in range(across.shape[0]):
-        for j in range(across.shape[1]):
-            flux2[i, j] = across[i, j] * potential_drop(φ, ψ, i + 1, j, i + 1, (j + 1) % n2)
 
 
 @compiled()

@@ -2,9 +2,6 @@
 
 The unknowns are the pressures at the pixel centres; those of both ends are given. The elements between them are Q1 with
 quadrature at the midpoints of their edges, to which the gap is interpolated: links of five points, of order 2.
-Bounds are those of a cell whose gap is constant on each pixel. Lower: complementary energy of a conservative flux,
-lowest-order Raviart-Thomas. Upper: Dirichlet energy of a conforming pressure, P1 on triangles between the corners of
-pixels. Source: Thomson's and Dirichlet's principles.
 """
 
 from __future__ import annotations
@@ -13,33 +10,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from skfem import ElementQuadRT0
 
 from ..base import Array, Flags, Lengths, Pair, Shown, Singles, validate
 from ..base.compiled import compiled, inner, number, over, rows, using
-from . import forms
-from .balance import balanced_link_fluxes
 from .core_flux import core_ratio
-from .grid import (
-    Grid,
-    Sample,
-    Stencil,
-    assemble_on_links,
-    edge_weights,
-    elemental,
-    gap_on_rows,
-)
+from .grid import Grid, Stencil, edge_weights, gap_on_rows
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
 from .percolation import ready
-from .problem import FIELD_RTOL, DarcyFlow, check_solver, unit_spacing, validated_cell
-from .solvers.choice import solve_flow, solve_ready
+from .problem import DarcyFlow, check_solver, unit_spacing, validated_cell
+from .solvers.choice import solve_ready
 from .solvers.hierarchy import levels_of
 from .solvers.multigrid import cycle
 
-#: What the upper bound may exceed the least energy by, relative to it.
-_RTOL = 1e-9
-#: Fraction by which bounds are moved apart.
-_ROUNDING = 1e-13
 #: Error in the norm of the energy at which a continuation ends, over that of zeros, and most iterations.
 _FILL_RTOL, _MOST = 1e-5, 100
 
@@ -73,89 +55,16 @@ def _weighted(first, end, gap, of_row, of_column):
             gap[i, j] = _cubic_law(gap[i, j]) * (of_row[i] * of_column[j])
 
 
-#: Component K11 at two Gauss points along x1, which is exact where K is constant.
-_GAUSS = tuple(Sample((0.5 + side / np.sqrt(12), 0.5), 0.5, 0) for side in (-1, 1))
-#: Component K11 at the two ends of a pixel: the mixed form then decouples the two fluxes, and a link
-#: between two pixels has their harmonic mean.
-_LUMPED = (Sample((0.0, 0.5), 0.5, 0), Sample((1.0, 0.5), 0.5, 0))
-
-
-def pixel_bounds(gap: Array, spacing: Pair, sides: str, solver: str = "auto") -> Pair:
-    """Lower and upper bound of the flow for a unit drop along x1 [unit of h³]; both 0 where all is closed.
-
-    Pixels that share only a corner are connected in the upper bound, and not in the lower one.
-    """
-    k = cubic_law(gap)
-    lower = lower_bound(k, spacing, sides == "periodic", solver)
-    return outward(lower, upper_bound(k, spacing, sides, solver))
-
-
-def outward(lower: float, upper: float) -> Pair:
-    """Bounds that hold with the rounding errors of their own sums, measured up to 3e-14 of them."""
-    return lower * (1 - _ROUNDING), upper * (1 + _ROUNDING)
-
-
-def flux_energy(samples: tuple[Sample, ...]) -> Array:
-    """Energy (2, 2) of unit fluxes along x1 through the two ends of a unit pixel of K = 1: from the mixed form."""
-    local = elemental(forms.flux_resistance, ElementQuadRT0, samples, "resistance").sum(axis=0)
-    ends = local[np.ix_([0, 3], [0, 3])]
-    # both along +x1: a uniform flux then has more energy than one that changes its sign
-    return ends if ends.sum() > np.trace(ends) else ends * np.array([[1.0, -1.0], [-1.0, 1.0]])
-
-
-def lower_bound(k: Array, spacing: Pair, ring: bool, solver: str = "auto") -> float:
-    """The lower bound for a permeability k (n1, n2) constant on each pixel."""
-    d1, d2 = spacing
-    with np.errstate(divide="ignore"):
-        half = flux_energy(_LUMPED)[0, 0] / k  # resistance from the centre to one end
-    c1 = d2 / d1 / np.concatenate([half[:1], half[:-1] + half[1:], half[-1:]])
-    here = np.pad(half, ((0, 0), (0, 1)), mode="wrap") if ring else half
-    c2 = d1 / d2 / (here[:, :-1] + here[:, 1:])
-    if ring and k.shape[1] == 1:
-        c2 = np.zeros_like(c2)
-    stencil = Stencil(c1, c2, ring2=ring)
-    flow = solve_flow(stencil, solver=solver, field_rtol=FIELD_RTOL)
-    if not flow.percolates:
-        return 0.0
-    q1, q2 = balanced_link_fluxes(stencil, flow.potential, flow.complement)
-    sides = np.pad(q2, ((0, 0), (1, 0)), mode="wrap") if ring else np.pad(q2, ((0, 0), (1, 1)))
-    (same, other), _ = flux_energy(_GAUSS)
-
-    def energy(before: Array, after: Array, ratio: float) -> Array:
-        return (same * (before**2 + after**2) + 2 * other * before * after) * ratio
-
-    dissipated = energy(q1[:-1], q1[1:], d1 / d2) + energy(sides[:, :-1], sides[:, 1:], d2 / d1)
-    total = np.divide(dissipated, k, out=np.zeros(k.shape), where=k > 0).sum()
-    return float(min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / total)
-
-
-def upper_bound(k: Array, spacing: Pair, sides: str, solver: str = "auto") -> float:
-    """The upper bound for a permeability k (n1, n2) constant on each pixel.
-
-    A pixel of linear elements is two right triangles: the energy of a leg has the K of its own, half of the pixel.
-    """
-    grid = Grid.of_pixel_corners(k.shape, spacing, sides)
-    if sides == "mirror":
-        beside = np.pad(k, ((0, 0), (1, 1)), mode="edge")
-    else:
-        beside = np.pad(k, ((0, 0), (1, 0)), mode="wrap")
-    stencil = assemble_on_links(grid, (beside[:, :-1] + beside[:, 1:]) / 2, (k[:-1] + k[1:]) / 2)
-    return solve_flow(stencil, rtol=_RTOL, solver=solver).conductance
-
-
 @dataclass(frozen=True, repr=False)
 class Permeability(Shown):
     """Permeability of a cell along one axis, k with Q/L2 = (k/η) Δp/L1; exactly 0 where the gap does not percolate.
 
-    lower, upper : NaN if not computed.
     percolating_fraction : of the pixels that are connected to both ends.
     iterations, residual, imbalance, solver : of the linear system, see `femseal.flow.DarcyFlow`.
     fluid_pressure : (n1, n2), NaN at pixels in contact and in pockets, which are connected to neither end.
     """
 
     value: float = field(metadata={"unit": "m^3", "long_name": "permeability"})
-    lower: float = field(metadata={"unit": "m^3", "long_name": "lower bound of the permeability"})
-    upper: float = field(metadata={"unit": "m^3", "long_name": "upper bound of the permeability"})
     percolates: bool
     percolating_fraction: float
     iterations: int
@@ -167,13 +76,15 @@ class Permeability(Shown):
     )
 
 
+@validate.removed_arguments(
+    bounds="compare several grids, or solve both bounds with femseal.flow.mesh.darcy_conductance"
+)
 def cell_permeability(
     gap: ArrayLike,
     spacing: Lengths,
     *,
     axis: int = 0,
     sides: str = "mirror",
-    bounds: bool = False,
     rtol: float = 1e-6,
     solver: str = "auto",
     field_rtol: float | None = None,
@@ -189,9 +100,6 @@ def cell_permeability(
     spacing : pixel (Δ1, Δ2) [m].
     axis : direction of the flow.
     sides : "mirror" (no flow across the sides) or "periodic".
-    bounds : also certify, for the gap taken constant on each pixel, lower <= k <= upper; otherwise both are NaN.
-        The bounds enclose the flow through those pixels, not the resampling of the surface, so that `value`, which
-        interpolates the gap between pixels, may lie outside where the gap is poorly resolved.
     rtol : relative error of k allowed to an iterative linear solver. `fluid_pressure` then has an error of about √rtol,
         of which k has the square.
     solver : of the linear system, see `femseal.flow.solve_flow`.
@@ -228,14 +136,8 @@ def cell_permeability(
         )
     flow, potential = cell.flow, cell.flow.potential[1:-1]
     potential[(np.asarray(gap).T if axis == 1 else np.asarray(gap)) <= 0] = np.nan
-    lower, upper = np.nan, np.nan
-    if bounds:
-        h, unit, _ = _scaled(gap, spacing, axis, sides)
-        lower, upper = (cell.factor * b for b in pixel_bounds(h, unit, sides, solver))
     return Permeability(
         value=cell.permeability,
-        lower=lower,
-        upper=upper,
         percolates=flow.percolates,
         percolating_fraction=float(np.isfinite(potential).mean()) if flow.percolates else 0.0,
         iterations=flow.iterations,

@@ -77,16 +77,6 @@ class Grid:
         return Grid(lines1, lines2, np.arange(n1 + 2), columns, ring2=False, half_ends=True)
 
     @classmethod
-    def of_pixel_corners(
-        cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str
-    ) -> Grid:
-        """Nodes at the corners of a cell's pixels, which are the elements."""
-        lines1, lines2 = (np.arange(n + 1.0) * d for n, d in zip(shape, spacing, strict=True))
-        if sides == "periodic":
-            return cls.of_strip(lines1, spacing[1], shape[1])
-        return cls(lines1, lines2, np.arange(lines1.size), np.arange(lines2.size), ring2=False)
-
-    @classmethod
     def of_torus(cls, shape: tuple[int, int], spacing: tuple[float, float]) -> Grid:
         """Nodes at the centres of the pixels of a cell that is periodic along both axes."""
         n1, n2 = shape

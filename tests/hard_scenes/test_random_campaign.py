@@ -162,21 +162,13 @@ def check_flow(seed):
     gap, sides = gap_of(rng, shape), str(rng.choice(["mirror", "periodic"]))
     rtol = float(rng.choice([1e-3, 1e-6, 1e-9]))
     given = {"sides": sides, "rtol": rtol}
-    found = cell_permeability(gap, spacing, bounds=True, **given)
+    found = cell_permeability(gap, spacing, **given)
     assert found.percolates == (found.value > 0) == open_paths(gap, sides == "periodic")
-    assert np.isfinite([found.value, found.lower, found.upper]).all()
-    assert (found.lower > 0) == found.percolates
+    assert np.isfinite(found.value)
     p = found.fluid_pressure[np.isfinite(found.fluid_pressure)]
     assert np.all((p >= -(rtol**0.5)) & (p <= 1 + rtol**0.5))
-    # the gap constant on each pixel: bounds, those of a mesh and means in order
-    least, most = means(gap, spacing)
-    assert found.lower <= found.upper <= most * (1 + 1e-9)
     contrast = (gap.max() / np.min(gap, where=gap > 0, initial=np.inf)) ** 3
     stretched = contrast * (max(spacing) / min(spacing)) ** 2
-    if sides == "mirror" and stretched < 1e9:
-        mesh = mesh_of_pixels(gap, spacing)
-        assert found.lower <= mesh.lower * (1 + 1e-5)
-        assert least * (1 - 1e-5) <= mesh.lower <= mesh.upper <= found.upper * (1 + 1e-5)
     # the same cell from another side, along the other axis, moved, in other units, and by elimination
     unit, pixel = 2.0 ** rng.integers(-60, 60), 2.0 ** rng.integers(-100, 100)
     moved = np.roll(gap, int(rng.integers(shape[1])) if sides == "periodic" else 0, axis=1)
@@ -200,13 +192,15 @@ def check_flow(seed):
         assert np.array_equal(tensor, tensor.T)
         assert np.linalg.eigvalsh(tensor).min() >= -1e-14 * tensor.max()
         assert_allclose(permeability_tensor(*scaled), unit**3 * tensor, rtol=1e-12)
-    # less gap, no more flow; any pressure gives an upper bound, at higher contrasts no solver finds the lowest
-    less = gap * rng.choice([0.0, 0.5, 1.0], gap.shape, p=[0.02, 0.08, 0.9])
-    closed = cell_permeability(less, spacing, sides=sides, bounds=True)
-    assert closed.lower <= found.upper
-    if contrast <= 1e11:
-        assert closed.upper <= found.upper * (1 + 1e-9)
-    assert not closed.percolates or found.percolates
+    # less gap, no more flow through pixels of constant gap; their bounds by elements lie between two means
+    if stretched < 1e9:
+        least, most = means(gap, spacing)
+        mesh = mesh_of_pixels(gap, spacing)
+        assert least * (1 - 1e-5) <= mesh.lower <= mesh.upper <= most * (1 + 1e-5)
+        less = gap * rng.choice([0.0, 0.5, 1.0], gap.shape, p=[0.02, 0.08, 0.9])
+        closer = mesh_of_pixels(less, spacing)
+        assert closer.lower <= mesh.lower * (1 + 1e-5)
+        assert closer.upper <= mesh.upper * (1 + 1e-5)
 
 
 # --- both ---
@@ -221,14 +215,18 @@ def check_cycle(seed):
     h = E * slope * 10 ** rng.uniform(-1.5, 1)
     loads = np.sort(rng.uniform(0.001, 0.5, 2)) * h
     given = {"loading": loads, "unload_from": [0.9 * h], "unloading": [loads[0]]}
-    # not the values themselves: between pixels they take a cubic of the gap, which may rise where each pixel falls
-    low, high, peak, back = (
-        cell_permeability(state.contact.gap, (D, D), sides="periodic", bounds=True)
-        for state in load_cycle(gap0, body, hardness=h, rtol=1e-7, **given)
-    )
-    for more, less in ((low, high), (high, peak), (low, back)):
-        assert less.lower <= more.upper, seed
-        assert more.percolates >= less.percolates, seed
+    gaps = [state.contact.gap for state in load_cycle(gap0, body, hardness=h, rtol=1e-7, **given)]
+    # the gap constant on each pixel: between pixels the cubic may rise where each pixel falls
+    closed = 1e-3 * max(gap.max() for gap in gaps)
+    flows = [
+        mesh_of_pixels(np.where(gap < closed, 0.0, gap), (D, D)) if gap.max() > closed else None
+        for gap in gaps
+    ]
+    cells = [cell_permeability(gap, (D, D), sides="periodic") for gap in gaps]
+    for more, less in ((0, 1), (1, 2), (0, 3)):  # loading, to the peak, back at the first load
+        if flows[less] is not None:
+            assert flows[less].lower <= flows[more].upper, seed
+        assert cells[more].percolates >= cells[less].percolates, seed
 
 
 @pytest.mark.parametrize(
