@@ -1,6 +1,6 @@
 """Command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `design`, `report`, `export` and more.
 
-Exit code 0 done, 2 bad input (nothing written), 1 anything else; 3 of a part of a run that needs others first.
+Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 """
 
 import errno
@@ -34,7 +34,7 @@ from .execution.terminal import (
 app = typer.Typer(
     name="femseal",
     help="Leakage of metal-to-metal seals over a loading-unloading cycle, from measured roughness.",
-    epilog="Exit code: 0 done, 2 bad input (nothing is written), 1 anything else. With --part, 3: others come first.",
+    epilog="Exit code: 0 done, 2 bad input (nothing is written), 1 anything else.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -137,18 +137,14 @@ def run(
 ) -> None:
     """Compute a case, write its results folder and print the leakage at every load.
 
-    A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on. With --part
-    it computes a part of the work and writes no results; once all parts are done, --resume without --part writes them.
+    A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on.
     """
     from .case.reading import load_case
-    from .execution.resuming import parsed_part
 
     folder = output or Path("results") / path.stem
-    own = parsed_part(part)
     case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
     from .runs import job
 
-    again = f"femseal run {path} -o {folder}"
     try:
         with show_progress(quiet, log_file) as progress:
             results = job.run(
@@ -157,17 +153,13 @@ def run(
                 resume,
                 workers,
                 scheduler,
-                part=own,
                 replace_results=replace,
                 progress=progress,
             )
     except KeyboardInterrupt:
-        raise FemsealError(
-            f"stopped; `{again} {f'--part {part}' if part else '--resume'}` goes on"
-        ) from None
-    if own is not None and not quiet:
-        typer.echo(f"part {part}: all parts are done; `{again} --resume` writes the results")
-    elif results is not None and not quiet:
+        again = f"femseal run {path} -o {folder} --resume"
+        raise FemsealError(f"stopped; `{again}` goes on") from None
+    if not quiet:
         for text in results.verdict_texts:
             print_text(text)
         print_table(results.table())

@@ -63,7 +63,6 @@ def sweep(
     quiet: Quiet = False,
 ) -> None:
     """Run a case with every combination of the values of some keys; one table and one picture for all of them."""
-    from .execution.resuming import parsed_part
     from .sweeps.sweeping import parsed_keys
     from .sweeps.sweeping import sweep as over_all
 
@@ -79,14 +78,12 @@ def sweep(
             workers=workers,
             scheduler=scheduler,
             unit=unit,
-            part=parsed_part(part),
             progress=progress,
             announce=announce,
         )
     if not quiet:
         print_table(found.table())
-        done = f"part {part}: its cases are done; --resume without --part compares all"
-        typer.echo(done if part else f"table and picture in {folder / 'sweep.csv'} and sweep.png")
+        typer.echo(f"table and picture in {folder / 'sweep.csv'} and sweep.png")
 
 
 def compare(
@@ -205,7 +202,6 @@ def calibrate(
     """Find hardness, shortest wave and the factor between model and test from a measured curve of leakage."""
     from .calibration.calibrating import CASE_FILE
     from .calibration.calibrating import calibrate as calibrated
-    from .execution.resuming import parsed_part
 
     folder = output or Path("results") / f"{path.stem}-calibrated"
     again = f"`femseal calibrate {path} {data} -o {folder} --resume` goes on"
@@ -221,13 +217,11 @@ def calibrate(
             scenes=scenes,
             resume=resume,
             replace_results=replace,
-            part=parsed_part(part),
             workers=workers,
             scheduler=scheduler,
             progress=progress,
         )
     if not quiet:
         print_table(found.table())
-        done = f"part {part}: all scenes are solved; --resume without --part writes the results"
         written = f"calibration.json, calibration.csv, calibration.png and {CASE_FILE} in {folder}"
-        typer.echo(done if part else written)
+        typer.echo(written)

@@ -9,7 +9,7 @@ from femseal.cli import app
 _HEAD = """# Command line
 
 `femseal --help` and `femseal COMMAND --help` say this. The exit code is 0 when all is done, 2 for bad input (nothing
-is written), and 1 for anything else, also for a run that Ctrl-C stops; with `--part` 3 where other parts come first.
+is written), and 1 for anything else, also for a run that Ctrl-C stops.
 """
 
 

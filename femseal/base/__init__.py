@@ -11,7 +11,6 @@ if TYPE_CHECKING:
         InputErrors,
         NotConverged,
         NotKept,
-        PartsMissing,
         shortened,
         shown,
     )

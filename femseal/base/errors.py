@@ -29,12 +29,6 @@ class NotKept(FemsealError):
     """Results cannot be written or read: the run stops, as whatever else it would do could not be resumed."""
 
 
-class PartsMissing(NotKept):
-    """A part of a run has done what it can: it needs results of other parts, which are not there yet."""
-
-    exit_code = 3
-
-
 class InputError(FemsealError, ValueError):
     """An input cannot be used: `what` it is, what was `given` ("" where that says nothing), and what is `expected`.
 

@@ -30,7 +30,7 @@ from ..base import (
 from ..base.leak_units import LeakUnit
 from ..case.case import Case
 from ..case.reading import load_case, read_case
-from ..execution.resuming import Part, begin_run, over_store, remove_run, store_folder, writing_in
+from ..execution.resuming import begin_run, remove_run, store_folder, writing_in
 from ..execution.run import Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import prepare
 from ..runs import job
@@ -56,6 +56,7 @@ CASE_FILE = "calibrated.toml"
 _SAMPLES = 2**9, 2**12
 
 
+@validate.removed_arguments(part=job.DIVIDED_BY_DASK)
 def calibrate(
     case: Case | AnyPath,
     data: AnyPath,
@@ -70,7 +71,6 @@ def calibrate(
     replace_results: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
-    part: Part | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
     """Hardness, shortest wave that counts and a factor between model and test, from a measured curve of leakage.
@@ -87,13 +87,11 @@ def calibrate(
     error : of a measured leakage, relative standard deviation. scenes : solved at most.
     resume : take the scenes of the folder that were solved for the same case, test and ranges.
     replace_results : begin anew where the folder holds a finished calibration, and replace it.
-    part : such as (3, 16), to solve the third sixteenth of the scenes that are asked for at a time, and write them.
     workers, scheduler, progress : see `run`.
 
     Raises
     ------
     InputError : the case, the test, a range or the folder cannot be used; nothing has been computed then.
-    PartsMissing : the part has solved its scenes, and needs others that are not there yet.
     FemsealError : too few scenes could be solved.
 
     Examples
@@ -101,9 +99,9 @@ def calibrate(
     >>> found = calibrate("seal.toml", "leak_test.csv", scenes=16)  # doctest: +SKIP
     >>> found.hardness.median, found.factor  # doctest: +SKIP
     """
-    folder, going_on, part = job.checked_output(output, resume, part)
+    folder = job.checked_output(output, resume)
     is_finished = folder is not None and (folder / FILE).exists()
-    if is_finished and not going_on and not replace_results:
+    if is_finished and not resume and not replace_results:
         given = f"'{folder}', which holds a finished calibration"
         expected = (
             "another folder, --resume to go on with its scenes, or --replace (Python: replace_results=True) to begin "
@@ -135,24 +133,23 @@ def calibrate(
     progress = progress or no_progress
     with ExitStack() as stack:
         if folder is not None:
-            if not going_on and is_finished:
+            if is_finished and not resume:
                 remove_run(folder)
-            stack.enter_context(writing_in(made_folder(folder), identity, going_on, part))
+            stack.enter_context(writing_in(made_folder(folder), identity, resume))
             begin_run(folder, identity)
-            if part is None:
-                (folder / FILE).unlink(missing_ok=True)
+            (folder / FILE).unlink(missing_ok=True)
         mapper = stack.enter_context(
             ordered_map(workers, scheduler, partial(compile_ahead, progress=progress))
         )
         if folder is not None:
             store = stack.enter_context(Store(store_folder(folder)))
-            mapper = over_store(mapper, store, folder, part, progress)
+            mapper = store.over(mapper)
         mapper = stack.enter_context(Run(mapper, progress).timed("calibration"))
         posterior, points, leakage = _explored(
             partial(mapper, stage), test, rows, ranges, deviation, scenes
         )
         found = Calibration.of(posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested)
-        if folder is not None and part is None:
+        if folder is not None:
             found.write(folder)
             if not isinstance(case, Case):
                 write_text(folder / CASE_FILE, calibrated_text(*read_case(case), folder, found))

@@ -1,1 +1,1 @@
-"""How the items of a stage are computed: processes, a cluster, parts of a run, locks, progress. No physics."""
+"""How the items of a stage are computed: processes, a Dask cluster, locks, progress. No physics."""

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..base.errors import InputError
+from ..base.errors import InputError, shown
 from .run import LogFile, Progress, logging_to, no_progress
 
 
@@ -32,15 +32,20 @@ Scheduler = Annotated[
     option('Address of a Dask scheduler, or "local" for one with WORKERS processes.', "none"),
 ]
 Quiet = Annotated[bool, flag("--quiet", "No progress, no log lines, no tables.")]
-#: Of the commands whose work several processes divide.
-PartOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="I/N",
-        help="Compute part I of N, such as 3/16, beside other parts or after them; exit code 3: others are missing.",
-        show_default="all",
-    ),
-]
+
+
+def _refuse_part(part: str | None) -> None:
+    """Answer the option of a former version that divided a run among jobs."""
+    if part is not None:
+        expected = (
+            "none: removed; start a Dask cluster and give its address with --scheduler, as "
+            "examples/slurm.sh does"
+        )
+        raise InputError("--part", shown(part), expected)
+
+
+#: Former option of the commands whose work several machines divide.
+PartOption = Annotated[str | None, typer.Option(hidden=True, callback=_refuse_part)]
 
 
 def print_table(table: Any) -> None:

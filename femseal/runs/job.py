@@ -20,10 +20,10 @@ from ..base import (
     FemsealError,
     InputError,
     Mapper,
-    PartsMissing,
     made_folder,
     numerical_versions,
     to_text,
+    validate,
     writing,
 )
 from ..base.files import remove_foreign
@@ -33,11 +33,8 @@ from ..case.case import Case
 from ..case.case_tables import FILE_KEYS
 from ..case.reading import load_case
 from ..execution.resuming import (
-    Part,
     alone_in,
     begin_run,
-    checked_part,
-    over_store,
     remove_run,
     resumable,
     store_folder,
@@ -72,6 +69,11 @@ from .forecast import described, refuse_too_large, solids_text
 log = logging.getLogger("femseal")
 
 
+#: What divides the work of a run among machines, for those who ask for a part of it.
+DIVIDED_BY_DASK = "start a Dask cluster and give its scheduler, as examples/slurm.sh does"
+
+
+@validate.removed_arguments(part=DIVIDED_BY_DASK)
 def run(
     case: Case | AnyPath,
     output: AnyPath | None = None,
@@ -79,7 +81,6 @@ def run(
     workers: int | None = None,
     scheduler: str | None = None,
     *,
-    part: Part | None = None,
     shared: AnyPath | None = None,
     replace_results: bool = False,
     progress: Progress | None = None,
@@ -95,10 +96,6 @@ def run(
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
         with `workers` processes, see `execution.run.ordered_map`.
-    part : such as (3, 16), to compute the third sixteenth of the items of every stage, and end; parts of a case work in
-        one folder at the same time or one after the other, go on from what is there, and write no results: None is
-        returned. Once all is there, a run with `resume` and without `part` writes them, the same bits as those of one
-        process.
     replace_results : compute the case where the folder holds results of a finished run, whose files are replaced.
     shared : folder with results of stages, where a run keeps its own and finds those of other runs that do the same
         with the same numbers; it grows with every run.
@@ -110,7 +107,6 @@ def run(
         folder holds the results of a finished run, with `resume` those of another case, or an unfinished run of another
         case, other face files or other versions, or one without `resume`, or another run is under way there; nothing
         has been written then.
-    PartsMissing : the part has computed what it can, and needs items of other parts that are not there yet.
     FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
         folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
 
@@ -123,7 +119,7 @@ def run(
         case = load_case(case)
     if workers is not None and (not isinstance(workers, int) or workers < 1):
         raise InputError("workers", workers, "a whole number >= 1, or None for all cores")
-    folder, resume, part = checked_output(output, resume, part)
+    folder = checked_output(output, resume)
     faces = face_files(case)
     # options of the output may change before a run is resumed
     echo = case.echo()
@@ -144,7 +140,7 @@ def run(
         enter(reporting_compilation(progress))
         # a folder is made once the case has been found good
         if there := folder is not None and folder.is_dir():
-            going_on = enter(writing_in(folder, identity, resume, part))
+            going_on = enter(writing_in(folder, identity, resume))
         prepared = prepare(case)
         if scheduler is None:
             refuse_too_large(case, prepared)
@@ -152,21 +148,15 @@ def run(
         if folder is None:
             kept = Path(enter(TemporaryDirectory()) if shared is None else shared)
             store = enter(Store(kept, required=False))
-            results = _results(case, prepared, faces, Run(store.over(mapper), progress))
-            assert results is not None
-            return results
+            return _results(case, prepared, faces, Run(store.over(mapper), progress))
         if not there:
-            going_on = enter(writing_in(made_folder(folder), identity, resume, part))
-        enter(_log_file(folder, append=going_on or part is not None))
+            going_on = enter(writing_in(made_folder(folder), identity, resume))
+        enter(_log_file(folder, append=going_on))
         if going_on:
             log.info("resumed from %s", store_folder(folder))
         begin_run(folder, identity)
         store = enter(Store(Path(shared or store_folder(folder))))
-        run_ = Run(over_store(mapper, store, folder, part, progress), progress)
-        results = _results(case, prepared, faces, run_, part)
-        if results is None:
-            log.info("part %s: the items of all parts are there", "/".join(map(str, part or ())))
-            return None  # type: ignore[return-value]
+        results = _results(case, prepared, faces, Run(store.over(mapper), progress))
         progress("writing results", 0, None)
         # the pictures are small, and drawn on this machine
         _write(results, folder, case, mapper if scheduler is None else map)
@@ -176,22 +166,20 @@ def run(
         return replace(results, folder=folder)
 
 
-def checked_output(
-    output: AnyPath | None, resume: bool, part: Part | None
-) -> tuple[Path | None, bool, Part | None]:
-    """Folder of a computation, whether it goes on from what is there, as a part does always, and the part.
+def checked_output(output: AnyPath | None, resume: bool) -> Path | None:
+    """Return the output folder as a path, None where nothing is written.
 
-    Raises InputError: a file, a part that cannot be, or neither folder nor computation to go on with.
+    Raises
+    ------
+    InputError : the output is a file, or there is no folder whose run could be resumed.
     """
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
         expected = "a folder, or one that does not exist"
         raise InputError("output", f"'{folder}', which is a file", expected)
-    if (resume or part is not None) and folder is None:
-        what = "resume" if part is None else "part"
-        raise InputError(what, part or True, "an output folder with it")
-    part = None if part is None else checked_part(part)
-    return folder, resume or part is not None, part
+    if resume and folder is None:
+        raise InputError("resume", resume, "an output folder with it")
+    return folder
 
 
 @contextmanager
@@ -209,10 +197,8 @@ def _interrupts() -> Iterator[None]:
 
 
 @_interrupts()
-def _results(
-    case: Case, made: Prepared, faces: dict[str, str], run: Run, part: Part | None = None
-) -> Results | None:
-    """Solve the studies of a prepared case, and put their results together; None of a part, which others need not."""
+def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Results:
+    """Solve the studies of a prepared case, and put their results together."""
     log.info("case %s: surface %s", case.title or "without title", made.scene.surface)
     prepared, studies, refined = made, {}, None
     if case.accuracy is not None:
@@ -233,8 +219,6 @@ def _results(
         request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
         with run.timed("error budget") as mapper:
             budgets = budgets_of(request, studies, mapper, known)
-    if part is not None:
-        return None
     attributes = {
         "seat": prepared.seat,
         "face_files": json.dumps(faces),
@@ -315,9 +299,6 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
     with logging_to(handler):
         try:
             yield
-        except PartsMissing as error:
-            log.info("%s", error)
-            raise
         except Exception:
             log.exception("the run stopped")
             raise

@@ -120,9 +120,6 @@ class Store:
         """Number of results in the folder, as far as it was looked at."""
         return len(self._found)
 
-    def __contains__(self, key: bytes) -> bool:
-        return key in self._found
-
     def look(self) -> None:
         """Look for results that other processes have added."""
         with suppress(OSError):

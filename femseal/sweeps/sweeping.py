@@ -21,10 +21,11 @@ from ..base import (
     made_folder,
     shortened,
     shown,
+    validate,
 )
 from ..case.case import Case
 from ..case.reading import parse_case, read_case
-from ..execution.resuming import Part, alone_in, own_items, refuse_unfinished
+from ..execution.resuming import alone_in, refuse_unfinished
 from ..execution.run import no_progress
 from ..preparation.preparation import prepare
 from ..results.results import Results
@@ -43,6 +44,7 @@ MOST_CASES = 1000
 _LONGEST_NAME = 100
 
 
+@validate.removed_arguments(part=job.DIVIDED_BY_DASK)
 def sweep(
     case: AnyPath,
     keys: Mapping[str, Sequence[Any]],
@@ -53,7 +55,6 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     unit: str | None = None,
-    part: Part | None = None,
     progress: job.Progress | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> RunComparison:
@@ -71,14 +72,12 @@ def sweep(
     resume : take the cases that are complete, and go on with those that are not.
     replace_results : compute cases whose folders hold results of finished runs, and replace these.
     workers, scheduler : of each run, see `run`. unit : of the comparison, see `compare`.
-    part : such as (3, 16), to run the third sixteenth of the cases only, and write no table; with `resume` and without
-        `part` the others are run that are not there, and all are compared.
     progress : called as progress(stage, done, total), also with the stage "cases". announce : called with a line for
         each case before it is run.
 
     Returns
     -------
-    The runs side by side, of a part its own, without those that failed.
+    The runs side by side, without those that failed.
 
     Raises
     ------
@@ -90,13 +89,8 @@ def sweep(
     >>> sweep("seal.toml", {"material.hardness": ["3 GPa", "4 GPa"]}, "results/hardness")  # doctest: +SKIP
     """
     cases = variations(*read_case(case), keys)
-    folder, resume, part = job.checked_output(output, resume, part)
+    folder = job.checked_output(output, resume)
     assert folder is not None
-    if part is not None:
-        first, end = own_items(part, count := len(cases))
-        if not (cases := cases[first:end]):
-            given = f"{part[0]}/{part[1]} of {counted(count, 'case')}"
-            raise InputError("part", given, "no more parts than cases")
     report = progress or no_progress
     for variation in cases:
         try:
@@ -109,7 +103,7 @@ def sweep(
             job.refuse_finished(folder / variation.name, variation.case if resume else None)
     if not resume:
         refuse_unfinished(folder, SHARED)
-    with alone_in(made_folder(folder), part):
+    with alone_in(made_folder(folder)):
         kept: list[tuple[Variation, Results]] = []
         failures: list[str] = []
         report("cases", 0, len(cases))
@@ -139,13 +133,11 @@ def sweep(
         names, settings = [one.name for one in done], tuple(one.values for one in done)
         shorts = short_names(list(keys))
         found = compared(names, runs, unit=unit, keys=shorts, settings=settings)
-        if part is None:
-            found.write(folder, STEM)
+        found.write(folder, STEM)
         if failures:
             text = f"sweep: {len(failures)} of {counted(len(cases), 'case')} failed; --resume tries them again"
             raise FemsealError("\n".join([text, *failures]))
-        if part is None:
-            shutil.rmtree(folder / SHARED, ignore_errors=True)
+        shutil.rmtree(folder / SHARED, ignore_errors=True)
     return found
 
 

@@ -61,7 +61,6 @@ SMALL = {
     "CASE": "seal.toml",
     "FILE": "written.file",
     "N": "2",
-    **dict.fromkeys(("1/2", "2/2", "3/16"), "1/1"),  # which needs no others
     "face.plu": "face.x3p",
     "examples/turned_seal.toml": "seal.toml",
     "examples/gasket_seal.toml": "gasket.toml",
@@ -111,7 +110,6 @@ FORMS = sorted(
 SLOW = {
     "run CASE -o DIR --workers N",
     "run CASE -o DIR --scheduler local",
-    "run CASE -o DIR --part 3/16",
     "run examples/gasket_seal.toml -o results/gasket",
     "sweep seal.toml material.hardness=3GPa,4GPa face.pitch=40um,60um",
     "calibrate seal.toml leak_test.csv -o results/calibrated",
@@ -186,9 +184,6 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
             if word.startswith("results/"):
                 shutil.copytree(finished, word)
         code, said, complaint = femseal(*arguments)
-        if "--part" in arguments and code == 0:
-            at = arguments.index("--part")
-            code, said, complaint = femseal(*arguments[:at], "--resume", *arguments[at + 2 :])
     assert code == 0, said + complaint
     assert all(" INFO " in line for line in complaint.splitlines())
     for output in outputs:

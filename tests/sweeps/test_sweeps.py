@@ -18,6 +18,7 @@ from femseal.case.reading import read_case
 from femseal.results.run_comparison import compared
 from femseal.results.variables import add_budgets
 from femseal.runs import job
+from femseal.store.store import Store
 from femseal.sweeps.sweeping import parsed_keys, variations
 
 KEYS = {"material.hardness": ["3 GPa", "6 GPa"], "fluid.viscosity": ["1 mPa*s", "2 mPa*s"]}
@@ -161,6 +162,33 @@ def test_a_sweep_goes_on_and_takes_more_values(swept, contacts):
     assert again.names == found.names
     for one, other in zip(again.runs, found.runs, strict=True):
         assert_array_equal(one.leakage, other.leakage)
+
+
+class Killed(Exception):
+    """Stands for the end of the process."""
+
+
+def test_a_sweep_that_was_killed_solves_each_contact_once(tmp_path, contacts, monkeypatch):
+    (case := tmp_path / "small.toml").write_text(CASE + "pictures = false\nreport = false\n")
+    keys, out = {"material.hardness": ["3 GPa", "6 GPa"]}, tmp_path / "out"
+    whole = fs.sweep(case, keys, tmp_path / "whole", workers=1)
+    solved_once = len(contacts)
+    contacts.clear()
+
+    def kill(stage, done, total):
+        if stage == "stochastic: contact of the whole face" and done == 1:
+            raise Killed
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "__exit__", lambda *a: None)  # as a kill leaves it
+        with pytest.raises(Killed):
+            fs.sweep(case, keys, out, progress=kill, workers=1)
+    again = fs.sweep(case, keys, out, resume=True, workers=1)
+    assert len(contacts) == solved_once
+    for expected, run in zip(whole.runs, again.runs, strict=True):
+        assert_array_equal(run.leakage, expected.leakage)
+    assert (out / "sweep.csv").read_bytes() == (tmp_path / "whole/sweep.csv").read_bytes()
+    assert not list(out.rglob(".*"))
 
 
 def test_cases_that_fail_do_not_stop_the_others(case, tmp_path, monkeypatch):
