@@ -285,8 +285,8 @@ def surface(
         float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")
     ] = 6.0,
     detrend: Annotated[
-        int, typer.Option(help="Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.")
-    ] = 1,
+        int | None, option("Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.", "1")
+    ] = None,
     shortest_wave: Annotated[str | None, option("Low-pass of a run.", "measured ones")] = None,
     max_undefined: Annotated[
         float, typer.Option(help="Largest fraction of points that are filled.")

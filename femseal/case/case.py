@@ -260,8 +260,9 @@ class Case(Table):
             given = f"{boundary} along x1 with a {kind} seat"
             raise fault("contact.boundary", given, "free along x1")
         least = least_detrend(kind)
-        if any(isinstance(face, FileFace) for face in self.face) and self.surface.detrend < least:
-            given = f"{self.surface.detrend} with a {kind} seat: the form would count twice"
+        order = 1 if self.surface.detrend is None else self.surface.detrend
+        if any(isinstance(face, FileFace) for face in self.face) and order < least:
+            given = f"{order} with a {kind} seat: the form would count twice"
             raise fault("surface.detrend", given, f"{least}: the form is that of [seat]")
         if self.load.map is not None:
             expected = "none: the form gives the pressure of the rows"

@@ -286,8 +286,11 @@ class SurfaceTable(Table):
     spikes: Threshold = key(
         "robust deviations from which isolated points of files are filled; `inf`: none", SPIKES
     )
-    detrend: Literal[0, 1, 2] = key(
-        "form taken off: 0 mean, 1 tilt, 2 curvature too; 2 by default with a curved `[seat]`", 1
+    detrend: Literal[0, 1, 2] | None = key(
+        "form taken off: 0 mean, 1 tilt, 2 curvature too; of files 1, with a curved `[seat]` 2, "
+        "of generated faces 0",
+        None,
+        example=2,
     )
     shortest_wave: Wave | None = key(
         "low-pass; 8 pixels unless given, of a file the shortest wave measured",

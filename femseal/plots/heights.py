@@ -138,7 +138,7 @@ def survey_figure(
     report: SurfaceReport | None = None,
     conditioning: Conditioning | None = None,
     *,
-    detrend: int = 1,
+    detrend: int | None = None,
     spikes: float = SPIKES,
 ) -> Figure:
     """Levelled map with undefined points and spikes, histogram of heights, radial and profile spectral densities.

@@ -149,7 +149,7 @@ def _repaired_faces(
     """
     # every face has its own random stream, independent of later draws of the method
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
-    treatment = case.surface.model_dump(include={"max_undefined", "detrend"})
+    detrend, max_undefined = case.surface.detrend, case.surface.max_undefined
     faces: list[Repaired] = []
     instruments: list[Instrument] = []
     notes: list[str] = []
@@ -162,7 +162,10 @@ def _repaired_faces(
             rng = np.random.default_rng(seeds[n])
             maps = [one.make(case.folder, rng) for one in table.each(case.folder)]
         with with_keys(SURFACE_KEYS | {"heights": place}):
-            faces.append([repair(face.topography, spikes=spikes, **treatment) for face in maps])
+            # a generated face is level, and its waves would be levelled
+            order = 0 if detrend is None and not isinstance(table, FileFace) else detrend
+            treatment = {"spikes": spikes, "detrend": order, "max_undefined": max_undefined}
+            faces.append([repair(face.topography, **treatment) for face in maps])
         instruments += [face.instrument for face in maps]
         notes += [note for face in maps for note in face.notes]
     seen = map(Instrument.shortest_wave, instruments, (flat for flat, _ in chain(*faces)))
@@ -175,7 +178,10 @@ def _repaired_faces(
     placement = case.face[1].placement if isinstance(case.face[1], FileFace) else {}
     sums, overlaps = zip(*(combine(a, b, **placement) for (a, _), (b, _) in pairs), strict=True)
     with with_keys(SURFACE_KEYS | {"heights": "face"}):
-        flat = [repair(face, spikes=inf, **treatment) for face in sums]
+        is_measured = any(isinstance(table, FileFace) for table in case.face)
+        order = 0 if detrend is None and not is_measured else detrend
+        treatment = {"spikes": inf, "detrend": order, "max_undefined": max_undefined}
+        flat = [repair(face, **treatment) for face in sums]
     return flat, [*chain(*pairs)], overlaps[0], instrument, tuple(notes)
 
 

@@ -83,7 +83,7 @@ def survey(
     picture: Path | None,
     *,
     spikes: float,
-    detrend: int,
+    detrend: int | None,
     shortest_wave: str | None,
     max_undefined: float,
     channel: str = "0",
@@ -182,7 +182,7 @@ def look(
     found = _Look(report, conditioning, reasons=tuple(reasons))
     if not kept.rms_slope:
         return found
-    curved = flat.with_heights(flat.heights + repaired.form.heights).detrend(1)
+    curved = flat.with_heights(flat.heights + repaired.form.heights).detrend(None)
     curved = curved.low_pass(conditioning.shortest_wave)
     # leakage does not depend on E* itself
     hardness = _HARDNESS * curved.rms_slope

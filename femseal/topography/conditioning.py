@@ -21,7 +21,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Labelled, Pair, Shape, counted, labelled, to_text, validate
-from .defects import SPIKES, Form, TooManyUndefined, fit_form
+from .defects import SPIKES, Form, TooManyUndefined
 from .generate import PIXELS_PER_WAVE
 from .patches import Patches, Surface
 from .texture import Spectrum, spectrum
@@ -89,19 +89,23 @@ class Repair:
 
 
 def repair(
-    topography: Topography, *, spikes: float = SPIKES, max_undefined: float = 0.05, detrend: int = 1
+    topography: Topography,
+    *,
+    spikes: float = SPIKES,
+    max_undefined: float = 0.05,
+    detrend: int | None = None,
 ) -> tuple[Topography, Repair]:
     """Flat map without spikes and without undefined points: both filled by the harmonic surface through their rims.
 
     topography : as measured.
     spikes : threshold of `find_spikes` in robust standard deviations; infinite leaves them.
     max_undefined : largest fraction of points (0 to 1) that may be filled, spikes included.
-    detrend : order of the form taken off, see `Topography.detrend`.
+    detrend : order of the form taken off, see `Topography.form`.
 
     Raises InputError: more points to fill, or none that is defined; threshold not > 0; another order.
     """
     marked = topography.without_spikes(spikes)
-    form = fit_form(marked.heights, marked.size, detrend)
+    form = marked.form(detrend)
     flat = Topography(marked.heights - form.heights, marked.spacing, marked.periodic)
     spiked = np.isnan(marked.heights) & ~np.isnan(topography.heights)
     count = int(np.count_nonzero(spiked))
@@ -214,7 +218,7 @@ def condition(
     topography: Surface,
     *,
     spikes: float = SPIKES,
-    detrend: int = 1,
+    detrend: int | None = None,
     shortest_wave: float | None = None,
     max_undefined: float = 0.05,
     shape: Shape | None = None,
@@ -227,7 +231,8 @@ def condition(
     ----------
     topography : the map as measured, or several patches, each of which is conditioned by itself.
     spikes : threshold of isolated points that are taken for undefined ones, see `find_spikes`; infinite leaves them.
-    detrend : order of the form removed: 0 mean, 1 tilt, 2 tilt and curvature.
+    detrend : order of the form removed: 0 mean, 1 tilt, 2 tilt and curvature. Unless given: the tilt, but not along an
+        axis on which the map is periodic without a step, see `Topography.form`.
     shortest_wave : waves kept are no shorter [m]. Unless given: 8 pixels of the final grid, but no less than the
         shortest wave above noise and cut-off of the instrument (see `describe_surface`), or 8 measured pixels where
         these are shorter, and no less than the instrument sees. A wave of less than 8 measured pixels needs `shape`

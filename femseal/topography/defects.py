@@ -68,12 +68,12 @@ def scaled_centres(n: int) -> NDArray:
     return (2 * np.arange(n) + 1 - n) / n
 
 
-def fit_form(heights: NDArray, size: Pair, order: int) -> Form:
+def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True, True)) -> Form:
     """Least-squares form of `heights` (n1, n2) [m] with NaN for undefined points.
 
     The normal equations need only the moments Σ uⁱ vʲ and Σ z uⁱ vʲ, which are two matrix products per map:
     no design matrix of the size of the map. Where points do not fix a term (a single row), it is zero (least
-    norm).
+    norm). Along an axis that is not `tilted` the form is level.
 
     Raises InputError: order not 0, 1 or 2; no defined point.
     """
@@ -86,7 +86,12 @@ def fit_form(heights: NDArray, size: Pair, order: int) -> Form:
     u, v = (np.vander(scaled_centres(n), 2 * order + 1, increasing=True) for n in heights.shape)
     moments = u.T @ defined.astype(float) @ v
     loads = u.T @ np.where(defined, heights - mean, 0.0) @ v
-    terms = [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
+    terms = [
+        (i, j)
+        for i in range(order + 1)
+        for j in range(order + 1 - i)
+        if (tilted[0] or i == 0) and (tilted[1] or j == 0)
+    ]
     normal = np.array([[moments[i + k, j + l] for k, l in terms] for i, j in terms])
     solution = np.linalg.lstsq(normal, np.array([loads[t] for t in terms]))[0]
     coefficients = np.zeros((3, 3))

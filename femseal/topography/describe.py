@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..base import Labelled, Pair, Shape, labelled
 from .conditioning import repair
-from .defects import SPIKES, fit_form
+from .defects import SPIKES
 from .patches import check_single_patch
 from .texture import NO_LAW, spectrum, texture
 from .topography import Topography
@@ -78,14 +78,19 @@ class SurfaceReport(Labelled):
 
 
 def describe_surface(
-    topography: Topography, *, detrend: int = 1, spikes: float = SPIKES, max_undefined: float = 0.05
+    topography: Topography,
+    *,
+    detrend: int | None = None,
+    spikes: float = SPIKES,
+    max_undefined: float = 0.05,
 ) -> SurfaceReport:
     """Describe a measured or generated map.
 
     Parameters
     ----------
     topography : the map as measured.
-    detrend : order of the form taken off first: 0 mean, 1 tilt, 2 tilt and curvature.
+    detrend : order of the form taken off first: 0 mean, 1 tilt, 2 tilt and curvature. Unless given: the tilt, but not
+        along an axis on which the map is periodic without a step, see `Topography.form`.
     spikes : threshold of `find_spikes`; infinite looks for none.
     max_undefined : largest fraction of points (0 to 1) that may be filled for slopes, texture and spectrum.
 
@@ -102,10 +107,10 @@ def describe_surface(
     """
     check_single_patch("surface", topography)
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
-    measured = topography.heights - fit_form(topography.heights, topography.size, detrend).heights
+    measured = topography.heights - topography.form(detrend).heights
     z = measured[~np.isnan(measured)]
     mean_height, sq, skewness = _moments(z)
-    tilt = fit_form(topography.heights, topography.size, max(detrend, 1)).slopes
+    tilt = topography.form(2 if detrend == 2 else 1).slopes
     waves = spectrum(flat)
     law = waves.law or NO_LAW
     return SurfaceReport(

@@ -144,7 +144,7 @@ class Patches(Plotted):
         expected = "like waves: a shortest wave that all of them carry makes them alike"
         _check_alike("waves of about", waves, _UNLIKE_WAVES, expected)
 
-    def detrend(self, order: int = 1) -> Patches:
+    def detrend(self, order: int | None = 1) -> Patches:
         """Take off the form of each patch, see `Topography.detrend`."""
         return self.of_each(lambda p: p.detrend(order))
 

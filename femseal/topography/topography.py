@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from math import isnan, nan
 from typing import Any
 
 import numpy as np
@@ -33,8 +35,11 @@ from ..base import (
     to_text,
     validate,
 )
-from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes, fit_form
+from .defects import SPIKES, Form, TooManyUndefined, fill_holes, find_spikes, fit_form
 
+#: A periodic axis has a step at its border where the height changes there by more than this many times the usual change
+#: from point to point, rms.
+_STEP = 2.0
 #: Relative slack on a limit of wavenumber, so that rounding does not decide on the wave exactly at the limit.
 SLACK = 1e-9
 
@@ -184,6 +189,26 @@ class Topography(Plotted):
         return float(np.isnan(self.heights).mean())
 
     @property
+    def seamless(self) -> Periodic:
+        """Whether the map is periodic along each axis and has no step where it repeats itself.
+
+        A map that was measured has such a step even if it is called periodic, and so has a periodic one that was
+        levelled: a plane is not periodic.
+        """
+        return self._is_seamless(0), self._is_seamless(1)
+
+    def _is_seamless(self, axis: int) -> bool:
+        if not self.periodic[axis]:
+            return False
+        lines = self.heights.swapaxes(0, axis)
+        at_border = _mean_square(lines[0] - lines[-1])
+        changes = [_mean_square(after - before) for before, after in pairwise(lines)]
+        known = [change for change in changes if not isnan(change)]
+        if isnan(at_border) or not known:
+            return True
+        return at_border <= _STEP**2 * sum(known) / len(known)
+
+    @property
     def rms_height(self) -> float:
         """Sq, rms height about the mean [m]."""
         return float(self._defined("rms_height").std())
@@ -206,16 +231,28 @@ class Topography(Plotted):
         """h′_rms, rms of the modulus of the gradient |∇z| [-]; see `rms_slopes`."""
         return float(np.hypot(*self.rms_slopes))
 
-    def detrend(self, order: int = 1) -> Topography:
-        """Map less its least-squares form: mean (order 0), tilt plane (1), or tilt and curvature (2).
+    def detrend(self, order: int | None = 1) -> Topography:
+        """Subtract the least-squares form of the map, see `form`.
 
-        Undefined points are left out of the fit and stay undefined. The fit is over all points on every axis,
-        as usual for measured data: on an axis declared periodic, where a tilt cannot be meant, it also removes
-        the small projection of the waves on a plane; use order 0 there.
+        Undefined points are left out of the fit and stay undefined.
 
         Raises InputError: another order.
         """
-        return self.with_heights(self.heights - fit_form(self.heights, self.size, order).heights)
+        return self.with_heights(self.heights - self.form(order).heights)
+
+    def form(self, order: int | None = None) -> Form:
+        """Fit the mean (order 0), mean and tilt (1), or mean, tilt and curvature (2) to the defined points.
+
+        A periodic map has no tilt: a plane fitted to it is a part of its waves, and subtracting it leaves a step where
+        the map repeats itself. The order None therefore fits the mean, and the tilt only along axes on which the map is
+        not `seamless`.
+
+        Raises InputError: another order, or no defined point.
+        """
+        if order is None:
+            first, second = self.seamless
+            return fit_form(self.heights, self.size, 1, tilted=(not first, not second))
+        return fit_form(self.heights, self.size, order)
 
     def low_pass(self, wavelength: float) -> Topography:
         """Waves with |q| <= 2π/`wavelength`, in any direction: truncation in Fourier space.
@@ -426,6 +463,12 @@ class Topography(Plotted):
 
     def __repr__(self) -> str:
         return f"Topography({', '.join(f'{name} {text}' for name, text in self.facts().items())})"
+
+
+def _mean_square(values: NDArray) -> float:
+    """Return the mean square of the defined values, NaN if there is none."""
+    defined = values[~np.isnan(values)]
+    return float(defined @ defined) / defined.size if defined.size else nan
 
 
 def _clean(heights: Any) -> Array:

@@ -11,7 +11,13 @@ from numpy.testing import assert_allclose
 
 from femseal.base import InputError
 from femseal.flow import cell_permeability
-from femseal.topography import Topography, condition, resolving_shape, self_affine
+from femseal.topography import (
+    Topography,
+    condition,
+    describe_surface,
+    resolving_shape,
+    self_affine,
+)
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
 SIZE = (3e-3, 2e-3)
@@ -194,6 +200,45 @@ def test_detrend_removes_its_form_and_is_idempotent(order):
         assert (np.abs(left).max() < 1e-14) == (last <= order)
     rough = noise(shape).detrend(order)
     assert_allclose(rough.detrend(order).heights, rough.heights, atol=1e-12)
+
+
+def test_a_periodic_map_is_not_levelled_unless_asked_for():
+    """Self-affine without a plateau: the plane fitted to it is a part of its waves."""
+    face = self_affine((128, 128), SIZE, hurst=0.8, rms_slope=0.2, rng=1)
+    kept, report = condition(face)
+    assert_allclose(kept.rms_slope, 0.2, rtol=1e-9)
+    assert report.removed_tilt == (0.0, 0.0)
+    assert_allclose(describe_surface(face).rms_slope, 0.2, rtol=1e-9)
+    # the plane through a single wave leaves a step of twice its amplitude
+    single = wave((128, 128), (1, 0), (True, True), phase=(-0.5 * np.pi, 0.0))
+    assert single.seamless == (True, True)
+    assert single.detrend(1).seamless == (False, True)
+    slope = single.rms_slope
+    assert_allclose(condition(single)[0].rms_slope, slope, rtol=1e-9)
+    assert condition(single, detrend=1)[0].rms_slope > 1.5 * slope
+
+
+@each("periodic", [(True, True), (False, True), (False, False)])
+def test_a_measured_map_is_levelled_whatever_its_borders_are_called(periodic):
+    """Part of a larger map, with a tilt: it has a step where it would repeat itself."""
+    larger = self_affine((128, 256), SIZE, hurst=0.8, rms_slope=0.2, rng=1).heights[:, :128]
+    tilt = 0.3 * SIZE[1] / 256
+    measured = Topography(larger + tilt * np.arange(128), (SIZE[0] / 128, SIZE[1] / 256), periodic)
+    form = measured.form()
+    assert_allclose(form.slopes[1], measured.form(1).slopes[1], rtol=1e-9)
+    assert_allclose(measured.detrend(None).form(1).slopes[1], 0, atol=1e-12)
+    # along x1 the map repeats itself
+    is_levelled = form.slopes[0] != 0
+    assert is_levelled == (not periodic[0])
+
+
+def test_undefined_points_at_the_border_do_not_decide_whether_it_has_a_step():
+    z = np.cos(2 * np.pi * np.arange(32) / 32)[:, None] * np.ones(16)
+    z[0, 3:] = np.nan
+    assert Topography(z, (1e-6, 1e-6)).seamless == (True, True)
+    z[0] = np.nan
+    assert Topography(z, (1e-6, 1e-6)).seamless == (True, True)
+    assert Topography(z * np.nan, (1e-6, 1e-6)).seamless == (True, True)
 
 
 def test_detrend_is_the_least_squares_plane_of_the_defined_points():
