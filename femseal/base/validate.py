@@ -6,7 +6,7 @@ a key for each of them from the same metadata.
 
 import dataclasses
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial, wraps
 from math import inf, isfinite, nan
 from numbers import Real
@@ -160,15 +160,6 @@ def grid(name: str, value: Any, *, minimum: int = 1) -> Shape:
     """Two whole numbers >= `minimum`, along x1 and x2."""
     check = partial(count, name, least=minimum)
     return _two(name, value, check, f"two whole numbers >= {minimum}")
-
-
-def pressures(name: str, value: Mapping[str, Any]) -> dict[str, float]:
-    """Pressures [Pa] of boundaries by their names, at least one."""
-    if not value:
-        raise InputError(name, "no boundaries", "names of boundaries with their pressures")
-    return {
-        one: number(f"{name} {one!r}", given, unit="Pa", above=-inf) for one, given in value.items()
-    }
 
 
 def flags(name: str, value: Any) -> Periodic:

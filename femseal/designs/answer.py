@@ -135,9 +135,7 @@ def design(
             )
         variants = solved_variants(case, results, workers, shown)
     if (state := state_of_classes(results)) is not None:
-        several = isinstance(results.case.get("seal", {}).get("inlet"), dict)
-        slope = np.nan if several else inlet_slope(state)
-        variants = replace(variants, law_length=state.law.length, inlet_slope=slope)
+        variants = replace(variants, law_length=state.law.length, inlet_slope=inlet_slope(state))
     answer = Design(
         results=results,
         seals=seals,

@@ -90,7 +90,7 @@ def sensitivities(
     how_force = "Darcy's law, with the pressure of the force; Qmin: the force"
     how_inlet = "potential of the fluid"
     if not np.isfinite(variants.inlet_slope):
-        how_inlet = "unknown for a rarefied gas, for several inlet pressures, and without a fluid"
+        how_inlet = "unknown for a rarefied gas, and without a fluid"
     rough, how_rough = 2 - hard - load - thick - at_wall, "scaling law of contact and flow, exact"
     if variants.hardens:
         rough, how_rough = np.nan, "unknown: the metal hardens over a depth of its own"

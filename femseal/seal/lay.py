@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -77,6 +79,16 @@ def check_size(name: str, size: float, unit: str = "") -> None:
         given = f"a seal {to_text(size, 'm', 3)} across{f' with the unit {unit!r}' if unit else ''}"
         expected = f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?"
         raise InputError(name, given, expected)
+
+
+def check_inlet(inlet: Any) -> None:
+    """Raise InputError if pressures are given to the inlets of a mesh, as a former version took them."""
+    if isinstance(inlet, Mapping):
+        expected = (
+            "names of boundaries, which all have the inlet pressure of the fluid: the highest of several "
+            "pressures gives an upper bound of the leakage"
+        )
+        raise InputError("inlet", f"pressures of {', '.join(map(str, inlet))}", expected)
 
 
 def check_ring(inner: float, outer: float, inlet: str) -> None:

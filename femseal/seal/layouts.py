@@ -6,7 +6,6 @@ To add a shape, write a frozen dataclass with its `kind`, the parameters that a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, pi
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 from ..base import InputError, Pair, shown, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
-from .lay import Lay, check_ring, check_size
+from .lay import Lay, check_inlet, check_ring, check_size
 from .pressure_map import Frame
 
 if TYPE_CHECKING:
@@ -94,10 +93,7 @@ class Layout(Protocol):
         ...
 
 
-_INLET = (
-    "side of the ring, or boundaries of the mesh; "
-    '`{bore = "10 MPa", port = "4 MPa"}` sets pressures'
-)
+_INLET = "side of the ring, or boundaries of the mesh"
 
 
 _LAY = (
@@ -212,7 +208,7 @@ class MeshLayout:
     """A seal of any plan shape, from a mesh file.
 
     path : the file, see `MeshSeal`. unit : of its lengths, such as "mm". inlet, outlet : names of boundaries, one or
-    several each; all others are closed. Inlets at several pressures are given as {name: pressure [Pa]}.
+    several each; all others are closed.
     lay : of the face on the seal, see `Lay`. centre : from which "radial", "circumferential" and the maps of the
     pressure are seen [m].
     length : by which leakage is divided [m]; that of the outlet unless given.
@@ -222,7 +218,7 @@ class MeshLayout:
     has_length: ClassVar[bool] = False
     path: Path = described("file of the mesh, relative to the case", example="seal.msh")
     unit: str = described("of the lengths in the mesh", example="mm")
-    inlet: str | tuple[str, ...] | Mapping[str, float] = described(_INLET, example="bore")
+    inlet: str | tuple[str, ...] = described(_INLET, example="bore")
     outlet: str | tuple[str, ...] = described(
         "boundaries; all others are closed", example=["rim", "bolts"]
     )
@@ -243,17 +239,11 @@ class MeshLayout:
         object.__setattr__(self, "lay", lay_of(self.lay, Path(self.path).parent))
         if self.lay.name == "spiral":
             raise InputError("lay", f"'{self.lay}' on a mesh", "a spiral on a strip or a ring")
+        check_inlet(self.inlet)
         for name in ("inlet", "outlet"):
             names = getattr(self, name)
-            if isinstance(names, Mapping):
-                object.__setattr__(self, name, validate.pressures("inlet", names))
-            elif not isinstance(names, str):
+            if not isinstance(names, str):
                 object.__setattr__(self, name, tuple(names))
-
-    @property
-    def inlet_pressures(self) -> dict[str, float]:
-        """Pressures of the inlets by their names [Pa]; empty where all have that of the scene."""
-        return dict(self.inlet) if isinstance(self.inlet, Mapping) else {}
 
     def lay_out(self, pieces: PieceSize) -> SealTiles:
         """Each element is a tile, or shares one with its neighbours."""
@@ -274,9 +264,7 @@ class MeshLayout:
         return Frame(centre=self.centre)
 
     def __str__(self) -> str:
-        texts = [f"{name} at {to_text(p, 'Pa')}" for name, p in self.inlet_pressures.items()]
-        inlets = f"inlets {', '.join(texts)}, " if texts else ""
-        return f"the mesh {Path(self.path).name}, {inlets}lay {self.lay}"
+        return f"the mesh {Path(self.path).name}, lay {self.lay}"
 
 
 def _refuse_sizes(kind: str, pieces: PieceSize) -> None:

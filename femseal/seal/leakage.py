@@ -19,7 +19,7 @@ from ..flow.permeability_table import PermeabilityTable, PressureCurve
 from ..flow.pressure_drop import PressureDrop
 from ..flow.problem import DarcyFlow
 from ..fluids import Fluid, potential_of
-from .mesh_seal import ElementSeal, PressureBoundaries
+from .mesh_seal import ElementSeal
 from .shapes import Seal, StructuredSeal
 
 
@@ -155,9 +155,6 @@ class Leakage(Shown):
         default=None,
         repr=False,
     )
-    boundary_rates: dict[str, float] | None = _known(
-        "m^3/s", "flow into the seal through each boundary, of inlets with pressures", default=None
-    )
 
 
 def seal_leakage(
@@ -165,7 +162,7 @@ def seal_leakage(
     permeability: Any,
     fluid: Fluid,
     *,
-    inlet_pressure: float | None = None,
+    inlet_pressure: float,
     outlet_pressure: float = 0.0,
     bounds: bool = False,
     solver: str = "auto",
@@ -182,12 +179,10 @@ def seal_leakage(
         (n_elements, 2, 2). A `PermeabilityTable` of any but tensors gives it at several pressures, as a rarefied gas
         needs; anything else is taken for that of all pressures.
     fluid : a `Liquid`, an `IdealGas` or anything else with a pressure potential.
-    inlet_pressure, outlet_pressure : [Pa]; absolute for a gas. A mesh whose inlets have pressures of their own takes no
-        inlet pressure.
+    inlet_pressure, outlet_pressure : [Pa]; absolute for a gas.
     bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
         they enclose the flow of the network of links, on meshes that of the mesh with k constant on
-        each element; an `ElementSeal` always has them. Not with pressures of inlets: the flow out of one of
-        several boundaries is no energy.
+        each element; an `ElementSeal` always has them.
     solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
     rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
 
@@ -195,15 +190,12 @@ def seal_leakage(
     -------
     Leakage; volume rates are at the fluid's reference density, `fluid_pressure` is (n1 + 1, n2) from inlet
     to outlet on structured seals and (n_vertices,) on meshes. Nodes that only one end reaches have its
-    pressure, those that neither does NaN. With pressures of inlets the rates are those out of the outlets together;
-    `boundary_rates` has those into the seal through every boundary, negative where the fluid leaves, and
-    `conductance` is that for a unit of the largest drop.
+    pressure, those that neither does NaN.
 
     Raises
     ------
-    InputError : a permeability that is negative, not finite or of the wrong shape, a pressure the fluid
-        cannot have; with pressures of inlets also an inlet pressure, bounds, or a
-        `PermeabilityTable`.
+    InputError : a permeability that is negative, not finite or of the wrong shape, or a pressure that the fluid cannot
+        have.
     NotConverged : inlet and outlet flow do not balance.
 
     Examples
@@ -214,23 +206,11 @@ def seal_leakage(
     >>> f"{leak.volume_rate:.3g} m³/s, {leak.per_length:.3g} m²/s"
     '1e-07 m³/s, 1e-06 m²/s'
     """
-    if (boundaries := getattr(seal, "boundaries", None)) is not None:
-        is_table = isinstance(permeability, PermeabilityTable)
-        for name, is_given, given in (
-            ("inlet_pressure", inlet_pressure is not None, "a pressure"),
-            ("bounds", bounds, "true"),
-            ("permeability", is_table, "a table over pressures, as of slip"),
-        ):
-            if is_given:
-                expected = "none on a seal whose inlets have pressures of their own"
-                raise InputError(name, given, expected)
-        return _between_boundaries(seal, boundaries, permeability, fluid, outlet_pressure, solver)
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local, drop = None, φ_in - φ_out
     bounds = bounds or isinstance(seal, ElementSeal)  # whose flow is between them
     if isinstance(permeability, PermeabilityTable):
-        assert inlet_pressure is not None  # it has a potential
         ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
         flow, local = pressure_dependent_flow(
             seal, permeability, fluid, **ends, bounds=bounds, solver=solver, rtol=rtol
@@ -241,57 +221,19 @@ def seal_leakage(
     lower, upper = sorted((flow.lower * to_volume, flow.upper * to_volume))
     # rounding errors, and elements with oblique tensors, may exceed the end pressures
     potential = φ_out + drop * np.clip(flow.potential, 0.0, 1.0)
-    known = {"lower": lower, "upper": upper, "percolates": flow.percolates, "permeability": local}
-    return _leakage(seal, fluid, flow, flow.conductance, drop, potential, **known)
-
-
-def _leakage(
-    seal: Seal,
-    fluid: Fluid,
-    flow: Any,
-    conductance: float,
-    drop: float,
-    potential: Array,
-    **known: Any,
-) -> Leakage:
-    """Leakage of a flow of a conductance [m³] under a drop of the potential; what else is known of it by its name."""
-    volume_rate = conductance * (drop / fluid.reference_density)
+    volume_rate = flow.conductance * to_volume
     return Leakage(
         volume_rate=volume_rate,
-        mass_rate=conductance * drop,
+        mass_rate=flow.conductance * drop,
         per_length=volume_rate / seal.length,
+        lower=lower,
+        upper=upper,
         fluid_pressure=fluid.pressure(potential),
-        conductance=conductance,
+        conductance=flow.conductance,
         iterations=flow.iterations,
         residual=flow.residual,
         imbalance=flow.imbalance,
+        percolates=flow.percolates,
         solver=flow.solver,
-        **known,
+        permeability=local,
     )
-
-
-def _between_boundaries(
-    seal: Any,
-    boundaries: PressureBoundaries,
-    permeability: Any,
-    fluid: Fluid,
-    outlet_pressure: float,
-    solver: str,
-) -> Leakage:
-    """Leakage out of the outlets of a seal whose inlets have pressures of their own."""
-    φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
-    names = boundaries.names[: len(boundaries.pressures)]
-    drops = [
-        potential_of(fluid, f"inlet {name!r}", p) - φ_out
-        for name, p in zip(names, boundaries.pressures, strict=True)
-    ]
-    drop = max(drops, key=abs)
-    levels = np.zeros(len(boundaries.names))
-    levels[: len(names)] = np.divide(drops, drop) if drop else 1.0
-    flow = seal.flow_between(permeability, boundaries, levels, solver=solver)
-    outflow = flow.rates[len(names) :]
-    rates = drop / fluid.reference_density * flow.rates
-    potential = φ_out + drop * np.clip(flow.potential, levels.min(), levels.max())
-    known: dict[str, Any] = {"lower": np.nan, "upper": np.nan, "percolates": bool(outflow.any())}
-    known["boundary_rates"] = dict(zip(boundaries.names, rates.tolist(), strict=True))
-    return _leakage(seal, fluid, flow, 0.0 - float(outflow.sum()), drop, potential, **known)

@@ -1,4 +1,4 @@
-"""Seals on meshes: of any plan shape, whose inlets have one pressure or each its own; of drawn elements.
+"""Seals on meshes: of any plan shape, and of elements that take random cells.
 
 A mesh may cover a place twice although no element lies on its neighbour, such as two parts on each other: an element
 at the outline of one then lies on one of the other.
@@ -6,8 +6,7 @@ at the outline of one then lies on one of the other.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
@@ -18,15 +17,16 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from skfem import Mesh, MeshQuad1, MeshTri1
 
-from ..base import Array, Indices, InputError, Pair, to_si, to_text, validate
-from ..flow.mesh import MeshFlow, MeshOperators
+from ..base import Array, Indices, InputError, Pair, to_si, to_text
+from ..flow.mesh import MeshOperators
 from ..flow.mesh_input import CLOSED_AXIS, is_connected, permeability_tensors
-from ..flow.problem import LINEAR
+from ..flow.problem import LINEAR, DarcyFlow
+from .lay import check_inlet
 from .plane import polygon_areas
 from .seal_files import NAME_BOUNDARIES, read_mesh
 
-#: Names of inlets, one or several at one pressure, or pressures [Pa] of inlets by their names.
-Inlet = str | Sequence[str] | Mapping[str, float]
+#: Names of boundaries, one or several.
+Names = str | Sequence[str]
 #: Solvers of a system on a mesh; others are of grids.
 _SOLVERS = ("auto", "direct", "amg")
 #: A piece closed along one axis keeps `CLOSED_AXIS` of its other permeability there. A seal that only this opens
@@ -61,39 +61,6 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     return ()
 
 
-@dataclass(frozen=True, eq=False)
-class PressureBoundaries:
-    """Named boundaries of a seal, inlets first.
-
-    facets : boundary facets of each, which do not touch those of another.
-    pressures : of the inlets [Pa]; the outlets have one in common, that of the outlet.
-    """
-
-    names: tuple[str, ...]
-    facets: tuple[Indices, ...]
-    pressures: tuple[float, ...]
-
-    @classmethod
-    def of(
-        cls, mesh: Mesh, inlet: Mapping[str, float], outlet: Sequence[str]
-    ) -> PressureBoundaries:
-        """Boundaries of a mesh.
-
-        Raises InputError: one is both inlet and outlet, or two of them touch.
-        """
-        if both := [name for name in outlet if name in inlet]:
-            raise InputError("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries")
-        names = (*inlet, *dict.fromkeys(outlet))
-        facets = tuple(np.unique(mesh.boundaries[name]).astype(np.int64) for name in names)
-        for (first, one), (second, other) in itertools.combinations(
-            zip(names, facets, strict=True), 2
-        ):
-            if np.intersect1d(mesh.facets[:, one], mesh.facets[:, other]).size:
-                given = f"boundaries {first!r} and {second!r} that touch, with pressures of inlets"
-                raise InputError("inlet and outlet", given, "boundaries with no vertex in common")
-        return cls(names, facets, tuple(inlet.values()))
-
-
 @dataclass(frozen=True)
 class MeshSeal:
     """A seal of any plan shape, meshed with linear triangles or quadrilaterals.
@@ -101,26 +68,24 @@ class MeshSeal:
     Parameters
     ----------
     path : a mesh file that meshio reads (plane, z constant), or a scikit-fem mesh with named `boundaries`, in metres.
-    inlet, outlet : names of boundaries, one or several each, that do not touch; all others are closed. Inlets at
-        several pressures are given as {name: pressure [Pa]}; `seal_leakage` then takes no inlet pressure.
+    inlet, outlet : names of boundaries, one or several each; those of the inlet do not touch those of the outlet. All
+        other boundaries are closed.
     unit : of the lengths in the file, such as "mm".
 
     Raises
     ------
     InputError : the file is missing or not a mesh, no boundary of that name (the message lists those there
-        are), inlet and outlet touch or are not connected by the mesh, elements that are degenerate or
-        tangled; with pressures, boundaries that touch, or an inlet that is not connected to the outlet.
+        are), inlet and outlet touch or are not connected by the mesh, elements that are degenerate or tangled.
     """
 
     path: str | PathLike[str] | Mesh = field(repr=False)
-    inlet: Inlet
-    outlet: str | Sequence[str]
+    inlet: Names
+    outlet: Names
     unit: str = field(default="m", repr=False)
     mesh: Mesh = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if isinstance(self.inlet, Mapping):
-            object.__setattr__(self, "inlet", validate.pressures("inlet", self.inlet))
+        check_inlet(self.inlet)
         mesh = (
             self.path
             if isinstance(self.path, Mesh)
@@ -139,9 +104,7 @@ class MeshSeal:
                         expected += f"; {NAME_BOUNDARIES}"
                     raise InputError(role, repr(name), expected)
         _check_elements(mesh)
-        given = self.boundaries  # raises if one is both inlet and outlet
-        inlets = [self.ends[0]] if given is None else given.facets[: len(given.pressures)]
-        if not all(is_connected(mesh, inlet, self.ends[1]) for inlet in inlets):
+        if not is_connected(mesh, *self.ends):
             raise InputError(
                 "inlet and outlet",
                 "boundaries that the mesh does not connect",
@@ -156,13 +119,6 @@ class MeshSeal:
             for names in (self.inlet, self.outlet)
         )
         return inlet, outlet
-
-    @property
-    def boundaries(self) -> PressureBoundaries | None:
-        """Boundaries with the pressures of the inlets; None where these are not given."""
-        if not isinstance(self.inlet, Mapping):
-            return None
-        return PressureBoundaries.of(self.mesh, self.inlet, _names(self.outlet))
 
     @property
     def length(self) -> float:
@@ -180,22 +136,10 @@ class MeshSeal:
         """Coordinates of the vertices (n_vertices, 2) [m]."""
         return np.ascontiguousarray(self.mesh.p.T)
 
-    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> MeshFlow:
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop; permeability: a number, (n,), (n, 2) or (n, 2, 2) for n elements [m³]."""
         tensor = permeability_tensors(permeability, self.mesh.nelements)
         return MeshOperators(self.mesh, self.ends).flow(tensor, bounds=bounds, solver=solver)
-
-    def flow_between(
-        self,
-        permeability: Any,
-        boundaries: PressureBoundaries,
-        levels: Sequence[float],
-        *,
-        solver: str = "auto",
-    ) -> MeshFlow:
-        """Flow between boundaries at potentials, permeability as in `flow`."""
-        tensor = permeability_tensors(permeability, self.mesh.nelements)
-        return MeshOperators(self.mesh, boundaries.facets).flow(tensor, levels, solver=solver)
 
 
 def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[str]:
@@ -272,7 +216,7 @@ def _check_elements(mesh: Mesh) -> None:
         raise InputError("path", given, "elements that lie beside each other")
 
 
-def _names(given: Inlet) -> tuple[str, ...]:
+def _names(given: Names) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
@@ -287,7 +231,6 @@ class ElementSeal:
     size : breadth from inlet to outlet, about, and length along the seal [m].
     outlines : corners of the elements in the plane of the seal (n, corners, 2) [m].
     axes : unit vectors across and along the lay of every element, in the coordinates of the mesh (n, 2, 2).
-    boundaries : inlets with pressures of their own, and outlets; None where all inlets have one pressure.
     """
 
     mesh: Mesh = field(repr=False)
@@ -296,7 +239,6 @@ class ElementSeal:
     size: Pair
     outlines: Array = field(repr=False)
     axes: Array = field(repr=False)
-    boundaries: PressureBoundaries | None = field(default=None, repr=False)
 
     @cached_property
     def _operators(self) -> MeshOperators:
@@ -321,7 +263,7 @@ class ElementSeal:
         principal = permeability_tensors(np.broadcast_to(permeability, (n, 2)), n)
         return np.einsum("nij,nia,njb->nab", principal, self.axes, self.axes)
 
-    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> MeshFlow:
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop; permeability (n, 2) [m³], solvers of grids are "auto".
 
         bounds : solve both; otherwise the flow is that of linear elements, the upper one, with the same potential.
@@ -333,36 +275,6 @@ class ElementSeal:
         lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
         conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))
         return replace(flow, conductance=conductance, lower=lower, percolates=lower > 0)
-
-    def flow_between(
-        self,
-        permeability: Any,
-        boundaries: PressureBoundaries,
-        levels: Sequence[float],
-        *,
-        solver: str = "auto",
-    ) -> MeshFlow:
-        """Flow between boundaries of given potentials, the outlets at 0 and all inlets on one side of it.
-
-        The outflow is √ of the product of those of linear elements and of Raviart-Thomas fluxes, which with inlets at
-        one pressure are the two bounds. The flows through all boundaries are the mean of both solutions, each
-        multiplied so that it has this outflow: they balance. Without outflow all are 0.
-
-        Raises InputError: inlets on both sides of the outlet.
-        """
-        if min(levels) < 0:
-            given = "pressures on both sides of the outlet's"
-            raise InputError("inlet", given, "all on one side of it")
-        operators = MeshOperators(self.mesh, boundaries.facets)
-        tensors, solver = self.tensors(permeability), _of_meshes(solver)
-        flow = operators.flow(tensors, levels, bounds=True, solver=solver)
-        outlets = slice(len(boundaries.pressures), None)
-        upper = -float(flow.rates[outlets].sum())
-        lower = -float(flow.flux_rates[outlets].sum())
-        if not (lower > self._through_closed_axes(permeability) * max(levels) and upper > 0):
-            return replace(flow, rates=np.zeros_like(flow.rates))
-        outflow = np.sqrt(lower) * np.sqrt(upper)
-        return replace(flow, rates=0.5 * outflow * (flow.rates / upper + flow.flux_rates / lower))
 
     def _through_closed_axes(self, permeability: Any) -> float:
         """Flow for a unit drop below which it may go through axes of pieces that are closed [m³]."""

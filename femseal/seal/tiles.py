@@ -282,7 +282,7 @@ def laid_on_mesh(
     centres = outlines.mean(axis=1)
     direction = lay.directions(centres, centre, to_si(f"1 {whole.unit}", "m", "unit"))
     size = whole.area / along, along
-    seal = ElementSeal(mesh, *ends, size, outlines, _axes(direction), whole.boundaries)
+    seal = ElementSeal(mesh, *ends, size, outlines, _axes(direction))
     side = (pieces.size[0] * pieces.size[1]) ** 0.5
     _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
     odd = (*parts_without_flow(mesh, *ends), *boundaries_without_name(mesh))

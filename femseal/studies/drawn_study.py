@@ -315,7 +315,7 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
         at_solution = given if found.permeability is None else found.permeability
         k[s], p[s] = tiles.shown(at_solution, found.fluid_pressure)
         potential = scene.fluid.potential(found.fluid_pressure) / scene.fluid.reference_density
-        flux[s] = tiles.flux(at_solution, potential, _rate_of_power(scene, tiles, found))
+        flux[s] = tiles.flux(at_solution, potential, found.volume_rate)
     if supply.tiles.in_place:
         pressure = supply.pieces.pressure.reshape(len(scene.steps), -1)[:, piece[tiles.tile]]
     else:
@@ -326,17 +326,6 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
     return MedianSeal(
         realisation, tiles.outlines[once], k[:, once], p[:, once], flux[:, once], pressure[:, once]
     )
-
-
-def _rate_of_power(scene: Scene, tiles: SealTiles, found: Any) -> float:
-    """Leakage [m³/s] that dissipates as much over the highest drop as the flow between all boundaries does."""
-    if found.boundary_rates is None:
-        return float(found.volume_rate)
-    ends = tiles.seal.boundaries
-    assert ends is not None
-    drops = scene.fluid.potential(ends.pressures) - scene.fluid.potential(scene.outlet_pressure)
-    rates = [found.boundary_rates[name] for name in ends.names[: len(drops)]]
-    return float(drops @ rates / np.abs(drops).max())
 
 
 def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> MedianSeal:

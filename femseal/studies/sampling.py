@@ -227,17 +227,15 @@ class TileFluid:
         """The pressures of a scene: those of the law of its fluid, and several where the fluid acts."""
         drop, fluid = scene.flow.drop, scene.acting_fluid
         pressures, piecewise = tuple(drop.pressures), False
-        several = drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {})
         if fluid is None:
             return cls(pressures)
-        if fluid.inlet != fluid.outlet and not several:
+        if fluid.inlet != fluid.outlet and not drop.law.depends_on_pressure:
             # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
             lowest = min((p for p in scene.steps.pressures if p > 0), default=0.0)
             full = max(lowest, fluid.inlet, fluid.outlet)
             first, last = (float(np.cbrt(full - p)) for p in (fluid.outlet, fluid.inlet))
             between = full - np.linspace(first, last, FLUID_PRESSURES)[1:-1] ** 3
             pressures, piecewise = (fluid.outlet, *between.tolist(), fluid.inlet), True
-        # with several inlets the mean stands for every place
         relief = fluid.relief(pressures if len(pressures) > 1 else [fluid.mean])
         return cls(pressures, piecewise, relief)
 

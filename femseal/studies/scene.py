@@ -93,13 +93,6 @@ class Scene:
         for name in ("inlet_pressure", "outlet_pressure"):
             potential_of(self.fluid, name, getattr(self, name))
         flow = self.flow  # raises if the solver is unknown
-        if own := getattr(self.layout, "inlet_pressures", {}):
-            if flow.drop.law.depends_on_pressure:
-                given = f"{self.fluid} with pressures of the inlets"
-                raise InputError("fluid", given, "a liquid, or a gas without slip (slip = false)")
-            if self.inlet_pressure != (highest := max(own.values())):
-                expected = f"the highest pressure of the inlets, {to_text(highest, 'Pa')}"
-                raise InputError("inlet_pressure", to_text(self.inlet_pressure, "Pa"), expected)
         most = max(self.inlet_pressure, self.outlet_pressure)
         hardness = float(np.min(self.law.yield_pressure()))
         if self.acting_fluid is not None and most >= hardness:
@@ -264,12 +257,11 @@ class Scene:
 
         Raises NotConverged: the linear solver failed.
         """
-        own = getattr(seal, "boundaries", None) is not None
         return seal_leakage(
             seal,
             permeability,
             self.fluid,
-            inlet_pressure=None if own else self.inlet_pressure,
+            inlet_pressure=self.inlet_pressure,
             outlet_pressure=self.outlet_pressure,
             solver=self.solver,
             rtol=rtol,
