@@ -1,0 +1,155 @@
+"""The plain path: the flow through a cell as a user of scikit-fem would write it.
+
+This file defines the discrete problem. It is the reference of the fast path (`flow.cell` and `flow.grid`), which sums up
+the same operator without a mesh; tests assert that both have the same permeability.
+
+The unknowns are the pressures at the pixel centres. Bilinear elements (Q1) join four pixel centres. Half an element lies
+between the outermost pixel centres and an end of the cell, where the pressure is given, or a mirrored side. The form is
+integrated at the midpoints of the edges of the elements: an edge along x1 takes K11 there, one along x2 takes K22.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from skfem import Basis, ElementQuad1, MeshQuad
+
+from ..base import Array, NotConverged, Pair
+from . import forms
+from .grid import gap_on_links
+from .law import cubic_law
+from .problem import MAX_IMBALANCE, DarcyFlow, potential_rtol
+from .solvers.amg import solve_spd
+
+#: Midpoints of the edges of the reference square, and their weights.
+EDGE_MIDPOINTS = np.array([[0.5, 0.5, 0.0, 1.0], [0.0, 1.0, 0.5, 0.5]]), np.full(4, 0.5)
+
+
+def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
+    """Assemble the operator of the flow along the first axis of a cell.
+
+    Parameters
+    ----------
+    gap : array (n1, n2), gap h >= 0 at the pixel centres; h = 0 is contact.
+    spacing : lengths of a pixel along x1 and x2.
+    sides : "periodic" or "mirror", how the cell continues beyond its sides.
+
+    Returns
+    -------
+    Symmetric matrix of the pressures at the inlet, at the pixel centres row by row, and at the outlet, n2 in each row.
+    """
+    (n1, n2), (d1, d2) = gap.shape, spacing
+    x1 = np.concatenate([[0.0], (np.arange(n1) + 0.5) * d1, [n1 * d1]])
+    if sides == "periodic":  # the last line of nodes is the first one again
+        x2 = (np.arange(n2 + 1) + 0.5) * d2
+        column = np.arange(n2 + 1) % n2
+    else:  # the lines at the sides have the pressure of the pixel centres beside them
+        x2 = np.concatenate([[0.0], (np.arange(n2) + 0.5) * d2, [n2 * d2]])
+        column = np.clip(np.arange(-1, n2 + 1), 0, n2 - 1)
+    mesh = MeshQuad.init_tensor(x1, x2)
+    basis = Basis(mesh, ElementQuad1(), quadrature=EDGE_MIDPOINTS)
+
+    # K at the midpoints of all edges, in tables with two entries from one line of nodes to the next.
+    gap1, gap2 = gap_on_links(gap, ring1=False, ring2=sides == "periodic")
+    if sides == "mirror":
+        gap2 = np.pad(gap2, ((0, 0), (1, 1)))  # no pressure drops from a pixel centre to its side
+    k11, k22 = np.zeros((2, 2 * x1.size - 1, 2 * x2.size - 1))
+    k11[1::2, ::2] = cubic_law(gap1)[:, column]
+    k22[2:-2:2, 1::2] = cubic_law(gap2)
+    x = np.asarray(basis.global_coordinates())  # (axis, element, edge)
+    i = np.rint(2 * np.interp(x[0], x1, np.arange(x1.size))).astype(int)
+    j = np.rint(2 * np.interp(x[1], x2, np.arange(x2.size))).astype(int)
+    k = np.zeros((2, 2, *i.shape))
+    k[0, 0] = k11[i, j]
+    k[1, 1] = k22[i, j]
+    # Half elements at the ends take K22 at the pixel centres for all of their length.
+    at_end = (i.min(axis=1) == 0) | (i.max(axis=1) == 2 * n1 + 2)
+    k[1, 1, at_end] *= 2
+    matrix = forms.darcy_flow.assemble(basis, k=k)
+
+    # Nodes that stand for the same pressure are one unknown.
+    row = np.searchsorted(x1, mesh.p[0])
+    unknown = row * n2 + column[np.searchsorted(x2, mesh.p[1])]
+    join = sp.csr_array((np.ones(unknown.size), (unknown, np.arange(unknown.size))))
+    return sp.csr_array(join @ matrix @ join.T)
+
+
+def solve_plain(
+    gap: Array,
+    spacing: Pair,
+    sides: str,
+    *,
+    rtol: float = 1e-6,
+    field_rtol: float | None = None,
+    solver: str = "amg",
+) -> DarcyFlow:
+    """Solve the flow along the first axis of a cell for a unit drop of the pressure.
+
+    Parameters
+    ----------
+    gap, spacing, sides : as in `assemble_cell`.
+    rtol : relative error that is allowed to the conductance.
+    field_rtol : relative error that is allowed to the pressure in the norm of the energy; None for √rtol.
+    solver : "amg" (pyamg) or "direct" (factorisation).
+
+    Returns
+    -------
+    DarcyFlow, whose potential is the pressure at the inlet, the pixel centres and the outlet, array (n1 + 2, n2).
+
+    Raises
+    ------
+    NotConverged : the linear solver failed.
+    """
+    matrix = assemble_cell(gap, spacing, sides)
+    matrix.eliminate_zeros()
+    n1, n2 = gap.shape
+    inlet = np.arange(n2)
+    outlet = inlet + (n1 + 1) * n2
+
+    # Only pixels that are connected to both ends carry flow.
+    component = connected_components(matrix, directed=False)[1]
+    at_inlet = np.isin(component, component[inlet])
+    at_outlet = np.isin(component, component[outlet])
+    pressure = np.where(at_inlet, 1.0, np.where(at_outlet, 0.0, np.nan))
+    pressure[outlet] = 0.0
+    complement = 1 - pressure
+    carries_flow = at_inlet & at_outlet
+    carries_flow[inlet] = carries_flow[outlet] = False
+    unknown = np.flatnonzero(carries_flow)
+    shape = (n1 + 2, n2)
+    if not unknown.size:
+        return DarcyFlow(0.0, pressure.reshape(shape), complement.reshape(shape), False)
+
+    rows = matrix[unknown]
+    to_inlet = -rows[:, inlet].sum(axis=1)
+    to_outlet = -rows[:, outlet].sum(axis=1)
+    wanted = potential_rtol(rtol, field_rtol)
+    solution = solve_spd(rows[:, unknown], to_inlet, wanted, solver, unit_drop=True)
+    pressure[unknown] = solution.x
+    complement[unknown] = solution.complement
+
+    # The conductance is the energy; summed up from differences of the pressure it keeps all its digits.
+    link = sp.triu(matrix, k=1).tocoo()
+    drop = np.nan_to_num(pressure[link.row] - pressure[link.col])
+    conductance = float(-link.data @ drop**2)
+    inflow = float(to_inlet @ solution.complement)
+    outflow = float(to_outlet @ solution.x)
+    imbalance = max(abs(inflow - outflow), abs(inflow - conductance)) / conductance
+    allowed = max(MAX_IMBALANCE, 0.01 * wanted)
+    if not imbalance <= allowed:
+        raise NotConverged(
+            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "
+            "try the solver 'elimination'",
+            imbalance,
+        )
+    return DarcyFlow(
+        conductance,
+        pressure.reshape(shape),
+        complement.reshape(shape),
+        percolates=True,
+        iterations=solution.iterations,
+        residual=solution.residual,
+        imbalance=imbalance,
+        solver=solution.solver,
+    )
