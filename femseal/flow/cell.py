@@ -17,7 +17,8 @@ from .core_flux import core_ratio
 from .grid import Grid, Stencil, edge_weights, gap_on_rows
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
 from .percolation import ready
-from .problem import DarcyFlow, check_solver, unit_spacing, validated_cell
+from .plain import solve_plain
+from .problem import PLAIN_SOLVERS, DarcyFlow, check_solver, unit_spacing, validated_cell
 from .solvers.choice import solve_ready
 from .solvers.hierarchy import levels_of
 from .solvers.multigrid import cycle
@@ -102,7 +103,8 @@ def cell_permeability(
     sides : "mirror" (no flow across the sides) or "periodic".
     rtol : relative error of k allowed to an iterative linear solver. `fluid_pressure` then has an error of about √rtol,
         of which k has the square.
-    solver : of the linear system, see `femseal.flow.solve_flow`.
+    solver : "multigrid" or "elimination" (the fast path, see `femseal.flow.solve_flow`), "amg" or "direct" (the plain
+        path of scikit-fem, with pyamg or a factorisation: the same permeability in many times the time), or "auto".
     field_rtol : where `fluid_pressure` is looked at, its error allowed to multigrid, in the norm of the energy; 1e-6 is
         right to the eye everywhere, also in bays that hardly anything flows through.
     law, pressure : permeability of a gap, see `femseal.flow.law`, such as `fluid.law`, and the pressure of the fluid, a
@@ -193,15 +195,20 @@ def cell_flow(
     validate.tolerance("rtol", rtol)
     h, (d1, d2), scale = _scaled(gap, spacing, axis, sides)
     n1, n2 = h.shape
-    stencil = cell_stencil(h, (d1, d2), sides)
-    del h  # large faces need its memory
-    links = stencil.along, stencil.across
-    flow = solve_ready(
-        *ready(*links), links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol
-    )
+    if solver in PLAIN_SOLVERS:
+        flow = solve_plain(h, (d1, d2), sides, rtol=rtol, field_rtol=field_rtol, solver=solver)
+        along = cell_stencil(h, (d1, d2), sides).along
+    else:
+        stencil = cell_stencil(h, (d1, d2), sides)
+        del h  # large faces need its memory
+        along = stencil.along
+        links = along, stencil.across
+        flow = solve_ready(
+            *ready(*links), links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol
+        )
     ratio = 1.0
     if core is not None and core != (0, n2) and flow.percolates:
-        ratio = core_ratio(links[0], flow, core)
+        ratio = core_ratio(along, flow, core)
     return CellFlow(scale**3 * (n1 * d1) / (n2 * d2), flow, ratio)
 
 

@@ -1,11 +1,12 @@
 """The plain path: the flow through a cell as a user of scikit-fem would write it.
 
-This file defines the discrete problem. It is the reference of the fast path (`flow.cell` and `flow.grid`), which sums up
-the same operator without a mesh; tests assert that both have the same permeability.
+This file defines the discrete problem. It is the reference of the fast path (`flow.cell` and `flow.grid`), which sums
+up the same operator without a mesh; tests assert that both have the same permeability.
 
-The unknowns are the pressures at the pixel centres. Bilinear elements (Q1) join four pixel centres. Half an element lies
-between the outermost pixel centres and an end of the cell, where the pressure is given, or a mirrored side. The form is
-integrated at the midpoints of the edges of the elements: an edge along x1 takes K11 there, one along x2 takes K22.
+The unknowns are the pressures at the pixel centres. Bilinear elements (Q1) join four pixel centres. Half an element
+lies between the outermost pixel centres and an end of the cell, where the pressure is given, or a mirrored side. The
+form is integrated at the midpoints of the edges of the elements: an edge along x1 takes K11 there, one along x2 takes
+K22. The gap at these points is that of `gap_on_links`.
 """
 
 from __future__ import annotations

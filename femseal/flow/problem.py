@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import frexp, ldexp
 
@@ -11,8 +12,11 @@ from numpy.typing import ArrayLike
 from ..base import Array, InputError, Lengths, Pair, validate
 
 SIDES = ("mirror", "periodic")
-#: Solvers of the flow through a grid.
-SOLVERS = ("auto", "multigrid", "elimination", "amg")
+#: Solvers of the fast path, which know a grid of five points, and of the plain path, which take any sparse matrix.
+FAST_SOLVERS = ("multigrid", "elimination")
+PLAIN_SOLVERS = ("amg", "direct")
+#: All solvers of a flow. "auto" takes the fast path where there is one, and the solver that is expected to be faster.
+SOLVERS = ("auto", *FAST_SOLVERS, *PLAIN_SOLVERS)
 #: Inlet and outlet flow may differ by this fraction before a direct or a precise solution is refused.
 MAX_IMBALANCE = 1e-5
 #: What to do about elements of the second order.
@@ -23,10 +27,10 @@ FIELD_RTOL = 1e-6
 _LARGEST, _SLENDER, _CONTRAST = 1e60, 1e60, 1e50
 
 
-def check_solver(solver: str) -> None:
-    """Raise InputError unless this is the name of a solver."""
-    if solver not in SOLVERS:
-        raise InputError("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
+def check_solver(solver: str, allowed: Sequence[str] = SOLVERS) -> None:
+    """Raise InputError unless the solver is one of those that are allowed."""
+    if solver not in allowed:
+        raise InputError("solver", repr(solver), f"one of {', '.join(allowed)}")
 
 
 def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, Pair]:

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...base import Array, InputError, NotConverged
+from ...base import Array, NotConverged
+from ..problem import PLAIN_SOLVERS, check_solver
 from .direct import Ends, LinearSolution, factorised, imbalance_of, solve_direct, two_sum
 
-SOLVERS = ("auto", "direct", "amg")
 #: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid. Factorisation against
 #: multigrid in ms on one core, P1, Q1, P2 and Q2: 20,000 unknowns 74:78, 58:61, 75:90, 61:76; 50,000 260:200, 160:150,
 #: 240:220, 170:170; 100,000 650:410, 350:280, 460:400, 375:345; 300,000 2000:1200, 1460:920, 2200:1330, 1420:1470; a
@@ -61,8 +61,7 @@ def solve_spd(
     Raises InputError: an unknown solver.
     NotConverged : as `solve_direct`.
     """
-    if solver not in SOLVERS:
-        raise InputError("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
+    check_solver(solver, ("auto", *PLAIN_SOLVERS))
     if solver == "amg" or (solver == "auto" and matrix.shape[0] > DIRECT_UNKNOWNS):
         try:
             return solve_amg(matrix, rhs, rtol=rtol, unit_drop=unit_drop)

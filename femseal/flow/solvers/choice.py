@@ -19,8 +19,7 @@ from ...base.compiled import compiled, number, on_threads
 from ..balance import energy_gap
 from ..grid import Stencil
 from ..percolation import closed, dead_ends, fill_dead_ends, nodes_reached, ready
-from ..problem import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
-from .amg import solve_amg
+from ..problem import FAST_SOLVERS, MAX_IMBALANCE, DarcyFlow, check_solver
 from .elimination import eliminate
 from .multigrid import CHECKED, COARSEST_NODES, coarsest_nodes, solve_multigrid
 
@@ -67,9 +66,8 @@ def solve_flow(
     stencil : conductances of the nodes, those of the first and the last row being inlet and outlet.
     rtol : relative error of the conductance allowed to an iterative solution.
     solver : "multigrid" (conjugate gradients on the grid's own hierarchy), "elimination" (star-mesh elimination, keeps
-        its relative accuracy at any contrast up to 1e150), "amg" (conjugate gradients on pyamg's hierarchy of the
-        assembled matrix; if that fails, elimination, and `DarcyFlow.solver` says so), or "auto". After multigrid, nodes
-        that only links narrower than 1e-8 of the widest connect with the others are solved by elimination.
+        its relative accuracy at any contrast up to 1e150), or "auto". After multigrid, nodes that only links narrower
+        than 1e-8 of the widest connect with the others are solved by elimination.
     field_rtol : error of the potential allowed to an iteration, in the norm of the energy, where the potential itself
         is wanted. The conductance errs by the square of the error of the potential, so that an iteration that stops
         where the conductance is right leaves an error of about √rtol to the potential.
@@ -82,10 +80,10 @@ def solve_flow(
     ------
     InputError : an unknown solver, a bad rtol.
     NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5, after multigrid by more than
-        10 √rtol, or 10 field_rtol if that is given, after pyamg by a thousandth of these, where this is more than 1e-5;
-        "multigrid" fails where links narrower than 1e-13 of the widest may carry more than rtol of the flow.
+        10 √rtol, or 10 field_rtol if that is given. "multigrid" fails where links narrower than 1e-13 of the widest may
+        carry more than rtol of the flow.
     """
-    check_solver(solver)
+    check_solver(solver, ("auto", *FAST_SOLVERS))
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
@@ -132,8 +130,6 @@ def _solve(
     try:
         if first == "multigrid":
             return _by_multigrid(stencil, keep, rtol, limit, field_rtol)
-        if first == "amg":
-            return _by_matrix(stencil, keep, rtol, field_rtol)
     except NotConverged:
         if solver == "multigrid":
             raise
@@ -147,8 +143,8 @@ def _chosen(stencil: Stencil, keep: Flags) -> tuple[str, int]:
     slender = (
         coarsest_nodes(n1 - 1, n2) > COARSEST_NODES
     )  # the coarsest level of such a grid has many nodes
-    if nodes > ELIMINATED_NODES:
-        return ("amg" if slender else "multigrid"), _MOST_ITERATIONS
+    if nodes > ELIMINATED_NODES and not slender:
+        return "multigrid", _MOST_ITERATIONS
     roughness = _roughness(stencil.along, max(1, n1 // _SAMPLED))
     smooth = not slender and log(nodes / _FEWEST) > _GROWTH * roughness
     return ("multigrid" if smooth else "elimination"), _PATIENCE
@@ -272,26 +268,6 @@ def _unseen(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
     links = stencil.along, stencil.across
     unseen = keep & (nodes_reached(*links, _SEEN) == 0)
     return (unseen, nodes_reached(*links, _LOST) == 3) if unseen.any() else (None, None)
-
-
-def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | None) -> DarcyFlow:
-    """pyamg on the assembled matrix of the nodes that are kept."""
-    matrix = stencil.to_csr().astype(float)
-    n2 = keep.shape[1]
-    unknown = np.flatnonzero(keep.ravel())
-    unknown = unknown[(unknown >= n2) & (unknown < keep.size - n2)]
-    rows = matrix[unknown]
-    rhs = -np.asarray(rows[:, :n2].sum(axis=1)).ravel()
-    inner = rows[:, unknown].tocsr()
-    wanted = potential_rtol(rtol, field_rtol)
-    found = solve_amg(inner, rhs, rtol=wanted, unit_drop=True)
-    allowed = max(MAX_IMBALANCE, 0.01 * wanted)
-    φ, ψ = np.zeros((2, keep.size))
-    φ[unknown], ψ[unknown] = found.x, found.complement
-    φ[:n2] = ψ[-n2:] = 1.0
-    φ, ψ = φ.reshape(keep.shape), ψ.reshape(keep.shape)
-    how = found.iterations, found.residual, found.solver
-    return _checked(stencil, keep, (φ, ψ), how, allowed=allowed)
 
 
 def _checked(
