@@ -124,7 +124,11 @@ SOLID_AT_2_GPA = {
         ("load.unloading", [], r"unloading: given \[\], expected at least one pressure below"),
         ("load.interpolate", "1 %", "given '1 %', expected none: removed; every load is solved"),
         ("contact.rtol", "small", "rtol: given 'small', expected a number"),
-        ("flow.solver", "magic", "'magic', .*'auto', 'multigrid', 'elimination' or 'amg'"),
+        (
+            "flow.solver",
+            "magic",
+            "'magic', .*'auto', 'multigrid', 'elimination', 'amg' or 'direct'",
+        ),
         ("flow.rtol", 1e-3, "rtol: given an unknown key, expected solver"),
         ("flow.discretisation", "Q2", "none: removed; the flow of a grid always"),
         ("fluid.kind", "water", "kind: given 'water', .*liquid"),

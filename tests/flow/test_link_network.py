@@ -55,7 +55,7 @@ def test_solvers_and_an_independent_solution_agree(shape, periodic, closed, wall
     if wall is not None:
         c1[wall] = 0
     rate, potential = laplacian(c1, c2)
-    for solver in ("elimination", "amg", "multigrid", "auto"):
+    for solver in ("elimination", "multigrid", "auto"):
         direct = solver == "elimination"
         flow = solve_links(c1, c2, solver=solver, rtol=1e-10, field_rtol=1e-6)
         assert flow.percolates == (flow.conductance > 0)
@@ -72,10 +72,9 @@ def test_solvers_and_an_independent_solution_agree(shape, periodic, closed, wall
 
 @each("shape", [(60, 48), (48, 61), (31, 67), (9, 80), (80, 9)])
 @each("periodic", [True, False])
-@each("solver", ["amg", "multigrid"])
-def test_iterative_solution_of_a_larger_network(shape, periodic, solver):
+def test_iterative_solution_of_a_larger_network(shape, periodic):
     c1, c2 = links(*shape, periodic, 1, contrast=1e4, closed=0.2)
-    flow = solve_links(c1, c2, solver=solver, rtol=1e-6, field_rtol=1e-6)
+    flow = solve_links(c1, c2, solver="multigrid", rtol=1e-6, field_rtol=1e-6)
     assert flow.iterations > 0
     assert_allclose(
         flow.conductance, solve_links(c1, c2, solver="elimination").conductance, rtol=1e-6
@@ -156,7 +155,7 @@ def test_constriction_of_any_contrast(contrast, where, periodic):
     assert flow.imbalance < 1e-12
 
 
-@each("solver", ["elimination", "amg", "multigrid"])
+@each("solver", ["elimination", "multigrid"])
 def test_pockets_and_dead_ends_carry_nothing(solver):
     c1, c2 = np.zeros((6, 8)), np.zeros((5, 8))
     c1[:, 2] = 1.0
@@ -178,7 +177,7 @@ def test_pockets_and_dead_ends_carry_nothing(solver):
         ([[1, 2], [3]], np.ones((1, 2)), {}, "along"),
         (np.full((2, 2), 1j), np.ones((1, 2)), {}, "along"),
         (np.ones((3, 3)), np.ones((2, 3)), {"rtol": 0}, "rtol"),
-        (np.ones((3, 3)), np.ones((2, 3)), {"rtol": "fine", "solver": "amg"}, "rtol"),
+        (np.ones((3, 3)), np.ones((2, 3)), {"rtol": "fine", "solver": "multigrid"}, "rtol"),
         (np.ones((2, 2)), np.ones((1, 2)), {"solver": "cholesky"}, "solver.*elimination"),
     ],
 )
