@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from ..base import Array, InputError, Mapper, to_text
 from ..budget import FormTolerance, ModelChange
 from ..case.case import Case
@@ -24,6 +22,7 @@ from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, cut_and_til
 from ..studies.blocks import blocks_of, check_blocks
 from ..studies.doubts import FirstAnswer, FormEffect, gas_warnings, of_scene, scene_warnings
 from ..studies.longer_waves import longer_waves
+from ..studies.patch_state import open_leakage_per_permeability
 from ..studies.sampling import check_map
 from ..studies.seal_contact import form_on_grid
 from ..studies.study_registry import Effort, usual_efforts
@@ -146,12 +145,12 @@ class Prepared:
     @property
     def first_answer(self) -> FirstAnswer | None:
         """Contact and leakage by the spectrum of the face alone; None where a form, a map or a spiral decides."""
-        sampling, scene = self.sampling, self.scene
-        uneven = sampling is not None and not sampling.presses_evenly
-        if self.seat or uneven or scene.flow.spiral is not None or not scene.surface.rms_slope:
+        if self.sampling is None:
+            return of_scene(self.scene)
+        if not self.sampling.presses_evenly:
             return None
-        found = of_scene(scene, None if sampling is None else self.cut_and_tiles[1])
-        return found if np.isfinite(found.area).any() else None
+        seal = self.cut_and_tiles[1].seal
+        return of_scene(self.scene, open_leakage_per_permeability(self.scene, seal))
 
     @property
     def studies(self) -> list[Study]:

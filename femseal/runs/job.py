@@ -13,8 +13,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-
 from ..base import (
     AnyPath,
     FemsealError,
@@ -22,7 +20,6 @@ from ..base import (
     Mapper,
     made_folder,
     numerical_versions,
-    to_text,
     validate,
     writing,
 )
@@ -49,7 +46,6 @@ from ..execution.run import (
     ordered_map,
     reporting_compilation,
 )
-from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import Prepared, prepare
 from ..refinement.refine_to_accuracy import (
     first_settings,
@@ -63,7 +59,6 @@ from ..results.dataset import FILE_NAME
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, StochasticResult, drop_ratio
 from ..studies.compiling import compile_ahead
-from ..studies.doubts import flow_warnings
 from .forecast import described, refuse_too_large, solids_text
 
 log = logging.getLogger("femseal")
@@ -245,7 +240,6 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
         ),
     )
     results = assemble(prepared.scene, *studies.values(), facts=facts)
-    add_plausibility(prepared, results)
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results
@@ -305,27 +299,6 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
         except BaseException as error:
             log.warning("the run was stopped (%s)", type(error).__name__)
             raise
-
-
-def add_plausibility(prepared: Prepared, results: Results) -> None:
-    """Put the first answer beside the results, and warn of what is not plausible."""
-    data, leakage = results.dataset, results.leakage.values
-    doubts, gaps = [], np.full(len(leakage), np.nan)
-    if (first := prepared.first_answer) is not None:
-        doubts, gaps = first.doubts(leakage, list(data["name"].values)), first.mean_gap
-    gaps = data["mean_gap"].values if "mean_gap" in data else gaps
-    doubts += flow_warnings(prepared.scene, leakage, gaps)
-    if prepared.sampling is not None and prepared.sampling.form and "largest_row_pressure" in data:
-        highest = float(data["largest_row_pressure"].max())
-        limit = LINE_CONTACT_YIELD * prepared.scene.law.mean_hardness
-        if highest > limit:
-            doubts.append(
-                f"a form presses with up to {to_text(highest, 'Pa', 3)}, and the body below a line contact yields from "
-                f"{to_text(limit, 'Pa', 3)} on, 1.79 of its yield strength: the band becomes broader than "
-                "the model has it"
-            )
-    if doubts:
-        data.attrs["warnings"] = json.dumps([*results.warnings, *doubts], ensure_ascii=False)
 
 
 def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results | None:

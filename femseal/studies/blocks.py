@@ -23,7 +23,7 @@ from ..loads import LoadProgramme
 from ..seal.tiles import face_tiles
 from ..topography import Patches, Topography
 from .cells_in_order import flow_in_order
-from .doubts import scene_warnings
+from .doubts import result_warnings
 from .patch_state import PatchState
 from .piece_states import along_paths, ladder_of, pieces_on_ladder
 from .sampling import TileFluid
@@ -132,6 +132,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
             failed[s] = through.reason
         leakage[s] = through.per_length
     mean = k.mean(axis=0)
+    mean_gap = separation + opening
     return BlocksResult(
         scene.steps,
         blocks,
@@ -139,10 +140,10 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         mean[0],
         mean[1],
         pressure,
-        separation + opening,
+        mean_gap,
         counts=SolveCounts.total(counts for _, counts, _ in found),
         failures=tuple(f"{scene.steps[s].name}: {failed[s]}" for s in sorted(failed)),
-        warnings=scene_warnings(scene),
+        warnings=result_warnings(scene, leakage, mean_gap.mean(axis=(1, 2))),
         patch_state=state,
     )
 

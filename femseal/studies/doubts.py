@@ -23,9 +23,8 @@ from ..contact import HalfSpace, solve_contact
 from ..contact.law import ContactLaw
 from ..flow import cell_permeability
 from ..fluids import Fluid, IdealGas, leak_basis
-from ..materials import YOUNG_LIMITS
+from ..materials import LINE_CONTACT_YIELD, YOUNG_LIMITS
 from ..named_fluids import ideal_gas_error, is_nearly_ideal
-from ..seal.tiles import SealTiles
 from ..topography import Surface, Topography
 from ..topography.defects import fit_form
 from .scene import Scene
@@ -61,6 +60,10 @@ _GROUPS, _ROUNDING = 64, 1e-12
 LIGHT, OFF_BY = 0.3, (2.2, 10.0)
 #: Times the second factor by which a run may be off before it is not plausible.
 _BEYOND = 10.0
+#: Part of the variance of the heights in a smooth profile along one axis from which on that profile decides where the
+#: surface touches. Self-affine surfaces without roll-off have up to 0.64, of 120; from 0.7 on, a crown makes the quick
+#: estimate wrong by factors of 10 to 1000, at 0.6 by 3 to 12. The degree of the polynomial that is the profile.
+_FORM_DECIDES, _FORM_DEGREE = 0.7, 4
 #: Flux of a choked nozzle over √(p ρ) at its inlet, √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4; 0.67 for κ = 1.3 and
 #: 0.73 for 5/3.
 _CHOKED = 0.685
@@ -195,6 +198,50 @@ def _permeability(
     return float(np.average(found, weights=[place.shape[1] for place in face.patches]))
 
 
+def result_warnings(
+    scene: Scene,
+    leakage: Array,
+    mean_gap: Array,
+    *,
+    unit_leakage: float | None = None,
+    is_pressed_evenly: bool = True,
+) -> tuple[str, ...]:
+    """Check a scene and its solution, and return a sentence for everything that is not plausible.
+
+    Parameters
+    ----------
+    scene : what was solved.
+    leakage : array (steps,) of the leakage per length of seal [m²/s], NaN where it is unknown.
+    mean_gap : array (steps,) of the mean gap that the fluid passes [m], NaN where it is unknown.
+    unit_leakage : leakage per length of the seal if its permeability were 1 m³ everywhere [1/(m s)]; that of the
+        surface itself unless given.
+    is_pressed_evenly : whether the nominal pressures act everywhere on the seal. Otherwise the spectrum of the
+        surface does not tell what the leakage may be.
+    """
+    texts = [*scene_warnings(scene)]
+    estimate = of_scene(scene, unit_leakage) if is_pressed_evenly else None
+    if estimate is not None:
+        texts += estimate.doubts(leakage, [step.name for step in scene.steps])
+    texts += flow_warnings(scene, leakage, mean_gap)
+    return tuple(texts)
+
+
+def line_contact_warnings(scene: Scene, row_pressure: Array) -> tuple[str, ...]:
+    """Warn where the form of a seal presses so hard that the body below a line contact yields.
+
+    row_pressure : array (steps, rows) of the mean contact pressure of rows [Pa].
+    """
+    highest = float(row_pressure.max())
+    limit = LINE_CONTACT_YIELD * scene.law.mean_hardness
+    if highest <= limit:
+        return ()
+    return (
+        "The band in contact is broader, and its pressure lower, than computed: the form presses with up to "
+        f"{to_text(highest, 'Pa', 3)}, and the body below a line contact yields from {to_text(limit, 'Pa', 3)} on "
+        "(1.79 times its yield stress), which the model does not follow",
+    )
+
+
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
     """One sentence for each implausible number of a scene."""
     return tuple(_implausible(scene))
@@ -284,7 +331,7 @@ class FirstAnswer:
         names : of the loads. Nothing is said near closing, where few constrictions decide.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.abs(leakage) / self.leakage
+            ratio = np.abs(leakage / self.leakage)
             off = np.where(
                 (ratio > 0) & (ratio < inf) & (self.area < LIGHT), np.abs(np.log(ratio)), 0.0
             )
@@ -332,20 +379,42 @@ def first_answer(
     return FirstAnswer(area, gap, mean, np.full(len(pressures), nan))
 
 
-def of_scene(scene: Scene, tiles: SealTiles | None = None) -> FirstAnswer:
-    """The same at the steps of the loading of a scene, with the leakage.
+def of_scene(scene: Scene, unit_leakage: float | None = None) -> FirstAnswer | None:
+    """Estimate contact and leakage at the load steps of a scene, all of whose surface is pressed evenly.
 
-    tiles : of a drawn seal, evenly pressed; None: the face itself is the seal.
+    unit_leakage : leakage per length of the seal if its permeability were 1 m³ everywhere [1/(m s)]; that of the
+    surface itself unless given.
+
+    Returns None where the spectrum does not tell: of spirals, of surfaces whose form decides where they touch, and
+    where contact is unknown at all loads.
     """
+    if scene.flow.spiral is not None or any(map(_has_form, scene.surface.patches)):
+        return None
     fluid, steps = scene.acting_fluid, scene.steps
     carried = fluid.carried if fluid is not None and fluid.nominal == "total" else 0.0
     pressures = np.where(steps.on_loading, steps.pressures - carried, nan)
     found = first_answer(scene.surface, scene.modulus, scene.law.mean_hardness, pressures)
-    one = scene.unit_leakage
-    if tiles is not None:
-        one = scene.leakage(tiles.seal, tiles.permeability(*np.ones((2, tiles.count)))).per_length
+    if np.isnan(found.area).all():
+        return None
+    if unit_leakage is None:
+        unit_leakage = scene.unit_leakage
     factors = [scene.flow.drop.mean_factor_of(gap) for gap in found.gap]
-    return replace(found, leakage=one * found.permeability * factors)
+    return replace(found, leakage=unit_leakage * found.permeability * factors)
+
+
+def _has_form(patch: Topography) -> bool:
+    """Tell whether a smooth profile along one axis has most of the variance of the heights, as of a crowned seat."""
+    heights = patch.heights - patch.heights.mean()
+    variance = heights.var()
+    for axis in (0, 1):
+        profile = heights.mean(axis=1 - axis)
+        if profile.size <= _FORM_DEGREE:
+            continue
+        x = np.linspace(-1.0, 1.0, profile.size)
+        form = np.polyval(np.polyfit(x, profile, _FORM_DEGREE), x)
+        if form.var() > _FORM_DECIDES * variance:
+            return True
+    return False
 
 
 def _spectrum(place: Topography) -> tuple[Array, Array]:

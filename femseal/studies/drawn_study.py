@@ -17,7 +17,7 @@ from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
-from .doubts import scene_warnings
+from .doubts import line_contact_warnings, result_warnings
 from .drawn_error import interval_widths
 from .face_study import cut_into_pieces, fields_of_rows
 from .patch_state import PatchState, open_leakage_per_permeability
@@ -27,6 +27,7 @@ from .sampling import (
     MOST_SEALS,
     Sampling,
     TileFluid,
+    check_map,
     distinct_paths,
     laid_out,
     pressure_fractions,
@@ -84,6 +85,7 @@ def stochastic(
     ((4, 2), True)
     """
     cut, tiles = cut_and_tiles(scene, cells, sampling)
+    map_warnings = check_map(scene, tiles, sampling.pressure_map)
     scene = without_waves_of(scene, cut, sampling.form)
     formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
     if formed is None:
@@ -96,7 +98,9 @@ def stochastic(
     pieces = supply.pieces
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"pieces: every flow failed; the first: {pieces.failures[0]}")
-    state = _patch_state(supply)
+    unit_leakage = open_leakage_per_permeability(scene, tiles.seal)
+    mean_gap = pieces.mean_gap.mean(axis=(1, 2))
+    state = _patch_state(supply, unit_leakage * supply.at_nominal(mean_gap) ** 3 / 12)
     leakages, texts, counts = zip(*_drawn(supply, sampling, state, mapper), strict=True)
     leakage, median = np.array(leakages), None
     few = sampling.median_fields and len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
@@ -108,6 +112,15 @@ def stochastic(
     rows = fields_of_rows(pieces.rows, scene.surface.spacing[0]) if tiles.in_place else {}
     if formed is not None and formed.grid.has_rows:
         rows = fields_of_rows(formed.rows, formed.grid.spacing[0])
+    warnings = result_warnings(
+        scene,
+        at_every_step(leakage, np.median),
+        supply.over_tiles(mean_gap),
+        unit_leakage=unit_leakage,
+        is_pressed_evenly=sampling.presses_evenly,
+    )
+    if formed is not None and "row_pressure" in rows:
+        warnings += line_contact_warnings(scene, rows["row_pressure"])
     unsolved = (f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved)
     return StochasticResult(
         steps=scene.steps,
@@ -121,7 +134,7 @@ def stochastic(
         **rows,
         median_seal=median,
         failures=(*pieces.failures, *chain(*texts), *unsolved),
-        warnings=(*scene_warnings(scene), *tiles.warnings),
+        warnings=(*warnings, *tiles.warnings, *map_warnings),
         solvers=SolveCounts.total((pieces.counts, *counts)),
     )
 
@@ -199,15 +212,16 @@ class _Supply:
         return curves.along(np.maximum(paths - relief, 0.0), self.scene.steps) @ weights
 
 
-def _patch_state(supply: _Supply) -> PatchState:
-    """The contact states of the patch under the nominal pressures less the mean of the fluid."""
+def _patch_state(supply: _Supply, open_leakage: Array) -> PatchState:
+    """Take the contact states of the patch under the nominal pressures less the mean of the fluid.
+
+    open_leakage : array (steps,) of the leakage if the mean gap of the states were the gap everywhere [m²/s].
+    """
     scene = supply.scene
     fluid = scene.acting_fluid
     relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
     pressures = np.maximum(scene.steps.pressures - relief, 0.0)
-    gap = supply.at_nominal(supply.pieces.mean_gap.mean(axis=(1, 2)))
-    open_seal = open_leakage_per_permeability(scene, supply.tiles.seal)
-    return PatchState.of(scene.steps, supply.pieces, pressures, open_seal * gap**3 / 12)
+    return PatchState.of(scene.steps, supply.pieces, pressures, open_leakage)
 
 
 def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:

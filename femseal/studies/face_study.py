@@ -19,7 +19,7 @@ from ..face.piece_flow import FlowSettings, SolveCounts, attempt, drop_fractions
 from ..face.pieces import Cut, PieceState
 from ..loads import LoadProgramme
 from ..topography import Patches
-from .doubts import scene_warnings
+from .doubts import result_warnings
 from .fluid_coupling import CoupledContact
 from .piece_states import FacePieces, PlaceLeakage, joined, permeabilities_of_places
 from .scene import Scene
@@ -212,6 +212,12 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     >>> [f"{leak:.2g} m²/s" for leak in result.leakage]
     ['2.7e-06 m²/s', '1.3e-06 m²/s']
     """
+    face = solve_face(scene, mapper)
+    return replace(face, warnings=result_warnings(scene, face.leakage, face.mean_gap))
+
+
+def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
+    """Solve contact and flow of the whole surface, without plausibility checks; see `deterministic`."""
     scene.check_spiral()
     surface = scene.surface
     shape = (len(scene.steps), *scene.surface.shape)
@@ -252,7 +258,6 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
         states=tuple(states),
         residual=max(state.residual for state in states),
         failures=tuple(f"{step.name}: {state.failed}" for step, state in failed if state.failed),
-        warnings=scene_warnings(scene),
         face_solvers=SolveCounts.total(state.solvers for state in states),
     )
 
@@ -289,12 +294,13 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
     >>> two_scale(scene, (2, 4)).pieces.mean_gap.shape  # of two load steps
     (2, 2, 4)
     """
-    return cut_into_pieces(scene, Cut.of(scene.surface, cells), mapper)
+    face = cut_into_pieces(scene, Cut.of(scene.surface, cells), mapper)
+    return replace(face, warnings=result_warnings(scene, face.leakage, face.mean_gap))
 
 
 def cut_into_pieces(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
-    """The solution of a face, with the pieces of a cut."""
-    face = deterministic(scene, mapper=mapper)
+    """Solve a surface with the pieces of a cut, without plausibility checks; see `two_scale`."""
+    face = solve_face(scene, mapper)
     blocks = blocks_of_one_wave(scene.surface)
     solve = partial(_pieces, cut=cut, flow=scene.flow, blocks=blocks)
     found = list(mapper(Stage("pieces of the face", solve), face.states))
