@@ -31,6 +31,9 @@ MOST_ROWS = 1000
 _NARROW, _NARROWEST = 0.7, 0.35
 #: Fewest columns of a periodic mesh.
 _FEWEST = 3
+#: Number of cells for which an element of a mesh has room from which on it is much larger than a cell, so that the
+#: leakage scatters twice as much; and part of the area in such elements from which on that is warned of.
+_MUCH_LARGER, _NOTABLE_PART = 4.0, 0.1
 #: Relative difference of two breadths that are the same.
 _SAME = 1e-6
 
@@ -285,8 +288,37 @@ def laid_on_mesh(
     seal = ElementSeal(mesh, *ends, size, outlines, _axes(direction))
     side = (pieces.size[0] * pieces.size[1]) ** 0.5
     _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
-    odd = (*parts_without_flow(mesh, *ends), *boundaries_without_name(mesh))
-    return SealTiles(seal, direction, tile.ravel(), warnings=odd)
+    warnings = (
+        *parts_without_flow(mesh, *ends),
+        *boundaries_without_name(mesh),
+        *_large_elements(outlines, pieces.size, whole.unit),
+    )
+    return SealTiles(seal, direction, tile.ravel(), warnings=warnings)
+
+
+def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, ...]:
+    """Warn of elements that are much larger than cells, each of which takes the permeability of a single cell.
+
+    The leakage of a seal scatters as that of the number of its independent parts. Elements with room for N cells thus
+    make it scatter √N times as much as cells of their own size do.
+
+    outlines : array (n, corners, 2) of the corners of the elements [m]. cell_size : sides of a cell [m].
+    unit : of the lengths in the mesh.
+    """
+    areas = np.abs(polygon_areas(outlines))
+    room = areas / (cell_size[0] * cell_size[1])
+    part = float(areas[room > _MUCH_LARGER].sum() / areas.sum())
+    if part <= _NOTABLE_PART:
+        return ()
+    most = float(room.max())
+    sides = dict.fromkeys(to_text(side, "m", 3) for side in cell_size)
+    largest = min(cell_size) / to_si(f"1 {unit}", "m", "unit")
+    return (
+        f"The leakage scatters too much between realisations, up to about {most**0.5:.2g} times: over {part:.0%} of "
+        f"the seal, elements of the mesh take one cell of the surface where up to {most:.0f} cells of "
+        f"{' × '.join(sides)} have room. Mesh the seal with elements of at most {largest:.2g} {unit}, in gmsh with "
+        f"-clmax {largest:.2g}, or use larger cells",
+    )
 
 
 def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:

@@ -174,6 +174,35 @@ def test_pieces_stay_in_place_where_the_seal_is_like_the_face_alone():
     assert not any(ring(lay, outer=outer).in_place for lay in ("radial", "x2", *turned))
 
 
+def test_elements_much_larger_than_cells_are_warned_of(tmp_path):
+    """The largest is the outermost half of a quadrilateral, 0.1 mm broad and up to 0.14 mm long."""
+    layout = MeshLayout(ring_file(tmp_path, 4), "mm", "in", "out")
+    side = 2e-5
+    (text,) = layout.lay_out(PieceSize((side, side), 4)).warnings
+    angle = np.pi / 2 / 16
+    largest = 0.5 * 1.4e-3 * 0.1e-3 * np.sin(angle)
+    assert f"where up to {largest / side**2:.0f} cells of 20 µm have room" in text
+    assert f"up to about {np.sqrt(largest) / side:.2g} times" in text
+    assert "over 100% of the seal" in text
+    assert "-clmax 0.02," in text
+    for fitting in (6e-5, 1e-3):
+        assert layout.lay_out(PieceSize((fitting, fitting), 4)).warnings == ()
+
+
+def test_scatter_grows_with_the_root_of_the_cells_for_which_an_element_has_room(tmp_path):
+    """Seals of independent log-normal permeabilities: elements of four times the area, twice the scatter."""
+    deviations = []
+    rng = np.random.default_rng(3)
+    for n in (6, 12):
+        tiles = MeshLayout(ring_file(tmp_path, n), "mm", "in", "out").lay_out(
+            PieceSize((1e-6, 1e-6), 4)
+        )
+        k = np.exp(rng.normal(0, 0.5, (60, tiles.count)))
+        rates = [tiles.seal.flow(tiles.permeability(one, one)).conductance for one in k]
+        deviations.append(np.log(rates).std())
+    assert_allclose(deviations[0] / deviations[1], 2, rtol=0.35)
+
+
 def test_elements_smaller_than_a_piece_share_its_tile(tmp_path):
     layout = MeshLayout(ring_file(tmp_path, 8), "mm", "in", "out")
     fine, coarse = (layout.lay_out(PieceSize((s, s), 3)) for s in (1e-6, 2 * A))
