@@ -33,7 +33,7 @@ from ..base import (
 from ..case.case import Case
 from ..case.template import as_toml, bare_key
 from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, png, shows
-from ..plots.leakage_curves import LeakageCurves, leakage_panel
+from ..plots.leakage_panels import LeakageCurves, leakage_panel
 from ..results.results import branch_text
 from ..results.tables import format_leakage
 from ..results.variables import pressures_and_peaks

@@ -1,4 +1,4 @@
-"""Design answers from a run: what pressures a seal needs in assembly and in service, and what changes them most."""
+"""Answer design questions with runs: what pressures a seal needs, and what changes them most."""
 
 from ..base.lazy_package import lazy
 

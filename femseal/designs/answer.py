@@ -1,14 +1,14 @@
-"""The design answer for a case or a finished run: what pressures a seal needs, and what changes them most."""
+"""Answer the questions of a design for a case or a finished run: what pressures a seal needs, and what changes them."""
 
 import json
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versions
-from ..base.leak_rates import USUAL, check_classes, leak_classes
+from ..base.leak_rates import USUAL, LeakClass, check_classes, leak_classes
 from ..case.case import Case
 from ..case.reading import load_case
 from ..case.values import Amount
@@ -34,34 +34,53 @@ def design(
     workers: int | None = None,
     progress: job.Progress | None = None,
 ) -> Design:
-    """Pressures that a seal needs in assembly and in service, and what changes its leakage most.
+    """Find the pressures that a seal needs in assembly and in service, and what changes its leakage most.
 
-    Qmin(L) is the nominal pressure in assembly from which on the seal leaks no more than a class L allows,
-    QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them: along the
-    loading, and along the unloading from Q_A; as computed, and with the whole 95 % interval of the run. It is the
-    verdict of the report, see `results.verdict`. What a fraction of the drawn seals needs as computed stands beside:
-    the interval contains their scatter already. Where loads relax (`relaxation` of the case), also the pressure in
-    assembly from which on the class is kept with what relaxation leaves. Between load steps ln(leakage) is straight in
-    ln(pressure); nothing is extrapolated.
+    As in EN 13555 and EN 1591-1, Qmin(L) is the nominal pressure in assembly from which on the seal leaks no more than
+    a class L allows. QSmin(L; Q_A) is the pressure to which it may fall in service after an assembly at Q_A. Qmin is
+    read from the loading, QSmin from the unloading from Q_A, each by the leakage as computed and by the upper end of
+    its 95 % interval. These are the loads of the verdict in the report, see `results.verdict`.
+
+    A second column gives the pressure that a fraction of the realisations needs as computed; the 95 % interval
+    contains the scatter between realisations already. If the case has a `relaxation`, the answer also has the pressure
+    in assembly from which on the class is still met after relaxation. Between load steps, ln(leakage) is interpolated
+    linearly over ln(pressure); nothing is extrapolated.
 
     Parameters
     ----------
-    what : a case or its file, or results or their folder; results are taken as they are, without solving.
-    output : folder of the run and of the answer, where complete results of the same case are taken; None writes
-        nothing, not even into the folder of results that are given.
-    classes : leakage classes, or leakages with their unit, see `base.leak_rates`; those of the case unless given,
-        else L0.01, L0.1 and L1. The test fluid decides on them where there is one.
-    probability : fraction of the drawn seals of which the pressure is given beside, above 0 and below 1.
-    assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; of results
-        those that they hold.
-    nominal_diameter : [m] or as "50 mm", for the rates of ISO 5208.
-    solve : solve the case again with another hardness, for what no law gives; cases only.
-    replace_results : compute the case where the folder holds results of another one, and replace these.
-    workers : processes; all cores unless given. progress : see `run`.
+    what : Case, Results or path
+        A case or its file, which is run; or results or their folder, which are taken as they are.
+    output : path, optional
+        Folder for the run and the answer. Complete results of the same case in this folder are taken. Nothing is
+        written unless given, not even into the folder of results.
+    classes : iterable of str
+        Leakage classes, or leakages with their unit, see `base.leak_rates`. Unless given, those of the case, or else
+        L0.01, L0.1 and L1. The leakage of the test fluid decides if the case has one.
+    probability : float
+        Fraction of the realisations of the second column, above 0 and below 1.
+    assembly : iterable of float or str
+        Pressures in assembly Q_A besides those that the case is unloaded from, [Pa] or texts such as "300 MPa".
+        Results must contain them already.
+    nominal_diameter : float or str, optional
+        Nominal diameter [m] for the rates of ISO 5208, or a text such as "50 mm".
+    solve : bool
+        Whether a case is solved again with another hardness and another length of the flow law, because these two
+        sensitivities follow from no scaling law.
+    replace_results : bool
+        Whether results of another case in the folder are replaced.
+    workers : int, optional
+        Number of processes; one for each core unless given.
+    progress : callable, optional
+        See `run`.
+
+    Returns
+    -------
+    Design
 
     Raises
     ------
-    InputError : the case, the folder or an argument cannot be used.
+    InputError
+        The case, the folder or an argument cannot be used.
 
     Examples
     --------
@@ -69,82 +88,62 @@ def design(
     >>> answer.requirements, answer.sensitivities  # doctest: +SKIP
     """
     probability = validate.tolerance("probability", probability)
-    wanted = leak_classes(classes := tuple(classes))
-    case = results = None
-    if isinstance(what, Results):
-        results = what
-    elif not isinstance(what, Case) and Path(what).is_dir():
-        results = open_results(what)
-    else:
-        case = what if isinstance(what, Case) else load_case(what)
-    extra = [to_si(q, "Pa", "assembly") if isinstance(q, str) else float(q) for q in assembly]
-    if isinstance(diameter := nominal_diameter, str):
-        diameter = to_si(diameter, "m", "nominal_diameter")
-    if diameter is not None:
+    class_names = tuple(classes)
+    wanted_classes = leak_classes(class_names)
+    case, results = _case_or_results(what)
+    assembly_pressures = [_in_si("assembly", pressure, "Pa") for pressure in assembly]
+    diameter = None
+    if nominal_diameter is not None:
+        diameter = _in_si("nominal_diameter", nominal_diameter, "m")
         validate.number("nominal_diameter", diameter, unit="m")
-    shown = progress or no_progress
+    report_progress = progress or no_progress
     if results is None:
         assert case is not None
-        case = _assembled(case, extra)
-        if wanted:
-            tested = case.output.test_fluid or case.fluid
-            drop = tested.state.pressure_drop
-            basis = leak_basis(tested.fluid, 1.0, pressure_drop=drop, **case.output.valve)
-            check_classes(classes, diameter or case.output.nominal_diameter, basis)
+        case = _with_assembly_pressures(case, assembly_pressures)
+        if class_names:
+            _check_classes_of_case(case, class_names, diameter)
         results = job.run(
             case,
             output,
             output is not None,
             workers,
             replace_results=replace_results,
-            progress=shown,
+            progress=report_progress,
         )
     seals = Seals.of_results(results)
-    known = seals.steps.unload_from
-    lacking = [q for q in extra if not np.isclose(q, known, rtol=1e-9).any()]
-    if case is None and lacking:
-        peaks, others = (", ".join(to_text(p, "Pa") for p in each) for each in (known, lacking))
-        expected = f"those that the run is unloaded from, {peaks or 'none'}; others take its case"
-        raise InputError("assembly", others, expected)
+    if case is None:
+        _check_unloaded_from(seals, assembly_pressures)
     if not seals.count:
-        raise InputError(
-            "results",
-            "no seal whose leakage is known at every load",
-            "results without such failures",
-        )
-    data = results.dataset
-    wanted = wanted or leak_classes(
-        data["leak_class"].values.tolist() if "leak_class" in data.coords else USUAL
-    )
-    diameter = diameter or data.attrs.get("nominal_diameter_m")
-    limits = [(one.name, one.limit(results.class_basis, diameter)) for one in wanted]
+        given = "no realisation whose leakage is known at every load"
+        raise InputError("results", given, "results with at least one such realisation")
+    limits = _class_limits(results, wanted_classes, diameter)
     relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
-    needs = tuple(requirement(seals, *limit, probability, relaxation) for limit in limits)
-    place = _place(needs, seals, probability)
-    yields = bool(np.isfinite(data.attrs["hardness_Pa"]))
-    variants, notes = Variants(hardness_counts=yields), _notes(seals, probability, results)
-    if case is None and solve:
+    requirements = tuple(
+        requirement(seals, name, limit, probability, relaxation) for name, limit in limits.items()
+    )
+    load = _load_of_sensitivities(requirements, seals, probability)
+    notes = _notes(seals, probability, results)
+    variants = Variants(hardness_counts=bool(np.isfinite(results.dataset.attrs["hardness_Pa"])))
+    if solve and case is None:
         notes.append(
-            "of results nothing is solved again: femseal design CASE.toml gives the hardness too"
+            "results are not solved again, so that the sensitivity to hardness is unknown: femseal design CASE.toml "
+            "gives it"
         )
-    known_load = np.isfinite(place[1])
-    if case is not None and solve and known_load:
-        if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:
-            notes.append(
-                f"the run is of femseal {former}: what is solved again may differ from it for that reason too"
-            )
-        variants = solved_variants(case, results, workers, shown)
-    if (state := state_of_classes(results)) is not None:
-        variants = replace(variants, law_length=state.law.length, inlet_slope=inlet_slope(state))
+    elif solve and case is not None and load.is_known:
+        notes += _note_on_version(results)
+        variants = solved_variants(case, results, workers, report_progress)
+    variants = _with_fluid(variants, results)
     answer = Design(
         results=results,
         seals=seals,
         probability=probability,
-        requirements=needs,
+        requirements=requirements,
         relaxation=relaxation,
         sealing=sealing_load(seals),
-        at=place,
-        sensitivities=sensitivities(seals, variants, place[1], probability) if known_load else (),
+        at=(load.class_name, load.pressure),
+        sensitivities=(
+            sensitivities(seals, variants, load.pressure, probability) if load.is_known else ()
+        ),
         notes=tuple(notes),
     )
     if output is not None:
@@ -152,59 +151,169 @@ def design(
     return answer
 
 
-def _assembled(case: Case, extra: list[float]) -> Case:
-    """The case with more pressures from which it is unloaded."""
-    if not extra:
+def _case_or_results(what: Case | Results | AnyPath) -> tuple[Case | None, Results | None]:
+    """Load the case or the results that the user named; the other one is None."""
+    if isinstance(what, Results):
+        return None, what
+    if isinstance(what, Case):
+        return what, None
+    if Path(what).is_dir():
+        return None, open_results(what)
+    return load_case(what), None
+
+
+def _in_si(name: str, value: float | str, unit: str) -> float:
+    """Convert a number in SI, or a text with a unit, to SI."""
+    return to_si(value, unit, name) if isinstance(value, str) else float(value)
+
+
+def _with_assembly_pressures(case: Case, pressures: list[float]) -> Case:
+    """Let a case be unloaded from further pressures [Pa].
+
+    Raises
+    ------
+    InputError
+        The loads of the case are forces, or a pressure is outside the loads that the case can have.
+    """
+    if not pressures:
         return case
-    load, least = case.load, min(case.load.unloading or case.load.loading)
+    load = case.load
     if load.unit != "Pa":
-        raise InputError("assembly", to_text(extra[0], "Pa"), "none beside loads that are forces")
-    for q in extra:
-        if not least < q < case.law.capacity:
-            allowed = f"pressures above the lowest of the case, {to_text(least, 'Pa')}, and below the hardness"
-            raise InputError("assembly", to_text(q, "Pa"), allowed)
-    stops = load.unloading or tuple(reversed(load.loading))
-    peaks = tuple(Amount(q, "Pa") for q in sorted({*load.unload_from, *extra}))
-    return case.model_copy(
-        update={"load": load.model_copy(update={"unload_from": peaks, "unloading": stops})}
-    )
+        given = to_text(pressures[0], "Pa")
+        raise InputError("assembly", given, "none, because the loads of the case are forces")
+    lowest = min(load.unloading or load.loading)
+    for pressure in pressures:
+        if not lowest < pressure < case.law.capacity:
+            expected = f"pressures above the lowest of the case, {to_text(lowest, 'Pa')}, and below the hardness"
+            raise InputError("assembly", to_text(pressure, "Pa"), expected)
+    unload_from = tuple(Amount(p, "Pa") for p in sorted({*load.unload_from, *pressures}))
+    unloading = load.unloading or tuple(reversed(load.loading))
+    changed = load.model_copy(update={"unload_from": unload_from, "unloading": unloading})
+    return case.model_copy(update={"load": changed})
 
 
-def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tuple[str, float]:
-    """Class and load of the sensitivities: Qmin of the first class that has one, else half way over the open loads."""
-    for need in needs:
+def _check_classes_of_case(
+    case: Case, class_names: tuple[str, ...], diameter: float | None
+) -> None:
+    """Check that the leakage classes can be used for the fluid of the case before anything is solved."""
+    fluid = case.output.test_fluid or case.fluid
+    pressure_drop = fluid.state.pressure_drop
+    basis = leak_basis(fluid.fluid, 1.0, pressure_drop=pressure_drop, **case.output.valve)
+    check_classes(class_names, diameter or case.output.nominal_diameter, basis)
+
+
+def _check_unloaded_from(seals: Seals, pressures: list[float]) -> None:
+    """Check that results are unloaded from all pressures in assembly [Pa]; raise InputError if not."""
+    known = seals.steps.unload_from
+    missing = [p for p in pressures if not np.isclose(p, known, rtol=1e-9).any()]
+    if not missing:
+        return
+    given = ", ".join(to_text(p, "Pa") for p in missing)
+    known_texts = ", ".join(to_text(p, "Pa") for p in known) or "none"
+    expected = f"those that the run is unloaded from, {known_texts}; for others, give the case instead of its results"
+    raise InputError("assembly", given, expected)
+
+
+def _class_limits(
+    results: Results, wanted_classes: tuple[LeakClass, ...], diameter: float | None
+) -> dict[str, float]:
+    """Find the largest leakage per length [m²/s] of each leakage class, by its name.
+
+    The classes of the results are taken unless others are wanted, and the usual ones if they have none.
+    """
+    data = results.dataset
+    if not wanted_classes:
+        names = data["leak_class"].values.tolist() if "leak_class" in data.coords else USUAL
+        wanted_classes = leak_classes(names)
+    diameter = diameter or data.attrs.get("nominal_diameter_m")
+    return {c.name: c.limit(results.class_basis, diameter) for c in wanted_classes}
+
+
+@dataclass(frozen=True)
+class _Load:
+    """The load at which the sensitivities are given.
+
+    class_name : leakage class whose Qmin it is, or "". pressure : nominal pressure [Pa], NaN if there is none.
+    """
+
+    class_name: str
+    pressure: float
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is such a load."""
+        return bool(np.isfinite(self.pressure))
+
+
+def _load_of_sensitivities(
+    requirements: tuple[Requirement, ...], seals: Seals, fraction: float
+) -> _Load:
+    """Choose Qmin of the first class that has one, or else the geometric middle of the loads that leak."""
+    for need in requirements:
         if np.isfinite(need.assembly.at):
-            return need.name, need.assembly.at
+            return _Load(need.name, need.assembly.at)
     steps = seals.falling()
-    pressure, leak = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
-    open_ = pressure[(pressure > 0) & (leak > 0) & np.isfinite(leak)]
-    return "", float(np.sqrt(open_[0] * open_[-1])) if open_.size > 1 else np.nan
+    pressure = seals.steps.pressures[steps]
+    leakage = seals.curve_of(fraction)[steps]
+    leaking = pressure[(pressure > 0) & (leakage > 0) & np.isfinite(leakage)]
+    if leaking.size < 2:
+        return _Load("", np.nan)
+    return _Load("", float(np.sqrt(leaking[0] * leaking[-1])))
+
+
+def _with_fluid(variants: Variants, results: Results) -> Variants:
+    """Add what the sensitivities need to know about the fluid that decides on leakage classes."""
+    state = state_of_classes(results)
+    if state is None:
+        return variants
+    return replace(variants, law_length=state.law.length, inlet_slope=inlet_slope(state))
+
+
+def _note_on_version(results: Results) -> list[str]:
+    """Note that the results were computed by another version of femseal, if they were."""
+    version = json.loads(results.dataset.attrs["versions"]).get("femseal")
+    if version == versions()["femseal"]:
+        return []
+    return [
+        f"the run was computed by femseal {version}: part of the sensitivity to hardness may come from the change of "
+        "version"
+    ]
 
 
 def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
-    """What to keep in mind of few seals, no unloading, warnings and failures."""
+    """List what the user should keep in mind about the answer."""
     notes = []
-    tail = min(fraction, 1 - fraction)
+    smaller_fraction = min(fraction, 1 - fraction)
     if seals.count == 1:
-        notes.append("one seal: its figures have no probability; a stochastic run draws many")
-    elif seals.count * tail < 1 - 1e-9:
         notes.append(
-            f"{seals.count} seals are few for the fraction {fraction:g}: it takes at least {round(1 / tail)}"
+            "the run has one seal, so that its figures have no probability; a stochastic run has many realisations"
+        )
+    elif seals.count * smaller_fraction < 1 - 1e-9:
+        notes.append(
+            f"{seals.count} realisations are too few for the fraction {fraction:g}: at least "
+            f"{round(1 / smaller_fraction)} are needed"
         )
     if results.budget is None:
         notes.append(
-            "without an error budget the pressures are those of the leakage as computed: set output.budget = true"
+            "without an error budget the pressures are those of the leakage as computed: set output.budget = true to "
+            "include the 95 % interval"
         )
     if not seals.steps.unload_from:
         notes.append(
-            "the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case"
+            "QSmin is missing because the case is not unloaded: set load.unload_from, or give --assembly with the case"
         )
-    if doubts := len(results.warnings):
-        notes.append(f"the run has {counted(doubts, 'warning')}, which its report lists")
-    if unknown := int(np.isinf(seals.leakage).any(axis=0).sum()):
-        why = "what is computed as sealed may leak, or the fluid carries the load alone"
-        notes.append(f"{counted(unknown, 'load')} counted as leaking: {why}")
-    lost = results.dataset.sizes.get("realisation", seals.count) - seals.count
-    if lost > 0 and results.method == "median":
-        notes.append(f"without {counted(lost, 'seal')} that failed at some load")
+    n_warnings = len(results.warnings)
+    if n_warnings:
+        notes.append(f"the run gave {counted(n_warnings, 'warning')}, which its report lists")
+    n_unknown = int(np.isinf(seals.leakage).any(axis=0).sum())
+    if n_unknown:
+        notes.append(
+            f"{counted(n_unknown, 'load')} counted as leaking: a seal that is computed as tight may leak there, or "
+            "the fluid carries the whole load"
+        )
+    n_failed = results.dataset.sizes.get("realisation", seals.count) - seals.count
+    if n_failed > 0 and results.method == "median":
+        notes.append(
+            f"{counted(n_failed, 'realisation')} left out because the solution failed at some load"
+        )
     return notes

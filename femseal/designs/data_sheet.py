@@ -1,4 +1,4 @@
-"""The design answer as gasket data sheets have it: tables for people, files for programs, and a picture."""
+"""Present the answer of a design as gasket data sheets do: tables for people, files for programs, and a picture."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from ..plots.drawing import (
     LINES,
     Sheet,
     branch_styles,
-    decades,
+    label_decades,
     legend_below,
     png,
     shows,
 )
-from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
+from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset import FILE_NAME
@@ -59,16 +59,47 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Table of all figures in the folder of the answer.
+TABLE_FILE = "design.csv"
+#: Columns of this table.
+_COLUMNS = (
+    "figure",
+    "class",
+    "assembly_pressure_Pa",
+    "relation",
+    "value",
+    "load",
+    "computed",
+    "low",
+    "high",
+    "how",
+)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Plotted):
     """What a seal needs, see `design`.
 
-    results : of the run. seals : the leakages that decide. probability : fraction of the seals of which the pressure
-    is given beside. requirements : Qmin and QSmin of every class. relaxation : fraction of the load in assembly that is
-    lost before service. sealing : load from which on nothing leaks. at : class and nominal
-    pressure [Pa] of the sensitivities; NaN where there is none. sensitivities : what changes the leakage.
-    notes : what to keep in mind, one line each.
+    Parameters
+    ----------
+    results : Results
+        Results of the run.
+    seals : Seals
+        Leakages that decide on leakage classes.
+    probability : float
+        Fraction of the realisations whose needed pressure is given too.
+    requirements : tuple of Requirement
+        Qmin and QSmin of every leakage class.
+    relaxation : float
+        Fraction of the load in assembly that is lost before service.
+    sealing : NeededPressure
+        Pressure in assembly from which on nothing leaks.
+    at : pair (str, float)
+        Leakage class and nominal pressure [Pa] of the sensitivities; NaN if there is none.
+    sensitivities : tuple of Sensitivity
+        What changes the leakage, and by how much.
+    notes : tuple of str
+        What to keep in mind about the answer.
     """
 
     results: Results
@@ -83,84 +114,110 @@ class Design(Plotted):
 
     @property
     def stiffness(self) -> dict[float, float]:
-        """Secant stiffness of the faces from pressures in assembly Q_A to a third of them, by Q_A [Pa], in Pa/m.
+        """Secant stiffness of the interface [Pa/m] from a pressure in assembly Q_A to a third of it, by Q_A [Pa].
 
-        E_G of EN 13555 is that times the thickness of the gasket, which faces do not have. The mean gap is straight in
-        ln(pressure) between the steps of the unloading. Not known of drawn seals, and where that ends above the third.
+        The modulus E_G of EN 13555 is this stiffness times the thickness of the gasket, which an interface does not
+        have. Between the steps of the unloading, the mean gap is interpolated linearly over ln(pressure). The
+        stiffness is unknown for stochastic runs, and if the unloading ends above a third of Q_A.
         """
-        data, found = self.results.dataset, {}
-        for peak in self.seals.steps.unload_from if "mean_gap" in data else ():
-            steps = self.seals.falling(peak)[::-1]
-            steps = steps[self.seals.steps.pressures[steps] > 0]
-            pressure = np.log(self.seals.steps.pressures[steps])
-            gap = data["mean_gap"].values[steps]
-            if pressure[0] <= (third := np.log(peak / 3)) + 1e-9:
-                found[peak] = 2 / 3 * peak / (np.interp(third, pressure, gap) - gap[-1])
-        return found
+        data = self.results.dataset
+        if "mean_gap" not in data:
+            return {}
+        stiffness = {}
+        for peak in self.seals.steps.unload_from:
+            rising = self.seals.falling(peak)[::-1]
+            pressures = self.seals.steps.pressures[rising]
+            gap = data["mean_gap"].values[rising][pressures > 0]
+            log_pressure = np.log(pressures[pressures > 0])
+            log_third = np.log(peak / 3)
+            if log_pressure[0] > log_third + 1e-9:
+                continue
+            gap_at_third = np.interp(log_third, log_pressure, gap)
+            stiffness[peak] = (peak - peak / 3) / (gap_at_third - gap[-1])
+        return stiffness
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Whether each class is met and from which load on: the verdict of the report."""
+        """Whether each leakage class is met, and from which load on, as in the report."""
         return verdicts_of(self.results, [(need.name, need.limit) for need in self.requirements])
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
-        """The unit of leakage, that of the first class, and the leakage per length that is 1 in it [m²/s]."""
+        """Unit of leakage, that of the first class, and the leakage per length [m²/s] that is 1 in it."""
         unit = self.results.leak_unit
         if self.requirements:
-            unit = LEAK_UNITS[leak_classes([self.requirements[0].name])[0].unit]
+            first_class = leak_classes([self.requirements[0].name])[0]
+            unit = LEAK_UNITS[first_class.unit]
         return unit, self.results.class_basis.factor(unit)
 
     @property
     def load_text(self) -> LoadText:
-        """A pressure as text, with the force that makes it where the loads of the case are forces."""
+        """Function that writes a nominal pressure [Pa] as text, with the force if the loads of the case are forces."""
         return loads_as_given(self.results.dataset, 3)
 
     def table(self) -> Any:
-        """The data sheet for a terminal, to be given to `rich.print`."""
+        """Make the data sheet for a terminal, for `rich.print`."""
         from rich.console import Group
         from rich.markup import escape
 
         return Group(*map(escape, sheet_sentences(self)), *sheet_tables(self))
 
     def write(self, folder: AnyPath) -> list[Path]:
-        """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
+        """Write `design.csv`, `design.json` and `design.png`, and the report again if the folder contains results.
+
+        Parameters
+        ----------
+        folder : path
+            Folder to write into; made if needed.
+
+        Returns
+        -------
+        list of Path
+            All files written.
+        """
         target = made_folder(folder)
-        table, (unit, scale) = rows(self), self.leak_scale
+        figures = rows(self)
+        unit, scale = self.leak_scale
         content = {
             "case": self.results.case,
             "probability": self.probability,
             "seals": self.seals.count,
             "limits": {need.name: need.limit / scale for need in self.requirements},
             "limits_unit": unit.name,
-            "figures": table,
+            "figures": figures,
             "sentences": sheet_sentences(self),
             "tables": [
                 {"title": table.title, "heads": table.heads, "lines": table.lines}
                 for table in sheet_tables(self)
             ],
         }
+        text = json.dumps(content, indent=1, ensure_ascii=False)
         with writing("output", target, "a folder"):
             written = [
                 write_bytes(target / DESIGN_PICTURE, png(design_figure(self))),
-                write_text(target / TABLE_FILE, comma_separated(table)),
-                write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False)),
+                write_text(target / TABLE_FILE, comma_separated(figures)),
+                write_text(target / DESIGN_FILE, text),
             ]
-            return [*written, *([write_report(target)] if (target / FILE_NAME).is_file() else [])]
+            if (target / FILE_NAME).is_file():
+                written.append(write_report(target))
+            return written
 
     def __repr__(self) -> str:
-        needs = "; ".join(
-            f"{need.name}: Qmin {need.assembly.text(self.load_text)}" for need in self.requirements
-        )
-        return f"<femseal.Design of {counted(self.seals.count, 'seal')}, probability {self.probability:g}: {needs}>"
+        needs = [f"{n.name}: Qmin {n.assembly.text(self.load_text)}" for n in self.requirements]
+        seals = counted(self.seals.count, "seal")
+        probability = f"probability {self.probability:g}"
+        return f"<femseal.Design of {seals}, {probability}: {'; '.join(needs)}>"
 
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in sheet_tables(self))
 
 
+# --- the picture ------------------------------------------------------------------------------------------
+
+
 @shows(Design)
 def design_figure(answer: Design) -> Figure:
-    """Leakage with its interval over the load of the case: limits of classes, Qmin, QSmin."""
+    """Draw the leakage with its 95 % interval against load, the limits of the classes, Qmin and QSmin."""
     unit, scale = answer.leak_scale
     seals = answer.seals
     curve = seals.curve
@@ -168,10 +225,13 @@ def design_figure(answer: Design) -> Figure:
     if curve.has_interval:
         band = curve.lower, curve.upper
     elif seals.count > 1:
-        band = seals.curve_of(ENDS[0]), seals.curve_of(ENDS[1])
-        band_name = f"{100 * ENDS[0]:g} – {100 * ENDS[1]:g} % of the seals"
+        low, high = ENDS
+        band = seals.curve_of(low), seals.curve_of(high)
+        band_name = f"{100 * low:g} – {100 * high:g} % of the seals"
+    pressure, peaks = pressures_and_peaks(seals.steps)
     curves = LeakageCurves(
-        *pressures_and_peaks(seals.steps),
+        pressure,
+        peaks,
         np.where(np.isfinite(curve.leakage), curve.leakage, np.nan),
         "",
         band=band,
@@ -179,160 +239,250 @@ def design_figure(answer: Design) -> Figure:
         scale=(scale, f"{kind_of(unit)} [{unit.name}]"),
         force=force_scale(answer.results.dataset),
     )
-    below = LEGEND_LINE * ceil((len(seals.steps.unload_from) + 6) / 2)
-    sheet = Sheet([4.4 + below])
-    axes = sheet.panel(0, replace(LINES, right=1.2, top=0.2, bottom=0.7 + below))
+    n_entries = len(seals.steps.unload_from) + 6
+    legend_height = LEGEND_LINE * ceil(n_entries / 2)
+    sheet = Sheet([4.4 + legend_height])
+    axes = sheet.panel(0, replace(LINES, right=1.2, top=0.2, bottom=0.7 + legend_height))
     handles = leakage_panel(axes, curves)
-    # a named line for each class whose limit is within three decades of the leakages
-    least, most = axes.get_ylim()
     limits = {need.name: need.limit / scale for need in answer.requirements}
-    near = [limit for limit in limits.values() if 1e-3 * least < limit < 1e3 * most]
-    axes.set_ylim(min([least, *(x / 2 for x in near)]), max([most, *(2 * x for x in near)]))
-    decades(axes.yaxis)
+    _extend_to_limits(axes, list(limits.values()))
     limit_lines(axes, limits)
-    legend_below(sheet.figure, handles + _marks(axes, answer, scale, curves.load_scale[1]))
+    _, load_factor = curves.load_scale
+    handles += _mark_needed_pressures(axes, answer, scale, load_factor)
+    legend_below(sheet.figure, handles)
     return sheet.figure
 
 
-def _marks(axes: Axes, answer: Design, scale: float, load_factor: float) -> list[Any]:
-    """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend.
+def _extend_to_limits(axes: Axes, limits: list[float]) -> None:
+    """Extend the leakage axis to the limits of classes that are within three decades of its ends."""
+    low, high = axes.get_ylim()
+    near_limits = [limit for limit in limits if 1e-3 * low < limit < 1e3 * high]
+    lowest = min([low, *(limit / 2 for limit in near_limits)])
+    highest = max([high, *(2 * limit for limit in near_limits)])
+    axes.set_ylim(lowest, highest)
+    label_decades(axes.yaxis)
 
-    scale : leakage that is 1 on the axis. load_factor : load on the axis at a nominal pressure of 1 Pa.
+
+def _mark_needed_pressures(
+    axes: Axes, answer: Design, scale: float, load_factor: float
+) -> list[Any]:
+    """Mark Qmin on the loading and QSmin on the unloadings, each with a bar to the end of its 95 % interval.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes of leakage against load.
+    answer : Design
+        The answer.
+    scale : float
+        Leakage [m²/s] that is 1 on the axis.
+    load_factor : float
+        Load on the axis at a nominal pressure of 1 Pa.
+
+    Returns
+    -------
+    list of artists
+        Handles for the legend.
     """
     from matplotlib.lines import Line2D
 
-    # branches are drawn from the highest peak
-    peaks = sorted(answer.seals.steps.unload_from, reverse=True)
-    looks = dict(zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True))
+    peaks = sorted(answer.seals.steps.unload_from, reverse=True)  # branches have this order
+    branches = [None, *peaks]
+    styles = dict(zip(branches, branch_styles(len(branches)), strict=True))
     for need in answer.requirements:
+        if need.limit <= 0:
+            continue
+        leakage = need.limit / scale
         for peak, needed in [(None, need.assembly), *need.service.items()]:
-            if not np.isfinite(needed.at) or not need.limit > 0:
+            if not np.isfinite(needed.at):
                 continue
-            x, y = load_factor * needed.at, need.limit / scale
-            colour = looks[peak]["color"]
+            load = load_factor * needed.at
+            colour = styles[peak]["color"]
+            marker, text_offset = ("v", 7) if peak is None else ("^", -15)
             ends = [load_factor * needed.bound(end) for end in (needed.low, needed.value)]
-            marker, above = ("v", 7) if peak is None else ("^", -15)
-            axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, zorder=4)
-            axes.plot(x, y, color=colour, marker=marker, ms=9, mec="black", zorder=5)
-            text, at = answer.load_text(needed.at), (4, above)
-            axes.annotate(text, (x, y), at, textcoords="offset points", fontsize=8, zorder=6)
+            axes.plot(ends, [leakage] * 2, color=colour, lw=3.5, alpha=0.45, zorder=4)
+            axes.plot(load, leakage, color=colour, marker=marker, ms=9, mec="black", zorder=5)
+            axes.annotate(
+                answer.load_text(needed.at),
+                (load, leakage),
+                (4, text_offset),
+                textcoords="offset points",
+                fontsize=8,
+                zorder=6,
+            )
     handles = [
         Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=f"{name} as computed")
         for marker, name in (("v", "Qmin"), ("^", "QSmin"))
     ]
-    band = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="up to the whole 95 % interval")
-    return [*handles, band]
+    bar = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole 95 % interval")
+    return [*handles, bar]
 
 
-TABLE_FILE = "design.csv"
+# --- tables and sentences ---------------------------------------------------------------------------------
 
 
 def sheet_tables(answer: Design) -> list[TextTable]:
-    """A line for each class, with Qmin and with QSmin by the pressure in assembly; and what changes them most."""
-    needs, peaks = answer.requirements, answer.seals.steps.unload_from
-    shown = short_loads(answer.results)
-    more: list[tuple[str, list[str]]] = []
-    if answer.seals.count > 1:
-        texts = [need.of_seals.words(need.of_seals.value, shown) for need in needs]
-        more.append(
-            (f"Qmin(L) of {100 * answer.probability:.4g} % of the seals, as computed", texts)
-        )
-    lost = answer.relaxation
-    if lost:
-        texts = [need.relaxed.text(shown) if need.relaxed else "" for need in needs]
-        more.append((f"Qmin(L), {100 * lost:.3g} % relaxation", texts))
-    for q in peaks if lost else ():
-        left = relaxed(q, lost)
-        is_enough = [need.service[q].value <= left for need in needs]
-        head = f"{shown(left)}, which relaxation leaves of {shown(q)}"
-        more.append((head, ["enough" if one else "too low" for one in is_enough]))
-    table = verdict_table(
-        answer.results, answer.verdicts, more, names=("Qmin(L)", "QSmin(L), Q_A = {}")
-    )
-    tables = [replace(table, title="Load in assembly (Qmin) and in service (QSmin)")]
+    """Make the table of Qmin and QSmin, with a line for each class, and that of the sensitivities if there are any."""
+    columns = _columns_of_realisations(answer) + _columns_of_relaxation(answer)
+    names = ("Qmin(L)", "QSmin(L), Q_A = {}")
+    needs = verdict_table(answer.results, answer.verdicts, columns, names=names)
+    tables = [replace(needs, title="Load in assembly (Qmin) and in service (QSmin)")]
     if answer.sensitivities:
-        found = answer.sensitivities
-        name, load = answer.at
-        place = f"at {answer.load_text(load)} on loading{name and f', Qmin of {name}'}"
-        columns = [
-            ("quantity x", [one.quantity for one in found]),
-            ("d ln L / d ln x", [_slope_text(one.leakage) for one in found]),
-            ("d ln Qmin / d ln x", [_slope_text(one.pressure) for one in found]),
-            ("how", [one.how for one in found]),
-        ]
-        title = f"What changes leakage L and Qmin, {place}"
-        tables.append(TextTable.of_columns(title, columns, names=len(columns)))
+        tables.append(_sensitivity_table(answer))
     return tables
 
 
+def _columns_of_realisations(answer: Design) -> list[tuple[str, list[str]]]:
+    """Make the column of what a fraction of the realisations needs; none if there is only one seal."""
+    if answer.seals.count == 1:
+        return []
+    load_text = short_loads(answer.results)
+    texts = [need.of_seals.words(need.of_seals.value, load_text) for need in answer.requirements]
+    head = f"Qmin(L) of {100 * answer.probability:.4g} % of the seals, as computed"
+    return [(head, texts)]
+
+
+def _columns_of_relaxation(answer: Design) -> list[tuple[str, list[str]]]:
+    """Make the columns of Qmin with relaxation, and of whether what is left of each Q_A is enough; none without."""
+    relaxation = answer.relaxation
+    if not relaxation:
+        return []
+    load_text = short_loads(answer.results)
+    needs = answer.requirements
+    texts = [need.relaxed.text(load_text) if need.relaxed else "" for need in needs]
+    columns = [(f"Qmin(L), {100 * relaxation:.3g} % relaxation", texts)]
+    for peak in answer.seals.steps.unload_from:
+        left = relaxed(peak, relaxation)
+        texts = ["enough" if need.service[peak].value <= left else "too low" for need in needs]
+        head = f"{load_text(left)}, which relaxation leaves of {load_text(peak)}"
+        columns.append((head, texts))
+    return columns
+
+
+def _sensitivity_table(answer: Design) -> TextTable:
+    """Make the table of the logarithmic slopes of leakage and Qmin."""
+    class_name, pressure = answer.at
+    load = f"{answer.load_text(pressure)} on loading"
+    if class_name:
+        load += f", Qmin of {class_name}"
+    columns = [
+        ("quantity x", [s.quantity for s in answer.sensitivities]),
+        ("d ln L / d ln x", [_slope_text(s.leakage) for s in answer.sensitivities]),
+        ("d ln Qmin / d ln x", [_slope_text(s.pressure) for s in answer.sensitivities]),
+        ("how", [s.how for s in answer.sensitivities]),
+    ]
+    title = f"What changes leakage L and Qmin, at {load}"
+    return TextTable.of_columns(title, columns, names=len(columns))
+
+
 def _slope_text(slope: float) -> str:
+    """Write a logarithmic slope with its sign, or a dash if it is unknown."""
     return f"{slope:+.2f}" if isfinite(slope) else "–"
 
 
 def sheet_sentences(answer: Design) -> list[str]:
-    """The verdict on each class, what the tables are of, the sealing load, and what to keep in mind."""
-    data, count = answer.results.dataset, answer.seals.count
+    """Write the verdict on each class, the seal and the fluid, the sealing load, and what to keep in mind."""
+    data = answer.results.dataset
+    load_text = answer.load_text
+    sentences = [" ".join(verdict) for verdict in verdicts_in_words(answer.verdicts, load_text)]
     prefix = "test_" if "test_leakage" in data else ""
-    ends = " to ".join(
+    fluid = data.attrs[f"{prefix}fluid"]
+    inlet, outlet = (
         to_text(data.attrs[f"{prefix}{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet")
     )
-    fluid = f"{data.attrs[f'{prefix}fluid']}, from {ends}"
     width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
-    shown = answer.load_text
-    found = [" ".join(one) for one in verdicts_in_words(answer.verdicts, shown)]
-    found.append(f"A seal {width} wide and {length} long; {fluid}.")
-    found.append(
-        "Qmin is the load in assembly from which on a class is met, QSmin that down to which it is kept after an "
-        "assembly at Q_A."
+    sentences.append(
+        f"The seal is {width} wide and {length} long; {fluid} flows from {inlet} to {outlet}."
     )
+    sentences.append(
+        "Qmin is the load in assembly from which on a class is met. QSmin is the load to which it may fall in service "
+        "after an assembly at Q_A."
+    )
+    count = answer.seals.count
     if count > 1:
-        found.append(
-            f"They are those of the median of {count} seals; the interval holds their scatter. What "
-            f"{100 * answer.probability:.4g} % of them need as computed stands beside."
+        sentences.append(
+            f"Both are for the median of {count} realisations, whose scatter is contained in the 95 % interval. A "
+            f"further column says what {100 * answer.probability:.4g} % of the realisations need as computed."
         )
-    found.append(f"It seals without any leakage {answer.sealing.text(shown)}.")
+    sentences.append(f"The seal is completely tight {answer.sealing.text(load_text)}.")
     for peak, stiffness in answer.stiffness.items():
-        found.append(
-            f"From Q_A = {shown(peak)} to a third of it the faces part with {stiffness / 1e12:.3g} MPa/µm. Times the "
-            "thickness of a gasket that is E_G of EN 13555; faces have none."
+        sentences.append(
+            f"The unloading stiffness from Q_A = {load_text(peak)} to a third of it is {stiffness / 1e12:.3g} MPa/µm. "
+            "E_G of EN 13555 is this stiffness times the thickness of the gasket."
         )
-    return found + [f"{note[0].upper()}{note[1:]}." for note in answer.notes]
+    sentences += [f"{note[0].upper()}{note[1:]}." for note in answer.notes]
+    return sentences
 
 
-#: Columns of `design.csv`.
-_COLUMNS = ("figure", "class", "assembly_pressure_Pa", "relation", "value", "load", "computed", "low", "high",
-            "how")  # fmt: skip
+# --- figures for programs ---------------------------------------------------------------------------------
 
 
 def rows(answer: Design) -> list[dict[str, Any]]:
-    """All figures, one dictionary each: pressures in Pa, slopes and factors without unit."""
-    pressures: list[tuple[str, str, float | None, NeededPressure]] = []
-    for need in answer.requirements:
-        pressures.append(("Qmin [Pa]", need.name, None, need.assembly))
-        if answer.seals.count > 1:
-            figure = f"Qmin of {100 * answer.probability:.4g} % of the seals [Pa]"
-            pressures.append((figure, need.name, None, need.of_seals))
-        if need.relaxed is not None:
-            pressures.append(("Qmin with relaxation [Pa]", need.name, None, need.relaxed))
-        pressures += [("QSmin [Pa]", need.name, *pair) for pair in need.service.items()]
-    pressures.append(("sealing load [Pa]", "", None, answer.sealing))
-    found: list[dict[str, Any]] = []
-
-    def add(*values: Any, **more: Any) -> None:
-        found.append(dict.fromkeys(_COLUMNS) | dict(zip(_COLUMNS, values, strict=False)) | more)
-
-    for figure, name, peak, needed in pressures:
-        value = needed.bound(needed.value)
-        # None where an end lies beyond the loads or is unknown
-        ends = {"computed": needed.computed, "low": needed.low}
-        known = {key: p for key, p in ends.items() if isfinite(p) and p > 0}
-        known |= {"high": needed.value} if needed.known else {}
-        add(figure, name, peak, needed.relation, value, load=answer.load_text(value), **known)
+    """List all figures, one dictionary each: pressures in Pa, slopes and factors without unit."""
+    figures = [
+        *(row for need in answer.requirements for row in _rows_of_requirement(answer, need)),
+        _pressure_row(answer, "sealing load [Pa]", "", None, answer.sealing),
+    ]
     for peak, stiffness in answer.stiffness.items():
-        how = "secant of the mean gap to Q_A / 3"
-        add("E_G over thickness [Pa/m]", None, peak, "=", stiffness, how=how)
-    for one in answer.sensitivities:
-        for what, slope in (("L", one.leakage), ("Qmin", one.pressure)):
-            figure = f"d ln {what} / d ln {one.quantity}"
-            add(figure, *answer.at, "=", slope if isfinite(slope) else None, how=one.how)
-    return found
+        figures.append(
+            _row(
+                figure="E_G over thickness [Pa/m]",
+                assembly_pressure_Pa=peak,
+                relation="=",
+                value=stiffness,
+                how="secant of the mean gap to Q_A / 3",
+            )
+        )
+    class_name, pressure = answer.at
+    for sensitivity in answer.sensitivities:
+        for symbol, slope in (("L", sensitivity.leakage), ("Qmin", sensitivity.pressure)):
+            row = _row(
+                figure=f"d ln {symbol} / d ln {sensitivity.quantity}",
+                assembly_pressure_Pa=pressure,
+                relation="=",
+                value=slope if isfinite(slope) else None,
+                how=sensitivity.how,
+            )
+            figures.append(row | {"class": class_name})
+    return figures
+
+
+def _rows_of_requirement(answer: Design, need: Requirement) -> list[dict[str, Any]]:
+    """List the pressures that a leakage class needs."""
+    name = need.name
+    figures = [_pressure_row(answer, "Qmin [Pa]", name, None, need.assembly)]
+    if answer.seals.count > 1:
+        figure = f"Qmin of {100 * answer.probability:.4g} % of the seals [Pa]"
+        figures.append(_pressure_row(answer, figure, name, None, need.of_seals))
+    if need.relaxed is not None:
+        figure = "Qmin with relaxation [Pa]"
+        figures.append(_pressure_row(answer, figure, name, None, need.relaxed))
+    for peak, needed in need.service.items():
+        figures.append(_pressure_row(answer, "QSmin [Pa]", name, peak, needed))
+    return figures
+
+
+def _pressure_row(
+    answer: Design, figure: str, class_name: str, peak: float | None, needed: NeededPressure
+) -> dict[str, Any]:
+    """Make the row of a pressure; ends that are unknown or beyond the loads stay empty."""
+    value = needed.bound(needed.value)
+    row = _row(
+        figure=figure,
+        assembly_pressure_Pa=peak,
+        relation=needed.relation,
+        value=value,
+        load=answer.load_text(value),
+    )
+    row["class"] = class_name
+    for column, end in (("computed", needed.computed), ("low", needed.low)):
+        if isfinite(end) and end > 0:
+            row[column] = end
+    if needed.known:
+        row["high"] = needed.value
+    return row
+
+
+def _row(**cells: Any) -> dict[str, Any]:
+    """Make a row with all columns; those that are not given are empty."""
+    return dict.fromkeys(_COLUMNS) | cells

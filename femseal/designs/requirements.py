@@ -1,8 +1,8 @@
-"""Pressures that a seal needs: in assembly for a leakage class, in service to keep it, and to seal at all.
+"""Find the pressures that a seal needs: in assembly to meet a leakage class, in service to keep it, and to be tight.
 
-They are those of the verdict on a class (`results/verdict.py`): by the leakage of the run as computed, and by the ends
-of its 95 % interval, which contains the scatter of the seals. What a fraction of the seals needs as computed stands
-beside.
+They are the loads of the verdict on a class (`results/verdict.py`): those of the leakage as computed, and those of the
+ends of its 95 % interval, which contains the scatter between realisations. Another pressure is what a given fraction
+of the realisations needs as computed.
 """
 
 from __future__ import annotations
@@ -23,17 +23,23 @@ from ..results.verdict import (
     relaxed_steps,
 )
 
-#: Ends of the band between seals.
+#: Quantiles of the realisations between which their scatter is drawn.
 ENDS = (0.05, 0.95)
 
 
 @dataclass(frozen=True, eq=False)
 class Seals:
-    """Leakages of seals of one kind.
+    """Leakages of the realisations of one seal.
 
-    steps : the load programme. leakage : size of the leakage per length (seals, steps) [m²/s]; inf where a seal is
-    computed as sealed, but the upper end of its interval is not known. curve : the leakage that the run gives, such as
-    their median, with its interval.
+    Parameters
+    ----------
+    steps : LoadProgramme
+        The load steps.
+    leakage : array (realisations, steps)
+        Magnitude of the leakage per length [m²/s]. It is infinite where a seal is computed as tight although the upper
+        end of its 95 % interval is unknown.
+    curve : LeakageCurve
+        The leakage that the run gives, such as the median of the realisations, with its interval.
     """
 
     steps: LoadProgramme
@@ -42,12 +48,13 @@ class Seals:
 
     @classmethod
     def of_results(cls, results: Results) -> Seals:
-        """The realisations of a run, or its one seal, with the fluid that decides on leakage classes."""
-        _, several = results.class_leakage
+        """Take the realisations of a run, or its one seal, with the fluid that decides on leakage classes."""
+        _, leakage = results.class_leakage
         interval = results.class_interval
         if interval is not None:
-            several = np.where((several == 0) & ~np.isfinite(interval[1]), inf, several)
-        return cls._of_known(results.steps, several, LeakageCurve.of_results(results))
+            _, upper = interval
+            leakage = np.where((leakage == 0) & ~np.isfinite(upper), inf, leakage)
+        return cls._with_open_loads(results.steps, leakage, LeakageCurve.of_results(results))
 
     @classmethod
     def of(
@@ -56,77 +63,122 @@ class Seals:
         leakage: Array,
         interval: tuple[Array, Array] | None = None,
     ) -> Seals:
-        """Seals of leakages of any direction, inf where one is not known; those that failed at a step are left out.
+        """Make seals from leakages; those that failed at a load step are left out.
 
-        interval : ends of the 95 % interval of their median (steps,) [m²/s]; None without one.
+        Parameters
+        ----------
+        steps : LoadProgramme
+            The load steps.
+        leakage : array (realisations, steps) or (steps,)
+            Leakage per length in either direction [m²/s]; infinite if unknown, NaN if the solution failed.
+        interval : pair of arrays (steps,), optional
+            Ends of the 95 % interval of the median [m²/s].
         """
-        several = np.abs(np.atleast_2d(reals(leakage)))
+        magnitude = np.abs(np.atleast_2d(reals(leakage)))
         with np.errstate(invalid="ignore"):
-            middle = np.sort(several, axis=0)[(len(several) - 1) // 2]
-        return cls._of_known(steps, several, LeakageCurve.of(steps, middle, interval))
+            median = np.sort(magnitude, axis=0)[(len(magnitude) - 1) // 2]
+        return cls._with_open_loads(steps, magnitude, LeakageCurve.of(steps, median, interval))
 
     @classmethod
-    def _of_known(cls, steps: LoadProgramme, leakage: Array, curve: LeakageCurve) -> Seals:
-        """Loads below all of their branch whose leakage is known, as those that the fluid carries alone, are open.
+    def _with_open_loads(cls, steps: LoadProgramme, leakage: Array, curve: LeakageCurve) -> Seals:
+        """Mark low loads whose leakage is unknown as open: the fluid carries these loads alone.
 
-        A fluid opens a face that is unloaded at another load than one that is pressed for the first time.
+        These are the loads below all loads of their branch whose leakage is known. Each branch is treated on its own,
+        because a fluid opens an unloaded surface at another load than one that is pressed for the first time.
         """
-        size = np.abs(np.atleast_2d(reals(leakage)))
-        known, pressures = ~np.isnan(size).all(axis=0), steps.pressures
-        for peak in {step.unloaded_from for step in steps} if known.any() else ():
-            own = np.array([step.unloaded_from == peak for step in steps])
-            lowest = pressures[own & known].min(initial=inf if peak is None else peak)
-            size[:, own & (pressures < lowest)] = inf
-        return cls(steps, size[~np.isnan(size).any(axis=1)], curve)
+        magnitude = np.abs(np.atleast_2d(reals(leakage)))
+        is_known = ~np.isnan(magnitude).all(axis=0)  # (steps,)
+        if is_known.any():
+            for peak in {step.unloaded_from for step in steps}:
+                on_branch = np.array([step.unloaded_from == peak for step in steps])
+                known_pressures = steps.pressures[on_branch & is_known]
+                lowest_known = known_pressures.min(initial=inf if peak is None else peak)
+                magnitude[:, on_branch & (steps.pressures < lowest_known)] = inf
+        is_complete = ~np.isnan(magnitude).any(axis=1)  # (realisations,)
+        return cls(steps, magnitude[is_complete], curve)
 
     @property
     def count(self) -> int:
-        """Number of seals."""
+        """Number of realisations."""
         return len(self.leakage)
 
     def curve_of(self, fraction: float) -> Array:
-        """Leakage that a fraction of the seals does not exceed, at each step [m²/s]."""
+        """Find the leakage per length that a fraction of the realisations does not exceed (steps,) [m²/s]."""
         return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]
 
     def falling(self, peak: float | None = None) -> Indices:
-        """Steps of the loading, or of the unloading from a peak, which they begin with, from the highest load down."""
+        """List the steps of the loading, or of the unloading from a peak including it, from the highest load down."""
         return falling_steps(self.steps, peak)
 
     def needed(self, limit: float, peak: float | None = None) -> Array:
-        """Pressure down to which each seal, on loading or unloaded from a peak, keeps the limit (seals,) [Pa].
+        """Find the pressure down to which each realisation stays within a limit.
 
-        inf: it leaks more at the highest load already; 0: it does not at any load.
+        Parameters
+        ----------
+        limit : float
+            Largest leakage per length [m²/s].
+        peak : float, optional
+            Pressure from which the seal is unloaded [Pa]; the loading unless given.
+
+        Returns
+        -------
+        array (realisations,)
+            Nominal pressure [Pa]; infinite if the limit is exceeded at the highest load already, 0 if at no load.
         """
         steps = self.falling(peak)
         return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
 
     def needed_with_relaxation(self, limit: float, relaxation: float) -> Array:
-        """Lowest peak from which on each seal, once relaxed, keeps the limit (seals,) [Pa]; inf, 0 as above."""
-        peaks, after = relaxed_steps(self.steps, relaxation)
-        return crossings(peaks, self.leakage[:, after], limit)
+        """Find the lowest peak from which on each realisation stays within a limit after relaxation.
+
+        The parameters, and the result (realisations,) [Pa], are those of `needed`; `relaxation` is the fraction of the
+        load that is lost.
+        """
+        peaks, steps_after = relaxed_steps(self.steps, relaxation)
+        return crossings(peaks, self.leakage[:, steps_after], limit)
 
     def needed_by(self, fraction: float, limit: float, peak: float | None = None) -> NeededPressure:
-        """What a fraction of the seals needs as computed: an order statistic, without interpolation."""
+        """Find the pressure that a fraction of the realisations needs as computed.
+
+        It is the pressure that one of them needs, an order statistic, and is not interpolated between realisations.
+        """
         value = float(np.sort(self.needed(limit, peak))[_rank(fraction, self.count)])
         pressures = self.steps.pressures[self.falling(peak)]
-        ends = float(pressures.min()), float(pressures.max())
         return NeededPressure(
-            value, value, value, *ends, on_unloading=peak is not None, has_interval=False
+            value=value,
+            computed=value,
+            low=value,
+            lowest=float(pressures.min()),
+            highest=float(pressures.max()),
+            on_unloading=peak is not None,
+            has_interval=False,
         )
 
 
 def _rank(fraction: float, count: int) -> int:
-    return min(max(ceil(fraction * count - 1e-9), 1), count) - 1
+    """Find the index of the sorted value that a fraction of `count` values does not exceed."""
+    number = ceil(fraction * count - 1e-9)  # 0.9 × 10 is 9 whatever the rounding
+    return min(max(number, 1), count) - 1
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """What a class of leakage needs.
+    """What a leakage class needs.
 
-    name : of the class. limit : its largest leakage per length [m²/s]. assembly : Qmin, the pressure in assembly that
-    reaches it. service : QSmin by the pressure in assembly Q_A [Pa]: that to which it may fall after. of_seals :
-    pressure in assembly that is enough for a fraction of the seals as computed. relaxed : the pressure in assembly that
-    still meets it after relaxation; None without.
+    Parameters
+    ----------
+    name : str
+        Name of the class.
+    limit : float
+        Its largest leakage per length [m²/s].
+    assembly : NeededPressure
+        Qmin, the pressure in assembly from which on the class is met.
+    service : dict of NeededPressure
+        QSmin by the pressure in assembly Q_A [Pa]: the pressure to which it may fall afterwards.
+    of_seals : NeededPressure
+        Pressure in assembly that is enough for a fraction of the realisations as computed.
+    relaxed : NeededPressure, optional
+        Pressure in assembly from which on the class is still met after relaxation.
     """
 
     name: str
@@ -140,20 +192,40 @@ class Requirement:
 def requirement(
     seals: Seals, name: str, limit: float, fraction: float, relaxation: float = 0.0
 ) -> Requirement:
-    """What a limit of leakage per length [m²/s] needs, also with a fraction of the seals; loads relax by a fraction."""
-    curve, after = seals.curve, None
-    if relaxation and seals.steps.unload_from:
-        after = curve.needed_with_relaxation(limit, relaxation)
+    """Find the pressures that a leakage class needs.
+
+    Parameters
+    ----------
+    seals : Seals
+        Leakages of the realisations.
+    name : str
+        Name of the class.
+    limit : float
+        Its largest leakage per length [m²/s].
+    fraction : float
+        Fraction of the realisations of `Requirement.of_seals`.
+    relaxation : float
+        Fraction of the load in assembly that is lost before service.
+
+    Returns
+    -------
+    Requirement
+    """
+    curve = seals.curve
+    peaks = seals.steps.unload_from
+    with_relaxation = None
+    if relaxation and peaks:
+        with_relaxation = curve.needed_with_relaxation(limit, relaxation)
     return Requirement(
         name=name,
         limit=limit,
         assembly=curve.needed(limit),
-        service={peak: curve.needed(limit, peak) for peak in seals.steps.unload_from},
+        service={peak: curve.needed(limit, peak) for peak in peaks},
         of_seals=seals.needed_by(fraction, limit),
-        relaxed=after,
+        relaxed=with_relaxation,
     )
 
 
 def sealing_load(seals: Seals) -> NeededPressure:
-    """Pressure in assembly from which on nothing leaks."""
+    """Find the pressure in assembly from which on nothing leaks."""
     return seals.curve.needed(0.0)

@@ -1,18 +1,19 @@
-"""What changes the leakage of a seal, and the pressure that it needs, most: logarithmic slopes at one load.
+"""Find what changes the leakage of a seal, and the pressure that it needs, most: logarithmic slopes at one load.
 
-Two slopes cannot be had without another solution: that against the hardness, and that against the length of a flow law
-that has one: the mean free path of a rarefied gas, which goes with its viscosity, or a slip length. The others follow
-from them and from the slope against the load, because the problem has no scale of its own: heights, hardness and
-pressure multiplied by one number multiply every gap by it, so that leakage L goes with
+Two slopes need a further solution: that with respect to hardness, and that with respect to the length of a flow law.
+A rarefied gas has such a length, its mean free path, which is proportional to its viscosity, and so has a fluid with
+slip, its slip length. All other slopes follow from these two and from the slope of the loading curve, because the
+problem has no length and no stress of its own. If heights, hardness and pressure are multiplied by one number, then
+every gap is multiplied by it; and contact is unchanged if all stresses are multiplied by one number. The leakage L
+therefore obeys
 
     L(αa, E, αH, αp, αη, αb) = α² L(a, E, H, p, η, b)     L(a, βE, βH, βp, η, b) = L(a, E, H, p, η, b)
 
-with the amplitude a of the roughness, contact modulus E, hardness H, nominal pressure p, viscosity η (for a gas in its
-law; as a continuum L goes with 1/η), slip length b. The slopes s of ln L then obey s_a + s_H + s_p + s_η + s_b = 2 and
-s_E + s_H + s_p = 0. Leakage through a long seal goes with one over its breadth (Darcy's law). Where the leakage is to
-stay the same, the pressure goes with −s/s_p.
-
-For the two slopes the case is solved again with one thing changed.
+with the amplitude a of the roughness, the contact modulus E, the hardness H, the nominal pressure p, the viscosity η of
+the flow law (for a continuum, L is proportional to 1/η), and the slip length b. It follows that the slopes s of ln L
+obey s_a + s_H + s_p + s_η + s_b = 2 and s_E + s_H + s_p = 0. The leakage of a long seal is inversely proportional to
+its breadth (Darcy's law). If another quantity changes, the pressure that keeps the leakage constant changes with the
+slope −s/s_p.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -33,10 +34,28 @@ from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead
 from .requirements import Seals
 
+#: Factor by which hardness and the length of a flow law are changed: small enough for a slope, and large enough that
+#: the residual of contact does not matter.
+_FACTOR = 1.03
+#: Relative change of the inlet pressure for its slope.
+_INLET_CHANGE = 1e-4
+
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Slopes d ln L/d ln x and d ln Qmin/d ln x of a quantity x, NaN where unknown, and how they were found."""
+    """Logarithmic slopes with respect to one quantity x.
+
+    Parameters
+    ----------
+    quantity : str
+        Name of the quantity.
+    leakage : float
+        d ln L/d ln x of the leakage; NaN if unknown.
+    pressure : float
+        d ln Qmin/d ln x of the pressure that a leakage class needs; NaN if unknown.
+    how : str
+        How the slopes were found.
+    """
 
     quantity: str
     leakage: float
@@ -46,12 +65,24 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Variants:
-    """The same seals solved again with one thing changed; None where that was not done.
+    """The same seals, solved again with one quantity changed.
 
-    harder : with the hardness multiplied by `factor`. longer : with the length of the flow law multiplied by it.
-    hardness_counts : whether the solids yield. hardens : whether they harden or soften as they do.
-    law_length : parameter of the fluid with which that length goes, "" of a law without one.
-    inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
+    Parameters
+    ----------
+    harder : Seals, optional
+        Seals whose hardness is multiplied by `factor`.
+    longer : Seals, optional
+        Seals whose flow law has a length multiplied by `factor`.
+    factor : float
+        Factor by which the quantity was changed.
+    hardness_counts : bool
+        Whether the solids yield.
+    hardens : bool
+        Whether the hardness changes with plastic deformation.
+    law_length : str
+        Name of the parameter of the fluid to which the length of the flow law is proportional; "" without a length.
+    inlet_slope : float
+        d ln L/d ln p_in by the potential of the fluid; NaN if unknown.
     """
 
     harder: Seals | None = None
@@ -63,137 +94,198 @@ class Variants:
     inlet_slope: float = np.nan
 
 
+@dataclass(frozen=True)
+class _Slope:
+    """d ln L/d ln x of the leakage with respect to one quantity, NaN if unknown, and how it was found."""
+
+    value: float
+    how: str
+
+
 def sensitivities(
     seals: Seals, variants: Variants, pressure: float, fraction: float
 ) -> tuple[Sensitivity, ...]:
-    """Slopes at a nominal pressure on loading, of the leakage that a fraction of the seals does not exceed."""
-    load = slope_at(seals, pressure, fraction)
+    """Find the slopes of the leakage that a fraction of the realisations does not exceed.
 
-    def solved(variant: Seals | None, quantity: str) -> tuple[float, str]:
+    Parameters
+    ----------
+    seals : Seals
+        Leakages of the realisations.
+    variants : Variants
+        The same seals with one quantity changed.
+    pressure : float
+        Nominal pressure on loading at which the slopes are taken [Pa].
+    fraction : float
+        Fraction of the realisations.
+
+    Returns
+    -------
+    tuple of Sensitivity
+    """
+
+    def solved_slope(variant: Seals | None, quantity: str) -> _Slope:
         if variant is None:
-            return np.nan, "unknown: takes a solution, from a case"
-        rise = level_at(variant, pressure, fraction) - level_at(seals, pressure, fraction)
+            return _Slope(np.nan, "unknown: takes a solution of the case")
+        change = level_at(variant, pressure, fraction) - level_at(seals, pressure, fraction)
         how = f"solved again with {variants.factor:g} times the {quantity}"
-        return rise / np.log(variants.factor), how
+        return _Slope(change / np.log(variants.factor), how)
 
-    hard, how_hard = 0.0, "elastic: no hardness"
+    load = slope_at(seals, pressure, fraction)
+    hardness = _Slope(0.0, "elastic: no hardness")
     if variants.hardness_counts:
-        hard, how_hard = solved(variants.harder, "hardness")
-    thick, how_thick = -1.0, "flow as a continuum"
-    slip: list[tuple[str, float, str]] = []
+        hardness = solved_slope(variants.harder, "hardness")
+    viscosity = _Slope(-1.0, "flow as a continuum")
+    slip_length: dict[str, _Slope] = {}
     if variants.law_length == "viscosity":
-        thick, how_thick = solved(variants.longer, "viscosity")
+        viscosity = solved_slope(variants.longer, "viscosity")
     elif variants.law_length:
         name = variants.law_length.replace("_", " ")
-        slip = [(name, *solved(variants.longer, name))]
-    at_wall = sum(slope for _, slope, _ in slip)
-    how_force = "Darcy's law, with the pressure of the force; Qmin: the force"
-    how_inlet = "potential of the fluid"
-    if not np.isfinite(variants.inlet_slope):
-        how_inlet = "unknown for a rarefied gas, and without a fluid"
-    rough, how_rough = 2 - hard - load - thick - at_wall, "scaling law of contact and flow, exact"
-    if variants.hardens:
-        rough, how_rough = np.nan, "unknown: the metal hardens over a depth of its own"
-    slopes = [
-        ("nominal pressure", load, "the loading curve"),
-        ("roughness amplitude", rough, how_rough),
-        ("hardness", hard, how_hard),
-        ("contact modulus", -hard - load, "scaling law of contact, exact"),
-        ("breadth, same pressure", -1.0, "Darcy's law over many pieces"),
-        ("breadth, same force", -1.0 - load, how_force),
-        ("viscosity", thick, how_thick),
-        *slip,
-        ("inlet pressure", variants.inlet_slope, how_inlet),
-    ]
-    # of the load itself, there is nothing to be needed
-    steep = load if np.isfinite(load) and load != 0 else np.nan
-    return tuple(
-        Sensitivity(name, slope, -slope / steep if n else np.nan, how)
-        for n, (name, slope, how) in enumerate(slopes)
+        slip_length[name] = solved_slope(variants.longer, name)
+    slope_of_slip = sum(slope.value for slope in slip_length.values())
+    amplitude = _Slope(
+        2 - hardness.value - load - viscosity.value - slope_of_slip,
+        "scaling law of contact and flow, exact",
     )
+    if variants.hardens:
+        amplitude = _Slope(np.nan, "unknown: hardening depends on the depth of the deformation")
+    inlet_how = "potential of the fluid"
+    if not np.isfinite(variants.inlet_slope):
+        inlet_how = "unknown for a rarefied gas, and without a fluid"
+    slopes = {
+        "roughness amplitude": amplitude,
+        "hardness": hardness,
+        "contact modulus": _Slope(-hardness.value - load, "scaling law of contact, exact"),
+        "breadth, same pressure": _Slope(-1.0, "Darcy's law over many cells"),
+        "breadth, same force": _Slope(
+            -1.0 - load, "Darcy's law, with the pressure of the force; Qmin: the force"
+        ),
+        "viscosity": viscosity,
+        **slip_length,
+        "inlet pressure": _Slope(variants.inlet_slope, inlet_how),
+    }
+    slope_of_load = load if load != 0 else np.nan
+    found = [Sensitivity("nominal pressure", load, np.nan, "the loading curve")]
+    for quantity, slope in slopes.items():
+        found.append(Sensitivity(quantity, slope.value, -slope.value / slope_of_load, slope.how))
+    return tuple(found)
 
 
 def level_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """ln of the leakage that a fraction of the seals does not exceed, on loading; NaN where it is unknown or 0."""
-    x, y = _open_loads(seals, fraction)
-    return float(np.interp(np.log(pressure), x, y, left=np.nan, right=np.nan)) if x.size else np.nan
+    """Interpolate ln(leakage) on loading at a nominal pressure [Pa]; NaN if the leakage is unknown or 0 there.
+
+    The leakage is what a fraction of the realisations does not exceed [m²/s].
+    """
+    log_pressure, log_leakage = _leaking_loads(seals, fraction)
+    if not log_pressure.size:
+        return np.nan
+    return float(np.interp(np.log(pressure), log_pressure, log_leakage, left=np.nan, right=np.nan))
 
 
 def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """d ln L/d ln p on loading; NaN beyond the loads or without leakage.
+    """Find d ln L/d ln p on loading at a nominal pressure [Pa]; NaN beyond the loads or if there is no leakage.
 
-    Of a monotone cubic through the load steps (PCHIP): chords between steps are off where the curve bends. Measured at
-    579 MPa on the turned face of the examples: −2.73 of the chord, −3.00 so, −3.06 of two more solutions.
+    The slope is that of a monotone cubic (PCHIP) through the load steps. The slope of the chord between two steps has
+    a large error where the curve bends: on the turned face of the examples at 579 MPa it is −2.73, while PCHIP gives
+    −3.00 and two solutions near this load give −3.06.
     """
-    x, y = _open_loads(seals, fraction)
+    log_pressure, log_leakage = _leaking_loads(seals, fraction)
     at = np.log(pressure)
-    if x.size < 2 or not x[0] <= at <= x[-1]:
+    if log_pressure.size < 2 or not log_pressure[0] <= at <= log_pressure[-1]:
         return np.nan
-    return float(scipy.interpolate.PchipInterpolator(x, y)(at, 1))
+    curve = scipy.interpolate.PchipInterpolator(log_pressure, log_leakage)
+    return float(curve(at, 1))
 
 
-def _open_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
-    """ln of pressure and of leakage at the loads on loading at which the leakage is known and not 0."""
+def _leaking_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
+    """Collect ln(pressure) and ln(leakage) of the loads on loading whose leakage is known and not 0, rising."""
     steps = seals.falling()[::-1]
-    pressure, leakage = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
-    known = (pressure > 0) & (leakage > 0) & (leakage < np.inf)
-    return np.log(pressure[known]), np.log(leakage[known])
-
-
-#: Factor of hardness and of the length of a flow law: small enough for a slope, and above the residuals of contact.
-_FACTOR = 1.03
+    pressure = seals.steps.pressures[steps]
+    leakage = seals.curve_of(fraction)[steps]
+    is_leaking = (pressure > 0) & (leakage > 0) & (leakage < np.inf)
+    return np.log(pressure[is_leaking]), np.log(leakage[is_leaking])
 
 
 def solved_variants(
     case: Case, results: Results, workers: int | None, progress: Progress
 ) -> Variants:
-    """Solve the seals of a run again for the fluid that decides on classes, each time with one thing changed.
+    """Solve the seals of a run again with another hardness, and with another length of the flow law.
 
-    With another hardness, if the solids yield, and another length of the flow law, if it has one.
+    The fluid is the one that decides on leakage classes. Nothing is solved for solids that do not yield or for a flow
+    law without a length.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    results : Results
+        Its results, which have the number of realisations and the last version on the way to an accuracy.
+    workers : int or None
+        Number of processes; one for each core if None.
+    progress : callable
+        See `run`.
+
+    Returns
+    -------
+    Variants
     """
     prepared: Prepared = last_version(case, prepare(case), results.attempts)
     if "realisation" in results.dataset.sizes:
         prepared = prepared.with_realisations(results.dataset.sizes["realisation"])
-    scene = (case.output.test_fluid or case.fluid).state.in_scene(prepared.scene)
+    deciding_fluid = case.output.test_fluid or case.fluid
+    scene = deciding_fluid.state.in_scene(prepared.scene)
 
-    def seals(quantity: str, changed: Scene) -> Seals:
+    def solve(changed: Scene, quantity: str) -> Seals:
         version = replace(prepared, scene=changed)
         with (
             ordered_map(workers, before=compile_ahead) as mapper,
-            Run(mapper, progress).timed(f"another {quantity}") as watched,
+            Run(mapper, progress).timed(f"another {quantity}") as timed_mapper,
         ):
-            return Seals.of(changed.steps, version.solve(version.answer, watched).leakage)
+            answer = version.solve(version.answer, timed_mapper)
+        return Seals.of(changed.steps, answer.leakage)
 
-    harder = longer = None
-    yields = not scene.law.is_elastic
-    if yields:
-        harder = seals("hardness", replace(scene, hardness=scene.law.times(_FACTOR)))
-    name, fluid = law_of(scene.fluid).length, cast(Any, scene.fluid)
-    if hasattr(fluid, name):
-        other = replace(fluid, **{name: _FACTOR * getattr(fluid, name)})
-        longer = seals(name.replace("_", " "), replace(scene, fluid=other))
+    harder = None
+    can_yield = not scene.law.is_elastic
+    if can_yield:
+        harder = solve(replace(scene, hardness=scene.law.times(_FACTOR)), "hardness")
+    longer = None
+    fluid = cast(Any, scene.fluid)
+    law_length = law_of(scene.fluid).length
+    if hasattr(fluid, law_length):
+        changed_fluid = replace(fluid, **{law_length: _FACTOR * getattr(fluid, law_length)})
+        longer = solve(replace(scene, fluid=changed_fluid), law_length.replace("_", " "))
     return Variants(
-        harder, longer, _FACTOR, hardness_counts=yields, hardens=not scene.law.is_perfect
+        harder=harder,
+        longer=longer,
+        factor=_FACTOR,
+        hardness_counts=can_yield,
+        hardens=not scene.law.is_perfect,
     )
 
 
 def state_of_classes(results: Results) -> FluidState | None:
-    """The fluid that decides on classes, from the case of the results; None if that does not say it."""
+    """Read the fluid that decides on leakage classes from the case of the results.
+
+    Returns
+    -------
+    FluidState or None
+        If the case does not name the fluid, that of the scene of the results, or None if they have no scene.
+    """
     try:
         table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]
-        made = FLUIDS[table["kind"]]
-        fluid = made(**{f.name: table[f.name] for f in fields(made) if f.name in table})
-        return FluidState(fluid, float(table["inlet_pressure"]), float(table["outlet_pressure"]))
+        fluid_class = FLUIDS[table["kind"]]
+        parameters = {f.name: table[f.name] for f in fields(fluid_class) if f.name in table}
+        inlet_pressure = float(table["inlet_pressure"])
+        outlet_pressure = float(table["outlet_pressure"])
+        return FluidState(fluid_class(**parameters), inlet_pressure, outlet_pressure)
     except (KeyError, TypeError, ValueError, AttributeError):
         return None if results.scene is None else FluidState.of(results.scene)
 
 
 def inlet_slope(state: FluidState) -> float:
-    """d ln L/d ln p_in of a fluid whose law does not depend on the pressure; NaN for a rarefied gas."""
+    """Find d ln L/d ln p_in of a fluid whose flow law does not depend on pressure; NaN for a rarefied gas."""
     if state.law.depends_on_pressure:
         return np.nan
-    step = 1e-4
-    up, down = (
-        replace(state, inlet_pressure=state.inlet_pressure * (1 + sign * step)) for sign in (1, -1)
-    )
-    return float(np.log(up.drop / down.drop) / np.log((1 + step) / (1 - step)))
+    higher = replace(state, inlet_pressure=state.inlet_pressure * (1 + _INLET_CHANGE))
+    lower = replace(state, inlet_pressure=state.inlet_pressure * (1 - _INLET_CHANGE))
+    change_of_pressure = np.log((1 + _INLET_CHANGE) / (1 - _INLET_CHANGE))
+    return float(np.log(higher.drop / lower.drop) / change_of_pressure)

@@ -1,12 +1,13 @@
-"""Pictures of all results; no package below this one draws.
+"""Draw pictures of all results. Rooms above this one do not draw.
 
-`picture(result)` is what `result.plot()` gives: each function below is the picture of one class, or one more picture of
-a run. matplotlib is loaded when something is drawn.
+`picture(result)` draws what `result.plot()` shows. Each of the other functions draws the picture of one class, or one
+more picture of a run. matplotlib is imported when something is drawn.
 """
 
+from .cells import pieces_figure
 from .drawing import picture, png, shown
 from .heights import heights_figure, survey_figure
-from .leakage_curves import leak_test_figure, leakage_figure, pieces_figure
+from .leakage_curves import leak_test_figure, leakage_figure
 from .maps import (
     contact_figure,
     cycle_figure,

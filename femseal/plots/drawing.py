@@ -1,7 +1,7 @@
-"""Common parts of all pictures: figures, styles, axes of loads, maps; and which function draws which class.
+"""Draw the parts that all pictures have in common: figures, line styles and axes of loads.
 
-Every picture is as broad as a page of a phone, so that its letters are legible there. Colours differ in lightness too,
-and branches also in line and marker, so that pictures can be read without colour.
+Every picture is as wide as the page of a phone, so that its letters can be read there. Colours also differ in
+lightness, and the branches of a load cycle also differ in line and marker, so that pictures can be read without colour.
 """
 
 from __future__ import annotations
@@ -15,66 +15,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, InputError, Pair, number_text
+from ..base import Array, InputError, number_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-#: Ratio by which the axis of loads reaches beyond them.
-_MARGIN = 1.1
-#: Least distance of two labels of loads as a fraction of the axis.
-_LABEL = 0.12
-#: Ratio of the ends of an axis below which 2 and 5 have labels.
-_SHORT = 100.0
-#: Powers of ten that are written as numbers.
-_PLAIN = range(-2, 4)
+#: Factor by which the load axis extends beyond the lowest and the highest load.
+_LOAD_MARGIN = 1.1
+#: Smallest distance between two labels of loads, as a fraction of the axis.
+_LABEL_DISTANCE = 0.12
+#: Ratio of the ends of a logarithmic axis below which its ticks at 2 and 5 are labelled too.
+_FEW_DECADES = 100.0
+#: Exponents of the powers of ten that are written as plain numbers.
+_PLAIN_EXPONENTS = range(-2, 4)
 
-
-def load_axis(axes: Axes, loads: Array) -> None:
-    """Scale and ticks of the x axis: all loads, those with a label that have room for it, from both ends inwards.
-
-    The scale of several loads is logarithmic, with a load of 0 left of the others.
-    """
-    loads = np.unique(loads[np.isfinite(loads) & (loads >= 0)])
-    if not loads.size or not loads[-1] > 0:
-        return
-    positive = loads[loads > 0]
-    # before the scale, which would look for ends itself and warn where a single load has a value
-    ends = positive[0] / _MARGIN, positive[-1] * _MARGIN
-    if loads.size == 1:
-        axes.set_xlim(0, ends[1])
-    elif loads[0] > 0:
-        axes.set_xlim(ends)
-        axes.set_xscale("log")
-    else:
-        axes.set_xlim(-positive[0] / 5, ends[1])
-        axes.set_xscale("symlog", linthresh=positive[0], linscale=0.4)
-    to_axes = axes.transScale + axes.transLimits
-    places = to_axes.transform([(load, 1.0) for load in loads])[:, 0]
-    labels = [""] * loads.size
-    for n in sorted(range(loads.size), key=lambda n: (min(n, loads.size - 1 - n), -n)):
-        if all(abs(places[n] - places[k]) > _LABEL for k, text in enumerate(labels) if text):
-            labels[n] = f"{loads[n]:.4g}"
-    axes.set_xticks(loads, labels=labels)
-    axes.set_xticks([], minor=True)
-
-
-def decades(axis: Axis) -> None:
-    """Label a logarithmic axis by numbers as people write them."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    low, high = axis.get_view_interval()
-    written = FuncFormatter(lambda value, _: number_text(value, plain=_PLAIN))
-    axis.set_major_formatter(written)
-    axis.set_minor_formatter(NullFormatter())
-    if high / low < _SHORT:
-        axis.set_minor_locator(LogLocator(subs=(2, 5)))
-        axis.set_minor_formatter(written)
-
-
-#: Loading first, then unloadings: lines in colours that the colour-blind tell apart (Okabe & Ito), and markers.
+#: Line styles: the first for loading, the others for unloadings. The colours are those of Okabe and Ito, which
+#: colour-blind readers can tell apart.
 STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#D55E00", "ls": "-"},
     {"color": "#0072B2", "ls": "--"},
@@ -85,29 +43,12 @@ STYLES: tuple[dict[str, Any], ...] = (
 )
 MARKERS = "os^DvP"
 GREY = "#666666"
-#: Colour of places without a value on a map: contact, closed pieces.
-CLOSED = "#B0B0B0"
-#: Colour of pockets, apart from all colours of the map of fluid pressure, in whose middle is grey.
-POCKET = "#FFFFFF"
-#: Width of every picture [inch], whose smallest letters are legible on a phone, and its pixels for an inch.
-PAGE, DPI = 5.4, 200
-#: Ratio of the sides from which on a map lies.
-_HIGH = 1.2
-
-
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure [inch] with automatic layout, without a window."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained", dpi=DPI)
-
-
-def png(figure: Figure) -> bytes:
-    """The figure as PNG, laid out and drawn once; `savefig` would draw it twice."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    FigureCanvasAgg(figure).print_png(stream := io.BytesIO())
-    return stream.getvalue()
+#: Width of every picture [inch]; at this width the smallest letters can be read on a phone.
+PAGE = 5.4
+#: Pixels per inch.
+DPI = 200
+#: Height of a line of a legend below the panels [inch].
+LEGEND_LINE = 0.19
 
 
 @dataclass(frozen=True)
@@ -120,19 +61,25 @@ class Margins:
     top: float
 
 
-#: Space for labels and title of lines, of a map with its colour bar, and of heights, whose bar has a name.
-LINES, MAP, HEIGHTS = (
-    Margins(0.95, 0.2, 0.55, 0.4),
-    Margins(0.6, 0.62, 0.45, 0.38),
-    Margins(0.6, 0.9, 0.45, 0.38),
-)
+#: Margins of a panel with lines.
+LINES = Margins(0.95, 0.2, 0.55, 0.4)
+#: Margins of a map with a colour bar.
+MAP = Margins(0.6, 0.62, 0.45, 0.38)
+#: Margins of a map of heights, whose colour bar has a name.
+HEIGHTS = Margins(0.6, 0.9, 0.45, 0.38)
 
 
 class Sheet:
-    """A figure of panels below each other, at fixed places: layouts that look for the places draw everything twice.
+    """A figure whose panels are stacked at fixed positions.
 
-    heights : of the panels [inch], from the top.
-    head : height of the space above them [inch].
+    matplotlib can find the positions itself, but then it draws every figure twice.
+
+    Parameters
+    ----------
+    heights : sequence of float
+        Heights of the panels from top to bottom [inch].
+    head : float
+        Height of the space for a title above the panels [inch].
     """
 
     def __init__(self, heights: Sequence[float], head: float = 0.0) -> None:
@@ -143,23 +90,65 @@ class Sheet:
         self.figure = Figure(figsize=(PAGE, self.height), dpi=DPI)
 
     def panel(self, row: int, margins: Margins) -> Axes:
-        """Axes of a panel."""
-        height, bottom = self.heights[row], sum(self.heights[row + 1 :])
-        box = (
+        """Add the axes of the panel in a row, counted from the top."""
+        below = sum(self.heights[row + 1 :])
+        width = PAGE - margins.left - margins.right
+        height = max(self.heights[row] - margins.bottom - margins.top, 0.1)
+        left_bottom_width_height = (
             margins.left / PAGE,
-            (bottom + margins.bottom) / self.height,
-            (PAGE - margins.left - margins.right) / PAGE,
-            max(height - margins.bottom - margins.top, 0.1) / self.height,
+            (below + margins.bottom) / self.height,
+            width / PAGE,
+            height / self.height,
         )
-        return self.figure.add_axes(box)
+        return self.figure.add_axes(left_bottom_width_height)
 
     def head(self, text: str) -> None:
-        """A title above all panels."""
+        """Write a title above all panels."""
         self.figure.suptitle(text, fontsize=10, y=1 - 0.1 / self.height, va="top")
 
 
-#: Height of a line of a legend below the panels [inch].
-LEGEND_LINE = 0.19
+def new_figure(width: float, height: float) -> Figure:
+    """Make an empty figure of the given size [inch] that is not shown in a window."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained", dpi=DPI)
+
+
+def png(figure: Figure) -> bytes:
+    """Render a figure as PNG.
+
+    The figure is laid out and drawn once, whereas `Figure.savefig` would draw it twice.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    stream = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(stream)
+    return stream.getvalue()
+
+
+def figure_of(axes: Axes) -> Figure:
+    """Get the figure that contains the axes."""
+    return axes.get_figure(root=True)  # type: ignore[return-value]
+
+
+def branch_styles(count: int) -> list[dict[str, Any]]:
+    """List the line styles of the loading and of `count` − 1 unloadings.
+
+    The style of the loading is unique; with many unloadings theirs repeat.
+    """
+    numbers = [0, *(1 + n % (len(STYLES) - 1) for n in range(count - 1))]
+    return [
+        STYLES[number] | {"marker": MARKERS[number], "lw": 1.8, "ms": 4.5}
+        for number in numbers[:count]
+    ]
+
+
+def set_panel_title(axes: Axes, title: str) -> None:
+    """Set the title of a panel at a fixed height.
+
+    Finding a free height, as matplotlib does by default, takes a second layout.
+    """
+    axes.set_title(title, fontsize=9.5, y=1.0, pad=6)
 
 
 def legend_below(
@@ -169,7 +158,19 @@ def legend_below(
     length: float = 3.4,
     title: str | None = None,
 ) -> None:
-    """Draw one legend below all panels; length : of its lines, in font sizes."""
+    """Draw one legend below all panels.
+
+    Parameters
+    ----------
+    handles : sequence of artists
+        What the legend lists.
+    columns : int
+        Number of columns of the legend.
+    length : float
+        Length of the line samples, in multiples of the font size.
+    title : str, optional
+        Title of the legend.
+    """
     figure.legend(
         handles=handles,
         loc="lower center",
@@ -182,27 +183,78 @@ def legend_below(
     )
 
 
-def root_of(axes: Axes) -> Figure:
-    """The figure that axes are in."""
-    return axes.get_figure(root=True)  # type: ignore[return-value]
+# --- axes -------------------------------------------------------------------------------------------------
 
 
-def branch_styles(count: int) -> list[dict[str, Any]]:
-    """Look of the loading and of each unloading; the looks of unloadings repeat, that of the loading is unique."""
-    numbers = (1 + (n - 1) % (len(STYLES) - 1) if n else 0 for n in range(count))
-    return [STYLES[n] | {"marker": MARKERS[n], "lw": 1.8, "ms": 4.5} for n in numbers]
+def set_load_axis(axes: Axes, loads: Array) -> None:
+    """Set the scale of the x axis and put a tick at every load.
+
+    The axis is logarithmic if there are several loads; a load of 0 stands to the left of the others. Ticks are
+    labelled from both ends inwards as long as there is room.
+
+    Parameters
+    ----------
+    loads : array (any shape)
+        Loads in the unit of the axis; NaN and negative values are ignored.
+    """
+    loads = np.unique(loads[np.isfinite(loads) & (loads >= 0)])
+    if not loads.size or loads[-1] <= 0:
+        return
+    lowest = loads[loads > 0][0]
+    highest = loads[-1]
+    # limits are set before the scale, which would look for limits itself and warn if only one load has a value
+    if loads.size == 1:
+        axes.set_xlim(0, highest * _LOAD_MARGIN)
+    elif loads[0] > 0:
+        axes.set_xlim(lowest / _LOAD_MARGIN, highest * _LOAD_MARGIN)
+        axes.set_xscale("log")
+    else:
+        axes.set_xlim(-lowest / 5, highest * _LOAD_MARGIN)
+        axes.set_xscale("symlog", linthresh=lowest, linscale=0.4)
+    axes.set_xticks(loads, labels=_load_labels(axes, loads))
+    axes.set_xticks([], minor=True)
 
 
-def panel_title(axes: Axes, title: str) -> None:
-    """A title at a place of its own: one that is looked for costs a second layout."""
-    axes.set_title(title, fontsize=9.5, y=1.0, pad=6)
+def _load_labels(axes: Axes, loads: Array) -> list[str]:
+    """Label the loads that have room for a label, from both ends of the axis inwards; others get ""."""
+    to_axes_fraction = axes.transScale + axes.transLimits
+    positions = to_axes_fraction.transform([(load, 1.0) for load in loads])[:, 0]
+    last = loads.size - 1
+    from_ends_inwards = sorted(range(loads.size), key=lambda n: (min(n, last - n), -n))
+    labelled: list[int] = []
+    for n in from_ends_inwards:
+        if all(abs(positions[n] - positions[other]) > _LABEL_DISTANCE for other in labelled):
+            labelled.append(n)
+    return [f"{load:.4g}" if n in labelled else "" for n, load in enumerate(loads)]
+
+
+def label_decades(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers where they are short, and with powers of ten elsewhere."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    formatter = FuncFormatter(lambda value, _: number_text(value, plain=_PLAIN_EXPONENTS))
+    axis.set_major_formatter(formatter)
+    axis.set_minor_formatter(NullFormatter())
+    if high / low < _FEW_DECADES:
+        axis.set_minor_locator(LogLocator(subs=(2, 5)))
+        axis.set_minor_formatter(formatter)
+
+
+def label_axes(axes: Axes, names: Sequence[str]) -> None:
+    """Name the x and the y axis in letters small enough for a narrow map."""
+    axes.set_xlabel(names[0], fontsize=8.5)
+    axes.set_ylabel(names[1], fontsize=8.5)
+
+
+# --- the picture of a result ------------------------------------------------------------------------------
 
 
 def shown(figure: Figure) -> Figure:
-    """The figure in the hands of pyplot: `pyplot.show()` opens it, and a notebook shows it once."""
+    """Hand a figure to pyplot, so that `pyplot.show()` opens it and a notebook shows it once."""
     from matplotlib import pyplot
 
-    # a window for a figure that is there already
+    # pyplot is told to make a figure, and gets the one that exists
     pyplot.figure(FigureClass=lambda **_: figure)  # type: ignore[arg-type]
     if "inline" in pyplot.get_backend():
         figure._ipython_display_ = partial(_show_in_notebook, figure)  # type: ignore[attr-defined]
@@ -210,7 +262,7 @@ def shown(figure: Figure) -> Figure:
 
 
 def _show_in_notebook(figure: Figure) -> None:
-    """Show a figure that a cell ends with; pyplot lets go of it, as it would show it again after the cell."""
+    """Show a figure that is the last value of a notebook cell, and close it so that pyplot does not show it again."""
     from IPython.display import display
     from matplotlib import pyplot
 
@@ -220,106 +272,41 @@ def _show_in_notebook(figure: Figure) -> None:
 
 @singledispatch
 def _draw(result: Any) -> Figure:
+    """Draw a result; this version is called for classes that have no picture."""
     raise InputError("plot", f"a {type(result).__name__}", "a result that has a picture")
 
 
-#: Decorator that registers a function as the picture of a class; its other arguments are options of `plot()`.
+#: Decorator that registers a function as the picture of a class. Its further arguments are options of `plot()`.
 shows = _draw.register
 
 
 def picture(result: Any, **options: Any) -> Figure:
     """Draw the picture of a result.
 
-    Raises InputError: a result without a picture, or an option that its picture does not have, such as `ax` where it
-    has several panels.
+    Parameters
+    ----------
+    result : object
+        Result of a class that has a picture.
+    **options
+        Options of this picture, such as `ax`.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    InputError
+        The class has no picture, or its picture does not have one of the options. For example, a picture of several
+        panels cannot be drawn into `ax`.
     """
     draw = _draw.dispatch(type(result))
-    expected = list(signature(draw).parameters)[1:]
-    if unknown := [name for name in options if name not in expected]:
+    possible = list(signature(draw).parameters)[1:]
+    unknown = [name for name in options if name not in possible]
+    if unknown:
         given = f"option '{unknown[0]}' for the picture of a {type(result).__name__}"
-        raise InputError("plot", given, f"one of: {', '.join(expected) or 'it has no options'}")
+        raise InputError("plot", given, f"one of: {', '.join(possible) or 'it has no options'}")
     figure = draw(result, **options)
-    return figure if options.get("ax") is not None else shown(figure)
-
-
-def map_row(size: Pair, margins: Margins = MAP) -> float:
-    """Height [inch] of a row with a map of the given sides, to the right and upwards."""
-    width = PAGE - margins.left - margins.right
-    return map_height(size, width) + margins.bottom + margins.top
-
-
-def map_panel(
-    axes: Axes,
-    values: Array,
-    size: Pair,
-    colours: Any,
-    title: str,
-    unit: str = "mm",
-    *,
-    upright: bool = False,
-    **scale: Any,
-) -> Any:
-    """Map of values (n1, n2) over a face of the given size [`unit`]; returns its colour bar.
-
-    x1 is to the right, and upwards on a face that is longer along x2, see `lying`; always to the right where `upright`.
-    """
-    across, up = size if upright else lying(size)
-    turned = (across, up) != tuple(size)
-    image = axes.imshow(
-        values if turned else values.T,
-        origin="lower",
-        extent=(0.0, across, 0.0, up),
-        cmap=colours,
-        interpolation="nearest",
-        **scale,
-    )
-    names = [f"x1, inlet at 0 [{unit}]", f"x2 along the seal [{unit}]"]
-    name_sides(axes, names[::-1] if turned else names)
-    axes.set(aspect="equal", xlim=(0.0, across), ylim=(0.0, up))
-    panel_title(axes, title)
-    return colour_bar(axes, image)
-
-
-def name_sides(axes: Axes, names: Sequence[str]) -> None:
-    """Names of the axes to the right and upwards, which a narrow map has room for."""
-    axes.set_xlabel(names[0], fontsize=8.5)
-    axes.set_ylabel(names[1], fontsize=8.5)
-
-
-def lying(size: Pair) -> Pair:
-    """Sides of a map to the right and upwards: one that would be high and narrow lies, as a panel is filled by it."""
-    return (size[1], size[0]) if size[1] > _HIGH * size[0] else (size[0], size[1])
-
-
-def colour_bar(axes: Axes, image: Any) -> Any:
-    """A bar as high as the map."""
-    bar = root_of(axes).colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))
-    if bar.ax.get_yscale() == "log":
-        decades(bar.ax.yaxis)
-    bar.ax.tick_params(which="both", labelsize=8)
-    axes.tick_params(labelsize=8)
-    return bar
-
-
-def on_decades(values: Array, decades: int) -> tuple[Array, Any]:
-    """Values >= 0 and their scale of so many decades at most; 0 lies below it, NaN stays."""
-    from matplotlib.colors import LogNorm
-
-    positive = values[np.isfinite(values) & (values > 0)]
-    top = positive.max() if positive.size else 1.0
-    low = max(positive.min(), top * 10.0**-decades) if positive.size else 0.1
-    low = low if low < 0.99 * top else top / 10  # ticks that differ can be read
-    shown = np.where(values > 0, np.maximum(values, low), np.where(values == 0, low / 10, np.nan))
-    return shown, LogNorm(low, top)
-
-
-def with_closed(name: str, colour: str = CLOSED) -> Any:
-    """A colour map that shows undefined points and those below its range in one colour, grey unless given."""
-    from matplotlib import colormaps
-
-    return colormaps[name].with_extremes(bad=colour, under=colour)
-
-
-def map_height(size: Pair, width: float) -> float:
-    """Height [inch] of a map of sides to the right and upwards in a panel of a width, within what can be read."""
-    return float(np.clip(width * size[1] / size[0], 0.7, width))
+    if options.get("ax") is not None:
+        return figure  # it belongs to the user
+    return shown(figure)

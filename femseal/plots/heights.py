@@ -1,6 +1,6 @@
-"""Pictures of heights: map, profiles, spectral densities; and of a measured face with what was found in it.
+"""Draw heights: maps, profiles and spectral densities, and the survey of a measured face.
 
-The colours of a map of heights are for the many points: the few far above or below have colours of their own.
+The colours of a map of heights cover nearly all points. The few points far above or below have colours of their own.
 """
 
 from __future__ import annotations
@@ -21,115 +21,170 @@ from .drawing import (
     LINES,
     STYLES,
     Sheet,
-    decades,
-    lying,
-    map_panel,
-    map_row,
+    label_decades,
     new_figure,
-    panel_title,
+    set_panel_title,
     shows,
 )
+from .map_panels import draw_map, map_row_height, on_its_side
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Height of the panels of profiles [inch], and most points of a map along a side.
-_PROFILE, _SEEN = 2.2, 1024
-#: Percentiles between which the colours lie at least, and the fraction of their distance that is added at both ends.
+#: Height of a panel with profiles [inch].
+_PROFILE_HEIGHT = 2.2
+#: Most points of a map along a side; larger maps show means over blocks of points.
+_MOST_POINTS = 1024
+#: Percentiles of the heights that the colours cover at least.
 _PERCENTILES = (0.5, 99.5)
-_MARGIN = 0.25
-#: Colours of points above and below the range, with their names.
+#: Distance beyond these percentiles up to which the colours extend, as a fraction of the distance between them.
+_RANGE_MARGIN = 0.25
+#: Colours of the points above and below the range of a map, with their names.
 ABOVE, BELOW = ("#E31A1C", "red"), ("#00D5FF", "light blue")
-#: Names of the axes.
-_ALONG = ("along x1 (leakage)", "along x2")
+_AXIS_NAMES = ("along x1 (leakage)", "along x2")
+_WAVELENGTH = "wavelength 2π/q [µm]"
 
 
 def height_range(heights: NDArray) -> Pair:
-    """Range that a few outliers do not widen: of all heights that are no farther than a margin from percentiles."""
+    """Find the range of the heights without a few outliers.
+
+    Parameters
+    ----------
+    heights : array (any shape)
+        Heights in any unit, NaN where undefined.
+
+    Returns
+    -------
+    low, high : float
+        Lowest and highest height among those that lie within a margin of the 0.5 and 99.5 % percentiles.
+    """
     z = heights[~np.isnan(heights)]
     if not z.size:
         return 0.0, 1.0
     low, high = np.percentile(z, _PERCENTILES)
-    margin = _MARGIN * (high - low)
-    near = z[(z >= low - margin) & (z <= high + margin)]
-    low, high = near.min(), near.max()
-    if high == low:  # nearly all points at one height: nothing to spread but the outliers
-        low, high = z.min(), z.max()
+    margin = _RANGE_MARGIN * (high - low)
+    z_without_outliers = z[(z >= low - margin) & (z <= high + margin)]
+    low = z_without_outliers.min()
+    high = z_without_outliers.max()
+    if (
+        high == low
+    ):  # nearly all points have the same height, so that the colours can show the outliers
+        return z.min(), z.max()
     return low, high
 
 
-def height_panel(
+def draw_heights(
     axes: Axes, heights: NDArray, size: Pair, title: str = "height [µm]", *, upright: bool = False
 ) -> None:
-    """Map of heights (n1, n2) [µm] over a face of a size [mm]; the colour bar says what is out of its range.
+    """Draw a map of heights; its colour bar says how many points lie outside its range.
 
-    Undefined points are white. upright : see `map_panel`.
+    Parameters
+    ----------
+    heights : array (n1, n2)
+        Heights along x1 and x2 [µm]; undefined points, NaN, are white.
+    size : pair of float
+        Sides of the face along x1 and x2 [mm].
+    upright : bool
+        Keep x1 horizontal, whatever the proportions.
     """
     from matplotlib import colormaps
 
     low, high = height_range(heights)
-    known = max(int(np.count_nonzero(~np.isnan(heights))), 1)
-    above, below = (int(np.count_nonzero(out)) / known for out in (heights > high, heights < low))
+    n_defined = max(int(np.count_nonzero(~np.isnan(heights))), 1)
+    fraction_above = np.count_nonzero(heights > high) / n_defined
+    fraction_below = np.count_nonzero(heights < low) / n_defined
     colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
-    ends = ("neither", "min"), ("max", "both")
-    colours.colorbar_extend = ends[above > 0][below > 0]  # type: ignore[assignment]
-    bar = map_panel(axes, heights, size, colours, title, upright=upright, vmin=low, vmax=high)
-    parts = ((above, ABOVE, "above"), (below, BELOW, "below"))
-    if texts := [f"{name}: {100 * part:.2g} % {where}" for part, (_, name), where in parts if part]:
-        bar.set_label(", ".join(texts), fontsize=8)
+    extensions = {
+        (False, False): "neither",
+        (False, True): "min",
+        (True, False): "max",
+        (True, True): "both",
+    }
+    colours.colorbar_extend = extensions[fraction_above > 0, fraction_below > 0]  # type: ignore[assignment]
+    bar = draw_map(axes, heights, size, colours, title, upright=upright, vmin=low, vmax=high)
+    notes = []
+    if fraction_above:
+        notes.append(f"{ABOVE[1]}: {100 * fraction_above:.2g} % above")
+    if fraction_below:
+        notes.append(f"{BELOW[1]}: {100 * fraction_below:.2g} % below")
+    if notes:
+        bar.set_label(", ".join(notes), fontsize=8)
 
 
 @shows(Topography)
 @shows(Patches)
 def heights_figure(topography: Surface) -> Figure:
-    """Heights, their profiles through the middle, and the spectral density of profiles along both axes.
+    """Draw heights, their profiles through the middle, and the spectral density of profiles along both axes.
 
-    topography : heights; where points are undefined the spectral densities are left out. Of several patches side by
-        side the spectral densities are those of the longest one.
+    Parameters
+    ----------
+    topography : Topography or Patches
+        Heights. Spectral densities are left out if points are undefined. Of several measured patches, the longest one
+        gives the spectral densities.
+
+    Returns
+    -------
+    Figure
     """
-    l1, l2 = topography.size
-    sheet = Sheet([map_row(lying((l1, l2)), HEIGHTS), _PROFILE, _PROFILE])
+    width, length = topography.size
+    map_height = map_row_height(on_its_side((width, length)), HEIGHTS)
+    sheet = Sheet([map_height, _PROFILE_HEIGHT, _PROFILE_HEIGHT])
     heights = topography.heights
-    seen = heights if max(heights.shape) <= _SEEN else block_means(heights, _SEEN).astype(float)
-    height_panel(sheet.panel(0, HEIGHTS), seen * 1e6, (l1 * 1e3, l2 * 1e3))
-    profile, density = (sheet.panel(row, replace(LINES, top=0.3)) for row in (1, 2))
-    z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing
-    for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
-        x = (np.arange(n) + 0.5) * d * 1e3
-        profile.plot(x, line, lw=1.1, label=_ALONG[axis], **STYLES[axis])
-    profile.set(xlabel="distance [mm]", ylabel="height [µm]")
-    profile.legend(fontsize=7.5, framealpha=0.9)
-    panel_title(profile, "profiles through the middle")
+    if max(heights.shape) > _MOST_POINTS:
+        heights = block_means(heights, _MOST_POINTS).astype(float)
+    draw_heights(sheet.panel(0, HEIGHTS), heights * 1e6, (width * 1e3, length * 1e3))
+    margins = replace(LINES, top=0.3)
+    profile_axes = sheet.panel(1, margins)
+    _draw_profiles(profile_axes, topography)
+    density_axes = sheet.panel(2, margins)
     if topography.undefined_fraction:
-        panel_title(density, "no spectral density with undefined points")
+        set_panel_title(density_axes, "no spectral density with undefined points")
     else:
-        _densities_panel(density, max(topography.patches, key=lambda patch: patch.shape[1]))
-        decades(density.xaxis)
-        decades(density.yaxis)
-    for axes in (profile, density):
-        axes.grid(alpha=0.25, lw=0.6)
-        axes.tick_params(which="both", labelsize=8)
+        longest_patch = max(topography.patches, key=lambda patch: patch.shape[1])
+        _draw_profile_densities(density_axes, longest_patch)
+        label_decades(density_axes.xaxis)
+        label_decades(density_axes.yaxis)
+    for axes in (profile_axes, density_axes):
+        _add_grid(axes)
     return sheet.figure
 
 
-_WAVELENGTH = "wavelength 2π/q [µm]"
+def _add_grid(axes: Axes) -> None:
+    """Draw grid lines and small tick labels."""
+    axes.grid(alpha=0.25, lw=0.6)
+    axes.tick_params(which="both", labelsize=8)
 
 
-def _densities_panel(axes: Axes, topography: Topography) -> None:
-    """Spectral densities of profiles along both axes."""
+def _draw_profiles(axes: Axes, topography: Surface) -> None:
+    """Draw the profiles along both axes through the middle of the face."""
+    z = topography.heights * 1e6
+    n1, n2 = topography.shape
+    profiles = (z[:, n2 // 2], z[n1 // 2])
+    for axis, (profile, spacing) in enumerate(zip(profiles, topography.spacing, strict=True)):
+        distance = (np.arange(profile.size) + 0.5) * spacing * 1e3
+        axes.plot(distance, profile, lw=1.1, label=_AXIS_NAMES[axis], **STYLES[axis])
+    axes.set(xlabel="distance [mm]", ylabel="height [µm]")
+    axes.legend(fontsize=7.5, framealpha=0.9)
+    set_panel_title(axes, "profiles through the middle")
+
+
+def _draw_profile_densities(axes: Axes, topography: Topography) -> None:
+    """Draw the mean spectral density of the profiles along each axis."""
     for axis in (0, 1):
         q, density = topography.psd(axis)
-        shown = (q > 0) & (density > density.max() * 1e-12)
-        axes.loglog(_um(q[shown]), density[shown], lw=1.2, label=_ALONG[axis], **STYLES[axis])
+        is_drawn = (q > 0) & (density > density.max() * 1e-12)
+        wavelength = _wavelength_um(q[is_drawn])
+        style = {"lw": 1.2, "label": _AXIS_NAMES[axis], **STYLES[axis]}
+        axes.loglog(wavelength, density[is_drawn], **style)
     axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m³]")
     axes.xaxis.set_inverted(True)
-    panel_title(axes, "mean spectral density of profiles")
+    set_panel_title(axes, "mean spectral density of profiles")
     axes.legend(fontsize=8, framealpha=0.9)
 
 
-def _um(q: Array) -> Array:
-    """Wavelengths [µm] of wavenumbers [rad/m]."""
+def _wavelength_um(q: Array) -> Array:
+    """Convert wavenumbers [rad/m] to wavelengths [µm]."""
     return 2e6 * pi / q
 
 
@@ -141,83 +196,100 @@ def survey_figure(
     detrend: int | None = None,
     spikes: float = SPIKES,
 ) -> Figure:
-    """Levelled map with undefined points and spikes, histogram of heights, radial and profile spectral densities.
+    """Draw the survey of a measured face: map, histogram of heights, and two spectral densities.
 
-    topography : as measured.
-    report, conditioning : of the same map, from `describe_surface` and `condition`; None is unknown.
-    detrend, spikes : as given to these.
+    Parameters
+    ----------
+    topography : Topography
+        Heights as measured.
+    report : SurfaceReport, optional
+        What `describe_surface` says of this map. Without it the spectral densities are left out.
+    conditioning : Conditioning, optional
+        What `condition` does to this map in a run.
+    detrend : int, optional
+        Order of the form that is removed, as in `condition`.
+    spikes : float
+        Threshold of spikes, as in `condition`.
+
+    Returns
+    -------
+    Figure
     """
     figure = new_figure(11.0, 8.0)
-    (image, histogram), (radial, profiles) = figure.subplots(2, 2)
-    marked = topography.without_spikes(spikes)
-    measured = topography if topography.undefined_fraction == 1 else topography.detrend(detrend)
-    _map_panel(image, measured, np.isnan(marked.heights) & ~np.isnan(topography.heights))
-    _histogram_panel(histogram, measured)
+    (map_axes, histogram_axes), (radial_axes, profile_axes) = figure.subplots(2, 2)
+    without_spikes = topography.without_spikes(spikes)
+    is_spike = np.isnan(without_spikes.heights) & ~np.isnan(topography.heights)
+    measured = topography
+    if topography.undefined_fraction < 1:
+        measured = topography.detrend(detrend)
+    _draw_measured_map(map_axes, measured, is_spike)
+    _draw_histogram(histogram_axes, measured)
     if report is not None:
-        flat = marked.fill_undefined(1.0).detrend(detrend)
-        _radial_panel(radial, flat, report, conditioning)
-        _densities_panel(profiles, flat)
-    for axes in (histogram, radial, profiles):
-        axes.grid(alpha=0.25, lw=0.6)
-        axes.tick_params(which="both", labelsize=8)
+        complete = without_spikes.fill_undefined(1.0).detrend(detrend)
+        _draw_radial_density(radial_axes, complete, report, conditioning)
+        _draw_profile_densities(profile_axes, complete)
+    for axes in (histogram_axes, radial_axes, profile_axes):
+        _add_grid(axes)
     return figure
 
 
-def _map_panel(axes: Axes, measured: Topography, spikes: Flags) -> None:
-    """Map of the heights, with marks at spikes."""
-    notes = []
+def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> None:
+    """Draw the map of the heights, with a dot at every point of a spike.
+
+    is_spike : array of bool (n1, n2)
+    """
+    titles = ["levelled height [µm]"]
     if measured.undefined_fraction:
-        notes.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
-    if count := np.count_nonzero(spikes):
-        notes.append(f"dots: {counted(count, 'point')} in spikes")
-    l1, l2 = (length * 1e3 for length in measured.size)
-    height_panel(
-        axes,
-        measured.heights * 1e6,
-        (l1, l2),
-        "; ".join(["levelled height [µm]", *notes]),
-        upright=True,
-    )
-    x1, x2 = (
-        (k + 0.5) * d * 1e3 for k, d in zip(np.nonzero(spikes), measured.spacing, strict=True)
-    )
+        titles.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
+    n_spikes = np.count_nonzero(is_spike)
+    if n_spikes:
+        titles.append(f"dots: {counted(n_spikes, 'point')} in spikes")
+    width, length = measured.size[0] * 1e3, measured.size[1] * 1e3
+    title = "; ".join(titles)
+    draw_heights(axes, measured.heights * 1e6, (width, length), title, upright=True)
+    i, j = np.nonzero(is_spike)
+    x1 = (i + 0.5) * measured.spacing[0] * 1e3
+    x2 = (j + 0.5) * measured.spacing[1] * 1e3
     axes.plot(x1, x2, "o", color="#D55E00", ms=3, mew=0)
-    axes.set(xlim=(0, l1), ylim=(0, l2))
+    axes.set(xlim=(0, width), ylim=(0, length))
 
 
-def _histogram_panel(axes: Axes, measured: Topography) -> None:
-    """Probability density of the heights, log scale."""
+def _draw_histogram(axes: Axes, measured: Topography) -> None:
+    """Draw the probability density of the heights on a logarithmic scale."""
     axes.set(xlabel="height [µm]", ylabel="probability density [1/µm]")
     axes.set_title("heights", fontsize=9.5)
     z = measured.heights[~np.isnan(measured.heights)] * 1e6
     if not z.size:
         return
-    z = z - z.mean()
-    density, edges = np.histogram(z, bins=200, density=True)
+    density, edges = np.histogram(z - z.mean(), bins=200, density=True)
     axes.stairs(density, edges, fill=True, color=STYLES[1]["color"], alpha=0.75)
     axes.set_yscale("log")
     axes.set_ylim(density[density > 0].min() / 2, density.max() * 3)
 
 
-def _radial_panel(
-    axes: Axes, flat: Topography, report: SurfaceReport, conditioning: Conditioning | None
+def _draw_radial_density(
+    axes: Axes, complete: Topography, report: SurfaceReport, conditioning: Conditioning | None
 ) -> None:
-    """Spectral density averaged over directions, with its power law, and the shortest waves."""
-    q, density = flat.radial_psd()
-    shown = (q > 0) & (density > density.max(initial=0.0) * 1e-14)
-    axes.loglog(_um(q[shown]), density[shown], color=GREY, lw=1.0)
+    """Draw the spectral density averaged over directions, with its power law and the shortest waves."""
+    q, density = complete.radial_psd()
+    is_drawn = (q > 0) & (density > density.max(initial=0.0) * 1e-14)
+    axes.loglog(_wavelength_um(q[is_drawn]), density[is_drawn], color=GREY, lw=1.0)
     if report.power_law is not None:
-        ends = 2 * pi / np.array(report.power_law)
-        law = report.power_law_density * (ends / ends[0]) ** (-2 - 2 * report.hurst)
-        slope, error = report.power_law_slope
-        label = f"q^({slope:.2f} ± {error:.2f}), H = {report.hurst:.2f}"
-        axes.loglog(_um(ends), law, color=STYLES[0]["color"], lw=2.2, label=label)
-    marks = [(report.shortest_wave, STYLES[3], "shortest wave measured")]
+        q_ends = 2 * pi / np.array(report.power_law)
+        law = report.power_law_density * (q_ends / q_ends[0]) ** (-2 - 2 * report.hurst)
+        exponent, error = report.power_law_slope
+        label = f"q^({exponent:.2f} ± {error:.2f}), H = {report.hurst:.2f}"
+        axes.loglog(_wavelength_um(q_ends), law, color=STYLES[0]["color"], lw=2.2, label=label)
     if conditioning is not None:
-        marks.insert(0, (conditioning.shortest_wave, STYLES[2], "low-pass of a run"))
-    for wave, style, name in marks:
-        axes.axvline(1e6 * wave, lw=1.3, label=f"{name}, {to_text(wave, 'm', 3)}", **style)
+        _mark_wavelength(axes, conditioning.shortest_wave, "low-pass of a run", 2)
+    _mark_wavelength(axes, report.shortest_wave, "shortest wave measured", 3)
     axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m⁴]")
     axes.xaxis.set_inverted(True)
     axes.set_title("spectral density averaged over directions", fontsize=9.5)
     axes.legend(fontsize=8, framealpha=0.9, edgecolor="none")
+
+
+def _mark_wavelength(axes: Axes, wavelength: float, name: str, style: int) -> None:
+    """Draw a vertical line at a wavelength [m], with its name and value in the legend."""
+    label = f"{name}, {to_text(wavelength, 'm', 3)}"
+    axes.axvline(1e6 * wavelength, lw=1.3, label=label, **STYLES[style])

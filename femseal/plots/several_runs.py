@@ -1,9 +1,9 @@
-"""Several runs in one picture: leakage against load, and against the key that was varied."""
+"""Draw several runs in one picture: leakage against load, and against the key that was varied."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,14 +18,14 @@ from .drawing import (
     Sheet,
     branch_styles,
     legend_below,
-    load_axis,
+    set_load_axis,
     shows,
 )
-from .leakage_curves import (
-    leakage_axis,
+from .leakage_panels import (
     leakage_band,
     leakage_bars,
     leakage_line,
+    set_leakage_axis,
     with_near_ends,
 )
 
@@ -35,146 +35,202 @@ if TYPE_CHECKING:
 
     from ..loads import LoadStep
 
-#: Shaded areas of more runs hide each other: they have bars side by side, at loads that differ by this part.
-_MOST_SHADED, _BESIDE = 3, 0.012
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+#: Most runs whose intervals are shaded. Shaded areas of more runs would hide each other: these get bars.
+_MOST_SHADED = 3
+#: Relative distance between bars that would stand at the same position.
+_BAR_DISTANCE = 0.012
+_NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
 @shows(RunComparison)
 def comparison_figure(comparison: RunComparison) -> Figure:
-    """Leakage of several runs against nominal pressure, log scale, a colour for each run.
+    """Draw the leakage of several runs against nominal pressure, each run in its own colour.
 
-    Loading is solid, unloading thin and dashed with open markers; steps without leakage stand in a strip below. The
-    95 % intervals on loading are shaded, of more than three runs bars; without error budgets the quantiles of the
-    realisations. Of a sweep, a panel above shows the leakage at the highest load at which all leak, with its
-    intervals, against the key that has most values.
+    Loading is solid, unloading is dashed with open markers, and loads at which a seal is tight stand in a strip below
+    the scale. The 95 % intervals on loading are shaded, or drawn as bars if there are more than three runs; without
+    error budgets they are the scatter between realisations. A sweep gets a second panel, with the leakage against the
+    key that has most values, at the highest load at which all runs leak.
+
+    Parameters
+    ----------
+    comparison : RunComparison
+        The runs.
+
+    Returns
+    -------
+    Figure
     """
-    counts = [len({*values}) for values in zip(*comparison.settings, strict=True)]
-    varied = comparison.common_steps and max(counts, default=0) > 1
-    key = int(np.argmax(counts)) if varied else None
-    below = 0.6 + LEGEND_LINE * (len(comparison.labels) + 1.5)
-    sheet = Sheet([*([] if key is None else [4.0]), 3.8 + below])
-    margins = replace(LINES, top=0.15, bottom=below)
-    handles, title = _load_panel(sheet.panel(len(sheet.heights) - 1, margins), comparison)
-    legend_below(sheet.figure, handles, 1, length=3, title=title)
+    key = _most_varied_key(comparison)
+    bottom = 0.6 + LEGEND_LINE * (len(comparison.labels) + 1.5)
+    load_height = 3.8 + bottom
+    sheet = Sheet([load_height] if key is None else [4.0, load_height])
+    margins = replace(LINES, top=0.15, bottom=bottom)
+    last_row = len(sheet.heights) - 1
+    handles, legend_title = _draw_over_load(sheet.panel(last_row, margins), comparison)
+    legend_below(sheet.figure, handles, 1, length=3, title=legend_title)
     if key is not None:
-        _key_panel(sheet.panel(0, LINES), comparison, key)
+        _draw_over_key(sheet.panel(0, LINES), comparison, key)
     return sheet.figure
 
 
-def _bands(comparison: RunComparison) -> tuple[list[tuple[Array, Array] | None], str]:
-    """Ends of what is drawn around the leakage of each run, None of a run without, and what it is."""
+def _most_varied_key(comparison: RunComparison) -> int | None:
+    """Find the index of the key with most values; None if no key varies or the runs have no load in common."""
+    counts = [len(set(values)) for values in zip(*comparison.settings, strict=True)]
+    if not comparison.common_steps or max(counts, default=0) < 2:
+        return None
+    return int(np.argmax(counts))
+
+
+@dataclass(frozen=True)
+class _Bands:
+    """What is drawn around the leakage of each run.
+
+    ends : lower and upper end (steps,) for each run, None for a run without.
+    name : what it is; "" if no run has one.
+    """
+
+    ends: list[tuple[Array, Array] | None]
+    name: str
+
+
+def _bands(comparison: RunComparison) -> _Bands:
+    """Choose the 95 % intervals if a run has one, and otherwise the scatter between realisations."""
     runs = range(len(comparison.runs))
     intervals = [comparison.interval(n) for n in runs]
     if any(interval is not None for interval in intervals):
-        return intervals, "95 % interval on loading"
-    bands = [comparison.band(n) for n in runs]
-    known = any(band is not None for band in bands)
-    return bands, "redraws of the measured patch on loading" if known else ""
+        return _Bands(intervals, "95 % interval on loading")
+    scatters = [comparison.band(n) for n in runs]
+    if any(scatter is not None for scatter in scatters):
+        return _Bands(scatters, "scatter between seals on loading")
+    return _Bands(scatters, "")
 
 
-def _load_panel(axes: Axes, comparison: RunComparison) -> tuple[list[Any], str]:
-    """Leakage against nominal pressure; returns the handles of the legend and its title, which says what is drawn."""
+def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], str]:
+    """Draw leakage against nominal pressure, and return the handles and the title of the legend."""
     from matplotlib import colormaps
 
     count = len(comparison.runs)
     leakages = [np.abs(comparison.leakage(n)) for n in range(count)]
-    bands, name = _bands(comparison)
-    ends = [np.abs(end) for band in bands if band is not None for end in band]
-    drawn = np.concatenate(leakages)
-    leakage_axis(axes, with_near_ends(drawn, np.concatenate(ends or [drawn[:0]])))
+    loads = [run.dataset["nominal_pressure"].values / 1e6 for run in comparison.runs]  # MPa
+    bands = _bands(comparison)
+    ends = [np.abs(end) for band in bands.ends if band is not None for end in band]
+    all_ends = np.concatenate(ends) if ends else np.empty(0)
+    set_leakage_axis(axes, with_near_ends(np.concatenate(leakages), all_ends))
     is_shaded = count <= _MOST_SHADED
+    dark_to_bright = colormaps["viridis"](np.linspace(0, 0.92, count))
     handles: list[Any] = []
-    loads = [run.dataset["nominal_pressure"].values / 1e6 for run in comparison.runs]
-    # from dark to bright
-    colours = colormaps["viridis"](np.linspace(0, 0.92, count))
-    for n, colour in enumerate(colours):
-        (_, up), *unloadings = branches_in(comparison.runs[n].dataset)
-        look: dict[str, Any] = {"color": colour, "marker": MARKERS[n % len(MARKERS)], "ms": 4.5}
-        solid = look | {"lw": 1.8, "label": comparison.labels[n]}
-        dashed = look | {"ls": "--", "lw": 1.0, "mfc": "white"}
-        handles.append(leakage_line(axes, loads[n][up], leakages[n][up], **solid))
-        for _, down in unloadings:
-            leakage_line(axes, loads[n][down], leakages[n][down], **dashed)
-        if (band := bands[n]) is None:
+    for n, colour in enumerate(dark_to_bright):
+        (_, loading), *unloadings = branches_in(comparison.runs[n].dataset)
+        style: dict[str, Any] = {"color": colour, "marker": MARKERS[n % len(MARKERS)], "ms": 4.5}
+        solid = style | {"lw": 1.8, "label": comparison.labels[n]}
+        handles.append(leakage_line(axes, loads[n][loading], leakages[n][loading], **solid))
+        dashed = style | {"ls": "--", "lw": 1.0, "mfc": "white"}
+        for _, unloading in unloadings:
+            leakage_line(axes, loads[n][unloading], leakages[n][unloading], **dashed)
+        band = bands.ends[n]
+        if band is None:
             continue
-        low, high = (end[up] for end in band)
+        low, high = band[0][loading], band[1][loading]
         if is_shaded:
-            leakage_band(axes, loads[n][up], low, high, colour)
+            leakage_band(axes, loads[n][loading], low, high, colour)
         else:
-            beside = 1 + _BESIDE * (n - (count - 1) / 2)
-            leakage_bars(axes, loads[n][up] * beside, low, high, colour)
+            shift = 1 + _BAR_DISTANCE * (n - (count - 1) / 2)
+            leakage_bars(axes, loads[n][loading] * shift, low, high, colour)
     axes.set(xlabel="nominal pressure [MPa]", ylabel=comparison.label)
-    load_axis(axes, np.concatenate(loads))
+    set_load_axis(axes, np.concatenate(loads))
     axes.grid(alpha=0.25, lw=0.6)
-    unloaded = any(run.steps.unload_from for run in comparison.runs)
-    notes = ["dashed: unloading"] * unloaded
-    if name:
-        notes.append(f"{'shaded' if is_shaded else 'bars'}: {name}")
+    notes = []
+    if any(run.steps.unload_from for run in comparison.runs):
+        notes.append("dashed: unloading")
+    if bands.name:
+        notes.append(f"{'shaded' if is_shaded else 'bars'}: {bands.name}")
     return handles, "; ".join(notes)
 
 
-def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
-    """Leakage at one load against the values of a key: a line for each choice of the other keys."""
-    # the highest load on loading at which all leak
-    common = comparison.common_steps
-    loading = (step for step in common if step.unloaded_from is None)
-    leaking = [step for step in loading if (_sizes(comparison, step) > 0).all()]
-    step = leaking[-1] if leaking else common[0]
+def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
+    """Draw leakage at one load against the values of a key, with a line for each choice of the other keys."""
+    step = _highest_leaking_step(comparison)
+    leakages = _leakages_at(comparison, step)
+    low, high = _intervals_at(comparison, step)
+    set_leakage_axis(axes, with_near_ends(leakages, np.concatenate([low, high])))
     texts = list(dict.fromkeys(values[key] for values in comparison.settings))
-    places = _places(texts)
-    others: dict[str, list[int]] = {}
-    for n, values in enumerate(comparison.settings):
-        others.setdefault(", ".join(values[:key] + values[key + 1 :]), []).append(n)
-    sizes = _sizes(comparison, step)
-    low, high = _ends(comparison, step)
-    leakage_axis(axes, with_near_ends(sizes, np.r_[low, high]))
-    first, last = min(places), max(places)
+    positions = _axis_positions(texts)
+    first, last = min(positions), max(positions)
     is_log = first > 0 and last > 10 * first
-    looks = branch_styles(len(others))
-    for line, ((name, runs), look) in enumerate(zip(others.items(), looks, strict=True)):
-        at = np.array([places[texts.index(comparison.settings[run][key])] for run in runs])
-        order = np.argsort(at)
-        leakage_line(axes, at[order], sizes[runs][order], label=name, **look)
-        beside = _BESIDE * (line - (len(others) - 1) / 2)
-        x = at * (last / first) ** beside if is_log else at + (last - first) * beside
-        known = np.isfinite(high[runs])
-        leakage_bars(axes, x[known], low[runs][known], high[runs][known], look["color"])
+    runs_by_line = _runs_by_other_keys(comparison, key)
+    styles = branch_styles(len(runs_by_line))
+    for n, ((name, runs), style) in enumerate(zip(runs_by_line.items(), styles, strict=True)):
+        x = np.array([positions[texts.index(comparison.settings[run][key])] for run in runs])
+        order = np.argsort(x)
+        leakage_line(axes, x[order], leakages[runs][order], label=name, **style)
+        shift = _BAR_DISTANCE * (n - (len(runs_by_line) - 1) / 2)
+        bar_x = x * (last / first) ** shift if is_log else x + (last - first) * shift
+        has_interval = np.isfinite(high[runs])
+        bar_low, bar_high = low[runs][has_interval], high[runs][has_interval]
+        leakage_bars(axes, bar_x[has_interval], bar_low, bar_high, style["color"])
     title = step.name
     if np.isfinite(high).any():
         title += "; bars: 95 % interval"
     axes.set(xlabel=comparison.keys[key], ylabel=comparison.label, title=title)
     if is_log:
         axes.set_xscale("log")
-    axes.set_xticks(places, labels=texts)
+    axes.set_xticks(positions, labels=texts)
     axes.set_xticks([], minor=True)
     axes.margins(x=0.08)
     axes.grid(alpha=0.25, lw=0.6)
-    if len(others) > 1:
-        title = ", ".join(comparison.keys[:key] + comparison.keys[key + 1 :])
-        axes.legend(fontsize=8, framealpha=0.9, title=title, title_fontsize=8)
+    if len(runs_by_line) > 1:
+        legend_title = ", ".join(_without(comparison.keys, key))
+        axes.legend(fontsize=8, framealpha=0.9, title=legend_title, title_fontsize=8)
 
 
-def _sizes(comparison: RunComparison, step: LoadStep) -> Array:
-    """Size of the leakage of every run at a step (runs,)."""
-    runs = enumerate(comparison.runs)
-    return np.abs([comparison.leakage(n)[run.steps.index(step)] for n, run in runs])
+def _highest_leaking_step(comparison: RunComparison) -> LoadStep:
+    """Find the highest load on loading at which all runs leak; the first common step if there is none."""
+    loading = [step for step in comparison.common_steps if step.unloaded_from is None]
+    leaking = [step for step in loading if (_leakages_at(comparison, step) > 0).all()]
+    return leaking[-1] if leaking else comparison.common_steps[0]
 
 
-def _ends(comparison: RunComparison, step: LoadStep) -> tuple[Array, Array]:
-    """Sizes of both ends of the interval of every run at a step (runs,), NaN without one."""
-    found = np.full((2, len(comparison.runs)), np.nan)
+def _runs_by_other_keys(comparison: RunComparison, key: int) -> dict[str, list[int]]:
+    """Group the indices of the runs by the values of all keys but one."""
+    groups: dict[str, list[int]] = {}
+    for n, values in enumerate(comparison.settings):
+        name = ", ".join(_without(values, key))
+        groups.setdefault(name, []).append(n)
+    return groups
+
+
+def _without(texts: tuple[str, ...], index: int) -> tuple[str, ...]:
+    """Leave out one text."""
+    return texts[:index] + texts[index + 1 :]
+
+
+def _leakages_at(comparison: RunComparison, step: LoadStep) -> Array:
+    """Collect the magnitude of the leakage of every run at a load step (runs,)."""
+    leakages = [
+        comparison.leakage(n)[run.steps.index(step)] for n, run in enumerate(comparison.runs)
+    ]
+    return np.abs(leakages)
+
+
+def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Array]:
+    """Collect the magnitudes of both ends of the 95 % interval of every run at a load step (runs,), NaN without."""
+    low = np.full(len(comparison.runs), np.nan)
+    high = low.copy()
     for n, run in enumerate(comparison.runs):
         interval = comparison.interval(n)
-        if interval is not None:
-            s = run.steps.index(step)
-            found[:, n] = [abs(end[s]) for end in interval]
-    return found[0], found[1]
+        if interval is None:
+            continue
+        index = run.steps.index(step)
+        low[n] = abs(interval[0][index])
+        high[n] = abs(interval[1][index])
+    return low, high
 
 
-def _places(texts: list[str]) -> list[float]:
-    """Places of values on an axis: numbers of one unit as they are, others side by side."""
-    found = [match.groups() for match in map(_NUMBER.fullmatch, texts) if match]
-    if len(found) < len(texts) or len({unit for _, unit in found}) > 1:
+def _axis_positions(texts: list[str]) -> list[float]:
+    """Find the positions of values on an axis: their numbers if all have the same unit, else 0, 1, 2, …"""
+    matches = [_NUMBER_WITH_UNIT.fullmatch(text) for text in texts]
+    numbers = [float(match[1]) for match in matches if match]
+    units = {match[2] for match in matches if match}
+    if len(numbers) < len(texts) or len(units) > 1:
         return [float(n) for n in range(len(texts))]
-    return [float(number) for number, _ in found]
+    return numbers

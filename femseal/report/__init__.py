@@ -1,4 +1,4 @@
-"""Output of a run for its user: the folder of all files, and one self-contained page."""
+"""Write the results of a run for its user: a folder of files, and one self-contained page."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""The results folder of a run."""
+"""Write the results folder of a run."""
 
 import json
 import os
@@ -29,11 +29,11 @@ from ..studies.choices import FIELDS_LIMIT
 from ..topography import Surface
 from .page import FILES, REPORT_NAME, draw_all, write_report
 
-#: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
+#: Manifest of the files of a run, one name per line. The next run removes those that it does not write again.
 MANIFEST = "files.txt"
-#: No manifest is larger [byte].
+#: Largest size of a manifest that is read [byte].
 _LARGEST_MANIFEST = 1e7
-#: Subfolder of the files of a run until all of them are written.
+#: Subfolder that contains the files of a run until all of them are written.
 UNFINISHED = ".unfinished"
 #: Subfolder of the files for ParaView.
 VIEWS = "vtk"
@@ -51,35 +51,54 @@ def write_folder(
     fields_limit: float = FIELDS_LIMIT,
     mapper: Mapper = map,
 ) -> list[Path]:
-    """Write `results.nc`, `table.csv`, `table.xlsx`, `report.html`, the pictures, the fields over all pixels and, in
-    `vtk/`, files for ParaView.
+    """Write all files of a run: results, tables, report, pictures, fields over all pixels, and files for ParaView.
 
-    They are written into the folder `.unfinished` and take the place of an earlier run's files once all are there,
-    `results.nc` last. Files that femseal did not write stay as they are.
+    The files are written into the subfolder `.unfinished` and replace those of an earlier run when all are complete,
+    `results.nc` last. Files that femseal did not write are left alone.
 
-    results : of a run; pictures and fields without data are left out.
-    folder : made if needed; files of the same name are replaced.
-    surface : the combined heights, for `surface.png` and ParaView; None: without.
-    pictures, report, fields : False leaves these out; without pictures and report nothing is drawn.
-    paraview : "vtu", or "none" without the files in `vtk/`, see `write_vtk`.
-    fields_limit : size of the fields over all pixels before compression [byte] above which steps are left out; the
-        attribute "left_out" of the dataset then says so.
-    mapper : such as over processes of this machine, one of which writes the files for ParaView.
+    Parameters
+    ----------
+    results : Results
+        Results of a run. Pictures and fields for which they have no data are left out.
+    folder : path
+        Folder to write into; made if needed.
+    surface : Topography or Patches, optional
+        Combined heights of the faces, for `surface.png` and ParaView.
+    pictures, report, fields : bool
+        Whether these are written. Nothing is drawn if there are neither pictures nor a report.
+    paraview : {"vtu", "none"}
+        Format of the files in `vtk/`, see `write_vtk`.
+    fields_limit : float
+        Size of the fields over all pixels before compression [byte] above which load steps are left out. The attribute
+        "left_out" of the dataset lists these.
+    mapper : callable
+        How independent files are written, for example by several processes.
 
-    Returns the paths of all files written, with `files.txt`, which lists them.
-    Raises InputError: the folder cannot be made.
-    FemsealError : a file could not be written; `.unfinished/results.nc` then holds the results.
+    Returns
+    -------
+    list of Path
+        All files written, including the manifest `files.txt`.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made.
+    FemsealError
+        A file could not be written. The results are then in `.unfinished/results.nc`.
     """
     steps, left_out = plan_fields(results, fields_limit if fields else 0.0)
     results.dataset.attrs["left_out"] = json.dumps(left_out if fields else [])
 
-    def write(unfinished: Path) -> list[Path]:
-        written = write_fields(results, steps, unfinished) if steps.size else []
+    def write_files(unfinished: Path) -> list[Path]:
+        written = []
+        if steps.size:
+            written += write_fields(results, steps, unfinished)
         if paraview != "none":
             written += write_vtk(results, surface, unfinished / VIEWS, mapper)
-        return written + _write_for_people(results, surface, pictures, report, unfinished)
+        written += _write_tables_and_pictures(results, surface, pictures, report, unfinished)
+        return written
 
-    return _replaced(results, made_folder(folder), write)
+    return _replace_files(results, made_folder(folder), write_files)
 
 
 def write_again(
@@ -91,113 +110,137 @@ def write_again(
     fields: bool = True,
     paraview: str = "vtu",
 ) -> list[Path]:
-    """Write the files of results that were read from a folder there again, but for those that their fields are in.
+    """Write tables, pictures and report of results that were read from a folder into this folder again.
 
-    Files of fields, and with `paraview` also those in `vtk/`, stay as they are, or are removed with False and "none".
-    The other arguments, what is returned and the errors are as in `write_folder`.
+    Fields over all pixels cannot be computed again from the results. Their files are kept, or removed with
+    `fields=False`, and so are the files in `vtk/`, or removed with `paraview="none"`. The other parameters, the result
+    and the errors are those of `write_folder`.
     """
     target = Path(results.folder or "")
-    heads = {FIELDS: fields, VIEWS: paraview != "none"}
-    kept = [
+    is_kept_by_stem = {FIELDS: fields, VIEWS: paraview != "none"}
+    kept_files = [
         name
-        for name in _former(target)
-        if heads.get(Path(name.parts[0]).stem) and (target / name).is_file()
+        for name in _files_of_earlier_run(target)
+        if is_kept_by_stem.get(Path(name.parts[0]).stem) and (target / name).is_file()
     ]
     if not fields:
         results.dataset.attrs["left_out"] = json.dumps([])
-    write = partial(_write_for_people, results, surface, pictures, report)
-    return _replaced(results, target, write, kept)
+    write_files = partial(_write_tables_and_pictures, results, surface, pictures, report)
+    return _replace_files(results, target, write_files, kept_files)
 
 
-def _replaced(
+def _replace_files(
     results: Results,
     target: Path,
-    write: Callable[[Path], list[Path]],
-    kept: Sequence[Path] | None = None,
+    write_files: Callable[[Path], list[Path]],
+    kept_files: Sequence[Path] | None = None,
 ) -> list[Path]:
-    """Write the files of a run, and put them in the place of those of an earlier one but the kept.
+    """Write the files of a run, and replace those of an earlier run when all are complete.
 
-    kept : files of the earlier run; its results are then these, and stay until the new ones are complete: nothing else
-        keeps them.
+    Parameters
+    ----------
+    results : Results
+        Results that are saved first.
+    target : Path
+        Folder of the run.
+    write_files : callable
+        Writes all other files into the folder that it is given, and returns their paths.
+    kept_files : sequence of Path, optional
+        Files of the earlier run, relative to `target`, that stay. If given, the results are those of the earlier run,
+        and its `results.nc` stays until the new one is complete, because there is no other copy.
+
+    Returns
+    -------
+    list of Path
     """
     unfinished = target / UNFINISHED
-    # files that a link leads to stay
+    # a link is removed, and not the files that it leads to
     if unfinished.is_symlink() or unfinished.is_file():
         unfinished.unlink()
     shutil.rmtree(unfinished, ignore_errors=True)
     try:
-        saved = save(results, unfinished)
+        saved_results = save(results, unfinished)
     except BaseException:
         shutil.rmtree(unfinished, ignore_errors=True)
         raise
     try:
-        names = [path.relative_to(unfinished) for path in [*write(unfinished), saved]]
-        listed = [*(kept or ()), *names]
-        if kept is None:
+        written = [*write_files(unfinished), saved_results]
+        new_files = [path.relative_to(unfinished) for path in written]
+        all_files = [*(kept_files or ()), *new_files]
+        if kept_files is None:
             (target / FILE_NAME).unlink(missing_ok=True)
-        former = [name for name in _former(target) if name not in listed]
-        _list_files(target, [*listed, *former])
-        for name in names:
-            if not is_inside(target, name):
-                raise FemsealError(
-                    f"'{target / name.parent}' is a link to another folder, expected a folder"
-                )
-            made_folder((target / name).parent)
-            os.replace(unfinished / name, target / name)
-        if former:
-            _remove(target, former)
-            _list_files(target, listed)
+        outdated = [name for name in _files_of_earlier_run(target) if name not in all_files]
+        # until they are removed, the manifest lists the outdated files too
+        _write_manifest(target, [*all_files, *outdated])
+        for name in new_files:
+            _move_file(name, unfinished, target)
+        if outdated:
+            _remove_files(target, outdated)
+            _write_manifest(target, all_files)
     except Exception as error:
         reason = str(error) or type(error).__name__
         raise FemsealError(
-            f"output folder: {reason}; the computed results are in '{saved}'"
+            f"output folder: {reason}; the computed results are in '{saved_results}'"
         ) from error
     shutil.rmtree(unfinished, ignore_errors=True)
-    return [target / MANIFEST, *(target / name for name in listed)]
+    return [target / MANIFEST, *(target / name for name in all_files)]
 
 
-def _list_files(folder: Path, names: Iterable[Path]) -> None:
+def _move_file(name: Path, source: Path, target: Path) -> None:
+    """Move a file from one folder to another, unless a link would lead it out of there."""
+    if not is_inside(target, name):
+        parent = target / name.parent
+        raise FemsealError(f"'{parent}' is a link to another folder, expected a folder")
+    made_folder((target / name).parent)
+    os.replace(source / name, target / name)
+
+
+def _write_manifest(folder: Path, names: Iterable[Path]) -> None:
+    """Write the names of the files of a run, one per line."""
     write_text(folder / MANIFEST, "".join(f"{name.as_posix()}\n" for name in names))
 
 
-def _write_for_people(
+def _write_tables_and_pictures(
     results: Results, surface: Surface | None, pictures: bool, report: bool, folder: Path
 ) -> list[Path]:
-    """Tables, pictures and report."""
+    """Write tables, and pictures and a report if they are wanted."""
     written = [
         write_text(folder / "table.csv", comma_separated(rows(results))),
         write_workbook(results, folder / "table.xlsx"),
     ]
     drawings = draw_all(results, surface) if pictures or report else {}
-    for name in FILES if pictures else ():
-        if name in drawings:
-            written.append(write_bytes(folder / f"{name}.png", drawings[name]))
-    return [*written, write_report(results, folder / REPORT_NAME, drawings)] if report else written
+    if pictures:
+        drawn_files = [name for name in FILES if name in drawings]
+        written += [write_bytes(folder / f"{name}.png", drawings[name]) for name in drawn_files]
+    if report:
+        written.append(write_report(results, folder / REPORT_NAME, drawings))
+    return written
 
 
-def _former(folder: Path) -> list[Path]:
-    """The files that the manifest of an earlier run names; names that lead out of the folder are passed over."""
+def _files_of_earlier_run(folder: Path) -> list[Path]:
+    """Read the names of files in the manifest of an earlier run, except names that lead out of the folder."""
     try:
-        lines = read_plain(folder / MANIFEST, _LARGEST_MANIFEST).decode().splitlines()
+        text = read_plain(folder / MANIFEST, _LARGEST_MANIFEST).decode()
     except (OSError, UnicodeDecodeError):
         return []
-    names = [Path(line) for line in lines if line and "\0" not in line]
+    names = [Path(line) for line in text.splitlines() if line and "\0" not in line]
     return [
         name for name in names if name.parts and not name.is_absolute() and ".." not in name.parts
     ]
 
 
-def _remove(folder: Path, names: Iterable[Path]) -> None:
-    """Remove files of an earlier run, and folders that they leave empty.
+def _remove_files(folder: Path, names: Iterable[Path]) -> None:
+    """Remove files of an earlier run, and the folders that become empty.
 
-    A name that leads out of the folder by a link is passed over.
+    Names that lead out of the folder by a link are passed over.
     """
     parents: set[Path] = set()
     for name in names:
-        with suppress(OSError):  # no such file, or a name too long to be one
+        with suppress(OSError):  # the file is gone, or the name is too long to be one
             if is_inside(folder, name):
                 (folder / name).unlink()
                 parents.update(name.parents)
-    for parent in sorted(parents - {Path()}, key=lambda p: -len(p.parts)):
-        with suppress(OSError):  # not empty
+    deepest_first = sorted(parents - {Path()}, key=lambda parent: -len(parent.parts))
+    for parent in deepest_first:
+        with suppress(OSError):  # the folder is not empty
             (folder / parent).rmdir()

@@ -1,6 +1,6 @@
-"""The report of a run: one self-contained page of HTML for screens, phones and paper.
+"""Write the report of a run: one self-contained HTML page for screens, phones and paper.
 
-It has no scripts, and loads nothing. A browser prints it, also as PDF.
+The page has no scripts and loads nothing. A browser prints it, also to a PDF.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,17 +25,26 @@ from ..base import (
     writing,
 )
 from ..plots import heights_figure, leak_test_figure, leakage_figure, pieces_figure, seal_figure
-from ..plots.drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, lying, map_row, png
-from ..plots.heights import height_panel
+from ..plots.drawing import (
+    GREY,
+    HEIGHTS,
+    LINES,
+    STYLES,
+    Sheet,
+    label_decades,
+    png,
+)
+from ..plots.heights import draw_heights
+from ..plots.map_panels import map_row_height, on_its_side
 from ..plots.maps import (
     default_step,
-    drawn_figure,
-    drop_steps,
-    face_leakage,
-    place_figure,
-    row_panel,
+    draw_row_pressures,
+    patch_figure,
+    representative_steps,
     sides,
+    surface_leakage,
 )
+from ..plots.realisations import realisation_figure
 from ..results.dataset import FILE_NAME, open_results, unfit
 from ..results.results import Results, load_names, loads_as_given
 from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
@@ -50,99 +59,125 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REPORT_NAME = "report.html"
-#: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
+#: Pictures that are also written as files, by name without ending. The page alone has the others.
 FILES = ("surface", "seal", "seat", "place", "drawn", "pieces", "leakage")
-#: Pictures as PNG by their name.
+#: Pictures as PNG by name.
 Drawings = Mapping[str, bytes]
 
 
 def draw_all(results: Results, surface: Surface | None = None) -> dict[str, bytes]:
-    """Draw every picture for which there are data.
+    """Draw every picture for which the results have data.
 
-    results : of a run.
-    surface : the combined heights, for the picture "surface"; None: without.
+    Parameters
+    ----------
+    results : Results
+        Results of a run.
+    surface : Topography or Patches, optional
+        Combined heights of the faces, for the picture "surface".
+
+    Returns
+    -------
+    dict of bytes
+        Pictures as PNG by name.
     """
-    # in one process: others would import what draws once more, which takes as long as half of the pictures
+    # in one process, because importing matplotlib in others would take as long as half of the pictures
     return {name: png(draw()) for name, draw in _figures(results, surface).items()}
 
 
 def _figures(results: Results, surface: Surface | None) -> dict[str, Callable[[], Figure]]:
-    """What draws each picture for which there are data."""
-    data, s = results.dataset, default_step(results.dataset)
-    maps, drawn_seal = "face_gap" in data, "drawn_corners" in data
-    found = results.attempts or {"attempts": []}
-    pictures: dict[str, tuple[bool, Callable[[], Figure]]] = {
-        "surface": (surface is not None, lambda: heights_figure(cast(Surface, surface))),
-        "seal": (maps or drawn_seal, lambda: seal_figure(results)),
-        "drawn": (maps and drawn_seal, lambda: drawn_figure(data, s)),
-        "pieces": ("piece_k1" in data or "state_k1" in data, lambda: pieces_figure(results)),
-        "leakage": (True, lambda: leakage_figure(results)),
-        "test": ("test_leakage" in data, lambda: leak_test_figure(results)),
-        "face": ("face_height" in data, lambda: _face_figure(data)),
-        "seat": (
-            bool(data.attrs.get("seat")) and "row_pressure" in data,
-            lambda: _seat_figure(data, s),
-        ),
-        "place": ("place_height" in data, lambda: place_figure(data)),
-        "attempts": (
-            any(attempt["half_width"] is not None for attempt in found["attempts"]),
-            lambda: _attempts_figure(found),
-        ),
-    }
-    return {name: draw for name, (there, draw) in pictures.items() if there}
+    """List the functions that draw the pictures for which the results have data, by name."""
+    data = results.dataset
+    step = default_step(data)
+    has_maps = "face_gap" in data
+    has_realisation = "drawn_corners" in data
+    figures: dict[str, Callable[[], Figure]] = {}
+    if surface is not None:
+        figures["surface"] = lambda: heights_figure(surface)
+    if has_maps or has_realisation:
+        figures["seal"] = lambda: seal_figure(results)
+    if has_maps and has_realisation:
+        figures["drawn"] = lambda: realisation_figure(data, step)
+    if "piece_k1" in data or "state_k1" in data:
+        figures["pieces"] = lambda: pieces_figure(results)
+    figures["leakage"] = lambda: leakage_figure(results)
+    if "test_leakage" in data:
+        figures["test"] = lambda: leak_test_figure(results)
+    if "face_height" in data:
+        figures["face"] = lambda: _surface_figure(data)
+    if data.attrs.get("seat") and "row_pressure" in data:
+        figures["seat"] = lambda: _seat_figure(data, step)
+    if "place_height" in data:
+        figures["place"] = lambda: patch_figure(data)
+    attempts = results.attempts
+    if attempts is not None and _finished_attempts(attempts):
+        figures["attempts"] = lambda: _attempts_figure(attempts)
+    return figures
 
 
-def _seat_figure(data: xarray.Dataset, s: int) -> Figure:
-    sheet = Sheet([4.0])
-    row_panel(sheet.panel(0, LINES), data, drop_steps(data, s))
+def _surface_figure(data: xarray.Dataset) -> Figure:
+    """Draw the heights of the surface that was solved."""
+    size = sides(data)
+    sheet = Sheet([map_row_height(on_its_side(size), HEIGHTS)])
+    draw_heights(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, size)
     return sheet.figure
 
 
-def _attempts_figure(found: dict[str, Any]) -> Figure:
-    """Error of the attempts whose error is known against their time, by their numbers."""
+def _seat_figure(data: xarray.Dataset, step: int) -> Figure:
+    """Draw the contact pressure across the seat."""
+    sheet = Sheet([4.0])
+    draw_row_pressures(sheet.panel(0, LINES), data, representative_steps(data, step))
+    return sheet.figure
+
+
+def _finished_attempts(attempts: dict[str, Any]) -> dict[int, dict[str, Any]]:
+    """Select the attempts at the accuracy whose error is known, by their number from 1."""
+    numbered = enumerate(attempts["attempts"], start=1)
+    return {number: attempt for number, attempt in numbered if attempt["half_width"] is not None}
+
+
+def _attempts_figure(attempts: dict[str, Any]) -> Figure:
+    """Draw the error of each attempt at the accuracy against its time."""
     sheet = Sheet([3.2])
     axes = sheet.panel(0, LINES)
     axes.set(xlabel="time of the attempt [s]", ylabel="error [%]", yscale="log")
     axes.grid(alpha=0.25, lw=0.6)
-    axes.axhline(100 * found["wanted"], color=GREY, ls="--", lw=1)
-    for number, attempt in enumerate(found["attempts"], start=1):
-        if attempt["half_width"] is not None:
-            at = attempt["seconds"], 100 * np.expm1(attempt["half_width"])
-            axes.plot(*at, "o", color=STYLES[0]["color"])
-            axes.annotate(str(number), at, xytext=(6, 4), textcoords="offset points")
+    axes.axhline(100 * attempts["wanted"], color=GREY, ls="--", lw=1)
+    for number, attempt in _finished_attempts(attempts).items():
+        time_and_error = attempt["seconds"], 100 * np.expm1(attempt["half_width"])
+        axes.plot(*time_and_error, "o", color=STYLES[0]["color"])
+        axes.annotate(str(number), time_and_error, xytext=(6, 4), textcoords="offset points")
     axes.set_xlim(left=0)
-    decades(axes.yaxis)
-    return sheet.figure
-
-
-def _face_figure(data: xarray.Dataset) -> Figure:
-    sheet = Sheet([map_row(lying(sides(data)), HEIGHTS)])
-    height_panel(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, sides(data))
+    label_decades(axes.yaxis)
     return sheet.figure
 
 
 def write_report(
     results: Results | AnyPath, path: AnyPath | None = None, drawings: Drawings | None = None
 ) -> Path:
-    """Write one self-contained HTML page about a run: it loads nothing, and prints.
+    """Write one self-contained HTML page about a run, which loads nothing and can be printed.
 
-    First the verdict on leakage classes, the leakage of the whole seal, its band and what limits it, warnings, and the
-    leakage over load; then maps, pieces, faces, tables, error budget and the rest. It
-    depends on the dataset alone, so that a page made from a folder equals the one that the run wrote.
+    The page begins with the verdict on the leakage classes, the leakage of the whole seal with its 95 % interval and
+    widest source of error, the warnings, and the leakage against load. Maps, cells, faces, tables and the error budget
+    follow. The page depends on the dataset alone, so that a page made from a folder equals the one that the run wrote.
 
     Parameters
     ----------
-    results : of a run, or the folder they are in.
-    path : of the page; `report.html` in the folder of the results unless given.
-    drawings : its pictures, if they are drawn already.
+    results : Results or path
+        Results of a run, or the folder that contains them.
+    path : path, optional
+        File to write; `report.html` in the folder of the results unless given.
+    drawings : mapping of bytes, optional
+        Pictures as PNG by name, if they have been drawn already.
 
     Returns
     -------
-    Path of the page; it is written whole or not at all.
+    Path
+        Path of the page. The page is written completely or not at all.
 
     Raises
     ------
-    InputError : no results in the folder; a path that cannot be written; no path for results without a folder.
+    InputError
+        The folder contains no results, the file cannot be written, or results without a folder were given no path.
 
     Examples
     --------
@@ -150,7 +185,8 @@ def write_report(
     """
     folder = None
     if not isinstance(results, Results):
-        folder, results = Path(results), open_results(results)
+        folder = Path(results)
+        results = open_results(results)
     if path is None and results.folder is None:
         raise InputError("path", "none, for results without a folder", "a file to write")
     target = Path(path or (results.folder or Path()) / REPORT_NAME)
@@ -163,43 +199,60 @@ def write_report(
     except Exception as error:
         if folder is None:
             raise
+        # the file of results has been changed
         raise unfit(folder / FILE_NAME, error) from error
     with writing("path", target, "a file in a folder"):
         return write_text(target, page)
 
 
 def report_html(results: Results, drawings: Drawings | None = None) -> str:
-    """The page as text; pictures are drawn unless given."""
-    data, s = results.dataset, default_step(results.dataset)
-    timings = json.loads(data.attrs["timings"])  # also of parts of a study
-    drawn = drawings or draw_all(results)
+    """Make the text of the page.
+
+    Parameters
+    ----------
+    results : Results
+        Results of a run.
+    drawings : mapping of bytes, optional
+        Pictures as PNG by name; drawn unless given.
+    """
+    data = results.dataset
+    step = default_step(data)
+    names = load_names(data)
+    attempts = results.attempts
+    timings = json.loads(data.attrs["timings"])
+    stage_timings = {
+        stage: seconds
+        for stage, seconds in timings.items()
+        if ": " not in stage  # these are parts of stages
+    }
+    pictures = drawings or draw_all(results)
     return page_template().render(
         results=results,
         data=data,
-        load_names=load_names(data),
-        load=load_names(data)[s],
+        load_names=names,
+        load=names[step],
         basis=results.leak_basis,
         verdicts=verdicts_in_words(results.verdicts, loads_as_given(data, 3)),
         key_numbers=report_tables.key_numbers(results),
-        flows=np.nan_to_num(face_leakage(data)[s]) != 0,
-        half_drop=_half_drop(data, s),
-        # the page has a table of classes
+        flows=np.nan_to_num(surface_leakage(data)[step]) != 0,
+        half_drop=_cells_of_half_drop(data, step),
+        # the page has a table of classes, so that the column "class" would repeat it
         leakage_table=leakage_table(results).without("class"),
         totals=totals_table(results),
         classes=report_tables.class_table(results),
         test_fluid=report_tables.test_fluid(results),
         design=design_section(results),
-        pictures={name: png_uri(drawing) for name, drawing in drawn.items()},
+        pictures={name: png_uri(picture) for name, picture in pictures.items()},
         budget=report_tables.budget_table(results),
-        attempts=None if results.attempts is None else attempts_table(results.attempts),
-        stages={name: time for name, time in timings.items() if ": " not in name},
-        case=as_chosen(results.case, results.attempts),
+        attempts=None if attempts is None else attempts_table(attempts),
+        stages=stage_timings,
+        case=as_chosen(results.case, attempts),
     )
 
 
 @cache
 def page_template() -> Template:
-    """The template of the page, which is compiled once."""
+    """Compile the template of the page."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -211,7 +264,7 @@ def page_template() -> Template:
     )
     environment.filters |= {
         "deviation": format_deviation,
-        "flat": flat,
+        "flat": flatten,
         "number": number_text,
         "parsed": json.loads,
         "si": to_text,
@@ -219,24 +272,35 @@ def page_template() -> Template:
     return environment.get_template("report.html.jinja")
 
 
-def _half_drop(data: xarray.Dataset, s: int) -> int:
-    """Number of pieces that carry half of the pressure drop at a step; 0 where it is not known."""
-    if "piece_drop_fraction" not in data or not data["piece_drop_fraction"][s].notnull().all():
+def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
+    """Count the cells that carry half of the pressure drop at a step; 0 if this is not known."""
+    if "piece_drop_fraction" not in data:
         return 0
-    fraction = np.sort(data["piece_drop_fraction"].values[s].ravel())[::-1]
-    return int(np.searchsorted(np.cumsum(fraction), 0.5)) + 1
+    fractions = data["piece_drop_fraction"].values[step].ravel()
+    if np.isnan(fractions).any():
+        return 0
+    largest_first = np.sort(fractions)[::-1]
+    return int(np.searchsorted(np.cumsum(largest_first), 0.5)) + 1
 
 
-def flat(value: Any, name: str = "") -> list[tuple[str, str]]:
-    """A nested case as lines of key and value."""
+def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
+    """List all values of nested tables and lists as pairs of a dotted key and a text.
+
+    >>> flatten({"load": {"loading": [1e6, 2e6]}, "face": [{"kind": "file"}]})
+    [('load.loading', '1e+06, 2e+06'), ('face.0.kind', 'file')]
+    """
     if isinstance(value, list):
         if not any(isinstance(item, dict) for item in value):
-            return [(name, ", ".join(map(_plain, value)))]
+            return [(name, ", ".join(map(_plain_text, value)))]
         value = dict(enumerate(value))
     if not isinstance(value, dict):
-        return [(name, _plain(value))]
-    return [line for key, item in value.items() for line in flat(item, f"{name}.{key}".lstrip("."))]
+        return [(name, _plain_text(value))]
+    lines = []
+    for key, item in value.items():
+        lines += flatten(item, f"{name}.{key}".lstrip("."))
+    return lines
 
 
-def _plain(value: Any) -> str:
+def _plain_text(value: Any) -> str:
+    """Write a number in short form, and anything else as it is."""
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,6 +1,6 @@
-"""Tables of the report: numbers at its head, leakage of the whole seal, classes, test fluid, error budget, times.
+"""Make the tables of the report: key numbers, leakage classes, test fluid and error budget.
 
-Also what pressures the seal needs, from the files of `femseal design` in the folder.
+The section about the pressures that the seal needs is read from the files that `femseal design` left in the folder.
 """
 
 from __future__ import annotations
@@ -8,141 +8,204 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base import TextTable, format_deviation, read_plain
-from ..base.leak_units import LEAK_UNITS
-from ..budget import ErrorPart
+from ..base import Array, TextTable, format_deviation, read_plain
+from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import first_known, least_counted
 from ..results.results import Results, load_names
 from ..results.tables import class_unit, format_error_band, format_leakage, with_leak_unit
 from ..results.verdict import LeakageCurve, deciding_fluid, verdict_table
 
+#: Files of `femseal design` in the folder of a run.
+DESIGN_FILE, DESIGN_PICTURE = "design.json", "design.png"
+#: Largest size of these files that is read [byte].
+_LARGEST_DESIGN_FILE = 1e7
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
-def key_numbers(results: Results) -> list[tuple[str, str, str]]:
-    """Leakage of the whole seal at the assembly load, the first one and the last: label, value and interval.
 
-    It is that of the fluid that decides on classes, the test fluid where there is one, in one unit.
+class KeyNumber(NamedTuple):
+    """A number at the head of the report: what it is, its value with unit, and its 95 % interval, "" without one."""
+
+    label: str
+    value: str
+    interval: str
+
+
+def key_numbers(results: Results) -> list[KeyNumber]:
+    """List the leakage of the whole seal at the assembly load, the first load and the last load.
+
+    The leakage is that of the fluid that decides on leakage classes: the test fluid if the case has one. All numbers
+    have the same unit.
     """
-    curve, basis = LeakageCurve.of_results(results), results.class_basis
-    leakage, names = results.class_leakage[0], load_names(results.dataset)
-    steps = list(dict.fromkeys((curve.assembly_step, 0, len(names) - 1)))
-    unit = results.asked_unit
-    if unit is None or unit.per_length or not basis.has(unit):
-        shown = np.r_[leakage[steps], curve.upper[steps]]
-        unit = basis.readable(shown[np.isfinite(shown)])
-    factor = basis.factor(unit)
-    of = (
-        f"test with {deciding_fluid(results)}"
-        if "test_leakage" in results.dataset
-        else "whole seal"
-    )
+    curve = LeakageCurve.of_results(results)
+    leakage = results.class_leakage[0]
+    names = load_names(results.dataset)
+    last = len(names) - 1
+    steps = list(dict.fromkeys((curve.assembly_step, 0, last)))
+    unit = _whole_seal_unit(results, np.concatenate([leakage[steps], curve.upper[steps]]))
+    factor = results.class_basis.factor(unit)
+    subject = "whole seal"
+    if "test_leakage" in results.dataset:
+        subject = f"test with {deciding_fluid(results)}"
     numbers = []
-    for s in steps:
-        value = with_leak_unit(format_leakage(leakage[s], factor), unit)
-        if s in results.open_steps:
+    for step in steps:
+        if step in results.open_steps:
             value = "open"
-        elif results.has_failed[s]:
+        elif results.has_failed[step]:
             value = "failed"
-        note = ""
-        if curve.has_interval and np.isfinite(curve.leakage[s]):
-            ends = format_error_band(curve.lower[s], curve.upper[s], factor, leakage[s])
-            note = f"95 % interval {with_leak_unit(ends, unit)}"
-        numbers.append((f"{of}, {names[s]}", value, note))
+        else:
+            value = with_leak_unit(format_leakage(leakage[step], factor), unit)
+        interval = ""
+        if curve.has_interval and np.isfinite(curve.leakage[step]):
+            ends = format_error_band(curve.lower[step], curve.upper[step], factor, leakage[step])
+            interval = f"95 % interval {with_leak_unit(ends, unit)}"
+        numbers.append(KeyNumber(f"{subject}, {names[step]}", value, interval))
     return numbers
 
 
+def _whole_seal_unit(results: Results, values: Array) -> LeakUnit:
+    """Choose the unit of the user if it is for the whole seal, and otherwise one in which the values are readable.
+
+    values : leakages per length [m²/s].
+    """
+    basis = results.class_basis
+    unit = results.asked_unit
+    if unit is not None and not unit.per_length and basis.has(unit):
+        return unit
+    return basis.readable(values[np.isfinite(values)])
+
+
 def class_table(results: Results) -> TextTable | None:
-    """Each class, from which load on it is met, down to which it is kept in service; None without classes."""
+    """Tabulate from which load on each leakage class is met and down to which it is kept; None without classes."""
     verdicts = results.verdicts
-    return verdict_table(results, verdicts) if verdicts else None
+    if not verdicts:
+        return None
+    return verdict_table(results, verdicts)
 
 
 def test_fluid(results: Results) -> dict[str, Any] | None:
-    """Leakage of the test fluid at the assembly load, and how many times as much leaks in service; None without one.
+    """Describe the leakage of the test fluid at the assembly load, and compare it with the fluid in service.
 
-    The ratio is of pressure × volume where both are gases, else of volumes, over the loads at which both leak; 0 where
-    there are none.
+    Returns
+    -------
+    dict or None
+        name : of the test fluid. load : name of the assembly load. leakage : at this load, as text. gases : whether
+        both fluids are gases. ratio : median of the leakage in service over that of the test, at all loads at which
+        both leak; it compares pressure × volume of two gases, and otherwise volumes, and is 0 if there is no such
+        load. None without a test fluid.
     """
     data = results.dataset
     if "test_leakage" not in data:
         return None
-    unit, basis = class_unit(results), results.class_basis
-    own, test = results.leakage.values, data["test_leakage"].values
-    gases = basis.is_gas and results.leak_basis.is_gas
-    common = LEAK_UNITS["Pa·m³/s" if gases else "m³/s"]
-    scale = basis.factor(common) / results.leak_basis.factor(common)
-    both = np.isfinite(own) & np.isfinite(test) & (own != 0) & (test != 0)
+    service_basis = results.leak_basis
+    test_basis = results.class_basis
+    both_are_gases = service_basis.is_gas and test_basis.is_gas
+    common_unit = LEAK_UNITS["Pa·m³/s" if both_are_gases else "m³/s"]
+    service = results.leakage.values / service_basis.factor(common_unit)
+    test = data["test_leakage"].values / test_basis.factor(common_unit)
+    both_leak = np.isfinite(service) & np.isfinite(test) & (service != 0) & (test != 0)
+    ratio = np.median(service[both_leak] / test[both_leak]) if both_leak.any() else 0.0
     step = LeakageCurve.of_results(results).assembly_step
-    text = format_leakage(test[step], basis.factor(unit))
+    unit = class_unit(results)
+    leakage = format_leakage(data["test_leakage"].values[step], test_basis.factor(unit))
     return {
         "name": deciding_fluid(results),
         "load": load_names(data)[step],
-        "leakage": with_leak_unit(text, unit),
-        "gases": gases,
-        "ratio": scale * np.median(own[both] / test[both]) if both.any() else 0.0,
+        "leakage": with_leak_unit(leakage, unit),
+        "gases": both_are_gases,
+        "ratio": ratio,
     }
 
 
-DESIGN_FILE, DESIGN_PICTURE = "design.json", "design.png"
-#: No file of them is larger [byte].
-_LARGEST = 1e7
-_PNG = b"\x89PNG\r\n\x1a\n"
-
-
 def png_uri(picture: bytes) -> str:
-    """A picture as a data URI."""
+    """Encode a PNG picture as a data URI."""
     return "data:image/png;base64," + base64.b64encode(picture).decode()
 
 
 def design_section(results: Results) -> dict[str, Any] | None:
-    """Sentences, tables and picture for the same case; None where the folder has none."""
+    """Read what `femseal design` wrote for the same case into the folder of the results.
+
+    Returns
+    -------
+    dict or None
+        "sentences", "tables" and "picture"; None if the folder has no design of this case that can be read.
+    """
     if results.folder is None:
         return None
     try:
-        found = json.loads(read_plain(results.folder / DESIGN_FILE, _LARGEST))
-        picture = read_plain(results.folder / DESIGN_PICTURE, _LARGEST)
-        if found["case"] != results.case or not picture.startswith(_PNG):
+        design = json.loads(read_plain(results.folder / DESIGN_FILE, _LARGEST_DESIGN_FILE))
+        picture = read_plain(results.folder / DESIGN_PICTURE, _LARGEST_DESIGN_FILE)
+        if design["case"] != results.case or not picture.startswith(_PNG_SIGNATURE):
             return None
-        kept = {key: found[key] for key in ("sentences", "tables")}
-        return kept | {"picture": png_uri(picture)}
+        return {
+            "sentences": design["sentences"],
+            "tables": design["tables"],
+            "picture": png_uri(picture),
+        }
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
 def important_steps(results: Results) -> list[int]:
-    """The first load, the highest, the highest that leaks more than 1e-3 of the first, and the last one."""
+    """List the first load, the highest at which the leakage still counts, the highest of all, and the last one.
+
+    A leakage counts if it is more than a thousandth of the first one.
+    """
     leakage = np.abs(results.leakage.values)
-    leaks = (leakage > least_counted(leakage)) & results.steps.on_loading
-    highest = np.flatnonzero(leaks)[-1:].tolist()
-    return list(dict.fromkeys((first_known(leakage), *highest, results.peak, len(leakage) - 1)))
+    counts = (leakage > least_counted(leakage)) & results.steps.on_loading
+    highest_leaking = np.flatnonzero(counts)[-1:].tolist()
+    last = len(leakage) - 1
+    return list(dict.fromkeys([first_known(leakage), *highest_leaking, results.peak, last]))
+
+
+class _BudgetLine(NamedTuple):
+    """A line of the table of the error budget: the source, its half-width of ln(leakage) (steps,), how it was found."""
+
+    source: str
+    half_widths: Array
+    note: str
 
 
 def budget_table(results: Results) -> TextTable | None:
-    """A line for each source, the widest first, and one for all together; None without a budget."""
+    """Tabulate the sources of error at the important loads, widest first, and their sum; None without a budget."""
     budget = results.budget
     if budget is None:
         return None
-    steps, widths = important_steps(results), budget.widths()
+    steps = important_steps(results)
+    half_widths = budget.widths()
+    lines = [_BudgetLine(part.name, half_widths[part.name], part.note) for part in budget.parts]
 
-    def largest(part: ErrorPart) -> float:
-        return float(np.nan_to_num(widths[part.name][steps], nan=np.inf).max())
+    def largest_half_width(line: _BudgetLine) -> float:
+        return float(np.nan_to_num(line.half_widths[steps], nan=np.inf).max())
 
-    order = sorted(budget.parts, key=largest, reverse=True)
-    lines = [(part.name, widths[part.name], part.note) for part in order]
+    lines.sort(key=largest_half_width, reverse=True)
     if len(budget.numerical.parts) < len(budget.parts):
-        text = "without the model and its input (hardness, fluid pressure, form, …): what an accuracy asks for"
-        lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
-    text = "root of the sum of squares of the distances of ln(leakage)"
-    lines.append(("together", np.asarray(budget.half_width()), text))
-    names, widths_of, notes = zip(*lines, strict=True)
-    # inf is of a seal that may leak or be sealed
-    known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}
-    columns: list[tuple[str, Iterable[str]]] = [("source", names)]
-    for s in steps:
-        at = [width[s] for width in widths_of]
-        texts = [known.get(f"{w:g}") or format_deviation(w, "× ") for w in at]
-        columns.append((load_names(results.dataset)[s], texts))
-    return TextTable.of_columns("", [*columns, ("how it was estimated", notes)])
+        note = (
+            "all sources except the model and its input (hardness, fluid pressure, form, …): this is what the key "
+            "accuracy limits"
+        )
+        numerical = np.asarray(budget.numerical.half_width())
+        lines.append(_BudgetLine("numbers alone", numerical, note))
+    note = "square root of the sum of squares of the distances of ln(leakage)"
+    lines.append(_BudgetLine("together", np.asarray(budget.half_width()), note))
+    names = load_names(results.dataset)
+    columns: list[tuple[str, Iterable[str]]] = [("source", [line.source for line in lines])]
+    for step in steps:
+        texts = [_half_width_text(line.half_widths[step]) for line in lines]
+        columns.append((names[step], texts))
+    columns.append(("how it was estimated", [line.note for line in lines]))
+    return TextTable.of_columns("", columns)
+
+
+def _half_width_text(half_width: float) -> str:
+    """Write a half-width of ln(leakage) as text; it is infinite if the seal may leak or be tight."""
+    if np.isnan(half_width):
+        return "unknown"
+    if np.isinf(half_width):
+        return "open or sealed"
+    if half_width == 0:
+        return "0"
+    return format_deviation(half_width, "× ")

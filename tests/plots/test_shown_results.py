@@ -19,8 +19,8 @@ import femseal as fs
 from femseal.base import InputError, Shown
 from femseal.base.leak_units import leakage_unit
 from femseal.base.text import value_text
-from femseal.plots.drawing import on_decades
-from femseal.plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
+from femseal.plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines
+from femseal.plots.map_panels import clip_to_decades
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -59,7 +59,7 @@ def shown(face, states):
 
 
 def test_a_nearly_even_flow_has_a_scale_whose_ticks_differ():
-    _, norm = on_decades(np.array([35.51, 35.52]), 4)
+    _, norm = clip_to_decades(np.array([35.51, 35.52]), 4)
     assert norm.vmax == 35.52
     assert norm.vmin < 0.99 * norm.vmax
 

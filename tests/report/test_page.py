@@ -172,7 +172,7 @@ def test_drop_of_pressure_by_hand(results):
     data["piece_drop_fraction"][:] = 0.5 / 16
     data["piece_drop_fraction"][:, 1, 2:4] = 0.25
     text = words(section(report_html(replace(results, dataset=data)), "maps"))
-    assert "Half of the pressure drops in 2 of 18 pieces." in text
+    assert "Half of the pressure drops in 2 of 18 cells." in text
 
 
 def test_times_and_warnings(scene, studies):
@@ -202,7 +202,9 @@ def test_every_method_alone_has_the_sections_that_it_fills(scene, studies, metho
     page = report_html(assemble(scene, studies[method]))
     sections = [name for name in SECTIONS if name not in without]
     assert [s.get("id") for s in parsed(page).iter("section")] == sections
-    assert ("drawn seal" in words(section(page, "maps"))) == (method == "stochastic")
+    assert ("realisation nearest to the median" in words(section(page, "maps"))) == (
+        method == "stochastic"
+    )
 
 
 @pytest.mark.parametrize(("value", "text"), [(0.0, "sealed"), (np.nan, "failed")])
