@@ -1,10 +1,12 @@
-"""Fluids, each as a change of variable from pressure to pressure potential.
+"""Describe fluids, each by its pressure potential.
 
-Every fluid whose density ρ and viscosity η depend on pressure alone solves the same linear equation in the
-pressure potential φ, dφ = (ρ/η) dp [kg/(m³ s) = Pa·(kg/m³)/(Pa s)]; the mass rate is then conductance × drop of φ.
-Its `law` is the permeability of a gap, the cubic one where it names none (see `femseal.flow.law`).
-To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. Case files know it by its
-`kind` once it is in `FLUIDS`, with a key for each of its parameters; fluids made in Python need neither.
+Every fluid whose density ρ and viscosity η depend on pressure alone obeys the same linear equation in the pressure
+potential φ, dφ = (ρ/η) dp [kg/(m³ s) = Pa·(kg/m³)/(Pa s)]. The mass rate is the conductance times the drop of φ.
+The `law` of a fluid gives the permeability of a gap; without one the cubic law holds (see `femseal.flow.law`).
+
+To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. A fluid that is made in
+Python needs nothing more. Once the class is in `FLUIDS`, case files can choose it by its `kind`, and have a key for
+each of its parameters.
 """
 
 from __future__ import annotations
@@ -20,57 +22,65 @@ from .base import Array, InputError, Pair, reals, validate
 from .base.leak_rates import GAS_CONSTANT, LeakBasis
 from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
-from .named_fluids import Gas, RealGas, slip_of_gas, temperature_of_gas, with_potential
+from .named_fluids import Gas, RealGas, slip_of_gas, solve_for_pressure, temperature_of_gas
 
-#: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] common to all liquids.
+#: Constants of Roelands' law: a pressure [Pa], and minus the logarithm of a viscosity [Pa s] that all liquids share.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
-#: Gauss points of the potential of Roelands' law: right to 1e-12 up to 5 GPa.
+#: Gauss points for the potential of Roelands' law. Its relative error is at most 1e-12 up to 5 GPa.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 
 
 class Fluid(Protocol):
-    """Interface of the fluids that `seal_leakage` takes."""
+    """Define what `seal_leakage` needs of a fluid."""
 
     @property
     def reference_density(self) -> float:
-        """Density [kg/m³] that converts a mass rate into a volume rate."""
+        """Density [kg/m³] by which a mass rate is divided to obtain a volume rate."""
         ...
 
     def potential(self, pressure: ArrayLike) -> Array:
-        """Pressure potential φ(p) [kg/(m³ s)], φ(0) = 0."""
+        """Return the pressure potential φ(p) [kg/(m³ s)] with φ(0) = 0."""
         ...
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Inverse of `potential` [Pa]."""
+        """Return the pressure [Pa] of a potential, the inverse of `potential`."""
         ...
 
 
-#: What the keys of several fluids mean.
+#: Meanings of keys that several fluids have.
 _VISCOSITY = 'dynamic, or kinematic such as `"46 cSt"` beside a density'
 _NAMELESS = "without a `name`"
 _BARUS = "rise of viscosity with pressure: by Barus, or by Roelands"
 
 
 def _viscosity(example: str) -> Any:
+    """Declare the parameter `viscosity` of a fluid."""
     allowed = f"a viscosity > 0, such as '{example}'"
     return parameter("Pa*s", allowed, _VISCOSITY, usual=(1e-6, 1e3), needed=_NAMELESS)
 
 
 def _density(default: float) -> Any:
-    allowed, meaning = "a density > 0, such as '870 kg/m^3'", "at the reference state"
+    """Declare the parameter `density` of a liquid."""
+    allowed = "a density > 0, such as '870 kg/m^3'"
+    meaning = "at the reference state"
     return parameter("kg/m^3", allowed, meaning, usual=(50.0, 2.5e4), default=default)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _OnFaces:
-    """What a liquid of constant density does on the faces.
+    """Hold the properties of a liquid of constant density that matter at the faces.
 
-    surface_tension, contact_angle : γ [N/m] and θ [rad], for `capillary_entry_pressure`.
-    slip_length : b [m], by which it slips on both faces, see `femseal.flow.law.SlipLength`.
-    bulk_modulus : B [Pa] of liquid that is trapped between the faces; None is incompressible.
+    Parameters
+    ----------
+    surface_tension, contact_angle : float, optional
+        γ [N/m] and θ [rad], for `capillary_entry_pressure`.
+    slip_length : float
+        Slip length b [m] on both faces, see `femseal.flow.law.SlipLength`.
+    bulk_modulus : float, optional
+        Bulk modulus B [Pa] of liquid that is trapped between the faces. Default: incompressible.
     """
 
-    #: Outlet pressure of a case that gives none [Pa], above that of the surroundings.
+    #: Default outlet pressure of a case [Pa], relative to the surroundings.
     outlet_pressure: ClassVar[float] = 0.0
     surface_tension: float | None = parameter(
         "N/m",
@@ -115,23 +125,30 @@ class _OnFaces:
 
     @property
     def law(self) -> FlowLaw:
-        """The cubic law, or that of the slip length."""
+        """Flow law: the cubic law, or that of the slip length."""
         return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
 
 @dataclass(frozen=True)
 class Liquid(_OnFaces):
-    """A liquid of constant density; viscosity η = η₀ exp(αp) (Barus), constant for α = 0.
+    """Describe a liquid of constant density whose viscosity is constant or rises with pressure by Barus' law.
 
-    φ = (ρ/η₀)(1 − exp(−αp))/α, → ρp/η₀.
+    The viscosity is η = η₀ exp(αp), and the potential φ = (ρ/η₀)(1 − exp(−αp))/α, which tends to ρp/η₀ for α → 0.
 
     Parameters
     ----------
-    viscosity : η₀ [Pa s].
-    density : ρ [kg/m³]; only the mass rate depends on it. Default: water.
-    pressure_viscosity : α [1/Pa], >= 0.
-    surface_tension, contact_angle, slip_length : γ [N/m], θ [rad] and b [m] on the faces, by keyword, for
-        `capillary_entry_pressure` and `femseal.flow.law.SlipLength`.
+    viscosity : float
+        Viscosity η₀ at zero pressure [Pa s].
+    density : float
+        Density ρ [kg/m³]. Only the mass rate depends on it. Default: water.
+    pressure_viscosity : float
+        Pressure-viscosity coefficient α [1/Pa], >= 0.
+    surface_tension, contact_angle : float, optional
+        γ [N/m] and θ [rad], for `capillary_entry_pressure`. By keyword only.
+    slip_length : float
+        Slip length b [m] on both faces, see `femseal.flow.law.SlipLength`. By keyword only.
+    bulk_modulus : float, optional
+        Bulk modulus [Pa] of trapped liquid. By keyword only. Default: incompressible.
 
     Examples
     --------
@@ -153,31 +170,41 @@ class Liquid(_OnFaces):
     )
 
     def potential(self, pressure: ArrayLike) -> Array:
-        """Pressure potential φ(p) [kg/(m³ s)]."""
-        p, α = reals(pressure), self.pressure_viscosity
-        return self.density / self.viscosity * (p if α == 0 else -np.expm1(-α * p) / α)
+        """Return the pressure potential φ(p) [kg/(m³ s)]."""
+        p = reals(pressure)
+        α = self.pressure_viscosity
+        reduced_pressure = p if α == 0 else -np.expm1(-α * p) / α
+        return self.density / self.viscosity * reduced_pressure
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Inverse of `potential` [Pa]."""
-        p = reals(potential) * self.viscosity / self.density
+        """Return the pressure [Pa] of a potential, the inverse of `potential`."""
+        reduced_pressure = reals(potential) * self.viscosity / self.density
         α = self.pressure_viscosity
-        return p if α == 0 else -np.log1p(-α * p) / α
+        return reduced_pressure if α == 0 else -np.log1p(-α * reduced_pressure) / α
 
 
 @dataclass(frozen=True)
 class RoelandsLiquid(_OnFaces):
-    """A liquid whose viscosity rises with pressure by Roelands' law, less steeply than Barus's at high pressure.
+    """Describe a liquid whose viscosity rises with pressure by Roelands' law.
 
-    η = η₀ exp{(ln η₀ + 9.67)(−1 + (1 + p/p_r)^Z)} with p_r = 196.2 MPa and Z = α p_r/(ln η₀ + 9.67); the potential
-    ∫ρ/η dp is by quadrature. Source: Roelands, doctoral thesis, Delft, 1966.
+    At high pressure the viscosity rises less steeply than by Barus' law:
+    η = η₀ exp{(ln η₀ + 9.67)(−1 + (1 + p/p_r)^Z)} with p_r = 196.2 MPa and Z = α p_r/(ln η₀ + 9.67). The potential ∫ρ/η
+    dp is computed by quadrature. Source: Roelands, doctoral thesis, Delft, 1966.
 
     Parameters
     ----------
-    viscosity : η₀ [Pa s], above 6.31e-5.
-    pressure_viscosity : α = d ln η/dp at p = 0 [1/Pa], as that of Barus's law.
-    density : ρ [kg/m³]; only the mass rate depends on it.
-    surface_tension, contact_angle, slip_length : γ [N/m], θ [rad] and b [m] on the faces, by keyword, for
-        `capillary_entry_pressure` and `femseal.flow.law.SlipLength`.
+    viscosity : float
+        Viscosity η₀ at zero pressure [Pa s], above 6.31e-5.
+    pressure_viscosity : float
+        α = d ln η/dp at p = 0 [1/Pa], the same as in Barus' law.
+    density : float
+        Density ρ [kg/m³]. Only the mass rate depends on it.
+    surface_tension, contact_angle : float, optional
+        γ [N/m] and θ [rad], for `capillary_entry_pressure`. By keyword only.
+    slip_length : float
+        Slip length b [m] on both faces, see `femseal.flow.law.SlipLength`. By keyword only.
+    bulk_modulus : float, optional
+        Bulk modulus [Pa] of trapped liquid. By keyword only. Default: incompressible.
     """
 
     kind: ClassVar[str] = "roelands-liquid"
@@ -195,48 +222,57 @@ class RoelandsLiquid(_OnFaces):
     density: float = _density(870.0)
 
     @property
-    def _laws(self) -> Pair:
+    def _scale_and_exponent(self) -> Pair:
+        """Return ln η₀ + 9.67 and Z."""
         scale = log(self.viscosity) + _ROELANDS_LOG
         return scale, self.pressure_viscosity * _ROELANDS_PRESSURE / scale
 
     def viscosity_at(self, pressure: ArrayLike) -> Array:
-        """Viscosity η(p) [Pa s]."""
-        scale, exponent = self._laws
-        strain = np.log1p(reals(pressure) / _ROELANDS_PRESSURE)
-        return self.viscosity * np.exp(scale * np.expm1(exponent * strain))
+        """Return the viscosity η(p) [Pa s]."""
+        scale, exponent = self._scale_and_exponent
+        x = np.log1p(reals(pressure) / _ROELANDS_PRESSURE)
+        return self.viscosity * np.exp(scale * np.expm1(exponent * x))
 
     def potential(self, pressure: ArrayLike) -> Array:
-        """Pressure potential φ(p) [kg/(m³ s)]."""
-        # by quadrature in x = ln(1 + p/p_r), in which the integrand is smooth
+        """Return the pressure potential φ(p) [kg/(m³ s)]."""
+        # The integral is taken over x = ln(1 + p/p_r), in which the integrand is smooth.
         p = reals(pressure)
-        top = np.log1p(p / _ROELANDS_PRESSURE)[..., None]
-        at = _ROELANDS_PRESSURE * np.expm1(0.5 * top * (1 + _POINTS))
-        fluidity = (at + _ROELANDS_PRESSURE) / self.viscosity_at(at)
-        return self.density * 0.5 * top[..., 0] * (fluidity @ _WEIGHTS)
+        x_end = np.log1p(p / _ROELANDS_PRESSURE)[..., None]  # (..., 1)
+        # pressures at the Gauss points (..., points)
+        p_at_points = _ROELANDS_PRESSURE * np.expm1(0.5 * x_end * (1 + _POINTS))
+        integrand = (p_at_points + _ROELANDS_PRESSURE) / self.viscosity_at(p_at_points)
+        return self.density * 0.5 * x_end[..., 0] * (integrand @ _WEIGHTS)
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Inverse of `potential` [Pa], by Newton's method; inf where no pressure has it."""
+        """Return the pressure [Pa] of a potential, by Newton's method; inf if no pressure has this potential."""
         φ = reals(potential)
-        # φ rises ever more slowly, so that p is always below the solution
+
+        def slope(p: Array) -> Array:
+            return self.density / self.viscosity_at(p)
+
+        # φ rises ever more slowly with p, so that Newton's method approaches the solution from below
         start = φ * self.viscosity / self.density
-        return with_potential(
-            φ, start, self.potential, lambda p: self.density / self.viscosity_at(p)
-        )
+        return solve_for_pressure(φ, start, self.potential, slope)
 
 
 @dataclass(frozen=True)
 class IdealGas(Gas):
-    """Isothermal ideal gas: φ = M p²/(2 R T η), so that without slip the mass rate goes with p_in² − p_out².
+    """Describe an isothermal ideal gas.
 
-    In gaps that are not large against the mean free path more gas flows: `flow_factor` times as much, which depends on
-    gap and pressure. Volume rates are stated at 101 325 Pa and the gas's own temperature.
+    The potential is φ = M p²/(2 R T η), so that without slip the mass rate is proportional to p_in² − p_out². Through
+    gaps that are not large compared with the mean free path more gas flows, by the factor `flow_factor`, which depends
+    on gap and pressure. Volume rates are stated at 101 325 Pa and the temperature of the gas.
 
     Parameters
     ----------
-    viscosity : η [Pa s].
-    molar_mass : M [kg/mol].
-    temperature : T [K].
-    slip : whether the flow factor counts; without it the gas is viscous in every gap.
+    viscosity : float
+        Viscosity η [Pa s].
+    molar_mass : float
+        Molar mass M [kg/mol].
+    temperature : float
+        Temperature T [K].
+    slip : bool
+        Whether to include slip and free molecular flow in narrow gaps.
 
     Examples
     --------
@@ -259,110 +295,155 @@ class IdealGas(Gas):
 
     @property
     def law(self) -> FlowLaw:
-        """Fukui & Kaneko's law, or the cubic one without slip."""
+        """Flow law: that of Fukui and Kaneko, or the cubic law without slip."""
         if not self.slip:
             return CUBIC_LAW
         return FukuiKaneko(self.viscosity, self.speed)
 
     @property
-    def _factor(self) -> float:
+    def _potential_factor(self) -> float:
+        """Return φ/p² [kg/(m³ s Pa²)]."""
         return self.molar_mass / (2 * GAS_CONSTANT * self.temperature * self.viscosity)
 
     def potential(self, pressure: ArrayLike) -> Array:
-        """Pressure potential φ(p) of the viscous flow [kg/(m³ s)]; p is absolute."""
-        return self._factor * reals(pressure) ** 2
+        """Return the pressure potential φ(p) of viscous flow [kg/(m³ s)] for an absolute pressure [Pa]."""
+        return self._potential_factor * reals(pressure) ** 2
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Inverse of `potential` [Pa], absolute."""
-        return np.sqrt(reals(potential) / self._factor)
+        """Return the absolute pressure [Pa] of a potential, the inverse of `potential`."""
+        return np.sqrt(reals(potential) / self._potential_factor)
 
     def flow_factor(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
-        """F = Q(D)/(D/6), how many times more gas a gap [m] lets through than the cubic law says; 1 without `slip`.
+        """Return how many times more gas flows through a gap than by the cubic law; 1 without `slip`.
 
         Parameters
         ----------
-        gap, pressure : h >= 0 [m] and absolute p >= 0 [Pa], which are broadcast. F is inf where one of them is 0.
+        gap : array_like
+            Gap h >= 0 [m], broadcast with `pressure`.
+        pressure : array_like
+            Absolute pressure p >= 0 [Pa].
+
+        Returns
+        -------
+        array
+            F = Q(D)/(D/6); inf where the gap or the pressure is 0.
 
         Raises
         ------
-        InputError : negative or undefined values.
+        InputError
+            A value is negative or undefined.
 
         Notes
         -----
-        See `femseal.flow.law.flow_rate` for Q(D), its source and its errors. Helium of 1 bar at 20 °C: 2.5 at 1 µm, 21
-        at 100 nm.
+        See `femseal.flow.law.flow_rate` for Q(D), its source and its accuracy. For helium at 1 bar and 20 °C the
+        factor is 2.5 in a gap of 1 µm and 21 in a gap of 100 nm.
 
         Examples
         --------
         >>> IdealGas(19.6e-6, 4.0026e-3, 293.15).flow_factor([1e-6, 100e-9, 30e-9], 1e5).round(1)
         array([ 2.5, 20.9, 82.8])
         """
-        h, p = np.broadcast_arrays(*(reals(value) for value in (gap, pressure)))
+        h, p = np.broadcast_arrays(reals(gap), reals(pressure))
         for name, values, unit in (("gap", h, "m"), ("pressure", p, "Pa, absolute")):
-            if not (np.isfinite(values).all() and values.min(initial=0.0) >= 0):
-                raise InputError(
-                    name, "negative or undefined values", f"finite numbers >= 0 [{unit}]"
-                )
+            if not np.isfinite(values).all() or values.min(initial=0.0) < 0:
+                expected = f"finite numbers >= 0 [{unit}]"
+                raise InputError(name, "negative or undefined values", expected)
         return self.law.factor(h, p)
 
 
 def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
-    """Pressure potential of a fluid at a pressure that is called `name` [kg/(m³ s)].
+    """Return the pressure potential of a fluid [kg/(m³ s)] at a pressure, and check the pressure.
 
-    Raises InputError: no finite number, or a pressure that the potential does not give back, as of a liquid that is
-    solid there.
+    Parameters
+    ----------
+    fluid : Fluid
+        The fluid.
+    name : str
+        Name of the pressure, for the error message.
+    pressure : float
+        The pressure [Pa], absolute for a gas.
+
+    Raises
+    ------
+    InputError
+        The pressure is not a finite number, or the fluid does not exist at this pressure: a gas below 0, or a liquid
+        whose viscosity would be that of a solid.
     """
     p = validate.number(name, pressure, unit="Pa", above=-inf)
     if hasattr(fluid, "check_pressure"):
         fluid.check_pressure(name, p)
+    # a pressure that the fluid cannot have does not survive the way to the potential and back
     with np.errstate(all="ignore"):
         potential = float(fluid.potential(p))
-        back = float(fluid.pressure(potential))
-    if abs(back - p) <= 1e-6 * abs(p):
+        returned_pressure = float(fluid.pressure(potential))
+    if abs(returned_pressure - p) <= 1e-6 * abs(p):
         return potential
-    can_have = (
+    expected = (
         f"a pressure that {fluid} can have (of a gas absolute, >= 0; of a liquid αp below 20)"
     )
-    raise InputError(name, f"{p:g} Pa", can_have)
+    raise InputError(name, f"{p:g} Pa", expected)
 
 
 def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
-    """Pressure 2γ|cos θ|/h [Pa] below which a liquid that does not wet the faces enters no gap h [m] between plates.
+    """Return the pressure 2γ|cos θ|/h below which a non-wetting liquid does not enter a gap between two plates.
 
-    NaN of a liquid that wets them (θ <= 90°), or of which surface tension or contact angle is not known; inf where the
-    gap is 0.
+    Parameters
+    ----------
+    fluid : Fluid
+        The fluid, with its surface tension γ and contact angle θ.
+    gap : float
+        Gap h [m].
 
+    Returns
+    -------
+    float
+        Pressure [Pa]; inf for a gap of 0; NaN if the liquid wets the faces (θ <= 90°), or if its surface tension or
+        contact angle is unknown.
+
+    Examples
+    --------
     >>> from math import radians
     >>> water = Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
     >>> round(capillary_entry_pressure(water, 1e-6))
     73000
     """
-    tension, angle = (getattr(fluid, name, None) for name in ("surface_tension", "contact_angle"))
+    tension = getattr(fluid, "surface_tension", None)
+    angle = getattr(fluid, "contact_angle", None)
     if tension is None or angle is None or cos(angle) >= 0:
         return nan
-    return -2 * tension * cos(angle) / gap if gap > 0 else inf
+    if gap <= 0:
+        return inf
+    return -2 * tension * cos(angle) / gap
 
 
 def leak_basis(
     fluid: Fluid, length: float, stated: float | None = None, **valve: float
 ) -> LeakBasis:
-    """What turns the leakage of a fluid through a seal of a length [m] into any unit.
+    """Collect what is needed to convert the leakage of a fluid through a seal into any unit.
 
-    A fluid that has a `reference_pressure`, at which its volumes are stated, and a `temperature` is a gas; its
-    pressure × volume is stated at the temperature `stated` [K], its own unless given. valve : what some units and
-    classes need besides, `drop`, `bubble`, `pressure_drop`, `capacity` of `LeakBasis`.
+    Parameters
+    ----------
+    fluid : Fluid
+        The fluid. It is a gas if it has a `reference_pressure`, at which its volumes are stated.
+    length : float
+        Length of the seal [m].
+    stated : float, optional
+        Temperature [K] at which pressure × volume of a gas is stated. Default: its own temperature.
+    **valve : float
+        Further quantities that some units and classes need: `drop`, `bubble`, `pressure_drop` and `capacity` of
+        `LeakBasis`.
     """
     pressure = getattr(fluid, "reference_pressure", None)
-    temperature, molar_mass = (
-        None if pressure is None else getattr(fluid, name, None)
-        for name in ("temperature", "molar_mass")
-    )
+    temperature = molar_mass = None
+    if pressure is not None:
+        temperature = getattr(fluid, "temperature", None)
+        molar_mass = getattr(fluid, "molar_mass", None)
     return LeakBasis(
         length, fluid.reference_density, pressure, temperature, molar_mass, stated, **valve
     )
 
 
-#: Fluids that a case can choose, by their kind.
+#: Fluids that a case file can choose, by their kind.
 FLUIDS: dict[str, Any] = {
     fluid.kind: fluid for fluid in (Liquid, RoelandsLiquid, IdealGas, RealGas)
 }

@@ -1,7 +1,7 @@
-"""Load programmes: the nominal pressures at which a seal is solved, on loading and on unloading from peaks.
+"""Define load programmes: the nominal pressures at which a seal is solved, on loading and on unloading from peaks.
 
-Loads may also be forces on the seal, which its size turns into nominal pressures. Leakage over the load: its slope, and
-what counts of it.
+Loads may also be given as forces on the seal, which are converted to nominal pressures with its size. Further functions
+evaluate how the leakage depends on the load.
 """
 
 from __future__ import annotations
@@ -14,36 +14,49 @@ import numpy as np
 
 from .base import Array, Flags, Indices, InputError, validate
 
-#: Units of loads: a nominal pressure, a force on the whole seal, a force on its length.
+#: Units of loads: nominal pressure, force on the whole seal, force per length of seal.
 LOAD_UNITS = ("Pa", "N", "N/m")
-#: Loads at which the reference leaks less than this fraction of its first leakage are not compared.
+#: A leakage below this fraction of the first one is too small to be compared.
 FLOOR = 1e-3
 
 
 @dataclass(frozen=True)
 class LoadStep:
-    """One step of a load programme: nominal pressure [Pa] on loading, or on unloading from a peak."""
+    """Hold one step of a load programme.
+
+    Parameters
+    ----------
+    pressure : float
+        Nominal pressure [Pa].
+    unloaded_from : float, optional
+        Peak pressure [Pa] from which the seal is unloaded. None for a step of the loading.
+    """
 
     pressure: float
     unloaded_from: float | None = None
 
     @property
     def branch(self) -> str:
-        """ "loading" or "unloading"."""
+        """The branch of the step, "loading" or "unloading"."""
         return "loading" if self.unloaded_from is None else "unloading"
 
     @property
     def name(self) -> str:
         """Readable name, such as "unloading 200 MPa from 900 MPa"."""
-        end = "" if self.unloaded_from is None else f" from {self.unloaded_from / 1e6:g} MPa"
-        return f"{self.branch} {self.pressure / 1e6:g} MPa{end}"
+        name = f"{self.branch} {self.pressure / 1e6:g} MPa"
+        if self.unloaded_from is not None:
+            name += f" from {self.unloaded_from / 1e6:g} MPa"
+        return name
 
 
 class LoadProgramme(tuple[LoadStep, ...]):
-    """Load steps in the order in which they are solved: all of the loading, then each unloading from its peak.
+    """Hold the load steps in the order in which they are solved.
 
-    A tuple of steps, which cannot be changed. `LoadProgramme.of` makes one from lists of pressures, and checks them.
+    The whole loading comes first, then the unloading from each peak. A load programme is a tuple of steps. Use
+    `LoadProgramme.of` to make one from lists of pressures, which are checked.
 
+    Examples
+    --------
     >>> programme = LoadProgramme.of([1e8, 3e8], unload_from=[2e8], unloading=[1e8])
     >>> [step.name for step in programme]
     ['loading 100 MPa', 'loading 200 MPa', 'loading 300 MPa', 'unloading 100 MPa from 200 MPa']
@@ -60,31 +73,39 @@ class LoadProgramme(tuple[LoadStep, ...]):
         unload_from: Sequence[float] = (),
         unloading: Sequence[float] = (),
     ) -> LoadProgramme:
-        """The loading curve with every peak on it, then from each peak the stops below it in falling order.
+        """Make a load programme from lists of nominal pressures.
 
-        loading : rising nominal pressures >= 0 [Pa].
-        unload_from : pressures from which the seal is unloaded [Pa]; those not in `loading` are added to it.
-        unloading : nominal pressures to stop at on the way down [Pa]; each peak uses those below it.
+        Parameters
+        ----------
+        loading : sequence of float
+            Rising pressures >= 0 of the loading [Pa].
+        unload_from : sequence of float
+            Peaks from which the seal is unloaded [Pa]. Peaks that are not in `loading` are added to it.
+        unloading : sequence of float
+            Pressures of the unloading [Pa]. The unloading from each peak stops at those below it, in falling order.
 
-        Raises InputError: an empty or falling list, negative or non-finite pressures, a peak with nothing below it.
+        Raises
+        ------
+        InputError
+            A list is empty or not rising, a pressure is negative or not finite, or a peak has no pressure below it.
         """
-        loading = _pressures("loading", loading)
-        unload_from = _pressures("unload_from", unload_from)
-        unloading = _pressures("unloading", unloading)
+        loading = _check_pressures("loading", loading)
+        unload_from = _check_pressures("unload_from", unload_from)
+        unloading = _check_pressures("unloading", unloading)
         if not loading:
             raise InputError("loading", "an empty list", "at least one pressure [Pa]")
         if any(b <= a for a, b in pairwise(loading)):
             raise InputError("loading", loading, "rising pressures")
         if unloading and not unload_from:
-            allowed = "at least one pressure where `unloading` is given"
-            raise InputError("unload_from", "an empty list", allowed)
-        steps = [LoadStep(p) for p in sorted({*loading, *unload_from})]
+            expected = "at least one pressure where `unloading` is given"
+            raise InputError("unload_from", "an empty list", expected)
+        steps = [LoadStep(pressure) for pressure in sorted({*loading, *unload_from})]
         for peak in sorted(set(unload_from)):
-            below = sorted({p for p in unloading if p < peak}, reverse=True)
+            below = sorted({pressure for pressure in unloading if pressure < peak}, reverse=True)
             if not below:
-                allowed = f"at least one pressure below the peak, {peak:g}"
-                raise InputError("unloading", unloading, allowed)
-            steps += [LoadStep(p, peak) for p in below]
+                expected = f"at least one pressure below the peak, {peak:g}"
+                raise InputError("unloading", unloading, expected)
+            steps += [LoadStep(pressure, peak) for pressure in below]
         return cls(steps)
 
     @property
@@ -94,92 +115,175 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     @property
     def loading(self) -> tuple[float, ...]:
-        """Pressures of the loading steps, the peaks among them [Pa]."""
+        """Pressures of the loading, including the peaks [Pa]."""
         return tuple(s.pressure for s in self if s.unloaded_from is None)
 
     @property
     def unload_from(self) -> tuple[float, ...]:
-        """Peaks, rising [Pa]."""
+        """Peaks in rising order [Pa]."""
         return tuple(sorted({s.unloaded_from for s in self if s.unloaded_from is not None}))
 
     @property
     def unloading(self) -> tuple[float, ...]:
-        """Pressures at which any unloading stops, falling [Pa]."""
+        """Pressures at which an unloading stops, in falling order [Pa]."""
         stops = {s.pressure for s in self if s.unloaded_from is not None}
         return tuple(sorted(stops, reverse=True))
 
     @property
     def on_loading(self) -> Flags:
-        """True at the loading steps (steps,)."""
+        """Whether each step belongs to the loading (steps,)."""
         return np.array([s.unloaded_from is None for s in self], dtype=bool)
 
     @property
     def peak_indices(self) -> Indices:
-        """Index of the loading step from which each step is unloaded (steps,); on loading its own."""
+        """Index of the peak from which each step is unloaded (steps,); for a step of the loading its own index."""
         peaks = (s.pressure if s.unloaded_from is None else s.unloaded_from for s in self)
         return np.array([self.loading.index(peak) for peak in peaks], dtype=np.int64)
 
     @property
     def branches(self) -> list[Indices]:
-        """Indices of the loading steps, then of those on the way down from each peak."""
-        peaks = self.peak_indices
-        down = [np.flatnonzero((peaks == n) & ~self.on_loading) for n in np.unique(peaks)]
-        return [np.flatnonzero(self.on_loading), *(own for own in down if own.size)]
+        """Indices of the steps of the loading, followed by those of the unloading from each peak."""
+        branches = [np.flatnonzero(self.on_loading)]
+        for peak in np.unique(self.peak_indices):
+            unloading = np.flatnonzero((self.peak_indices == peak) & ~self.on_loading)
+            if unloading.size:
+                branches.append(unloading)
+        return branches
 
 
 def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> float:
-    """Nominal pressure [Pa] of a load in one of `LOAD_UNITS` on a seal of an area [m²] and a length [m].
+    """Convert a load on a seal to a nominal pressure.
 
-    Raises InputError: another unit.
+    Parameters
+    ----------
+    load : float
+        The load.
+    unit : str
+        Its unit, one of `LOAD_UNITS`.
+    area : float
+        Area of the seal [m²].
+    length : float
+        Length of the seal [m].
 
+    Returns
+    -------
+    float
+        Nominal pressure [Pa].
+
+    Raises
+    ------
+    InputError
+        The unit is not one of `LOAD_UNITS`.
+
+    Examples
+    --------
     >>> nominal_pressure(10e3, "N", area=1e-4, length=0.1), nominal_pressure(200e3, "N/m", area=1e-4, length=0.1)
     (100000000.0, 200000000.0)
     """
-    if unit not in LOAD_UNITS:
+    if unit == "Pa":
+        pressure = load
+    elif unit == "N":
+        pressure = load / area
+    elif unit == "N/m":
+        pressure = load * (length / area)
+    else:
         raise InputError("unit", unit, f"one of {', '.join(LOAD_UNITS)}")
-    pressure = {"Pa": load, "N": load / area, "N/m": load * (length / area)}[unit]
-    return float(f"{pressure:.12g}")  # the same as other loads of the same pressure
+    return _rounded(pressure)
 
 
 def relaxed(pressure: float, relaxation: float) -> float:
-    """Service pressure [Pa] of a pressure in assembly [Pa], of which relaxation at constant set-down takes a fraction.
+    """Return the service pressure that is left of an assembly pressure after relaxation at a constant compression.
 
+    Parameters
+    ----------
+    pressure : float
+        Nominal pressure in assembly [Pa].
+    relaxation : float
+        Fraction of the pressure that is lost.
+
+    Returns
+    -------
+    float
+        Nominal pressure in service [Pa].
+
+    Examples
+    --------
     >>> relaxed(300e6, 0.1)
     270000000.0
     """
-    return float(f"{(1 - relaxation) * pressure:.12g}")  # the same as a load that is given
+    return _rounded((1 - relaxation) * pressure)
+
+
+def _rounded(pressure: float) -> float:
+    """Round a pressure to 12 digits, so that it equals a pressure that is given as text."""
+    return float(f"{pressure:.12g}")
 
 
 def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
-    """|d ln(leakage) / d ln(load)| at every step (steps,), the steeper of both sides on the branch; 0 where unknown."""
-    q, p = np.abs(np.asarray(leakage, float)), steps.pressures
-    found = np.zeros(len(steps))
-    for s, other in neighbouring_steps(steps):
-        if all(value > 0 for value in (q[s], q[other], p[s], p[other])):
-            slope = abs(np.log(q[s] / q[other]) / np.log(p[s] / p[other]))
-            found[[s, other]] = np.maximum(found[[s, other]], slope)
-    return found
+    """Estimate |d ln(leakage) / d ln(load)| at every load step.
+
+    Each step has a slope to the step before and to the step after it on its branch; the steeper one counts.
+
+    Parameters
+    ----------
+    steps : LoadProgramme
+        The load steps.
+    leakage : array, (steps,)
+        Leakage at the load steps, in any unit.
+
+    Returns
+    -------
+    array, (steps,)
+        The sensitivity, 0 where it is unknown.
+    """
+    size = np.abs(np.asarray(leakage, float))
+    pressure = steps.pressures
+    sensitivity = np.zeros(len(steps))
+    for step, previous in neighbouring_steps(steps):
+        values = (size[step], size[previous], pressure[step], pressure[previous])
+        if all(value > 0 for value in values):
+            leakage_change = np.log(size[step] / size[previous])
+            load_change = np.log(pressure[step] / pressure[previous])
+            slope = abs(leakage_change / load_change)
+            sensitivity[step] = max(sensitivity[step], slope)
+            sensitivity[previous] = max(sensitivity[previous], slope)
+    return sensitivity
 
 
 def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
-    """Every step with the one before it on its branch, that of an unloading being its peak."""
-    ways = [np.union1d(own, steps.peak_indices[own]).tolist() for own in steps.branches]
-    return [(s, before) for way in ways for before, s in pairwise(way)]
+    """Return the index of every step together with that of the step before it on its branch.
+
+    The step before the first one of an unloading is its peak.
+    """
+    pairs = []
+    for branch in steps.branches:
+        # the peak has a lower index than the unloading from it, so that the union begins with it
+        path = np.union1d(branch, steps.peak_indices[branch]).tolist()
+        pairs += [(step, previous) for previous, step in pairwise(path)]
+    return pairs
 
 
 def first_known(leakage: Array) -> int:
-    """Number of the first load at which a leakage (steps,) is known, 0 without one; the fluid may carry others."""
+    """Return the index of the first load step at which the leakage (steps,) is known, 0 if there is none.
+
+    The leakage is unknown, for example, where the fluid pressure carries the whole load.
+    """
     return int(np.argmax(np.isfinite(leakage)))
 
 
 def least_counted(leakage: Array) -> float:
-    """Size of a leakage (steps,) below which a load does not count: 1e-3 of the first known one, NaN without one."""
+    """Return the leakage below which a load step is not compared, from the leakage (steps,).
+
+    It is 1e-3 of the first known leakage, NaN if there is none.
+    """
     return float(FLOOR * np.abs(leakage[first_known(leakage)]))
 
 
-def _pressures(name: str, values: Sequence[float]) -> list[float]:
+def _check_pressures(name: str, values: Sequence[float]) -> list[float]:
+    """Check that values are finite pressures >= 0 [Pa]."""
     try:
         return [validate.number(name, p, unit="Pa", inclusive=True) for p in values]
     except (TypeError, InputError):
-        given = values if isinstance(values, str) or not np.iterable(values) else list(values)
+        is_list = np.iterable(values) and not isinstance(values, str)
+        given = list(values) if is_list else values
         raise InputError(name, given, "a list of finite pressures >= 0 [Pa]") from None

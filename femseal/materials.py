@@ -1,4 +1,4 @@
-"""Elastic-plastic solids, ten metals of seals by their name.
+"""Describe elastic-plastic solids, and list ten metals of seals by name.
 
 Symbols: E Young's modulus, ν Poisson's ratio, E* contact modulus, σ_y yield stress, H hardness.
 """
@@ -12,29 +12,36 @@ from math import inf
 
 from .base import InputError, shown, validate
 
-#: H = HARDNESS_FACTOR · σ_y, full plasticity of an indentation (Johnson, Contact Mechanics, 1985, ch. 6).
+#: Hardness over yield stress at full plasticity of an indentation (Johnson, Contact Mechanics, 1985, ch. 6).
 HARDNESS_FACTOR = 2.8
-#: Peak pressure at which the body below a line contact yields first, over H: 1.79 σ_y by von Mises, ν = 0.3, at a depth
-#: of 0.7 of the half-breadth (Johnson 1985, section 6.1).
+#: Peak pressure of a line contact, over the hardness, at which the body below it first yields: 1.79 σ_y by von Mises
+#: for ν = 0.3, at a depth of 0.7 times the half-width of the contact (Johnson 1985, section 6.1).
 LINE_CONTACT_YIELD = 1.79 / HARDNESS_FACTOR
-#: Young's moduli of metals, and of hard coatings, lie between these [Pa].
+#: Range of the Young's moduli of metals and hard coatings [Pa].
 YOUNG_LIMITS = (5e9, 1.2e12)
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A linear elastic, perfectly plastic solid.
+    """Describe a linear elastic, perfectly plastic solid.
+
+    Without `yield_stress` and `hardness` the solid is purely elastic, and its hardness is infinite.
 
     Parameters
     ----------
-    young : Young's modulus E [Pa], > 0.
-    poisson : Poisson's ratio ν [-], -1 < ν <= 0.5.
-    yield_stress : σ_y [Pa]; the hardness is then 2.8 σ_y.
-    hardness : H [Pa], given directly; with neither of the two the solid stays elastic (H = inf).
+    young : float
+        Young's modulus E [Pa], > 0.
+    poisson : float
+        Poisson's ratio ν [-], -1 < ν <= 0.5.
+    yield_stress : float, optional
+        Yield stress σ_y [Pa]. The hardness is then 2.8 σ_y.
+    hardness : float, optional
+        Hardness H [Pa], the largest contact pressure, in place of a yield stress.
 
     Raises
     ------
-    InputError : a value out of its range, or both yield_stress and hardness given.
+    InputError
+        A value is outside its range, or both `yield_stress` and `hardness` are given.
 
     Examples
     --------
@@ -51,26 +58,38 @@ class Solid:
         validate.number("young", self.young, unit="Pa")
         if not -1 < self.poisson <= 0.5:
             raise InputError("poisson", self.poisson, "a number in (-1, 0.5]")
-        hardness = inf
         if self.yield_stress is not None:
-            hardness = HARDNESS_FACTOR * validate.number(
-                "yield_stress", self.yield_stress, unit="Pa"
-            )
+            yield_stress = validate.number("yield_stress", self.yield_stress, unit="Pa")
+            hardness = HARDNESS_FACTOR * yield_stress
+            # `dataclasses.replace` passes the hardness that follows from the yield stress
             if self.hardness not in (None, hardness):
                 raise InputError("hardness", self.hardness, "yield_stress or hardness, not both")
         elif self.hardness is not None:
             hardness = self.hardness
+        else:
+            hardness = inf
         if not hardness > 0:
             raise InputError("hardness", hardness, "a number > 0 [Pa]")
         object.__setattr__(self, "hardness", hardness)
 
 
 def contact_modulus(a: Solid, b: Solid | None = None) -> float:
-    """Contact modulus E* [Pa] of two half-spaces, 1/E* = (1−ν1²)/E1 + (1−ν2²)/E2.
+    """Compute the contact modulus E* of two half-spaces, 1/E* = (1−ν1²)/E1 + (1−ν2²)/E2.
 
-    `b` None is a rigid counter-body. Lubrication texts use E′ = 2E*; here it is always E*.
-    Source: Johnson, Contact Mechanics, 1985, eq. 4.20.
+    Texts on lubrication often use E′ = 2E*; femseal always uses E*. Source: Johnson, Contact Mechanics, 1985, eq. 4.20.
 
+    Parameters
+    ----------
+    a, b : Solid
+        The two solids. None for `b` is a rigid one.
+
+    Returns
+    -------
+    float
+        E* [Pa].
+
+    Examples
+    --------
     >>> steel = Solid(210e9, 0.3)
     >>> round(contact_modulus(steel, steel) / 1e9, 2)
     115.38
@@ -83,8 +102,8 @@ def contact_modulus(a: Solid, b: Solid | None = None) -> float:
 
 _ELASTIC = "E, ν: Kaye & Laby, Tables of Physical and Chemical Constants"
 _CALLISTER = "Callister, Materials Science and Engineering"
-#: Metals of seals at 20 °C by their name, each with its source. Yield strengths are the 0.2 % proof stress of sheet or
-#: bar as delivered, the least or a typical one as the source says.
+#: Metals of seals at 20 °C, each with its source. Yield strengths are the 0.2 % proof stress of sheet or bar as
+#: delivered, either the specified minimum ("least") or a typical value.
 METALS: dict[str, tuple[Solid, str]] = {
     "steel 304/316, annealed": (
         Solid(200e9, 0.3, 205e6),
@@ -121,24 +140,36 @@ METALS: dict[str, tuple[Solid, str]] = {
 
 
 def named_solid(name: str) -> Solid:
-    """A metal of `METALS` by its name; upper and lower case are the same.
+    """Return a metal of `METALS` by its name, in upper or lower case.
+
+    Parameters
+    ----------
+    name : str
+        Name of the metal.
 
     Raises
     ------
-    InputError : an unknown name; the message gives the nearest.
+    InputError
+        The name is unknown. The message suggests the most similar name.
 
     Examples
     --------
     >>> named_solid("Copper, soft").yield_stress
     48000000.0
     """
-    known = {key.casefold(): key for key in METALS}
+    known = {metal.casefold(): metal for metal in METALS}
     text = name.casefold().strip() if isinstance(name, str) else ""
     if text in known:
-        return METALS[known[text]][0]
+        solid, _source = METALS[known[text]]
+        return solid
+    similar = _similar_names(text, list(known))
+    suggestion = f"; perhaps meant: {known[similar[0]]!r}" if similar else ""
+    metals = ", ".join(map(repr, METALS))
+    raise InputError("name", shown(name), f"one of {metals}{suggestion}")
+
+
+def _similar_names(text: str, names: list[str]) -> list[str]:
+    """Return the names that contain the text or its number, such as "316", otherwise the most similar spelling."""
     parts = [part for part in (text, *re.findall(r"\d{3,}", text)) if part]
-    near = [key for key in known if any(part in key for part in parts)] or get_close_matches(
-        text, known, 1, 0.4
-    )
-    perhaps = f"; perhaps meant: {known[near[0]]!r}" if near else ""
-    raise InputError("name", shown(name), f"one of {', '.join(map(repr, METALS))}{perhaps}")
+    with_part = [name for name in names if any(part in name for part in parts)]
+    return with_part or get_close_matches(text, names, n=1, cutoff=0.4)

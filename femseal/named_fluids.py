@@ -1,9 +1,11 @@
-"""Fluids by name: ten common ones at 20 °C from a table, all that CoolProp knows at any temperature; and real gases.
+"""Provide the properties of fluids by name, and real gases.
 
-Named gases are ideal, with the viscosity of the mean pressure; liquids have the density and viscosity of the mean
-pressure. A real gas is a change of variable as every fluid is, dφ = (ρ/η) dp, from a table of CoolProp's density and
-viscosity that is made once for a gas and its temperature. In narrow gaps it flows by Fukui and Kaneko's law with its
-own mean free path, which goes with η/ρ.
+Ten common fluids at 20 °C are in a table. All others, and other temperatures, come from CoolProp. A named gas is ideal,
+with the viscosity at the mean pressure; a named liquid has the density and viscosity at the mean pressure.
+
+A real gas uses the same change of variable as every fluid, dφ = (ρ/η) dp, with a table of CoolProp's density and
+viscosity that is made once for a gas and its temperature. In narrow gaps it flows by the law of Fukui and Kaneko with
+its own mean free path, which is proportional to η/ρ.
 """
 
 from __future__ import annotations
@@ -23,31 +25,41 @@ from .base.leak_rates import GAS_CONSTANT, STANDARD_PRESSURE
 from .base.validate import check_parameters, described, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko
 
-#: Temperature of the table, and of named fluids unless given [K].
+#: Temperature of the table of fluids, and default temperature of named fluids [K].
 TABLE_TEMPERATURE = 293.15
-#: Pressure of the table [Pa].
+#: Pressure of the table of fluids [Pa].
 TABLE_PRESSURE = 101_325.0
-#: Relative error of the potential, by that of its slope in the middle of two points of the table, up to which no point
-#: is added there.
+#: Relative error of the potential of a real gas above which a point is added to its table.
 _ERROR = 1e-7
-#: First pressure of the table above 0 [Pa], and the number of points with which it begins.
-_FIRST_PRESSURE, _FEWEST = 1e5, 33
-#: Highest pressure of tables [Pa]: no seal carries more, and equations of state are extrapolated there.
+#: Lowest pressure above 0 in the table of a real gas [Pa].
+_FIRST_PRESSURE = 1e5
+#: Number of pressures with which the table begins.
+_FEWEST = 33
+#: Highest pressure of the table [Pa]. No seal carries more, and equations of state are extrapolated there.
 _HIGHEST = 1e9
-#: Largest relative distance of a molar mass by which a gas is known; ethylene is at 1.5e-3 of nitrogen. Of several, the
-#: gas whose viscosity differs least is taken, by at most this factor. Pressure of a thin gas [Pa].
-_SAME_MASS, _SAME_VISCOSITY, _THIN = 1.3e-3, 1.3, 1.0
-#: Temperature [K] above the critical ones of all gases of the table, the highest of which is that of methane.
+#: Largest relative difference of molar masses at which two gases are taken for the same. Nitrogen and ethylene, the
+#: closest pair, differ by 1.5e-3.
+_SAME_MASS = 1.3e-3
+#: Largest ratio of viscosities at which two gases are taken for the same.
+_SAME_VISCOSITY = 1.3
+#: A pressure at which every gas is ideal [Pa].
+_THIN = 1.0
+#: A temperature above the critical temperatures of all gases in the table; that of methane, 191 K, is the highest.
 _ABOVE_CRITICAL = 200.0
-#: The slope of a potential is 0 at no pressure, where it does not count [s/m²].
+#: Replaces the slope of a potential at zero pressure, which is 0, in divisions [s/m²].
 _LEAST_SLOPE = 1e-200
 
 
 @dataclass(frozen=True)
 class NamedFluid:
-    """Properties of a fluid in a state, in the keys of a kind of `femseal.fluids`.
+    """Hold the properties of a fluid as the parameters of a class in `femseal.fluids`.
 
-    kind : "liquid" or "ideal-gas". parameters : of that kind, in SI.
+    Parameters
+    ----------
+    kind : str
+        "liquid" or "ideal-gas".
+    parameters : dict
+        Parameters of that kind, in SI.
     """
 
     kind: str
@@ -55,15 +67,17 @@ class NamedFluid:
 
 
 def _gas(viscosity: float, molar_mass: float, temperature: float = TABLE_TEMPERATURE) -> NamedFluid:
-    found = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
-    return NamedFluid("ideal-gas", found)
+    """Make an ideal gas."""
+    parameters = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
+    return NamedFluid("ideal-gas", parameters)
 
 
 def _liquid(viscosity: float, density: float) -> NamedFluid:
+    """Make a liquid."""
     return NamedFluid("liquid", {"viscosity": viscosity, "density": density})
 
 
-#: Fluids at 20 °C and 101 325 Pa, by their name. Values of gases and water equal those of CoolProp 8 to the last digit.
+#: Fluids at 20 °C and 101 325 Pa by name. The values of gases and water agree with CoolProp 8 to the last digit given.
 #: Sources: water by the IAPWS formulations of 1995 (density) and 2008 (viscosity); oils by ISO 3448, at 20 °C by ASTM
 #: D341 with a viscosity index of about 100, and a density usual for mineral oils; air, nitrogen, oxygen and argon by
 #: Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21; helium by Arp, McCarty & Friend, NIST Technical Note 1334, 1998;
@@ -82,7 +96,7 @@ TABLE: dict[str, NamedFluid] = {
     "methane": _gas(11.04e-6, 16.043e-3),
 }
 
-#: Other names, beside those of CoolProp: of a fluid of the table, or of CoolProp.
+#: Further names of fluids in the table or in CoolProp, in addition to the names that CoolProp knows.
 _OTHER_NAMES = {
     "h2o": "water",
     "steam": "water",
@@ -100,7 +114,7 @@ _OTHER_NAMES = {
     "fluoroform": "R23",
     "heavy steam": "heavy water",
 }
-#: Names of fluids that are gases, although the fluid is a liquid at 20 °C.
+#: Names that mean the vapour of a fluid that is liquid at 20 °C.
 _VAPOURS = {"steam": "water", "heavy steam": "heavy water"}
 
 
@@ -109,95 +123,112 @@ def named_fluid(
     temperature: float = TABLE_TEMPERATURE,
     pressures: Pair = (TABLE_PRESSURE, TABLE_PRESSURE),
 ) -> NamedFluid:
-    """Properties of a fluid by its name, from the table at 20 °C and otherwise from CoolProp.
+    """Return the properties of a fluid by its name, from the table at 20 °C and otherwise from CoolProp.
 
-    name : one of `TABLE`, or of CoolProp; upper and lower case are the same.
-    temperature : [K]. pressures : at inlet and outlet, absolute [Pa]; with CoolProp the state is that of their mean.
+    Parameters
+    ----------
+    name : str
+        A name in `TABLE` or in CoolProp, in upper or lower case.
+    temperature : float
+        Temperature [K].
+    pressures : tuple of two float
+        Absolute pressures at inlet and outlet [Pa]. CoolProp gives the properties at their mean.
 
-    Raises InputError: an unknown name, a temperature at which the fluid is not known, or changes phase between the
-    pressures.
+    Raises
+    ------
+    InputError
+        The name is unknown, the properties at this temperature are unknown, or the fluid changes phase between the
+        two pressures.
     """
-    vapour = _plain_name(name) in map(_plain_name, _VAPOURS)
-    known = None if vapour else _in_table(name)
-    if known and abs(temperature - TABLE_TEMPERATURE) < 0.01:
-        return known
+    is_vapour = _plain_name(name) in map(_plain_name, _VAPOURS)
+    if not is_vapour and abs(temperature - TABLE_TEMPERATURE) < 0.01:
+        fluid_of_table = _in_table(name)
+        if fluid_of_table is not None:
+            return fluid_of_table
     properties, fluid = _known_to_coolprop(name, temperature)
     try:
         phases = {properties.PhaseSI("T", temperature, "P", max(p, 1.0), fluid) for p in pressures}
-        state = ("T", temperature, "P", max(sum(pressures) / 2, 1.0), fluid)
-        viscosity, density = (float(properties.PropsSI(letter, *state)) for letter in "VD")
+        mean_pressure = max(sum(pressures) / 2, 1.0)
+        state = ("T", temperature, "P", mean_pressure, fluid)
+        viscosity = float(properties.PropsSI("V", *state))
+        density = float(properties.PropsSI("D", *state))
         molar_mass = float(properties.PropsSI("M", fluid))
     except ValueError as error:
         _refuse_unknown(name, temperature, error)
-    is_gas = {"gas" in phase or phase == "supercritical" for phase in phases}
-    if len(is_gas) > 1 or "twophase" in phases:
+    is_gas_at_ends = {"gas" in phase or phase == "supercritical" for phase in phases}
+    if len(is_gas_at_ends) > 1 or "twophase" in phases:
         _refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
-    if vapour and is_gas != {True}:
+    is_gas = is_gas_at_ends == {True}
+    if is_vapour and not is_gas:
         _refuse(
             name, temperature, "a temperature at which it is a gas at both ends: here it is liquid"
         )
-    if is_gas == {True}:
+    if is_gas:
         return _gas(viscosity, molar_mass, temperature)
     return _liquid(viscosity, density)
 
 
 def _plain_name(name: object) -> str:
-    """Write the name of a fluid without capitals, spaces and hyphens, and in American English."""
+    """Return the name of a fluid without capitals, spaces and hyphens, and in American spelling, for comparisons."""
     plain = str(name).casefold().translate(str.maketrans("", "", " -_"))
     return plain.replace("sulph", "sulf")
 
 
 def _in_table(name: object) -> NamedFluid | None:
     """Find a fluid of `TABLE` by any of its names."""
-    meant = {_plain_name(other): fluid for other, fluid in _OTHER_NAMES.items()}
-    plain = _plain_name(meant.get(_plain_name(name), name))
-    return next((fluid for known, fluid in TABLE.items() if _plain_name(known) == plain), None)
+    fluid_of_name = {_plain_name(other): fluid for other, fluid in _OTHER_NAMES.items()}
+    plain = _plain_name(fluid_of_name.get(_plain_name(name), name))
+    for table_name, fluid in TABLE.items():
+        if _plain_name(table_name) == plain:
+            return fluid
+    return None
 
 
 def _known_to_coolprop(name: Any, temperature: float) -> tuple[Any, str]:
-    """The module CoolProp, and its own name of a fluid that it knows at the temperature [K]; InputError otherwise."""
-    table = f"one of {', '.join(TABLE)} at 20 °C"
+    """Return the module CoolProp and its name of a fluid; raise InputError if it does not know the fluid.
+
+    temperature : [K], which must be in the range in which CoolProp knows the fluid.
+    """
+    names_in_table = f"one of {', '.join(TABLE)} at 20 °C"
     try:
         from CoolProp import CoolProp
     except ImportError:
-        others = "others, and real gases, after: pip install 'femseal[fluids]'"
-        _refuse(name, temperature, f"{table}; {others}")
+        remedy = "others, and real gases, after: pip install 'femseal[fluids]'"
+        _refuse(name, temperature, f"{names_in_table}; {remedy}")
     fluid = _name_in_coolprop(name)
     if fluid is None:
         known = ", ".join(sorted({*_names_in_coolprop().values()}))
-        expected = f"{table}, or a fluid of CoolProp: {known}"
+        expected = f"{names_in_table}, or a fluid of CoolProp: {known}"
         if _in_table(name):
             _refuse(name, temperature, expected)
         raise InputError("name", shown(name), expected)
     low, high = _state(fluid).Tmin(), _state(fluid).Tmax()
     if not low <= temperature <= high:
-        known = f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C"
-        _refuse(name, temperature, known)
+        limits = f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C"
+        _refuse(name, temperature, limits)
     return CoolProp, fluid
 
 
 def _name_in_coolprop(name: object) -> str | None:
-    """CoolProp's own name of a fluid, such as "CarbonDioxide" of "CO2", "R-744" and "carbon dioxide"."""
+    """Return CoolProp's name of a fluid, such as "CarbonDioxide" for "CO2", "R-744" and "carbon dioxide"."""
     return _names_in_coolprop().get(_plain_name(name))
 
 
 @cache
 def _names_in_coolprop() -> dict[str, str]:
-    """Fluids of CoolProp by all their names as `_plain_name` writes them."""
+    """Map all names of fluids, as `_plain_name` writes them, to CoolProp's main name."""
     from CoolProp import CoolProp
 
-    fluids = CoolProp.get_global_param_string("fluids_list").split(",")
-    names = {
-        _plain_name(alias): fluid
-        for fluid in fluids
-        for alias in (fluid, *CoolProp.get_aliases(fluid))
-    }
-    others = {
+    names = {}
+    for fluid in CoolProp.get_global_param_string("fluids_list").split(","):
+        for alias in (fluid, *CoolProp.get_aliases(fluid)):
+            names[_plain_name(alias)] = fluid
+    further_names = {
         _plain_name(other): names[_plain_name(fluid)]
         for other, fluid in _OTHER_NAMES.items()
         if _plain_name(fluid) in names
     }
-    return others | names
+    return further_names | names
 
 
 def _refuse(name: Any, temperature: float, allowed: str) -> NoReturn:
@@ -206,49 +237,56 @@ def _refuse(name: Any, temperature: float, allowed: str) -> NoReturn:
 
 
 def _refuse_unknown(name: Any, temperature: float, error: ValueError) -> NoReturn:
-    """Raise InputError for a fluid at a temperature [K] of which CoolProp fails to give the properties."""
+    """Raise InputError for a fluid whose properties at a temperature [K] CoolProp does not know."""
     if "iscosity model" in str(error):
-        otherwise = (
+        alternative = (
             "give viscosity and molar_mass of an ideal gas, or viscosity and density of a liquid"
         )
-        _refuse(name, temperature, f"a fluid whose viscosity CoolProp knows; otherwise {otherwise}")
-    _refuse(
-        name, temperature, f"a fluid and a temperature that CoolProp knows: {shown(str(error))}"
-    )
+        expected = f"a fluid whose viscosity CoolProp knows; otherwise {alternative}"
+    else:
+        expected = f"a fluid and a temperature that CoolProp knows: {shown(str(error))}"
+    _refuse(name, temperature, expected)
 
 
 @dataclass(frozen=True)
 class DenseGasSlip(FukuiKaneko):
-    """Fukui and Kaneko's law with the mean free path of a real gas: D = h ρ √(2R_sT)/2η.
+    """Describe the flow law of Fukui and Kaneko with the mean free path of a real gas, D = h ρ √(2R_sT)/2η.
 
-    viscosity : η of the thin gas [Pa s]. speed : √(2R_sT) [m/s]. gas : whose ρ/η counts at every pressure.
+    Parameters
+    ----------
+    viscosity : float
+        Viscosity η of the thin gas [Pa s].
+    speed : float
+        Molecular speed √(2R_sT) [m/s].
+    gas : RealGas
+        The gas, whose ρ/η is taken at every pressure.
     """
 
     gas: RealGas
 
     def inverse_knudsen(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
-        """D = h ρ √(2R_sT)/2η."""
+        """Return the inverse Knudsen number D = h ρ √(2R_sT)/2η."""
         return 0.5 * self.speed * reals(gap) * self.gas.slope(pressure)
 
 
 def temperature_of_gas(**more: Any) -> Any:
-    """The parameter `temperature` of a gas; more : as `parameter` takes it."""
+    """Declare the parameter `temperature` of a gas; `more` are further arguments of `parameter`."""
     allowed = "a temperature above absolute zero, such as '20 °C'"
     return parameter("K", allowed, "of the gas", usual=(2.0, 2000.0), **more)
 
 
 def slip_of_gas() -> Any:
-    """The parameter `slip` of a gas."""
+    """Declare the parameter `slip` of a gas."""
     meaning = "slip and free molecular flow in narrow gaps"
     return described(meaning, default=True)
 
 
 class Gas:
-    """What gases of a temperature, a molar mass and a choice of slip have in common."""
+    """Share what all gases with a temperature, a molar mass and a choice of slip have in common."""
 
-    #: Outlet pressure of a case that gives none [Pa], absolute.
+    #: Default outlet pressure of a case, absolute [Pa].
     outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
-    #: Pressure at which volumes are stated [Pa], absolute; their temperature is the gas's own.
+    #: Absolute pressure at which volumes are stated [Pa]. They are stated at the temperature of the gas.
     reference_pressure: ClassVar[float] = STANDARD_PRESSURE
 
     def __post_init__(self: Any) -> None:
@@ -258,7 +296,7 @@ class Gas:
 
     @property
     def speed(self: Any) -> float:
-        """√(2R_sT) of the molecules [m/s]."""
+        """Molecular speed √(2R_sT) [m/s]."""
         return sqrt(2 * GAS_CONSTANT * self.temperature / self.molar_mass)
 
     @property
@@ -269,20 +307,25 @@ class Gas:
 
 @dataclass(frozen=True)
 class RealGas(Gas):
-    """A gas by its name, isothermal, with density and viscosity of CoolProp: φ = ∫ρ/η dp within 1e-6.
+    """Describe an isothermal real gas by its name, with density and viscosity from CoolProp.
 
-    Volume rates are stated as those of an ideal gas of its molar mass at 101 325 Pa and its own temperature, so that
-    pressure × volume and standard volumes count molecules. Needs `pip install 'femseal[fluids]'`.
+    The potential φ = ∫ρ/η dp has a relative error of at most 1e-6. Volume rates are stated as those of an ideal gas of
+    the same molar mass at 101 325 Pa and the temperature of the gas, so that pressure × volume and standard volumes
+    count molecules. Needs `pip install 'femseal[fluids]'`.
 
     Parameters
     ----------
-    name : as CoolProp knows it, such as "nitrogen"; upper and lower case are the same.
-    temperature : T [K].
-    slip : whether the flow factor of rarefied gases counts; it tends to 1 at high pressure.
+    name : str
+        Name in CoolProp, such as "nitrogen", in upper or lower case.
+    temperature : float
+        Temperature T [K].
+    slip : bool
+        Whether to include slip and free molecular flow in narrow gaps. Their effect vanishes at high pressure.
 
     Raises
     ------
-    InputError : CoolProp is not installed, or does not know the gas, its viscosity, or the temperature.
+    InputError
+        CoolProp is not installed, or does not know the gas, its viscosity, or the temperature.
     """
 
     kind: ClassVar[str] = "real-gas"
@@ -297,19 +340,19 @@ class RealGas(Gas):
 
     @property
     def molar_mass(self) -> float:
-        """M [kg/mol]."""
+        """Molar mass M [kg/mol]."""
         return _table(self.name, self.temperature).molar_mass
 
     @property
     def law(self) -> FlowLaw:
-        """Fukui and Kaneko's law with the mean free path of the gas, or the cubic one without slip."""
+        """Flow law: that of Fukui and Kaneko with the mean free path of the gas, or the cubic law without slip."""
         if not self.slip:
             return CUBIC_LAW
         return DenseGasSlip(float(self.viscosity_at(1.0)), self.speed, self)
 
     @property
     def highest_pressure(self) -> float:
-        """Pressure [Pa] of saturation, or up to which CoolProp knows the gas, at most 1 GPa."""
+        """Saturation pressure, or the highest pressure that CoolProp knows [Pa]; at most 1 GPa."""
         return float(_table(self.name, self.temperature).pressures[-1])
 
     @property
@@ -318,47 +361,72 @@ class RealGas(Gas):
         return _table(self.name, self.temperature).saturates
 
     def density_at(self, pressure: ArrayLike) -> Array:
-        """Density ρ(p) [kg/m³] by CoolProp, at pressures > 0."""
+        """Return the density ρ(p) [kg/m³] from CoolProp at absolute pressures > 0."""
         return _properties(self.name, self.temperature, pressure)[0]
 
     def viscosity_at(self, pressure: ArrayLike) -> Array:
-        """Viscosity η(p) [Pa s] by CoolProp, at pressures > 0."""
+        """Return the viscosity η(p) [Pa s] from CoolProp at absolute pressures > 0."""
         return _properties(self.name, self.temperature, pressure)[1]
 
     def slope(self, pressure: ArrayLike) -> Array:
-        """dφ/dp = ρ/η [s/m²] of the table; p is absolute."""
+        """Return dφ/dp = ρ/η [s/m²] from the table at absolute pressures."""
         return _table(self.name, self.temperature).slope(pressure)
 
     def potential(self, pressure: ArrayLike) -> Array:
-        """Pressure potential φ(p) of the viscous flow [kg/(m³ s)]; p is absolute, see `check_pressure`."""
+        """Return the pressure potential φ(p) of viscous flow [kg/(m³ s)] at absolute pressures."""
         return _table(self.name, self.temperature).potential(pressure)
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Inverse of `potential` [Pa], absolute, by Newton's method."""
-        table, φ = _table(self.name, self.temperature), reals(potential)
-        # φ goes with p² in a thin gas
+        """Return the absolute pressure [Pa] of a potential, by Newton's method."""
+        table = _table(self.name, self.temperature)
+        φ = reals(potential)
+
+        def slope(p: Array) -> Array:
+            return np.maximum(table.slope(p), _LEAST_SLOPE)
+
+        # φ is proportional to p² in a thin gas, so that √φ is interpolated
         start = np.interp(np.sqrt(φ), np.sqrt(table.potential(table.pressures)), table.pressures)
-        return with_potential(
-            φ, start, table.potential, lambda p: np.maximum(table.slope(p), _LEAST_SLOPE)
-        )
+        return solve_for_pressure(φ, start, table.potential, slope)
 
     def check_pressure(self, name: str, pressure: float) -> None:
-        """Raise InputError if it is no gas at a pressure [Pa] that is called `name`, or CoolProp does not know it."""
-        if not 0 <= pressure <= self.highest_pressure:
-            at = f"{self.temperature - 273.15:.4g} °C"
-            limit = to_text(self.highest_pressure, "Pa")
-            expected = f"at most {limit}, absolute, up to which CoolProp knows {self.name} at {at}"
-            if self.condenses:
-                expected = f"less than {limit}, absolute, at which {self.name} condenses at {at}"
-            raise InputError(name, to_text(pressure, "Pa"), expected)
+        """Raise InputError if the fluid is not a gas at a pressure [Pa], or if CoolProp does not know the pressure.
+
+        name : name of the pressure, for the message.
+        """
+        if 0 <= pressure <= self.highest_pressure:
+            return
+        temperature = f"{self.temperature - 273.15:.4g} °C"
+        limit = to_text(self.highest_pressure, "Pa")
+        if self.condenses:
+            expected = (
+                f"less than {limit}, absolute, at which {self.name} condenses at {temperature}"
+            )
+        else:
+            expected = f"at most {limit}, absolute, up to which CoolProp knows {self.name} at {temperature}"
+        raise InputError(name, to_text(pressure, "Pa"), expected)
 
 
-def with_potential(
+def solve_for_pressure(
     potentials: Array, start: Array, potential: Callable[..., Any], slope: Callable[..., Any]
 ) -> Array:
-    """Pressures [Pa] that have potentials, by Newton's method; inf where no pressure has one."""
+    """Find the pressures [Pa] that have the given potentials, by Newton's method.
+
+    Parameters
+    ----------
+    potentials : array
+        Potentials [kg/(m³ s)].
+    start : array
+        Initial pressures [Pa].
+    potential, slope : callable
+        φ(p) and dφ/dp of a fluid.
+
+    Returns
+    -------
+    array
+        Pressures [Pa], inf where no pressure has the potential.
+    """
     p = start
-    with np.errstate(all="ignore"):  # a potential beyond the limit
+    with np.errstate(all="ignore"):  # a potential that no pressure has leads to inf
         for _ in range(100):
             step = (potentials - potential(p)) / slope(p)
             p = p + step
@@ -368,7 +436,13 @@ def with_potential(
 
 
 class _Table(NamedTuple):
-    """Rising pressures [Pa] from 0 on, splines of the potential [kg/(m³ s)] and its slope over them; M [kg/mol]."""
+    """Hold the tabulated potential of a real gas.
+
+    pressures : rising pressures [Pa], the first of which is 0.
+    potential, slope : splines of the potential [kg/(m³ s)] and of its slope [s/m²] over the pressure.
+    saturates : whether the gas condenses at the last pressure.
+    molar_mass : [kg/mol].
+    """
 
     pressures: Array
     potential: Any
@@ -378,72 +452,96 @@ class _Table(NamedTuple):
 
 
 def _state(name: str) -> Any:
-    """The gas in CoolProp; it is not kept, as CoolProp complains of what is left when the interpreter ends."""
+    """Return a new object of CoolProp for a gas.
+
+    It is not cached, because CoolProp complains about objects that are left when the interpreter ends.
+    """
     from CoolProp.CoolProp import AbstractState
 
     return AbstractState("HEOS", _names_in_coolprop()[_plain_name(name)])
 
 
 def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Array, Array]:
-    """Density [kg/m³] and viscosity [Pa s] of the gas at pressures > 0 [Pa]; ValueError where CoolProp has none."""
+    """Return density [kg/m³] and viscosity [Pa s] of a gas at pressures > 0 [Pa].
+
+    Raises ValueError where CoolProp does not know them.
+    """
     import CoolProp
 
-    state, p = _state(name), reals(pressure)
-    found = np.empty((2, p.size))
-    for n, each in enumerate(p.ravel()):
-        state.update(CoolProp.PT_INPUTS, float(each), temperature)
-        found[:, n] = state.rhomass(), state.viscosity()
-    return found[0].reshape(p.shape), found[1].reshape(p.shape)
+    state = _state(name)
+    p = reals(pressure)
+    density = np.empty(p.size)
+    viscosity = np.empty(p.size)
+    for n, value in enumerate(p.ravel()):
+        state.update(CoolProp.PT_INPUTS, float(value), temperature)
+        density[n] = state.rhomass()
+        viscosity[n] = state.viscosity()
+    return density.reshape(p.shape), viscosity.reshape(p.shape)
 
 
 @cache
 def _table(name: str, temperature: float) -> _Table:
-    """The potential of a gas at a temperature [K], the integral of a spline of its slope.
+    """Tabulate the potential of a gas at a temperature [K] as the integral of a spline of its slope ρ/η.
 
-    Points are added until the spline is right between them; it ends at saturation, or where CoolProp knows no more.
+    Points are added to the table until the spline has a small enough error between them.
     """
-    import CoolProp
     from scipy.interpolate import CubicSpline
 
-    def slopes(pressure: ArrayLike) -> Array:
+    def exact_slope(pressure: ArrayLike) -> Array:
         density, viscosity = _properties(name, temperature, pressure)
         return density / viscosity
 
+    limit, saturates = _highest_pressure(name, temperature)
+    first = min(_FIRST_PRESSURE, 0.5 * limit)
+    pressures = np.append(0.0, np.geomspace(first, limit, _FEWEST))
+    slopes = np.append(0.0, exact_slope(pressures[1:]))
+    while True:
+        slope = CubicSpline(pressures, slopes)
+        potential = slope.antiderivative()
+        middles = 0.5 * (pressures[1:] + pressures[:-1])
+        exact = exact_slope(middles)
+        error = np.abs(slope(middles) - exact) * np.diff(pressures) / potential(middles)
+        coarse = np.flatnonzero(error > _ERROR)
+        if not coarse.size:
+            molar_mass = float(_state(name).molar_mass())
+            return _Table(pressures, potential, slope, saturates, molar_mass)
+        pressures = np.insert(pressures, coarse + 1, middles[coarse])
+        slopes = np.insert(slopes, coarse + 1, exact[coarse])
+
+
+def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
+    """Return the highest pressure [Pa] at which CoolProp knows a gas, and whether the gas condenses there."""
+    import CoolProp
+
     state = _state(name)
-    limit, saturates = min(state.pmax(), _HIGHEST), temperature < state.T_critical()
+    limit = min(state.pmax(), _HIGHEST)
+    saturates = temperature < state.T_critical()
     if saturates:
         state.update(CoolProp.QT_INPUTS, 1.0, temperature)
         limit = (1 - 1e-6) * state.p()
     while True:
         try:
-            slopes(limit)
-            break
-        except ValueError as failure:
-            limit, saturates = 0.5 * limit, False
+            _properties(name, temperature, limit)
+            return limit, saturates
+        except ValueError as error:
+            limit = 0.5 * limit
+            saturates = False
             if limit < _FIRST_PRESSURE:
-                _refuse_unknown(name, temperature, failure)
-    first = min(_FIRST_PRESSURE, 0.5 * limit)
-    pressures = np.append(0.0, np.geomspace(first, limit, _FEWEST))
-    known = np.append(0.0, slopes(pressures[1:]))
-    wrong = np.zeros(1, int)
-    while wrong.size:
-        slope = CubicSpline(pressures, known)
-        potential = slope.antiderivative()
-        middle = 0.5 * (pressures[1:] + pressures[:-1])
-        found = slopes(middle)
-        error = np.abs(slope(middle) - found) * np.diff(pressures) / potential(middle)
-        wrong = np.flatnonzero(error > _ERROR)
-        pressures = np.insert(pressures, wrong + 1, middle[wrong])
-        known = np.insert(known, wrong + 1, found[wrong])
-    return _Table(pressures, potential, slope, saturates, float(state.molar_mass()))
+                _refuse_unknown(name, temperature, error)
 
 
 @dataclass(frozen=True)
 class IdealGasError:
-    """How far the leakage of an ideal gas is off that of the real gas that it stands for.
+    """Hold the ratio between the leakage of an ideal gas and that of the real gas that it stands for.
 
-    name : of the real gas, "" where it is unknown. ratio : leakage of the ideal gas over that of the real one, NaN
-    where it is unknown. reason : why it is unknown, "" otherwise.
+    Parameters
+    ----------
+    name : str
+        Name of the real gas, "" if it is unknown.
+    ratio : float
+        Leakage of the ideal gas over that of the real gas, NaN if it is unknown.
+    reason : str
+        Why the ratio is unknown, "" otherwise.
     """
 
     name: str
@@ -452,12 +550,17 @@ class IdealGasError:
 
 
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
-    """Compare the leakage of an ideal gas between two pressures [Pa] with that of the real gas, by CoolProp.
+    """Compare the leakage of an ideal gas with that of the real gas, by CoolProp.
 
-    The real gas is recognised by its molar mass, and of several by its viscosity.
+    Parameters
+    ----------
+    gas : IdealGas
+        The ideal gas. The real gas is recognised by its molar mass, and among several by its viscosity.
+    inlet, outlet : float
+        Absolute pressures [Pa].
     """
     try:
-        name = _recognised(gas)
+        name = _recognise_gas(gas)
     except ImportError:
         missing = (
             "CoolProp, which knows real gases, is not installed (pip install 'femseal[fluids]')"
@@ -470,41 +573,52 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
         real = RealGas(name, gas.temperature)
         if real.condenses and max(inlet, outlet) > real.highest_pressure:
             limit = to_text(real.highest_pressure, "Pa")
-            at = f"{gas.temperature - 273.15:.4g} °C"
-            liquid = (
-                f"it seems to be {name}, which condenses at {limit} and {at}, and is a liquid then"
+            temperature = f"{gas.temperature - 273.15:.4g} °C"
+            reason = (
+                f"it seems to be {name}, which condenses at {limit} and {temperature}, and is a "
+                "liquid then"
             )
-            return IdealGasError(name, reason=liquid)
-        for end, pressure in (("inlet", inlet), ("outlet", outlet)):
-            real.check_pressure(end, pressure)
+            return IdealGasError(name, reason=reason)
+        real.check_pressure("inlet", inlet)
+        real.check_pressure("outlet", outlet)
     except InputError as error:
         return IdealGasError(name, reason=f"it seems to be {name}, and of that {error}")
-    ideal_drop, drop = (g.potential(inlet) - g.potential(outlet) for g in (gas, real))
-    return IdealGasError(name, float(ideal_drop / drop) if drop else nan)
+    ideal_drop = gas.potential(inlet) - gas.potential(outlet)
+    real_drop = real.potential(inlet) - real.potential(outlet)
+    return IdealGasError(name, float(ideal_drop / real_drop) if real_drop else nan)
 
 
 def is_nearly_ideal(gas: Any) -> bool:
-    """Whether an ideal gas stands for one of the table, well above its boiling point: ideal within 2 % up to 20 bar."""
+    """Return whether an ideal gas stands for a gas of the table well above its boiling point.
+
+    Such a gas is ideal within 2 % up to 20 bar.
+    """
     masses = [fluid.parameters.get("molar_mass", 0.0) for fluid in TABLE.values()]
-    known = any(abs(gas.molar_mass - mass) <= _SAME_MASS * mass for mass in masses)
-    return known and gas.temperature >= _ABOVE_CRITICAL
+    is_in_table = any(abs(gas.molar_mass - mass) <= _SAME_MASS * mass for mass in masses)
+    return is_in_table and gas.temperature >= _ABOVE_CRITICAL
 
 
-def _recognised(gas: Any) -> str:
-    """Name of the gas that an ideal gas stands for, "" if CoolProp has none. Raises ImportError without CoolProp."""
+def _recognise_gas(gas: Any) -> str:
+    """Return the name of the real gas that an ideal gas stands for, or "" if CoolProp does not know it.
+
+    Raises ImportError if CoolProp is not installed.
+    """
     from CoolProp import CoolProp
 
-    def is_same(mass: float) -> bool:
+    def has_same_mass(mass: float) -> bool:
         return abs(gas.molar_mass - mass) <= _SAME_MASS * mass
 
-    for name, known in TABLE.items():
-        if is_same(known.parameters.get("molar_mass", 0.0)):
-            return name
-    distances = {}
+    for table_name, fluid in TABLE.items():
+        if has_same_mass(fluid.parameters.get("molar_mass", 0.0)):
+            return table_name
+    # among the gases of the same mass, the one with the closest viscosity is taken
+    viscosity_differences = {}
     for name in sorted({*_names_in_coolprop().values()}):
-        if is_same(CoolProp.PropsSI("M", name)):
+        if has_same_mass(CoolProp.PropsSI("M", name)):
             with suppress(InputError, ValueError):
                 viscosity = RealGas(name, gas.temperature).viscosity_at(_THIN)
-                distances[name] = abs(float(np.log(viscosity / gas.viscosity)))
-    name = min(distances, key=lambda name: distances[name], default="")
-    return name if name and distances[name] <= log(_SAME_VISCOSITY) else ""
+                viscosity_differences[name] = abs(float(np.log(viscosity / gas.viscosity)))
+    if not viscosity_differences:
+        return ""
+    closest = min(viscosity_differences, key=lambda name: viscosity_differences[name])
+    return closest if viscosity_differences[closest] <= log(_SAME_VISCOSITY) else ""

@@ -26,7 +26,7 @@ def test_hertz_pressure_carries_the_load():
 
 
 @pytest.mark.parametrize("ratio", [0.1, 0.5, 0.9])
-def test_wave_pressure_has_the_mean_and_the_contact_it_says(ratio):
+def test_wave_pressure_has_the_given_mean_and_contact_fraction(ratio):
     p = analytic.wave_pressure(PHASE, ratio, 1.0)
     g = analytic.wave_gap(PHASE, ratio, 1e-6, 1.0)
     assert_allclose(p.mean(), ratio, rtol=2e-5)
@@ -55,7 +55,7 @@ def test_wave_gap_and_pressure_satisfy_elasticity(ratio):
 @pytest.mark.parametrize(
     ("ratio", "flow"), [(0, 5 / 16), (0.1, 0.125386), (0.5, 3.534788e-3), (0.9, 7.852893e-7)]
 )
-def test_wave_groove_flow(ratio, flow):
+def test_wave_groove_flow_agrees_with_a_numerical_mean(ratio, flow):
     assert_allclose(analytic.wave_groove_flow(ratio), flow, rtol=3e-6 if ratio == 0.1 else 2e-7)
     direct = np.mean(analytic.wave_gap(PHASE, ratio, 0.5, 1.0) ** 3)
     assert_allclose(analytic.wave_groove_flow(ratio), direct, rtol=1e-6)
@@ -78,7 +78,7 @@ def test_wavy_surface_asymptotes_belong_to_the_same_surface():
 
 
 @pytest.mark.parametrize("ε", [0.0, 0.3, 0.8])
-def test_wavy_gap(ε):
+def test_wavy_gap_permeabilities_are_means_of_the_cubed_gap(ε):
     h = 2e-6 * (1 + ε * np.cos(2 * np.pi * PHASE))
     assert_allclose(analytic.wavy_gap_along(2e-6, ε), np.mean(h**3) / 12, rtol=1e-12)
     assert_allclose(analytic.wavy_gap_across(2e-6, ε), 1 / np.mean(12 / h**3), rtol=1e-12)
@@ -91,7 +91,7 @@ def test_large_gap_is_the_mean_of_along_and_across_to_second_order():
     assert_allclose(analytic.large_gap(1.0, ε / np.sqrt(2)) - flat, both - flat, rtol=1e-5)
 
 
-def test_means():
+def test_means_of_permeabilities_agree_with_their_definitions():
     assert_allclose(analytic.stripes_across([1.0, 3.0]), 1.5)
     assert_allclose(analytic.checkerboard(2.0, 8.0), 4.0)
     assert_allclose(analytic.log_symmetric_links([2.0, 8.0]), 4.0)

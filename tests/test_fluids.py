@@ -44,7 +44,7 @@ def test_barus_tends_to_constant_viscosity():
     assert OIL.potential(1e7) < constant
 
 
-def test_gas_goes_with_the_square_of_pressure():
+def test_the_potential_of_a_gas_is_proportional_to_the_square_of_pressure():
     assert_allclose(AIR.potential(3e5) - AIR.potential(1e5), 8 * AIR.potential(1e5), rtol=1e-12)
 
 
@@ -74,7 +74,7 @@ def test_pressure_viscosity_may_be_zero_but_not_negative(bad):
         Liquid(1e-3, pressure_viscosity=bad)
 
 
-def test_roelands_against_an_adaptive_quadrature_and_barus():
+def test_roelands_potential_agrees_with_an_adaptive_quadrature_and_barus():
     from scipy.integrate import quad
 
     oil = RoelandsLiquid(0.05, 20e-9)

@@ -12,7 +12,7 @@ from femseal.loads import LoadProgramme, LoadStep
 PROGRAMME = LoadProgramme.of((1e8, 2e8, 4e8), (2e8, 4e8), (3e8, 1e8))
 
 
-def test_peaks_are_put_on_the_loading_curve():
+def test_peaks_are_added_to_the_loading_curve():
     steps = LoadProgramme.of([1e8, 3e8], unload_from=[2e8], unloading=[0.5e8, 1.5e8, 2.5e8])
     assert [(s.branch, s.pressure) for s in steps] == [
         ("loading", 1e8),
@@ -24,7 +24,7 @@ def test_peaks_are_put_on_the_loading_curve():
     assert {s.unloaded_from for s in steps[3:]} == {2e8}
 
 
-def test_names():
+def test_names_of_load_steps_say_branch_and_pressure():
     assert LoadStep(2e8).name == "loading 200 MPa"
     assert LoadStep(2e8, 9e8).name == "unloading 200 MPa from 900 MPa"
 
@@ -35,7 +35,7 @@ def test_names():
     peaks=st.sets(st.floats(1e6, 1e9), max_size=3),
     unloading=st.sets(st.floats(0, 9e5), min_size=1, max_size=4),
 )
-def test_programme_is_ordered(loading, peaks, unloading):
+def test_load_steps_are_in_the_order_of_solution(loading, peaks, unloading):
     steps = LoadProgramme.of(sorted(loading), sorted(peaks), sorted(unloading) if peaks else ())
     up = [s.pressure for s in steps if s.branch == "loading"]
     assert up == sorted(loading | peaks)
@@ -46,7 +46,7 @@ def test_programme_is_ordered(loading, peaks, unloading):
     assert LoadProgramme.of(steps.loading, steps.unload_from, steps.unloading) == steps
 
 
-def test_a_programme_says_where_its_branches_are():
+def test_branches_of_a_programme_are_indexed():
     assert [s.name for s in PROGRAMME[3:]] == [
         "unloading 100 MPa from 200 MPa",
         "unloading 300 MPa from 400 MPa",
@@ -66,7 +66,7 @@ def test_a_programme_is_a_tuple_and_pickles():
     assert PROGRAMME.index(LoadStep(1e8, 2e8)) == 3
 
 
-def test_no_step_leaves_empty_masks():
+def test_an_empty_programme_has_empty_masks():
     empty = LoadProgramme(())
     assert empty.on_loading.dtype == bool
     assert empty.peak_indices.dtype == np.int64

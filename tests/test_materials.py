@@ -19,7 +19,7 @@ def test_hardness_from_yield_stress_directly_or_infinite():
     assert Solid(210e9, 0.3).hardness == inf
 
 
-def test_contact_modulus():
+def test_contact_modulus_agrees_with_its_definition():
     assert_allclose(contact_modulus(STEEL, STEEL), 210e9 / (2 * (1 - 0.09)), rtol=1e-12)
     assert_allclose(contact_modulus(STEEL), 210e9 / (1 - 0.09), rtol=1e-12)
     assert contact_modulus(STEEL, COPPER) == contact_modulus(COPPER, STEEL)
@@ -27,25 +27,25 @@ def test_contact_modulus():
 
 
 @each("young", [0.0, -1.0, nan, inf])
-def test_young(young):
+def test_invalid_youngs_moduli_are_refused(young):
     with pytest.raises(InputError, match=r"^young: given .*> 0 \[Pa\]"):
         Solid(young, 0.3)
 
 
 @each("poisson", [-1.0, 0.51, nan])
-def test_poisson(poisson):
+def test_invalid_poisson_ratios_are_refused(poisson):
     with pytest.raises(InputError, match=r"^poisson: given .*a number in \(-1, 0.5\]"):
         Solid(210e9, poisson)
 
 
 @each("value", [0.0, -1.0, nan])
-def test_strength(value):
+def test_invalid_strengths_are_refused(value):
     with pytest.raises(InputError, match=r"^yield_stress: given .*> 0 \[Pa\]"):
         Solid(210e9, 0.3, yield_stress=value)
     with pytest.raises(InputError, match=r"^hardness: given .*> 0 \[Pa\]"):
         Solid(210e9, 0.3, hardness=value)
 
 
-def test_both_given():
+def test_yield_stress_and_hardness_together_are_refused():
     with pytest.raises(InputError, match=r"^hardness: given .*yield_stress or hardness, not both"):
         Solid(210e9, 0.3, yield_stress=500e6, hardness=1e9)

@@ -13,7 +13,7 @@ from femseal.fluids import FLUIDS
 from femseal.named_fluids import TABLE, _name_in_coolprop, _plain_name, named_fluid
 
 
-def test_the_table_makes_fluids():
+def test_every_fluid_of_the_table_can_be_made():
     assert len(TABLE) == 10
     for found in TABLE.values():
         FLUIDS[found.kind](**found.parameters)
@@ -21,7 +21,7 @@ def test_the_table_makes_fluids():
 
 
 @pytest.mark.parametrize("name", [n for n in TABLE if "oil" not in n])
-def test_the_table_against_coolprop(name):
+def test_the_table_agrees_with_coolprop(name):
     coolprop = pytest.importorskip("CoolProp.CoolProp")
     state = ("T", 293.15, "P", 101325, name)
     found = TABLE[name].parameters
@@ -30,7 +30,7 @@ def test_the_table_against_coolprop(name):
     assert_allclose(density, coolprop.PropsSI("D", *state), rtol=2e-3)
 
 
-def test_other_temperatures_and_phases():
+def test_properties_at_other_temperatures_come_from_coolprop():
     pytest.importorskip("CoolProp")
     hot = named_fluid("helium", 423.15, (1e6, 1e5))
     assert hot.kind == "ideal-gas"
@@ -62,7 +62,7 @@ def test_other_temperatures_and_phases():
         ("ISO-PENTANE", "Isopentane"),
     ],
 )
-def test_other_names_of_coolprops_fluids(written, fluid):
+def test_fluids_are_found_by_all_names_that_coolprop_knows(written, fluid):
     pytest.importorskip("CoolProp")
     assert _name_in_coolprop(written) == fluid
     if fluid == "Ethylene":
@@ -83,7 +83,7 @@ def test_a_plain_name_is_that_of_one_fluid():
             assert _name_in_coolprop(name) == fluid
 
 
-def test_formulas_and_other_names_of_the_table():
+def test_fluids_of_the_table_are_found_by_formulas_and_other_names():
     for written, name in {
         "H2O": "water",
         "He": "helium",
@@ -104,7 +104,7 @@ def test_steam_is_a_gas():
             named_fluid("steam", temperature, pressures)
 
 
-def test_without_coolprop_the_table_is_told(monkeypatch):
+def test_without_coolprop_a_message_lists_the_table(monkeypatch):
     monkeypatch.setitem(sys.modules, "CoolProp", None)
     assert named_fluid("air").kind == "ideal-gas"
     for name, temperature in (("air", 400.0), ("grease", 293.15)):

@@ -46,7 +46,7 @@ def boltzmann_flow_rate(thickness, cells):
         (10.0, 2.7686),
     ],
 )
-def test_flow_rate_against_the_boltzmann_equation(d, known):
+def test_flow_rate_agrees_with_the_boltzmann_equation(d, known):
     coarse, fine = boltzmann_flow_rate(d, 50), boltzmann_flow_rate(d, 100)
     solved = fine + (fine - coarse) / 3
     if known is not None:
@@ -54,13 +54,13 @@ def test_flow_rate_against_the_boltzmann_equation(d, known):
     assert_allclose(flow_rate(d), solved, rtol=0.009)
 
 
-def test_jumps_between_the_formulas_are_those_told():
+def test_jumps_between_the_formulas_are_those_documented():
     for border, jump in ((0.01, 0.0), (0.15, 0.0027), (5.0, 0.0014)):
         below, above = flow_rate([border * (1 - 1e-13), border])
         assert_allclose(abs(below / above - 1), jump, atol=1e-4)
 
 
-def test_limits_at_both_ends():
+def test_flow_factor_has_its_limits_in_wide_and_narrow_gaps():
     """Continuum with slip of 1.0162 √π/2 mean free paths on both walls; free molecules between plates without end."""
     d = np.array([1e3, 1e5])
     assert_allclose(HELIUM.flow_factor(d, 1.0)[0] > 1, True)
@@ -76,13 +76,13 @@ def test_limits_at_both_ends():
     assert_allclose(through[0] / through[1], 1, atol=0.04)
 
 
-def test_helium_of_one_bar():
+def test_flow_factor_of_helium_at_one_bar_agrees_with_published_values():
     assert_allclose(HELIUM.flow_factor([1e-6, 100e-9, 30e-9], 1e5), [2.5, 21, 83], rtol=0.01)
     assert HELIUM.flow_factor(np.ones((2, 3)), 1e5).shape == (2, 3)
     assert HELIUM.flow_factor(0.0, 1e5) == HELIUM.flow_factor(1e-6, 0.0) == np.inf
 
 
-def test_more_passes_through_wider_gaps_and_at_higher_pressure():
+def test_flow_increases_with_gap_and_pressure():
     gap = np.geomspace(1e-11, 1e-3, 2000)
     assert (np.diff(gap**3 * HELIUM.flow_factor(gap, 1e5)) > 0).all()
     assert (np.diff(HELIUM.flow_factor(gap, 1e5)) < 0).all()
@@ -99,6 +99,6 @@ def test_without_slip_the_factor_is_one():
     ("gap", "pressure", "name"),
     [(-1e-9, 1e5, "gap"), (np.nan, 1e5, "gap"), (1e-6, -1.0, "pressure")],
 )
-def test_gaps_and_pressures_that_there_are_not(gap, pressure, name):
+def test_negative_or_undefined_gaps_and_pressures_are_refused(gap, pressure, name):
     with pytest.raises(InputError, match=f"^{name}: given negative or undefined"):
         HELIUM.flow_factor(gap, pressure)

@@ -52,7 +52,7 @@ def by_quadrature(name, temperature, pressure):
         ("Propane", 293.15, 8.3e5),
     ],
 )
-def test_potential_against_a_quadrature(name, temperature, highest):
+def test_potential_agrees_with_a_quadrature(name, temperature, highest):
     gas, rng = fs.RealGas(name, temperature), np.random.default_rng(1)
     for p in np.exp(rng.uniform(np.log(1e4), np.log(highest), 4)):
         assert_allclose(gas.potential(p), by_quadrature(name, temperature, p), rtol=1e-6)
@@ -63,7 +63,7 @@ def test_potential_against_a_quadrature(name, temperature, highest):
 
 @needs_coolprop
 @each("name", ["nitrogen", "hydrogen", "methane"])
-def test_700_bar_and_the_thin_gas(name):
+def test_a_dense_gas_agrees_with_a_quadrature_and_a_thin_one_is_ideal(name):
     real = fs.RealGas(name)
     assert_allclose(real.potential(7e7), by_quadrature(name, 293.15, 7e7), rtol=1e-6)
     ideal = fs.IdealGas(float(real.viscosity_at(1.0)), real.molar_mass, 293.15)
@@ -78,7 +78,7 @@ def test_700_bar_and_the_thin_gas(name):
 
 
 @needs_coolprop
-def test_mean_free_path_goes_with_viscosity_over_density():
+def test_mean_free_path_is_proportional_to_viscosity_over_density():
     gas = fs.RealGas("nitrogen")
     for p in (1e5, 7e7):
         speed = np.sqrt(2 * 8.314462618 * 293.15 / gas.molar_mass)
@@ -99,7 +99,7 @@ def drop(gas, inlet, outlet):
 @needs_coolprop
 @pytest.mark.parametrize("slip", [False, True])
 @pytest.mark.parametrize("method", ["deterministic", "two-scale", "stochastic"])
-def test_every_method_takes_it_and_mass_is_kept(method, slip):
+def test_every_method_accepts_a_real_gas_and_conserves_mass(method, slip):
     real = fs.RealGas("hydrogen", 293.15, slip)
     thin = fs.IdealGas(float(real.viscosity_at(1.0)), real.molar_mass, 293.15, slip)
     solve = {
@@ -117,7 +117,7 @@ def test_every_method_takes_it_and_mass_is_kept(method, slip):
 
 
 @needs_coolprop
-def test_it_presses_faces_apart_and_its_mass_is_kept_in_a_seal():
+def test_a_real_gas_presses_faces_apart_and_its_mass_is_conserved_in_a_seal():
     real = fs.RealGas("hydrogen", 293.15, False)
     pressed = replace(scene(real, 7e7), loading=(2e8,))
     apart = replace(pressed, fluid_pressure="acts")
@@ -132,7 +132,7 @@ def test_it_presses_faces_apart_and_its_mass_is_kept_in_a_seal():
 
 
 @needs_coolprop
-def test_just_below_saturation():
+def test_a_vapour_just_below_saturation_is_a_gas():
     gas, seal = fs.RealGas("CO2"), fs.RectangularSeal((1e-3, 1e-3), (4, 4))
     inlet = (1 - 1e-5) * gas.highest_pressure
     leakage = fs.seal_leakage(seal, 1e-20, gas, inlet_pressure=inlet)
@@ -163,12 +163,12 @@ def test_just_below_saturation():
         (lambda: fs.RealGas("helium", 300.0, "no"), "^slip: given 'no'"),
     ],
 )
-def test_what_is_refused(call, said):
+def test_invalid_real_gases_and_pressures_are_refused(call, said):
     with pytest.raises(fs.InputError, match=said):
         call()
 
 
-def test_without_coolprop(monkeypatch, tmp_path):
+def test_without_coolprop_a_real_gas_is_refused_with_advice(monkeypatch, tmp_path):
     for name in LEFT_OUT:
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(fs.InputError, match=r"pip install 'femseal\[fluids\]'"):
@@ -189,7 +189,7 @@ def case_of(folder, table):
 
 
 @needs_coolprop
-def test_in_a_case(tmp_path):
+def test_a_case_can_choose_a_real_gas(tmp_path):
     table = 'kind = "real-gas"\nname = "nitrogen"\nslip = false\ninlet_pressure = "200 bar"\n'
     case = fs.load_case(case_of(tmp_path, table))
     assert case.fluid.fluid == fs.RealGas("nitrogen", 293.15, slip=False)
@@ -205,7 +205,7 @@ def test_in_a_case(tmp_path):
 
 
 @needs_coolprop
-def test_as_a_test_gas_both_limits_are_those_of_the_ideal_one_at_low_pressure():
+def test_a_real_test_gas_has_the_limits_of_the_ideal_gas_at_low_pressure():
     states = [
         FluidState(fs.RealGas(name, 293.15, False), 2e5, 1e5) for name in ("helium", "nitrogen")
     ]
@@ -219,7 +219,7 @@ def test_as_a_test_gas_both_limits_are_those_of_the_ideal_one_at_low_pressure():
 
 @needs_coolprop
 @each("name", [name for name, fluid in TABLE.items() if fluid.kind == "ideal-gas"])
-def test_error_of_the_ideal_law(name):
+def test_the_error_of_the_ideal_gas_law_agrees_with_the_potentials(name):
     gas = fs.IdealGas(**TABLE[name].parameters)
     for inlet in (2e6, 7e7):
         real = by_quadrature(name, 293.15, inlet) - by_quadrature(name, 293.15, 1e5)
@@ -235,7 +235,7 @@ def test_error_of_the_ideal_law(name):
 
 
 @needs_coolprop
-def test_an_ideal_gas_above_20_bar_is_warned_of():
+def test_a_warning_says_that_an_ideal_gas_above_20_bar_is_inaccurate():
     gas = fs.IdealGas(**TABLE["nitrogen"].parameters)
     assert not list(gas_warnings("fluid", gas, 20e5, 1e5))
     assert not list(gas_warnings("fluid", fs.Liquid(1e-3), 200e5, 1e5))
@@ -259,7 +259,7 @@ def ideal(viscosity, molar_mass, temperature=293.15):
         (ideal(15.0, 146.06), 10e5, "SF6", "as SulfurHexafluoride, which"),
     ],
 )
-def test_an_ideal_gas_is_recognised_among_all_that_coolprop_knows(gas, inlet, name, said):
+def test_the_real_gas_of_an_ideal_gas_is_recognised(gas, inlet, name, said):
     (text,) = gas_warnings("fluid", gas, inlet, 1e5)
     real = by_quadrature(name, 293.15, inlet) - by_quadrature(name, 293.15, 1e5)
     ratio = float(re.search(r"leaks (\S+) times", text)[1])
@@ -279,7 +279,7 @@ def test_an_ideal_gas_is_recognised_among_all_that_coolprop_knows(gas, inlet, na
         (ideal(60.0, 44.01), 50e5, "CoolProp has no gas with a molar mass of 44.01 g/mol and"),
     ],
 )
-def test_why_the_error_of_an_ideal_gas_is_unknown(gas, inlet, said):
+def test_a_reason_is_given_if_the_error_of_an_ideal_gas_is_unknown(gas, inlet, said):
     (text,) = gas_warnings("fluid", gas, inlet, 1e5)
     assert said in text
     assert "not installed" not in text
@@ -295,11 +295,11 @@ def test_why_the_error_of_an_ideal_gas_is_unknown(gas, inlet, said):
         (ideal(18.2, 29.0), 19e5),
     ],
 )
-def test_gases_that_are_nearly_ideal_are_not_warned_of(gas, inlet):
+def test_gases_that_are_nearly_ideal_cause_no_warning(gas, inlet):
     assert not [*gas_warnings("fluid", gas, inlet, 1e5)]
 
 
-def test_without_coolprop_an_ideal_gas_at_high_pressure_is_told_so(monkeypatch):
+def test_without_coolprop_an_ideal_gas_at_high_pressure_causes_a_warning(monkeypatch):
     for name in LEFT_OUT:
         monkeypatch.setitem(sys.modules, name, None)
     (text,) = gas_warnings("fluid", ideal(14.7, 44.01), 55e5, 1e5)

@@ -1,9 +1,11 @@
-"""Compiled loops over large arrays, and the threads of this process that share them: of any number, the same bits.
+"""Compile loops over large arrays with Numba, and share their work between the threads of this process.
 
-Parts depend on the size of an array only, and what they return is summed in their order. Loops are compiled once on a
-machine, and so that they run without the lock of the interpreter, as transforms do. Numba would also make an entry for
-calls from C, and one from Python for functions that only compiled ones call: these are a twelfth of the time of
-compiling.
+The result does not depend on the number of threads, to the last bit: how an array is divided depends on its size only,
+and the values of the parts are summed in their order.
+
+Loops are compiled once on a machine, without the lock of the Python interpreter, as Fourier transforms are. By default
+Numba also compiles an entry point for calls from C, and one from Python for functions that only compiled functions
+call. Both are switched off here, because they take a twelfth of the compile time.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -16,74 +18,91 @@ import numpy as np
 from numba import njit
 from numba.extending import overload, register_jitable
 
-#: Threads of this process for work on one array, 1 while as many other processes as there are cores are at work.
-_number = 1
-#: Points in a part of an array of two axes.
+#: Number of threads that share the work on one array. It is 1 while other processes use all cores.
+_threads = 1
+#: Number of points in a part of a two-dimensional array.
 _POINTS = 2**17
-#: Items of a list in a part: loops over it take a few tenths of a millisecond.
+#: Number of items in a part of a list. A loop over them takes a few tenths of a millisecond.
 _ITEMS = 2**16
-#: Arguments of compiled functions that work on parts, where another one calls them for the whole: numba would compile
-#: them once more for a constant 0, 1, False or True.
+#: Typed constants for calls of compiled functions. Numba compiles a function once more for a literal 0, 1, False or
+#: True.
 ZERO, ONE, NO, YES = np.int64(0), np.int64(1), np.bool_(False), np.bool_(True)
 
 
 def number() -> int:
-    """Threads that may share the work on an array."""
-    return _number
+    """Return the number of threads that may share the work on an array."""
+    return _threads
 
 
 @contextmanager
 def using(threads: int) -> Iterator[None]:
-    """Context in which so many threads share the work on an array."""
-    global _number
-    before, _number = _number, threads
+    """Let so many threads share the work on an array within this context."""
+    global _threads
+    previous = _threads
+    _threads = threads
     try:
         yield
     finally:
-        _number = before
+        _threads = previous
 
 
 def parts(n: int, length: float) -> list[tuple[int, int]]:
-    """First and last + 1 of equal parts of n items, each of about `length` of them."""
-    number = max(1, round(n / length))
-    return [(n * i // number, n * (i + 1) // number) for i in range(number)]
+    """Divide n items into equal parts of about `length` items; return (first, last + 1) of each part."""
+    count = max(1, round(n / length))
+    return [(n * i // count, n * (i + 1) // count) for i in range(count)]
 
 
 def rows(n1: int, n2: int) -> list[tuple[int, int]]:
-    """First and last + 1 of the parts of the rows of an array (n1, n2), one where it is small."""
+    """Divide the rows of an array (n1, n2) into parts; return (first, last + 1) of each. A small array is one part."""
     return parts(n1, max(1.0, _POINTS / n2))
 
 
 def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> list[Any]:
-    """The values of `work` of items, in their order, found by this thread and others, each taking the next item."""
+    """Call `work` for every item on several threads, and return the values in the order of the items.
+
+    Parameters
+    ----------
+    threads : int
+        Number of threads, including the calling one. Each takes the next item as soon as it is free.
+    work : callable
+        Function of one item.
+    items : iterable
+        The items.
+    """
     items = list(items)
     if min(threads, len(items)) == 1:
         return [work(item) for item in items]
     values: list[Any] = [None] * len(items)
-    numbers = iter(range(len(items)))
+    # all threads draw from this iterator; next() on it is atomic
+    indices = iter(range(len(items)))
 
-    def take() -> None:
-        for i in numbers:
+    def work_on_remaining_items() -> None:
+        for i in indices:
             values[i] = work(items[i])
 
-    others = [_pool(threads).submit(take) for _ in range(min(threads, len(items)) - 1)]
-    take()
-    for other in others:
-        other.result()
+    helpers = min(threads, len(items)) - 1
+    futures = [_thread_pool(threads).submit(work_on_remaining_items) for _ in range(helpers)]
+    work_on_remaining_items()
+    for future in futures:
+        future.result()
     return values
 
 
 def over(pieces: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
-    """The values of `work` of parts, and of arguments that are the same for all, found by `number` threads."""
-    return on_threads(_number, lambda part: work(*part, *arguments), pieces)
+    """Call `work(*piece, *arguments)` for every piece of an array on the threads of this process.
+
+    Returns the values in the order of the pieces.
+    """
+    return on_threads(_threads, lambda piece: work(*piece, *arguments), pieces)
 
 
 @cache
-def _pool(threads: int) -> ThreadPoolExecutor:
+def _thread_pool(threads: int) -> ThreadPoolExecutor:
+    """Make the pool of threads that work beside the calling one."""
     return ThreadPoolExecutor(threads - 1, "femseal")
 
 
-#: Options of functions that may take sums in another order, and divide by zero.
+#: Options of Numba for functions that may reorder sums and divide by zero.
 REORDERED: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": {"reassoc", "contract", "arcp", "nsz"},
@@ -92,78 +111,97 @@ _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": Tr
 
 
 def compiled(**options: Any) -> Callable[[Any], Any]:
-    """Decorator of a function that is compiled, with further options of numba."""
+    """Return a decorator that compiles a function, with further options of Numba."""
     decorator: Callable[[Any], Any] = njit(**_OPTIONS, **options)
     return decorator
 
 
 def inner(**options: Any) -> Callable[[Any], Any]:
-    """Decorator of a function that only compiled ones call: a call from Python would end the process."""
+    """Return a decorator that compiles a function for calls from compiled functions only.
+
+    A call from Python would crash the interpreter.
+    """
     return compiled(no_cpython_wrapper=True, **options)
 
 
 def leader(**options: Any) -> Callable[[Any], Any]:
-    """Decorator of a function that calls compiled ones: from Python with threads, or as a part of a compiled one."""
+    """Return a decorator for a function that calls compiled functions.
+
+    Called from Python it runs in the interpreter and shares the work between threads. Called from a compiled function
+    it becomes part of that function.
+    """
     decorator: Callable[[Any], Any] = register_jitable(**options)
     return decorator
 
 
 def by_rows(**options: Any) -> Callable[[Any], Any]:
-    """Decorator of a compiled loop over the rows `first` to `end` of a field, its first three arguments.
+    """Return a decorator that compiles a loop over rows and divides the rows between the threads.
 
-    It is called without the first two, for all rows within the field's border of one point: from Python in parts,
-    shared by the threads, else at once.
+    The loop has the signature `loop(first, end, field, *arguments)` and treats the rows `first` to `end - 1`. The
+    decorated function has the signature `function(field, *arguments)` and treats all rows except the first and the
+    last, which are a border. From Python the rows are divided between the threads; a compiled function calls the loop
+    once for all rows.
     """
 
-    def decorated(function: Any) -> Any:
+    def decorate(function: Any) -> Any:
         loop = compiled(**options)(function)
 
         @wraps(function)
-        def shared(field: Any, *arguments: Any) -> None:
+        def run_on_threads(field: Any, *arguments: Any) -> None:
             n1, n2 = field.shape[:2]
-            pieces = [(first + 1, end + 1) for first, end in rows(n1 - 2, n2)]
-            over(pieces, loop, field, *arguments)
+            inner_rows = [(first + 1, end + 1) for first, end in rows(n1 - 2, n2)]
+            over(inner_rows, loop, field, *arguments)
 
-        @overload(shared)
-        def _at_once(field: Any, *arguments: Any) -> Callable[..., None]:
-            def at_once(field: Any, *arguments: Any) -> None:
+        @overload(run_on_threads)
+        def _run_in_compiled_code(field: Any, *arguments: Any) -> Callable[..., None]:
+            def run_once(field: Any, *arguments: Any) -> None:
                 loop(ONE, field.shape[0] - 1, field, *arguments)
 
-            return at_once
+            return run_once
 
-        return shared
+        return run_on_threads
 
-    return decorated
+    return decorate
 
 
 def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[Any], Any]:
-    """Decorator of a compiled loop over the items `first` to `end` of lists, its first two arguments.
+    """Return a decorator that compiles a loop over the items of lists and divides the items between the threads.
 
-    It is called with the number of items in place of these: from Python in parts, shared by the threads, whose values
-    are `merged`, else at once.
+    The loop has the signature `loop(first, end, *arguments)` and treats the items `first` to `end - 1`. The decorated
+    function has the signature `function(n, *arguments)` with the number of items. From Python the items are divided
+    between the threads; a compiled function calls the loop once for all items.
+
+    Parameters
+    ----------
+    merged : callable
+        Combines the list of the values of all parts, for example `summed`.
+    **options
+        Further options of Numba.
     """
 
-    def decorated(function: Any) -> Any:
+    def decorate(function: Any) -> Any:
         loop = compiled(**options)(function)
 
         @wraps(function)
-        def shared(n: int, *arguments: Any) -> Any:
+        def run_on_threads(n: int, *arguments: Any) -> Any:
             return merged(over(parts(n, _ITEMS), loop, *arguments))
 
-        @overload(shared, jit_options=options)  # type: ignore[arg-type]
-        def _at_once(n: int, *arguments: Any) -> Callable[..., Any]:
-            def at_once(n: int, *arguments: Any) -> Any:
+        @overload(run_on_threads, jit_options=options)  # type: ignore[arg-type]
+        def _run_in_compiled_code(n: int, *arguments: Any) -> Callable[..., Any]:
+            def run_once(n: int, *arguments: Any) -> Any:
                 return loop(ZERO, n, *arguments)
 
-            return at_once
+            return run_once
 
-        return shared
+        return run_on_threads
 
-    return decorated
+    return decorate
 
 
 def summed(values: list[Any]) -> Any:
-    """The sum of numbers, those of each column of tuples, or None of nothing."""
+    """Sum a list of numbers, or of tuples column by column; return None if the values are None."""
     if isinstance(values[0], tuple):
         return tuple(map(sum, zip(*values, strict=True)))
-    return None if values[0] is None else sum(values)
+    if values[0] is None:
+        return None
+    return sum(values)

@@ -1,4 +1,4 @@
-"""Errors of the package: bad input, and iterations that did not converge."""
+"""Define the errors that femseal raises: bad input, iterations that did not converge, results that cannot be stored."""
 
 from __future__ import annotations
 
@@ -6,32 +6,52 @@ from collections.abc import Sequence
 from reprlib import Repr
 from typing import Any
 
-#: Longest text of a user in a message, in characters; longer ones lose their middle.
+#: Longest user text that a message repeats [characters]. The middle of a longer text is left out.
 _LONGEST = 160
-#: Faults in a message.
+#: Largest number of faults that one message lists.
 _MOST_FAULTS = 20
-#: What is given where a needed input is not there.
+#: Value of `InputError.given` when a required input is absent.
 MISSING = "missing"
-_REPR = Repr()
-_REPR.maxstring = _REPR.maxother = _REPR.maxlong = 80
+#: Shortens the representation of long lists, texts and numbers.
+_SHORT_REPR = Repr()
+_SHORT_REPR.maxstring = 80
+_SHORT_REPR.maxother = 80
+_SHORT_REPR.maxlong = 80
 
 
 class FemsealError(Exception):
-    """Base of every error that femseal raises on purpose.
+    """Base class of all errors that femseal raises on purpose.
 
-    exit_code : of the command that it ends.
+    Attributes
+    ----------
+    exit_code : int
+        Exit code of a command that ends with this error.
     """
 
     exit_code = 1
 
 
 class NotKept(FemsealError):
-    """Results cannot be written or read: the run stops, as whatever else it would do could not be resumed."""
+    """Report that results cannot be written or read.
+
+    The run stops, because results computed afterwards could not be resumed.
+    """
 
 
 class InputError(FemsealError, ValueError):
-    """An input cannot be used: `what` it is, what was `given` ("" where that says nothing), and what is `expected`.
+    """Report an input that cannot be used.
 
+    Parameters
+    ----------
+    what : str
+        Name of the input.
+    given : object
+        The value that was given. Use "" if the value would tell the reader nothing, and `MISSING` if it is absent.
+    expected : str
+        Description of the values that are accepted.
+
+    Examples
+    --------
     >>> str(InputError("pressure", -1.0, "a number >= 0 [Pa]"))
     'pressure: given -1.0, expected a number >= 0 [Pa]'
     """
@@ -44,20 +64,33 @@ class InputError(FemsealError, ValueError):
 
     def __str__(self) -> str:
         given = shortened(self.given)
-        said = {"": "", MISSING: "missing, "}.get(given, f"given {given}, ")
-        return f"{shortened(self.what)}: {said}expected {self.expected}"
+        if given == "":
+            description = ""
+        elif given == MISSING:
+            description = "missing, "
+        else:
+            description = f"given {given}, "
+        return f"{shortened(self.what)}: {description}expected {self.expected}"
 
-    def inside(self, place: str) -> InputError:
-        """The same error about the input as it is named in a table, such as "load" for "load.map"."""
-        return InputError(f"{place}.{self.what}", self.given, self.expected)
+    def inside(self, table: str) -> InputError:
+        """Return the same error with the input named as part of a table, such as "load.map" for "map"."""
+        return InputError(f"{table}.{self.what}", self.given, self.expected)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # whatever was given, its text can be sent
+        # a given object may not be picklable, but its text always is
         return InputError, (self.what, shortened(self.given), self.expected)
 
 
 class InputErrors(InputError):
-    """Several inputs cannot be used, `faults`; `what`, `given` and `expected` are those of the first."""
+    """Report several inputs that cannot be used.
+
+    The attributes `what`, `given` and `expected` are those of the first fault.
+
+    Parameters
+    ----------
+    faults : sequence of InputError
+        One error for each input.
+    """
 
     def __init__(self, faults: Sequence[InputError]) -> None:
         self.faults = tuple(faults)
@@ -65,21 +98,28 @@ class InputErrors(InputError):
 
     def __str__(self) -> str:
         lines = [str(fault) for fault in self.faults[:_MOST_FAULTS]]
-        more = len(self.faults) - len(lines)
-        return "\n".join([*lines, f"{more} more fault{'s' * (more > 1)}"] if more else lines)
+        omitted = len(self.faults) - len(lines)
+        if omitted == 1:
+            lines.append("1 more fault")
+        elif omitted > 1:
+            lines.append(f"{omitted} more faults")
+        return "\n".join(lines)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return InputErrors, (self.faults,)
 
 
-def shortened(given: object, longest: int = _LONGEST) -> str:
-    """Text of a value for a message: on one line, and without its middle if it is long.
+def shortened(value: object, longest: int = _LONGEST) -> str:
+    """Return the text of a value on one line for a message, without its middle if it is long.
 
+    Examples
+    --------
     >>> shortened("a" * 20, 9)
     'aaaa…aaaa'
     """
-    text = str(given)
+    text = str(value)
     if not text.isprintable():
+        # line breaks and control characters are written as escape sequences
         text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if len(text) <= longest:
         return text
@@ -87,16 +127,25 @@ def shortened(given: object, longest: int = _LONGEST) -> str:
     return f"{text[:half]}…{text[-half:]}"
 
 
-def shown(given: object) -> str:
-    """Python's text of a value for a message, which stays short for long texts, long lists and deep ones."""
+def shown(value: object) -> str:
+    """Return a short `repr` of a value for a message, even for long or deeply nested values."""
     try:
-        return shortened(_REPR.repr(given))
-    except ValueError:  # Python writes no whole numbers of thousands of digits
+        return shortened(_SHORT_REPR.repr(value))
+    except ValueError:
+        # Python refuses to convert integers of thousands of digits to text
         return "a number of too many digits"
 
 
 class NotConverged(FemsealError, RuntimeError):
-    """An iteration stalled: the message says which residual was reached and what to try."""
+    """Report an iteration that did not converge.
+
+    Parameters
+    ----------
+    message : str
+        Says which residual was reached and what to try.
+    residual : float
+        The residual that was reached, NaN if there is none.
+    """
 
     def __init__(self, message: str, residual: float = float("nan")) -> None:
         super().__init__(message)

@@ -1,8 +1,8 @@
-"""Fields of results, each declared once: name, unit, meaning, where it lives, heading of its column.
+"""Declare the fields of results: name, unit, meaning, dimensions and column heading.
 
-A declaration labels the field everywhere: in the dataset and its netCDF file, in files for ParaView, in tables and
-pictures. Results of studies declare the fields that they have by `declared`, and those that are computed from
-them in `computed_fields`; fields of several results are declared where they are computed.
+Each field is declared once. The declaration labels it in the dataset and its netCDF file, in files for ParaView, in
+tables and in pictures. A class of results declares its stored fields with `declared`, and the fields that it computes
+from them in `computed_fields`. A field that combines several results is declared where it is computed.
 """
 
 from __future__ import annotations
@@ -15,32 +15,36 @@ if TYPE_CHECKING:
     import xarray
 
 
-#: Where the values of a field live: their dimensions in order, and what they belong to.
+#: Names of the dimensions of a field, in the order of its axes.
 Place = tuple[str, ...]
-STEP = ("step",)  # load steps
-PIECE = ("step", "piece1", "piece2")  # pieces of the face
-STATE = ("state",)  # states of the face
-PIECE_STATE = ("state", "state_piece1", "state_piece2")  # pieces of the face in its states
-ROW = ("step", "row")  # rows of pixels of the face
-PIXEL = ("step", "x1", "x2")  # pixels of the face
+STEP = ("step",)  # one value for each load step
+PIECE = ("step", "piece1", "piece2")  # cells of the surface
+STATE = ("state",)  # contact states of the surface
+PIECE_STATE = (
+    "state",
+    "state_piece1",
+    "state_piece2",
+)  # cells of the surface in its contact states
+ROW = ("step", "row")  # rows of pixels
+PIXEL = ("step", "x1", "x2")  # pixels
 BLOCK = ("step", "block1", "block2")  # blocks of pixels
-FACE = ("face1", "face2")  # blocks of the face, of no load step
+FACE = ("face1", "face2")  # blocks of the surface, the same for all load steps
 REALISATION = ("realisation", "step")  # realisations of a seal
-PLACE = ("place", "step")  # measured places of the face
-PLACE_FACE = ("place1", "place2")  # blocks of one measured place, of no load step
-PLACE_BLOCK = ("step", "place1", "place2")  # blocks of one measured place
-PART = ("step", "part")  # parts of the drawn seal
-PART_FORM = ("part",)  # parts of the drawn seal, of no load step
-PART_VECTOR = ("step", "part", "plane")  # vectors of the parts of the drawn seal
-CORNER = ("part", "corner", "plane")  # corners of the parts of the drawn seal
+PLACE = ("place", "step")  # measured patches
+PLACE_FACE = ("place1", "place2")  # blocks of one measured patch, the same for all load steps
+PLACE_BLOCK = ("step", "place1", "place2")  # blocks of one measured patch
+PART = ("step", "part")  # tiles of a realisation
+PART_FORM = ("part",)  # tiles of a realisation, the same for all load steps
+PART_VECTOR = ("step", "part", "plane")  # vectors on the tiles of a realisation
+CORNER = ("part", "corner", "plane")  # corners of the tiles of a realisation
 LEAK_CLASS = ("leak_class", "step")  # leakage classes
-ERROR_SOURCE = ("budget_part", "step")  # sources of error
+ERROR_SOURCE = ("budget_part", "step")  # error sources
 
-#: Signs of units in names of ASCII letters, digits and underscores.
+#: Replaces the characters of units that are not allowed in names of ASCII letters, digits and underscores.
 _LETTERS = str.maketrans({"/": "_per_", "·": "_", "*": "_", " ": "_"}) | str.maketrans(
     "³²µ", "32u", "()^"
 )
-#: Unit in SI to the unit of pictures and of files for ParaView, and the number of these in one of SI.
+#: For an SI unit, the unit of pictures and of files for ParaView, and the factor from the first to the second.
 READABLE = {
     "m": ("µm", 1e6),
     "Pa": ("MPa", 1e-6),
@@ -52,10 +56,20 @@ READABLE = {
 
 @dataclass(frozen=True)
 class Field:
-    """A field of results.
+    """Describe a field of the results.
 
-    name : in the dataset and in all files. unit : in SI, such as "m^2/s"; "1" for a number. long_name : its meaning.
-    place : where it lives. heading : of its column in tables for people, for a field over the load steps; "" for none.
+    Parameters
+    ----------
+    name : str
+        Name in the dataset and in all files.
+    unit : str
+        SI unit, such as "m^2/s", or "1" for a number without a unit.
+    long_name : str
+        Meaning, in a phrase.
+    place : tuple of str
+        Names of its dimensions.
+    heading : str
+        Heading of its column in tables for people, or "" if it has none. Only for fields over the load steps.
     """
 
     name: str
@@ -66,38 +80,50 @@ class Field:
 
     @classmethod
     def of(cls, variable: xarray.DataArray) -> Field:
-        """The declaration of a variable of a dataset."""
-        attrs, dims = variable.attrs, tuple(map(str, variable.dims))
-        heading = str(attrs.get("heading", ""))
-        return cls(str(variable.name), attrs["units"], attrs["long_name"], dims, heading)
+        """Read the declaration back from a variable of a dataset."""
+        attrs = variable.attrs
+        return cls(
+            name=str(variable.name),
+            unit=attrs["units"],
+            long_name=attrs["long_name"],
+            place=tuple(map(str, variable.dims)),
+            heading=str(attrs.get("heading", "")),
+        )
 
     @property
     def attrs(self) -> dict[str, Any]:
         """Attributes of the variable in the dataset."""
-        more = {"heading": self.heading} if self.heading else {}
-        return {"units": self.unit, "long_name": self.long_name} | more
+        attributes = {"units": self.unit, "long_name": self.long_name}
+        if self.heading:
+            attributes["heading"] = self.heading
+        return attributes
 
     @property
     def scale(self) -> float:
-        """Factor from SI to the unit of pictures and of files for ParaView."""
+        """Factor from SI to the unit that is used in pictures and in files for ParaView."""
         return READABLE.get(self.unit, ("", 1.0))[1]
 
     @property
     def array_name(self) -> str:
-        """Name in files for ParaView, with that unit: "mean_gap_um"."""
-        return with_unit(self.name, READABLE.get(self.unit, (self.unit, 1.0))[0])
+        """Name in files for ParaView, which includes their unit, such as "mean_gap_um"."""
+        readable_unit, _ = READABLE.get(self.unit, (self.unit, 1.0))
+        return with_unit(self.name, readable_unit)
 
     @property
     def column_name(self) -> str:
-        """Name in tables for programs, with the unit in SI: "leakage_mean_m2_per_s"."""
+        """Name in tables for programs, which includes the SI unit, such as "leakage_mean_m2_per_s"."""
         return with_unit(self.name, self.unit)
 
 
 def with_unit(name: str, unit: str) -> str:
-    """A name with a unit in ASCII letters, digits and underscores.
+    """Append a unit to a name, in ASCII letters, digits and underscores.
 
-    >>> with_unit("gap", "µm"), with_unit("leakage", "mL/(m·min)"), with_unit("flux", "m^2/s"), with_unit("slope", "1")
-    ('gap_um', 'leakage_mL_per_m_min', 'flux_m2_per_s', 'slope')
+    Examples
+    --------
+    >>> with_unit("gap", "µm"), with_unit("leakage", "mL/(m·min)")
+    ('gap_um', 'leakage_mL_per_m_min')
+    >>> with_unit("flux", "m^2/s"), with_unit("slope", "1")
+    ('flux_m2_per_s', 'slope')
     """
     if unit in ("", "1"):
         return name
@@ -114,16 +140,23 @@ def declared(
     default: Any = MISSING,
     repr: bool = True,
 ) -> Any:
-    """An attribute of a dataclass that is a `Field`, with what `dataclasses.field` takes."""
-    made = Field(name, unit, long_name, place, heading)
-    return field(
-        default=default, repr=repr, metadata={"field": made, "unit": unit, "long_name": long_name}
-    )
+    """Declare an attribute of a dataclass that is a field of the results.
+
+    The first five parameters are those of `Field`; `default` and `repr` are those of `dataclasses.field`.
+    """
+    declaration = Field(name, unit, long_name, place, heading)
+    metadata = {"field": declaration, "unit": unit, "long_name": long_name}
+    return field(default=default, repr=repr, metadata=metadata)
 
 
 def fields_of(result: Any) -> Iterator[tuple[Field, Any]]:
-    """Declared fields of a result with their values, without those that are None; computed ones come last."""
+    """Yield the declared fields of a result with their values.
+
+    Fields whose value is None are left out. Computed fields come after the stored ones.
+    """
     stored = {f.name: f.metadata["field"] for f in fields(result) if "field" in f.metadata}
-    for attribute, made in (stored | getattr(result, "computed_fields", {})).items():
-        if (values := getattr(result, attribute)) is not None:
-            yield made, values
+    computed = getattr(result, "computed_fields", {})
+    for attribute, declaration in (stored | computed).items():
+        values = getattr(result, attribute)
+        if values is not None:
+            yield declaration, values

@@ -1,4 +1,7 @@
-"""Files that are either complete or not there."""
+"""Read and write files safely.
+
+A file is written completely or not at all, and links, pipes and devices are not followed.
+"""
 
 import os
 import stat
@@ -12,9 +15,12 @@ from .errors import InputError
 
 
 def made_folder(folder: str | os.PathLike[str]) -> Path:
-    """Make a folder with its parents unless it exists; return its path.
+    """Make a folder and its parents if they do not exist, and return its path.
 
-    Raises InputError: the path is a file, or the folder cannot be made.
+    Raises
+    ------
+    InputError
+        The path is a file, or the folder cannot be made.
     """
     path = Path(folder)
     with writing("output folder", path, "a folder"):
@@ -24,68 +30,89 @@ def made_folder(folder: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def opened_plain(path: Path) -> Iterator[BinaryIO]:
-    """Context with a file to be read; links, pipes and devices are not opened, or not read.
+    """Open a regular file for reading; refuse links, pipes and devices.
 
-    Raises OSError: there is no such file, or it is no plain file.
+    Raises
+    ------
+    OSError
+        The file does not exist, or it is not a regular file.
     """
     if path.is_symlink():
         raise OSError(f"'{path}' is a link")
-    # a pipe that is opened in the usual way waits for a writer
-    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    # without O_NONBLOCK, opening a pipe would wait for a program that writes to it
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    handle = os.open(path, flags)
     with open(handle, "rb") as file:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise OSError(f"'{path}' is no file")
+            raise OSError(f"'{path}' is not a regular file")
         yield file
 
 
 def read_plain(path: Path, largest: float) -> bytes:
-    """Content of a file of at most so many bytes, see `opened_plain`.
+    """Return the content of a regular file of at most `largest` bytes, see `opened_plain`.
 
-    Raises OSError: there is no such file, it is no plain file, or it is larger.
+    Raises
+    ------
+    OSError
+        The file does not exist, is not a regular file, or is larger.
     """
     with opened_plain(path) as file:
-        if (size := os.fstat(file.fileno()).st_size) > largest:
-            raise OSError(f"'{path}' has {size / 1e9:.3g} GB, more than such a file has")
+        size = os.fstat(file.fileno()).st_size
+        if size > largest:
+            raise OSError(
+                f"'{path}' has {size / 1e9:.3g} GB, but at most {largest / 1e9:.3g} GB are expected"
+            )
         return file.read()
 
 
 def remove_foreign(path: Path) -> None:
-    """Remove what stands in the place of a file and leads elsewhere: a link of either kind, a pipe, a device.
+    """Remove a link, pipe or device that occupies the path of a file, so that nothing elsewhere is overwritten.
 
-    Raises OSError: it could not be removed.
+    Folders and regular files with a single name stay.
+
+    Raises
+    ------
+    OSError
+        It could not be removed.
     """
     try:
-        found = path.lstat()
+        status = path.lstat()
     except FileNotFoundError:
         return
-    if not stat.S_ISDIR(found.st_mode) and (not stat.S_ISREG(found.st_mode) or found.st_nlink > 1):
+    if stat.S_ISDIR(status.st_mode):
+        return
+    has_hard_links = status.st_nlink > 1
+    if has_hard_links or not stat.S_ISREG(status.st_mode):
         path.unlink()
 
 
 def is_inside(folder: Path, name: Path) -> bool:
-    """Whether no link leads out of a folder on the way to a relative name in it, which need not exist."""
-    return (
-        Path(os.path.realpath(folder / name.parent)) == Path(os.path.realpath(folder)) / name.parent
-    )
+    """Return whether a relative path stays in a folder when links are followed. The path need not exist."""
+    actual_parent = Path(os.path.realpath(folder / name.parent))
+    return actual_parent == Path(os.path.realpath(folder)) / name.parent
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Context with a temporary path of the same suffix in the same folder, which replaces `path` on leaving.
+    """Yield a temporary path in the same folder, which replaces `path` when the context ends.
 
-    After an exception the temporary file is removed and an older `path` is as it was.
+    The temporary path has the suffix of `path`. If an exception occurs, the temporary file is removed and an existing
+    file at `path` stays unchanged.
 
-    Raises InputError: `path` is a device, a pipe or a folder, whose place no file may take.
+    Raises
+    ------
+    InputError
+        The path is a device, a pipe or a folder, which a file must not replace.
     """
     if path.exists() and not path.is_file():
-        raise InputError(
-            "file", f"'{path}', which is a device, a pipe or a folder", "a file, or a new one"
-        )
+        given = f"'{path}', which is a device, a pipe or a folder"
+        raise InputError("file", given, "a file, or a new one")
     handle, name = tempfile.mkstemp(suffix=path.suffix, prefix=".unfinished-", dir=path.parent)
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
+        # mkstemp makes files that only their owner can read; give it the usual permissions
         mask = os.umask(0)
         os.umask(mask)
         temporary.chmod(0o666 & ~mask)
@@ -96,22 +123,31 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def writing(what: str, path: object, kind: str = "a file") -> Iterator[None]:
-    """Context in which a file that the system cannot write is an InputError of an argument, which names its path."""
+    """Turn an OSError in this context into an InputError that names the argument and its path.
+
+    Parameters
+    ----------
+    what : str
+        Name of the argument.
+    path : path
+        The path that is written.
+    kind : str
+        "a file" or "a folder", for the message.
+    """
     try:
         yield
     except OSError as error:
-        raise InputError(
-            what, f"'{path}'", f"{kind} that can be written ({error.strerror})"
-        ) from None
+        expected = f"{kind} that can be written ({error.strerror})"
+        raise InputError(what, f"'{path}'", expected) from None
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write a text file in UTF-8; returns its path."""
+    """Write a text file in UTF-8 and return its path."""
     return write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path, content: bytes | memoryview) -> Path:
-    """Write a file; returns its path."""
+    """Write a binary file and return its path."""
     with replacing(path) as temporary:
         temporary.write_bytes(content)
     return path

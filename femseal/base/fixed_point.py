@@ -1,4 +1,4 @@
-"""Fixed points of two functions of arrays, such as fluid pressures and the permeabilities that depend on them."""
+"""Solve fixed-point problems, such as fluid pressures and the permeabilities that depend on them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,21 +8,33 @@ import numpy as np
 
 from .errors import NotConverged
 
-Found = TypeVar("Found")
-#: Most solutions of a fixed point, and those from which on a state goes half way: it may overshoot again and again, as
-#: where a fluid opens the last paths that it flows through.
-_MOST_SOLUTIONS, _UNDAMPED = 40, 8
+Solution = TypeVar("Solution")
+#: Largest number of solutions of one problem.
+_MOST_SOLUTIONS = 40
+#: Number of solutions after which the state is damped. Without damping it may overshoot for ever, for example where a
+#: fluid opens the last paths that it flows through.
+_UNDAMPED = 8
 
 
 @dataclass(frozen=True, eq=False)
-class FixedPoint(Generic[Found]):
-    """A fixed point: what was solved last, and the coefficient with which it was.
+class FixedPoint(Generic[Solution]):
+    """Hold the solution of a fixed-point problem.
 
-    rate : of the last solution. solutions : number of solutions. error : estimated relative error of the rate; 0 where
-        nothing flows.
+    Parameters
+    ----------
+    solution : object
+        The last solution, as `solve` returned it.
+    coefficient : object
+        The coefficient of that solution.
+    rate : float
+        The rate of that solution.
+    solutions : int
+        Number of solutions.
+    error : float
+        Estimated relative error of the rate, 0 if the rate is 0.
     """
 
-    found: Found
+    solution: Solution
     coefficient: Any
     rate: float
     solutions: int
@@ -31,38 +43,50 @@ class FixedPoint(Generic[Found]):
 
 def fixed_point(
     coefficient: Callable[[Any], Any],
-    solve: Callable[[Any], tuple[float, Any, Found]],
+    solve: Callable[[Any], tuple[float, Any, Solution]],
     state: Any,
     *,
     rtol: float,
     name: str = "flow",
-) -> FixedPoint[Found]:
-    """Solve again and again, each time with the coefficient of the state before, until the rate settles.
+) -> FixedPoint[Solution]:
+    """Solve repeatedly, each time with the coefficient of the latest state, until the rate no longer changes.
 
-    coefficient : of a state, such as permeabilities of pressures.
-    solve : from a coefficient to the rate, the state that has it, and whatever is to be kept.
-    state : the first one; NaN where there is none.
-    rtol : relative error of the rate, estimated as its last change, of the third solution or a later one.
-    name : of the problem, for the message.
+    Parameters
+    ----------
+    coefficient : callable
+        Returns the coefficient for a state, for example permeabilities for pressures.
+    solve : callable
+        Returns the rate, the new state and the solution for a coefficient.
+    state : array
+        Initial state, NaN where the state is undefined.
+    rtol : float
+        Largest relative error of the rate. It is estimated by the last change, from the third solution on.
+    name : str
+        Name of the problem for the error message.
 
-    Raises NotConverged: the rate still changes after 40 solutions.
+    Raises
+    ------
+    NotConverged
+        The rate still changes after 40 solutions.
     """
-    error = last = np.inf
-    for n in range(1, _MOST_SOLUTIONS + 1):
-        given = coefficient(state)
-        former = state
-        rate, state, found = solve(given)
+    error = np.inf
+    previous_rate = np.inf
+    for number in range(1, _MOST_SOLUTIONS + 1):
+        current = coefficient(state)
+        previous_state = state
+        rate, state, solution = solve(current)
         if rate == 0:
-            return FixedPoint(found, given, 0.0, n, 0.0)
-        error, last = abs(rate / last - 1), rate
-        # two that differ little may do so by chance
-        if n > 2 and error <= rtol:
-            return FixedPoint(found, given, rate, n, error)
-        if n > _UNDAMPED:
-            half_way = 0.5 * (former + state)
+            return FixedPoint(solution, current, 0.0, number, 0.0)
+        error = abs(rate / previous_rate - 1)
+        previous_rate = rate
+        # the first two rates may agree by chance
+        if number > 2 and error <= rtol:
+            return FixedPoint(solution, current, rate, number, error)
+        if number > _UNDAMPED:
+            half_way = 0.5 * (previous_state + state)
             state = np.where(np.isnan(half_way), state, half_way)
     raise NotConverged(
-        f"{name}: after {_MOST_SOLUTIONS} solutions it still changes by {error:.1e}, expected is at most {rtol:.0e}; "
-        "try pressures at both ends that are nearer to each other",
+        f"{name}: the solution did not settle. After {_MOST_SOLUTIONS} solutions it still changes by {error:.1e}, "
+        f"which should be at most {rtol:.0e}. Try pressures at both ends that are closer to each other.",
         error,
     )

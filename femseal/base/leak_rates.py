@@ -1,23 +1,23 @@
-"""Leakage in any unit, and the leakage classes of standards in one table.
+"""Convert leakage between units, and look up the leakage classes of standards.
 
-A leakage is known as volume rate per length of seal at the fluid's reference density [m²/s]. The length of the seal,
-the fluid's density and, for a gas, its reference state turn it into any unit of the table. Pressure × volume of a gas
-is proportional to its temperature, so it is stated at one; standard volumes are those at 0 °C and 101 325 Pa. Units
-are in `leak_units`.
+A leakage is stored as volume rate per length of seal at the reference density of the fluid [m²/s]. The length of the
+seal, the density of the fluid and, for a gas, its reference state convert it into any unit of `leak_units`. The product
+pressure × volume of a gas is proportional to its temperature, so it is stated at one temperature. Standard volumes are
+those at 0 °C and 101 325 Pa.
 
-Limits, with the edition they are of, stand in `_TABLE`. Those of ISO 5208, which EN 12266-1 shares, are of closed
-valves, times the nominal diameter in mm; A is no visible leakage while the test lasts, here none at all. Those of
-API 598 and FCI 70-2 are of the seat of a valve, those of ISO 15848-1 of its stem:
-the nominal diameter is that of either.
+The limits of the classes are in `_TABLE`, with the edition of the standard. Those of ISO 5208, which EN 12266-1 shares,
+are for closed valves and are multiplied by the nominal diameter in mm. Its class A allows no visible leakage during the
+test; here it allows none at all. The limits of API 598 and FCI 70-2 are for the seat of a valve, and those of ISO
+15848-1 for its stem: the nominal diameter is that of the seat or stem.
 
-Other limits are leakages with their unit, such as "5 mL/min".
+A leakage with its unit, such as "5 mL/min", can be used in place of a class.
 """
 
 import re
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, isnan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,21 +28,35 @@ from .validate import Flags, number, reals
 
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
 GAS_CONSTANT = 8.31446261815324
-#: State of standard volumes of gas, 0 °C [K] and 101 325 Pa.
+#: Temperature [K] and pressure [Pa] of standard volumes of gas.
 STANDARD_TEMPERATURE, STANDARD_PRESSURE = 273.15, 101_325.0
-#: Volume of a drop and of a bubble [m³]: 20 drops are 1 mL, and a bubble is 0.15 mL by FCI 70-2.
+#: Volume of a drop and of a bubble [m³]: 20 drops make 1 mL, and a bubble has 0.15 mL by FCI 70-2.
 DROP, BUBBLE = 0.05e-6, 0.15e-6
 
 
 @dataclass(frozen=True)
 class LeakBasis:
-    """What turns a volume rate per length of seal into other units.
+    """Hold what is needed to convert a volume rate per length of seal into other units.
 
-    length : of the seal [m]. density : of the fluid at its reference state [kg/m³], NaN where unknown. pressure,
-    temperature : of the reference state of a gas, absolute [Pa] and [K]; None for a liquid, which has no leakage in
-    pressure × volume and no standard volume. molar_mass : of a gas [kg/mol], None where unknown. stated : temperature
-    at which pressure × volume is stated [K]; that of the reference state unless given. drop, bubble : volume of one
-    [m³]. pressure_drop : over the seal [Pa]. capacity : rated one of an open valve [m³/s]. Classes need these.
+    Parameters
+    ----------
+    length : float
+        Length of the seal [m].
+    density : float
+        Density of the fluid at its reference state [kg/m³], NaN if it is unknown.
+    pressure, temperature : float, optional
+        Reference state of a gas, absolute [Pa] and [K]. None for a liquid, whose leakage cannot be given as
+        pressure × volume or as a standard volume.
+    molar_mass : float, optional
+        Molar mass of a gas [kg/mol].
+    stated : float, optional
+        Temperature [K] at which pressure × volume is stated. Default: the reference temperature.
+    drop, bubble : float
+        Volume of a drop and of a bubble [m³].
+    pressure_drop : float, optional
+        Pressure drop over the seal [Pa], which some classes need.
+    capacity : float, optional
+        Rated capacity of the open valve [m³/s], which some classes need.
     """
 
     length: float
@@ -63,7 +77,7 @@ class LeakBasis:
 
     @property
     def is_gas(self) -> bool:
-        """Whether the fluid has leakage in pressure × volume."""
+        """Whether the fluid is a gas."""
         return self.pressure is not None
 
     @property
@@ -72,10 +86,12 @@ class LeakBasis:
         return self.stated if self.is_gas and self.stated is not None else self.temperature
 
     def lacks(self, unit: LeakUnit) -> str:
-        """Why leakage of the fluid cannot be given in the unit, as what is allowed instead; "" where it can."""
-        of_gases = unit.kind in ("throughput", "standard", "bubbles")
-        if (self.is_gas and unit.kind == "drops") or (of_gases and not self.is_gas):
-            return f"another unit: {unit.name} is for {'gases' if of_gases else 'liquids'}"
+        """Return what to use instead of a unit in which this leakage cannot be given; "" if it can be given."""
+        is_unit_of_gases = unit.kind in ("throughput", "standard", "bubbles")
+        if is_unit_of_gases and not self.is_gas:
+            return f"another unit: {unit.name} is for gases"
+        if unit.kind == "drops" and self.is_gas:
+            return f"another unit: {unit.name} is for liquids"
         if unit.kind == "standard" and self.temperature is None:
             return "another unit: the gas has no temperature"
         if unit.kind == "mass" and isnan(self.density):
@@ -83,84 +99,130 @@ class LeakBasis:
         return ""
 
     def has(self, unit: LeakUnit) -> bool:
-        """Whether leakage of the fluid can be given in the unit."""
+        """Return whether the leakage can be given in a unit."""
         return not self.lacks(unit)
 
     def factor(self, unit: LeakUnit) -> float:
-        """Volume rate per length of seal that is 1 in the unit [m²/s].
+        """Return the volume rate per length of seal [m²/s] that is 1 in the unit.
 
-        Raises InputError: a unit of gases for a liquid, or of liquids for a gas.
+        Raises
+        ------
+        InputError
+            The leakage cannot be given in the unit, for example a unit of gases for a liquid.
         """
-        if lack := self.lacks(unit):
+        alternative = self.lacks(unit)
+        if alternative:
             fluid = "gas" if self.is_gas else "liquid"
-            raise InputError("leakage_unit", f"{unit.name} for a {fluid}", lack)
-        pressure, temperature = self.pressure or 1.0, self.temperature or 1.0
-        # pressure × volume of the same amount of gas goes with its temperature
-        ratio = (self.stated or temperature) / temperature if self.temperature else 1.0
-        per_volume = {
-            "volume": 1.0,
-            "mass": self.density,
-            "drops": 1 / self.drop,
-            "bubbles": 1 / self.bubble,
-            "throughput": pressure * ratio,
-            "standard": pressure / STANDARD_PRESSURE * STANDARD_TEMPERATURE / temperature,
-        }[unit.kind]
-        return unit.si / per_volume / (1.0 if unit.per_length else self.length)
+            raise InputError("leakage_unit", f"{unit.name} for a {fluid}", alternative)
+        length = 1.0 if unit.per_length else self.length
+        return unit.si / self._amount_per_volume(unit) / length
+
+    def _amount_per_volume(self, unit: LeakUnit) -> float:
+        """Return the amount, in the SI unit of the kind of `unit`, in 1 m³ of fluid at its reference state."""
+        if unit.kind == "volume":
+            return 1.0
+        if unit.kind == "mass":
+            return self.density
+        if unit.kind == "drops":
+            return 1 / self.drop
+        if unit.kind == "bubbles":
+            return 1 / self.bubble
+        pressure = self.pressure or 1.0
+        temperature = self.temperature or 1.0
+        if unit.kind == "standard":
+            return pressure / STANDARD_PRESSURE * STANDARD_TEMPERATURE / temperature
+        # throughput: for the same amount of gas, pressure × volume is proportional to the temperature
+        stated = self.stated if self.stated and self.temperature else temperature
+        return pressure * (stated / temperature)
 
     def units(self, names: Iterable[str] = USUAL_UNITS) -> list[LeakUnit]:
-        """Those of the named units in which leakage of the fluid can be given."""
+        """Return those of the named units in which the leakage can be given."""
         return [LEAK_UNITS[name] for name in names if self.has(LEAK_UNITS[name])]
 
     def readable(self, values: ArrayLike) -> LeakUnit:
-        """One unit of volume rate of the whole seal for all the leakages [m²/s] given."""
+        """Return one unit of volume rate of the whole seal that suits all the given leakages [m²/s]."""
         return readable_unit(reals(values) * self.length, per_length=False)
 
 
-#: Molar mass of helium [kg/mol], and the relative tolerance within which a gas is helium.
+#: Molar mass of helium [kg/mol], and the relative tolerance within which a gas is taken for helium.
 HELIUM, _SAME_GAS = 4.0026e-3, 0.01
-#: A leakage that is the limit up to rounding meets the class.
+#: Relative tolerance within which a leakage still meets a limit, for rounding errors.
 _ROUNDING = 1e-9
+#: An inch [m] and a pound per square inch [Pa].
 _INCH, _PSI = 0.0254, 6894.757
-#: Limits of class VI of FCI 70-2 by the diameter of the seat: [m], and [mL/min].
+#: Class VI of FCI 70-2: diameters of the seat [m] and limits [mL/min].
 _VI_DIAMETERS = np.array([25, 38, 51, 64, 76, 102, 152, 203, 250, 300, 350, 400]) * 1e-3
 _VI_LIMITS = np.array([0.15, 0.30, 0.45, 0.60, 0.90, 1.70, 4.00, 6.75, 11.1, 16.0, 21.6, 28.4])
 
 
 def _nominal_inches(diameter: float) -> float:
-    """Nominal pipe size of API 598 in inches, to half ones, of a nominal diameter [m]; 0 up to 2: nothing leaks."""
+    """Return the nominal pipe size of API 598 in half inches for a nominal diameter [m].
+
+    Up to a size of 2 the standard allows no leakage, so the result is 0.
+    """
     size = int(2 * diameter / 0.025 + 1e-9) / 2
     return size if size > 2 else 0.0
 
 
 def _class_vi(diameter: float) -> float:
-    """Limit of class VI [mL/min]; between the diameters of the table straight in the square, beyond it NaN."""
-    found = np.interp(diameter**2, _VI_DIAMETERS**2, _VI_LIMITS, right=np.nan)
-    return float(found)
+    """Return the limit of class VI [mL/min] for a diameter of the seat [m].
+
+    Between the diameters of the table it is interpolated linearly in the square of the diameter. Beyond the largest
+    diameter it is NaN.
+    """
+    limit = np.interp(diameter**2, _VI_DIAMETERS**2, _VI_LIMITS, right=np.nan)
+    return float(limit)
 
 
-#: By what amounts are multiplied: the key that gives it, an example of its value, and the factor.
-_PER: dict[str, tuple[str, str, Callable[[float], float]]] = {
-    "mm": ("nominal_diameter", "a length > 0, such as '50 mm'", lambda d: 1e3 * d),
-    "inch": ("nominal_diameter", "a length > 0, such as '50 mm'", lambda d: d / _INCH),
-    "NPS": ("nominal_diameter", "a length > 0, such as '50 mm'", _nominal_inches),
-    "class VI": ("nominal_diameter", "a length from 0 to 400 mm, such as '50 mm'", _class_vi),
-    "psi": ("pressure_drop", "the pressures of the fluid", lambda p: p / _PSI),
-    "capacity": (
-        "rated_capacity",
-        "the flow of the open valve in the test, such as '100 L/min'",
-        float,
-    ),
+class _Multiplier(NamedTuple):
+    """Hold a quantity of the valve by which a limit is multiplied.
+
+    key : name of the quantity in a case file.
+    example : what a user may give, for messages.
+    factor : function from the quantity in SI to the multiplier.
+    """
+
+    key: str
+    example: str
+    factor: Callable[[float], float]
+
+
+_LENGTH = "a length > 0, such as '50 mm'"
+_LENGTH_OF_CLASS_VI = "a length from 0 to 400 mm, such as '50 mm'"
+_CAPACITY = "the flow of the open valve in the test, such as '100 L/min'"
+#: Quantities by which the limits of classes are multiplied, by their name in `_TABLE`.
+_MULTIPLIERS = {
+    "mm": _Multiplier("nominal_diameter", _LENGTH, lambda d: 1e3 * d),
+    "inch": _Multiplier("nominal_diameter", _LENGTH, lambda d: d / _INCH),
+    "NPS": _Multiplier("nominal_diameter", _LENGTH, _nominal_inches),
+    "class VI": _Multiplier("nominal_diameter", _LENGTH_OF_CLASS_VI, _class_vi),
+    "psi": _Multiplier("pressure_drop", "the pressures of the fluid", lambda p: p / _PSI),
+    "capacity": _Multiplier("rated_capacity", _CAPACITY, float),
 }
 
 
 @dataclass(frozen=True)
 class LeakClass:
-    """A class of leakage: what leaks no more than its limit meets it.
+    """Describe a leakage class, which a seal meets if it leaks no more than the limit.
 
-    name : as the standard writes it. family : the standard; "" for a leakage of the user's own.
-    amount, gas_amount, unit : the limit of liquids and of gases, and their unit in `LEAK_UNITS`.
-    per : by what the amounts are multiplied. tested : the only fluid that it is defined for, "" where for any.
-    edition : of the standard. second_hand : whether the limit is from tables of others, not from the standard's text.
+    Parameters
+    ----------
+    name : str
+        Name in the standard.
+    family : str
+        The standard, or "" for a limit that the user has given.
+    amount, gas_amount : float
+        Limit for liquids and for gases, in `unit`.
+    unit : str
+        Name of a unit in `LEAK_UNITS`.
+    per : tuple of str
+        Names in `_MULTIPLIERS` of the quantities by which the limit is multiplied.
+    tested : str
+        The only fluid for which the class is defined, or "" for any fluid.
+    edition : str
+        Edition of the standard.
+    second_hand : bool
+        Whether the limit was taken from tables of others instead of the text of the standard.
     """
 
     name: str
@@ -175,51 +237,64 @@ class LeakClass:
 
     @property
     def per_diameter(self) -> bool:
-        """Whether it is of a valve of some nominal diameter."""
-        return any(_PER[name][0] == "nominal_diameter" for name in self.per)
+        """Whether the limit depends on the nominal diameter of a valve."""
+        return any(_MULTIPLIERS[name].key == "nominal_diameter" for name in self.per)
 
     def limit(self, basis: LeakBasis, diameter: float | None = None) -> float:
-        """Largest leakage per length of seal in the class [m²/s].
+        """Return the largest leakage per length of seal in the class [m²/s].
 
-        basis : fluid and length of the seal, pressure drop and capacity where a class needs them.
-        diameter : nominal diameter [m], of the valve, its seat or its stem.
+        Parameters
+        ----------
+        basis : LeakBasis
+            Fluid and length of the seal; pressure drop and capacity if the class needs them.
+        diameter : float, optional
+            Nominal diameter of the valve, its seat or its stem [m], if the class needs it.
 
-        Raises InputError: what a class needs is not given or beyond its table, another fluid than it is defined for,
-        or a unit that is not for the fluid.
+        Raises
+        ------
+        InputError
+            A quantity that the class needs is missing or beyond its table, or the class is not defined for the fluid.
         """
-        fluid = "gas" if basis.is_gas else "liquid"
-        is_helium = basis.molar_mass is not None and abs(basis.molar_mass / HELIUM - 1) < _SAME_GAS
-        if self.tested not in ("", fluid, "helium" if is_helium else ""):
-            defined = f"{self.name}, which is defined for {self.tested}"
-            expected = f"a class for the fluid, or {self.tested} as the fluid or the test fluid"
-            raise InputError("classes", defined, expected)
-        unit = LEAK_UNITS[self.unit]
-        if lack := basis.lacks(unit):
-            raise InputError("classes", f"{self.name}, a limit in {self.unit}, for a {fluid}", lack)
-        amount = self.gas_amount if basis.is_gas else self.amount
+        self._check_fluid(basis)
         known = {
             "nominal_diameter": diameter,
             "pressure_drop": basis.pressure_drop,
             "rated_capacity": basis.capacity,
         }
+        amount = self.gas_amount if basis.is_gas else self.amount
         for name in self.per:
-            key, expected, factor = _PER[name]
-            if (value := known[key]) is None:
+            key, expected, factor = _MULTIPLIERS[name]
+            value = known[key]
+            if value is None:
                 raise InputError(key, f"none for the class {self.name}", expected)
             amount *= factor(value)
             if isnan(amount):
                 raise InputError(key, f"{value:g} for the class {self.name}", expected)
-        return amount * basis.factor(unit)
+        return amount * basis.factor(LEAK_UNITS[self.unit])
+
+    def _check_fluid(self, basis: LeakBasis) -> None:
+        """Raise InputError if the class, or the unit of its limit, is not defined for the fluid."""
+        fluid = "gas" if basis.is_gas else "liquid"
+        is_helium = basis.molar_mass is not None and abs(basis.molar_mass / HELIUM - 1) < _SAME_GAS
+        if self.tested not in ("", fluid, "helium" if is_helium else ""):
+            given = f"{self.name}, which is defined for {self.tested}"
+            expected = f"a class for the fluid, or {self.tested} as the fluid or the test fluid"
+            raise InputError("classes", given, expected)
+        alternative = basis.lacks(LEAK_UNITS[self.unit])
+        if alternative:
+            given = f"{self.name}, a limit in {self.unit}, for a {fluid}"
+            raise InputError("classes", given, alternative)
 
 
 def within(leakage: ArrayLike, limit: float) -> Flags:
-    """Whether leakages of any direction are no more than a limit, up to rounding; NaN is not."""
+    """Return whether leakages, in either direction, are at most a limit, up to rounding. NaN is not."""
     return np.abs(reals(leakage)) <= limit * (1 + _ROUNDING)
 
 
-#: Limits: name, standard, limit of liquids and, where it differs, of gases, unit, by what it is multiplied (`_PER`),
-#: the only fluid tested, edition, and whether it is from tables of others. Those of ISO 15848-1 are π times 1e-5, 1e-4
-#: and 1e-2 mg/(m·s) of helium at 0 °C; 16 drops or 100 bubbles are 1 mL in API 598.
+#: Leakage classes. Columns: name, standard, limit for liquids and, if it differs, for gases, unit, multipliers (see
+#: `_MULTIPLIERS`), the only fluid tested, edition, and whether the limit was taken from tables of others.
+#: The limits of ISO 15848-1 are π times 1e-5, 1e-4 and 1e-2 mg/(m·s) of helium at 0 °C. In API 598, 16 drops or 100
+#: bubbles make 1 mL.
 _TABLE = """
 L0.01          | EN 13555    | 0.01          | mg/(m·s)     |          |        | 2014          |
 L0.1           | EN 13555    | 0.1           | mg/(m·s)     |          |        | 2014          |
@@ -247,23 +322,34 @@ ISO 15848-1 CH | ISO 15848-1 | 1.78e-4       | mbar·L/s     | mm       | helium
 """
 
 
-def _made_class(line: str) -> LeakClass:
-    """The class in a line of the table."""
-    name, family, limits, unit, per, tested, edition, hand = (p.strip() for p in line.split("|"))
+def _parse_class(line: str) -> LeakClass:
+    """Read a class from a line of the table."""
+    name, family, limits, unit, per, tested, edition, source = (
+        column.strip() for column in line.split("|")
+    )
     amounts = [float(limit) for limit in limits.split()]
-    keys = tuple(key for key in _PER if key in per)
-    limit = amounts[0], amounts[-1], unit
-    return LeakClass(name, family, *limit, keys, tested, edition, bool(hand))
+    return LeakClass(
+        name=name,
+        family=family,
+        amount=amounts[0],
+        gas_amount=amounts[-1],
+        unit=unit,
+        per=tuple(multiplier for multiplier in _MULTIPLIERS if multiplier in per),
+        tested=tested,
+        edition=edition,
+        second_hand=source == "second hand",
+    )
 
 
-#: All classes by name, in each family from the tightest.
+#: All classes by name; those of one standard begin with the tightest.
 LEAK_CLASSES: dict[str, LeakClass] = {
-    found.name: found for found in map(_made_class, _TABLE.strip().splitlines())
+    leak_class.name: leak_class for leak_class in map(_parse_class, _TABLE.strip().splitlines())
 }
-#: Classes taken where none are asked for.
+#: Classes that are reported if the user asks for none.
 USUAL = ("L0.01", "L0.1", "L1")
+#: A number and a unit.
 _LIMIT = re.compile(r"^\s*(\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+(?:[eE][-+]?\d+)?)\s*(\D.*)$")
-#: What may be written, for messages.
+#: Classes that a user may write, for messages.
 KNOWN = (
     "'L1', 'L0.1', 'L0.01', 'TA Luft', 'VDI 2290', 'VDI 2440', 'ISO 5208 A' (AA, B, C, CC, D, E, EE, F, G), 'API 598', "
     "'FCI 70-2 IV' (V, VI), 'ISO 15848-1 AH' (BH, CH), the name of a standard for all of its classes, or a leakage "
@@ -272,45 +358,74 @@ KNOWN = (
 
 
 def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
-    """The classes of names such as "L0.01", "ta-luft", "ISO 5208 C"; the name of a standard stands for all of its own.
+    """Return the classes with the given names, each once.
 
-    Leakages with a unit, such as "5 mL/min", are classes too.
+    Parameters
+    ----------
+    names : iterable of str
+        Names of classes, such as "L0.01", "ta-luft" or "ISO 5208 C"; names of standards, which stand for all of their
+        classes; or leakages with a unit, such as "5 mL/min".
 
-    Raises InputError: a name that is neither.
+    Raises
+    ------
+    InputError
+        A name is none of these.
     """
-    return tuple({one.name: one for name in names for one in _named(name)}.values())
+    classes = {}
+    for name in names:
+        for leak_class in _find_classes(name):
+            classes[leak_class.name] = leak_class
+    return tuple(classes.values())
 
 
 def check_classes(names: Iterable[str], diameter: float | None, basis: LeakBasis) -> None:
-    """Raise InputError for an unknown class, or one that needs a diameter or another fluid."""
-    for one in leak_classes(names):
-        one.limit(basis, diameter)
+    """Raise InputError for a class that is unknown, or that needs a diameter or another fluid."""
+    for leak_class in leak_classes(names):
+        leak_class.limit(basis, diameter)
 
 
-def _named(name: str) -> list[LeakClass]:
-    """Classes of a name: of one class, of a family, or a limit such as '1e-6 mg/(s*m)'."""
-    if isinstance(name, str):
-        key = _class_key(name)
-        for kind in ("name", "family"):
-            known = LEAK_CLASSES.values()
-            if chosen := [one for one in known if _class_key(getattr(one, kind)) == key]:
-                return chosen
-        with suppress(InputError):  # of another unit
-            match = _LIMIT.match(name)
-            if match and 0 < (amount := float(match[1])) < inf:
-                unit = leak_unit(match[2]).name
-                return [LeakClass(f"{amount:g} {unit}", "", amount, amount, unit)]
-    raise InputError("classes", shown(name), KNOWN)
+def _find_classes(name: str) -> list[LeakClass]:
+    """Return the classes for the name of a class or of a standard, or for a limit such as '1e-6 mg/(s*m)'."""
+    if not isinstance(name, str):
+        raise InputError("classes", shown(name), KNOWN)
+    key = _class_key(name)
+    classes = LEAK_CLASSES.values()
+    with_name = [leak_class for leak_class in classes if _class_key(leak_class.name) == key]
+    if with_name:
+        return with_name
+    of_standard = [leak_class for leak_class in classes if _class_key(leak_class.family) == key]
+    if of_standard:
+        return of_standard
+    limit = _parse_limit(name)
+    if limit is None:
+        raise InputError("classes", shown(name), KNOWN)
+    return [limit]
 
 
-#: What people write in names of classes, and what it stands for.
+def _parse_limit(text: str) -> LeakClass | None:
+    """Read a limit with its unit, such as '1e-6 mg/(s*m)'; return None for any other text."""
+    match = _LIMIT.match(text)
+    if match is None:
+        return None
+    amount = float(match[1])
+    if not 0 < amount < inf:
+        return None
+    try:
+        unit = leak_unit(match[2]).name
+    except InputError:
+        return None
+    return LeakClass(f"{amount:g} {unit}", "", amount, amount, unit)
+
+
+#: Parts of names of classes that are replaced before names are compared.
 _SAME_NAMES = dict.fromkeys(("rate", "class", "2021", "2015"), "")
 _SAME_NAMES |= {"1591-1": "13555", "en 12266-1": "iso 5208"}
 
 
 def _class_key(name: str) -> str:
-    """A name without case, spaces, hyphens and additions that people write."""
-    name = name.lower()
-    for written, meant in _SAME_NAMES.items():
-        name = name.replace(written, meant)
-    return name.replace(",", ".").translate(str.maketrans("", "", " -_:")).removesuffix(".0")
+    """Return the name of a class without capitals, spaces, hyphens and words such as "class", for comparisons."""
+    key = name.lower()
+    for written, replacement in _SAME_NAMES.items():
+        key = key.replace(written, replacement)
+    key = key.replace(",", ".")
+    return key.translate(str.maketrans("", "", " -_:")).removesuffix(".0")

@@ -1,7 +1,8 @@
-"""Units of leakage, and the many ways in which engineers spell them.
+"""Define the units of leakage, and read the many ways in which engineers spell them.
 
-A unit is an amount per time, or per length of seal and time. To add one, add its amount to `_AMOUNTS` and its name to
-`_NAMES`. Spellings are read factor by factor: "mbar l/s", "mbar*l/s" and "mbar·L·s⁻¹" are the same unit.
+A unit is an amount per time, or an amount per time and per length of seal. To add one, add its amount to `_AMOUNTS` and
+its name to `_NAMES`. Spellings are read factor by factor, so that "mbar l/s", "mbar*l/s" and "mbar·L·s⁻¹" are the same
+unit.
 """
 
 import re
@@ -19,11 +20,19 @@ Kind = Literal["volume", "mass", "throughput", "standard", "drops", "bubbles"]
 
 @dataclass(frozen=True)
 class LeakUnit:
-    """A unit of leakage.
+    """Describe a unit of leakage.
 
-    name : as people write it. kind : what it counts. si : its value in m³/s, kg/s or Pa·m³/s, or in these per metre;
-    of standard volumes m³/s at 0 °C and 101 325 Pa; of drops and bubbles their number per second.
-    per_length : whether it is per length of seal.
+    Parameters
+    ----------
+    name : str
+        Name as people write it.
+    kind : str
+        Kind of amount that it counts.
+    si : float
+        Value in m³/s, kg/s or Pa·m³/s, or in one of these per metre. For standard volumes, in m³/s at 0 °C and
+        101 325 Pa; for drops and bubbles, in pieces per second.
+    per_length : bool
+        Whether it is per length of seal.
     """
 
     name: str
@@ -32,7 +41,7 @@ class LeakUnit:
     per_length: bool
 
 
-#: Amounts by their kind, in SI, and times in seconds, of which units are made.
+#: Amounts of each kind, in SI.
 _AMOUNTS: dict[Kind, dict[str, float]] = {
     "volume": {
         "m³": 1.0,
@@ -55,8 +64,9 @@ _AMOUNTS: dict[Kind, dict[str, float]] = {
     "drops": {"drops": 1.0},
     "bubbles": {"bubbles": 1.0},
 }
+#: Times [s].
 _TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 86_400.0, "year": 365.25 * 86_400.0}
-#: Units by kind; of each, those per length of seal first.
+#: All units, grouped by kind; within a kind, units per length of seal come first.
 _NAMES = (
     "m²/s, L/(m·s), mL/(m·s), µL/(m·s), nL/(m·s), pL/(m·s), mL/(m·min), mL/(m·h), "
     "m³/s, L/s, L/min, L/h, mL/s, mL/min, mL/h, mL/day, cm³/s, cm³/min, cm³/h, µL/s, µL/min, mm³/s, nL/s, pL/s, "
@@ -67,30 +77,32 @@ _NAMES = (
 )
 
 
-def _made_unit(name: str) -> LeakUnit:
-    """The unit of a name of an amount per time, or per length of seal and time."""
+def _parse_unit(name: str) -> LeakUnit:
+    """Make the unit for a name of the form "amount/time" or "amount/(m·time)"."""
     if name == "m²/s":
         return LeakUnit(name, "volume", 1.0, per_length=True)
     amount, _, time = name.partition("/")
     kind = next(kind for kind, amounts in _AMOUNTS.items() if amount in amounts)
-    si = _AMOUNTS[kind][amount] / _TIMES[time.removeprefix("(m·").removesuffix(")")]
-    return LeakUnit(name, kind, si, per_length=time.startswith("(m·"))
+    per_length = time.startswith("(m·")
+    if per_length:
+        time = time.removeprefix("(m·").removesuffix(")")
+    return LeakUnit(name, kind, _AMOUNTS[kind][amount] / _TIMES[time], per_length)
 
 
 #: All units, by their name.
-LEAK_UNITS: dict[str, LeakUnit] = {name: _made_unit(name) for name in _NAMES.split(", ")}
-#: Units in which every leakage is given; those of gases are left out for liquids.
+LEAK_UNITS: dict[str, LeakUnit] = {name: _parse_unit(name) for name in _NAMES.split(", ")}
+#: Units in which every leakage is reported. For liquids the units of gases are left out.
 USUAL_UNITS = ("m²/s", "mL/(m·min)", "mg/(m·s)", "m³/s", "mL/min", "drops/min", "kg/s", "g/year", "Pa·m³/s", "mbar·L/s",
         "std cm³/s")  # fmt: skip
-#: Units among which a readable one is chosen, per length of seal and for a whole seal.
+#: Units from which a readable one is chosen. Key: whether the unit is per length of seal.
 _READABLE = {
     True: ("L/(m·s)", "mL/(m·s)", "µL/(m·s)", "nL/(m·s)", "pL/(m·s)"),
     False: ("L/s", "mL/s", "mL/min", "mL/h", "nL/s", "pL/s"),
 }
 
-#: Other characters for the same.
+#: Replaces characters that have the same meaning by one spelling.
 _CHARACTERS = str.maketrans({"μ": "u", "µ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", "^": ""})
-#: Other words for a factor of a unit; "scc" and its like are two factors.
+#: Spellings of the factors of units. Some, such as "scc", stand for two factors.
 _WORDS = {
     "L": "l litre litres liter liters",
     "mL": "ml millilitre milliliter",
@@ -112,7 +124,7 @@ _WORDS = {
     "bubbles": "bubble",
     "m": "metre meter",
 }
-_SAME_WORD = {word: meant for meant, words in _WORDS.items() for word in words.split()}
+_SAME_WORD = {word: factor for factor, words in _WORDS.items() for word in words.split()}
 #: Abbreviations of a whole unit, in lower case.
 _ABBREVIATIONS = {
     "sccm": "std cm³/min",
@@ -122,7 +134,7 @@ _ABBREVIATIONS = {
     "lpm": "L/min",
 }
 _CUBIC_FEET = "std L/min (at 0 °C and 101 325 Pa), as standard cubic feet are at 60 °F for some, at 70 °F for others"
-#: Abbreviations in lower case that stand for several units, and what to write instead.
+#: Abbreviations in lower case that may mean several units, and what to write instead.
 _AMBIGUOUS = {
     "ccm": "cm³/min for a volume per minute, or sccm for one at 0 °C and 101 325 Pa",
     "gpm": "L/min, as there are gallons of two sizes",
@@ -130,17 +142,20 @@ _AMBIGUOUS = {
     "scfm": _CUBIC_FEET,
     "scfd": _CUBIC_FEET,
 }
-#: A factor with a power of -1 or without, or what stands between factors.
+#: A factor, perhaps with the power -1, or a character between factors.
 _FACTOR = re.compile(r"(?P<word>[A-Za-z]+[23]?)(?P<inverse>-1)?|(?P<between>[·*×./()\s-])")
 
-#: Factors of numerator and denominator, in the order of the alphabet.
+#: Factors of the numerator and of the denominator, each in alphabetical order.
 _Factors = tuple[tuple[str, ...], tuple[str, ...]]
 
 
 def leak_unit(text: str) -> LeakUnit:
     """Find the unit of leakage that a text means, such as "mL/(min*m)", "Pa*m^3/s", "mbar l/s", "sccm" or "atm-cc/s".
 
-    Raises InputError: the text means no unit, or several.
+    Raises
+    ------
+    InputError
+        The text means no unit, or may mean several.
     """
     expected = f"one of {', '.join(LEAK_UNITS)}"
     if isinstance(text, str):
@@ -154,9 +169,10 @@ def leak_unit(text: str) -> LeakUnit:
 
 
 def _factors(text: str) -> _Factors:
-    """Split a unit into the factors of its numerator and of its denominator; both are empty where it cannot be read.
+    """Split a unit into the factors of its numerator and of its denominator.
 
-    All that follows a slash is in the denominator: people write mg/s·m for mg/(s·m).
+    Everything after a slash belongs to the denominator, because people write mg/s·m for mg/(s·m). Both are empty if the
+    unit cannot be read.
     """
     plain = text.translate(_CHARACTERS)
     above: list[str] = []
@@ -184,8 +200,17 @@ _BY_FACTORS: dict[_Factors, str] = {_factors(name): name for name in LEAK_UNITS}
 
 
 def leakage_unit(values: ArrayLike) -> tuple[float, str]:
-    """One readable unit for all the leakages per length [m²/s] given, by the median of those not 0: value and name.
+    """Choose one readable unit for all the given leakages per length [m²/s], by the median of those that are not 0.
 
+    Returns
+    -------
+    value : float
+        The unit in m²/s.
+    name : str
+        Its name.
+
+    Examples
+    --------
     >>> leakage_unit([0.0, 3e-9, 4e-7, 2e-8])
     (1e-09, 'µL/(m·s)')
     """
@@ -194,9 +219,20 @@ def leakage_unit(values: ArrayLike) -> tuple[float, str]:
 
 
 def readable_unit(values: ArrayLike, per_length: bool) -> LeakUnit:
-    """Choose a unit of volume rate in which leakages, [m²/s] or [m³/s], are numbers that people can read."""
-    size = np.abs(np.ravel(reals(values)))
-    size = size[np.isfinite(size) & (size > 0)]
-    middle = float(np.median(size)) if size.size else 1e-9
+    """Choose a unit of volume rate in which the median leakage is a readable number.
+
+    Parameters
+    ----------
+    values : array_like
+        Leakages in m²/s if `per_length`, otherwise in m³/s. Zeros and undefined values are ignored.
+    per_length : bool
+        Whether the leakages are per length of seal.
+    """
+    sizes = np.abs(np.ravel(reals(values)))
+    sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
+    median = float(np.median(sizes)) if sizes.size else 1e-9
     units = [LEAK_UNITS[name] for name in _READABLE[per_length]]
-    return next((unit for unit in units if middle >= unit.si * (1 - 1e-12)), units[-1])
+    for unit in units:
+        if median >= unit.si * (1 - 1e-12):
+            return unit
+    return units[-1]

@@ -1,11 +1,12 @@
-"""The machine of a run: its memory, arrays that processes share or that lie on disk, and the versions of all packages.
+"""Know the machine of a run: its memory, arrays that processes share or that lie on disk, and the versions of packages.
 
-A large array is a file of plain numbers, mapped into memory: one state after the other, each written and read as a
-whole or by pieces. It needs no library and no packing, views of it are arrays as any, and processes open it by its
-name. The file has no name in its folder, so that it is gone with the run, also when that is killed: what a resumed run
-begins from are the results in its `store`, where each state is as soon as it is solved.
+A large array is a file of plain numbers that is mapped into memory. It holds one contact state after the other, each
+written and read as a whole or in pieces. This needs no library and no compression, views of the array behave like any
+array, and other processes open the file by its name. The file is not listed in its folder, so that it disappears with
+the run even if the run is killed. A resumed run starts from the results in its `store`, where each state is saved as
+soon as it is solved.
 
-Versions come from the metadata of the installation, without importing the packages.
+Versions are read from the metadata of the installation, without importing the packages.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import platform
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -33,19 +34,20 @@ if TYPE_CHECKING:
 
 
 def machine() -> dict[str, str | int]:
-    """Processor, cores, memory [byte] and system; entries that the system does not know are left out."""
-    found: dict[str, str | int] = {
+    """Describe the processor, its cores, the memory [byte] and the system, as far as they are known."""
+    description: dict[str, str | int] = {
         "processor": _processor(),
         "system": f"{platform.system()} {platform.release()}",
         "memory_bytes": psutil.virtual_memory().total,
     }
-    if cores := psutil.cpu_count():
-        found["cores"] = cores
-    return found
+    cores = psutil.cpu_count()
+    if cores:
+        description["cores"] = cores
+    return description
 
 
 def peak_memory() -> int:
-    """Largest memory of this process so far [byte]."""
+    """Return the largest memory of this process so far [byte]."""
     if sys.platform == "win32":
         return psutil.Process().memory_info().peak_wset
     import resource
@@ -55,15 +57,16 @@ def peak_memory() -> int:
 
 
 def free_memory() -> float:
-    """Memory that processes can get on this machine without swapping [byte]."""
+    """Return the memory that processes can get on this machine without swapping [byte]."""
     return float(psutil.virtual_memory().available)
 
 
 @contextmanager
 def within_free_memory() -> Iterator[None]:
-    """Context in which asking for more memory than is free now raises MemoryError, where Linux would end the process.
+    """Raise MemoryError in this context if more memory is requested than is free now.
 
-    For reading files that may unpack to any size. On other systems it does nothing.
+    Without it, Linux would kill the process. It is used to read files that may unpack to any size. On other systems it
+    does nothing.
     """
     if sys.platform != "linux":
         yield
@@ -81,17 +84,17 @@ def within_free_memory() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-#: File descriptors of the shared arrays, for each active `sharing`.
+#: File descriptors of the shared arrays, one list for each active context `sharing`.
 _shared: list[list[int]] = []
-#: Folder of large arrays, and the memory that a run may take [byte], for each active `storing`.
+#: Folder of large arrays and memory limit [byte], for each active context `storing`.
 _stores: list[tuple[Path | None, float]] = []
-#: Part of the memory that a run may take above which an array lies on disk.
+#: An array lies on disk if it takes more than this fraction of the memory that a run may use.
 PART_OF_MEMORY = 1 / 16
 
 
 @contextmanager
 def sharing() -> Iterator[None]:
-    """Context in which arrays made by `shared_empty` are shared between processes."""
+    """Share arrays that `shared_empty` makes in this context between processes."""
     _shared.append([])
     try:
         yield
@@ -102,9 +105,10 @@ def sharing() -> Iterator[None]:
 
 @contextmanager
 def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
-    """Context in which large arrays made by `shared_empty` lie in a folder; None for that of temporary files.
+    """Let large arrays that `shared_empty` makes in this context lie in a folder.
 
-    memory : that the run may take [byte]; what is free unless less is given.
+    folder : None for the folder of temporary files.
+    memory : memory that the run may use [byte]; never more than is free.
     """
     _stores.append((folder, math.inf if memory is None else memory))
     try:
@@ -114,59 +118,71 @@ def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
 
 
 def lies_on_disk(size: float) -> bool:
-    """Whether `shared_empty` puts an array of so many bytes on disk."""
-    return size > PART_OF_MEMORY * min(free_memory(), _stores[-1][1] if _stores else math.inf)
+    """Return whether `shared_empty` puts an array of so many bytes on disk."""
+    limit = _stores[-1][1] if _stores else math.inf
+    return size > PART_OF_MEMORY * min(free_memory(), limit)
 
 
 def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """An array of undefined values, as `numpy.empty` gives it; a mapped file where it is large, see `storing`.
+    """Make an array of undefined values, like `numpy.empty`; a large one is a mapped file, see `storing`.
 
-    Within `sharing` on Linux, views of it are sent to processes and come back by reference: what a process writes is
-    written here. Memory and file are given back with the last view, also when the run is killed.
+    Within the context `sharing`, on Linux, views of the array are sent to other processes by reference: what a process
+    writes appears in the array here. Memory and file are released with the last view, also when the run is killed.
     """
-    import numpy as np  # not loaded for a question of versions
+    import numpy as np  # imported here because a question about versions does not need it
 
     size = math.prod(shape) * np.dtype(dtype).itemsize
     on_disk = lies_on_disk(size)
-    if not size or not (on_disk or _shared) or (_shared and not hasattr(os, "memfd_create")):
+    cannot_share = bool(_shared) and not hasattr(os, "memfd_create")
+    if size == 0 or cannot_share or not (on_disk or _shared):
         return np.empty(shape, dtype)
-    with suppress(OSError):  # this system has no such files, or no room for more of them
-        folder = _stores[-1][0] if _stores else None
-        with (
-            tempfile.TemporaryFile(dir=folder)
-            if on_disk
-            else open(os.memfd_create("femseal"), "r+b")
-        ) as file:
-            # a page of a mapped file for which a disk has no room would end the process
-            if on_disk and hasattr(os, "posix_fallocate"):
-                os.posix_fallocate(file.fileno(), 0, size)
-            else:
-                os.ftruncate(file.fileno(), size)
+    try:
+        with _unnamed_file(on_disk) as file:
+            _reserve(file, size, on_disk)
             if not _shared:
                 return np.memmap(file, dtype, "r+", shape=shape)
             descriptor = os.dup(file.fileno())
             _shared[-1].append(descriptor)
-        # joblib passes views of mapped files by the name of the file
+        # joblib sends views of mapped files by the name of the file, so the array is mapped by a name
         return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
-    return np.empty(shape, dtype)
+    except OSError:
+        # the system does not have such files, or no space for another one
+        return np.empty(shape, dtype)
+
+
+def _unnamed_file(on_disk: bool) -> Any:
+    """Open a file without a name, either on disk in the folder of `storing`, or in memory."""
+    if not on_disk:
+        return open(os.memfd_create("femseal"), "r+b")
+    folder = _stores[-1][0] if _stores else None
+    return tempfile.TemporaryFile(dir=folder)
+
+
+def _reserve(file: Any, size: int, on_disk: bool) -> None:
+    """Give a file its size [byte]; raise OSError if the disk does not have the space."""
+    if on_disk and hasattr(os, "posix_fallocate"):
+        # if the space were not reserved, writing to the array on a full disk would kill the process
+        os.posix_fallocate(file.fileno(), 0, size)
+    else:
+        os.ftruncate(file.fileno(), size)
 
 
 def give_back(array: NDArray[Any]) -> None:
-    """Give back the memory of an array that lies in a file: what is in it stays there, and is read again when used."""
+    """Release the memory of an array that lies in a file. Its content stays in the file and is read again when used."""
     mapped = getattr(array, "_mmap", None)
     if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
         mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def one_at_a_time(states: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """The arrays of all states, of which one that lies in a file takes memory while it is used."""
+    """Yield the array of each state, and release its memory afterwards if it lies in a file."""
     for state in states:
         yield state
         give_back(states)
 
 
 def _processor() -> str:
-    """Name of the processor, which Python knows on some systems only."""
+    """Return the name of the processor, which Python itself knows on some systems only."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -179,20 +195,26 @@ _REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio
              "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "filelock", "threadpoolctl",
              "matplotlib", "jinja2", "psutil", "x3pio", "sdfio", "pillow", "xlsxwriter")  # fmt: skip
 _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh", "CoolProp")
-#: Packages on which the bits of a result depend.
+#: Packages on which the results depend, to the last bit.
 _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem", "CoolProp")
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Version of femseal, Python and every package used; "–" for one that is not installed, optional ones left out."""
-    others = {name: _version(name) for name in (*_REQUIRED, *_OPTIONAL)}
-    found = {name: number or "–" for name, number in others.items() if number or name in _REQUIRED}
-    return {"femseal": __version__, "python": platform.python_version(), **found}
+    """Return the versions of femseal, Python and the packages that it uses.
+
+    A required package that is not installed has the version "–"; an optional one is left out.
+    """
+    result = {"femseal": __version__, "python": platform.python_version()}
+    for name in (*_REQUIRED, *_OPTIONAL):
+        package_version = _version(name)
+        if package_version or name in _REQUIRED:
+            result[name] = package_version or "–"
+    return result
 
 
 def _version(name: str) -> str:
-    """Version of a package; "" of one that is not installed."""
+    """Return the version of a package, "" if it is not installed."""
     try:
         return version(name)
     except PackageNotFoundError:
@@ -201,16 +223,16 @@ def _version(name: str) -> str:
 
 @cache
 def numerical_versions() -> dict[str, str]:
-    """Versions of everything that the bits of a result depend on, with the kind of processor.
+    """Return the versions of everything on which the results depend to the last bit, and the kind of processor.
 
-    femseal's own has a digest of its source appended, so that edited code is another version.
+    The version of femseal includes a digest of its source, so that edited code counts as another version.
     """
     source = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         source.update(path.read_bytes())
-    found = {
+    result = {
         "femseal": f"{__version__}+{source.hexdigest()[:12]}",
         "python": platform.python_version(),
         "processor": platform.machine(),
     }
-    return found | {name: _version(name) or "none" for name in _NUMERICAL}
+    return result | {name: _version(name) or "none" for name in _NUMERICAL}

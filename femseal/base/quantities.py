@@ -1,4 +1,7 @@
-"""Quantities as text: '210 GPa' -> 210e9. The only place that knows units as text; everything else is SI."""
+"""Convert between quantities with units as text and numbers in SI: '210 GPa' -> 210e9.
+
+This is the only module that knows units as text. All other modules use SI.
+"""
 
 import re
 from functools import cache, lru_cache
@@ -8,28 +11,29 @@ from typing import Any, SupportsInt
 from .errors import InputError, shown
 
 _DECIMAL_COMMA = re.compile(r"\d,\d")
-#: Longest text that can be a quantity, in characters.
+#: Longest text that can be a quantity [characters].
 _LONGEST = 80
 _EXPONENT = r"(?:(?:\^|\*\*)?[-+]?\d{1,2}|⁻?[¹²³⁴⁵⁶])"
 _NAME = r"(?:[^\W\d_]|[°%])+(?:(?:_|\d+)[^\W\d_]+)*"
 _FACTOR = rf"(?:1|{_NAME}{_EXPONENT}?)"
 _PRODUCT = rf"{_FACTOR}(?:(?:\s*(?:\*|/|·|\.)\s*|\s+){_FACTOR})*"
-#: What may be given to the parser of units: names with exponents, multiplied and divided, brackets one deep.
+#: Texts that are passed to the parser of units: products and quotients of names with exponents, and simple brackets.
 _UNIT = re.compile(_PRODUCT.replace(_FACTOR, rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\))"))
+#: An exponent without "^", such as that of "mm2".
 _BARE_EXPONENT = re.compile(r"(?<=[^\W\d_])([-+]?\d)(?!\d*[^\W\d_])")
-#: Pressure times time is often written as one word, which a parser of units takes for a plural.
+#: The "s" of "Pas" and "mPas", which the parser of units would take for a plural instead of a second.
 _PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
-#: Scales of temperature whose zero is not the absolute one, however they are written.
+#: Celsius and Fahrenheit in their spellings. Their zero is not absolute zero.
 _TEMPERATURE = re.compile(
     r"(?:(?:[°º]|deg(?:rees?)?)[\s_]?)?([CF]|celsius|fahrenheit)|[℃℉]", re.IGNORECASE
 )
-#: What a pressure is counted from, gauge or absolute: "(g)", "(a)", a word, or a letter after bar, psi or Pa.
+#: The end of a gauge or absolute pressure: "(g)" or "(a)", a word, or a letter after bar, psi or Pa.
 _REFERENCE = re.compile(
     r"\s?(?:\(\s?([gaü])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))\s?([gaü])|\s([ga])(?:auge|bs(?:olute)?))\s?$",
     re.IGNORECASE,
 )
-#: Prefixes for people: (factor, text), used when a value is printed.
+#: Prefixes that are used when a value is printed: (factor, text).
 _PREFIXES = [
     (1e9, "G"),
     (1e6, "M"),
@@ -40,10 +44,10 @@ _PREFIXES = [
     (1e-9, "n"),
     (1e-12, "p"),
 ]
-#: Signs of units for people.
+#: Turns "kg/m^3" into "kg/m³" and "Pa*s" into "Pa·s".
 _SIGNS = str.maketrans("*23", "·²³", "^")
-#: Spellings that the parser of units does not know or takes for something else: a mil is a thousandth of an inch here,
-#: and an angle of a wrong size there.
+#: Spellings that the parser of units does not know or misunderstands. A mil is a thousandth of an inch here; the
+#: parser takes it for an angle.
 _SPELLINGS = {
     "mil": "thou",
     "mils": "thou",
@@ -56,12 +60,14 @@ _SPELLINGS = {
     "mmWS": "mmH2O",
     "inWC": "inH2O",
 }
-#: Spellings that stand for a unit of another kind, and what may have been meant where they do not fit.
+#: Units that are sometimes written in place of one of another kind, and what was probably meant.
 _MISTAKEN = {"kg": "kgf", "lb": "lbf", "lbs": "lbf", "micron": "mTorr", "microns": "mTorr"}
 _WORD = re.compile(r"[^\W\d_]+")
-#: Kelvins per degree Fahrenheit, its zero and that of Celsius above absolute zero in degrees.
-_FAHRENHEIT, _FAHRENHEIT_ZERO, _CELSIUS_ZERO = 1 / 1.8, 459.67, 273.15
-#: Values by their unit, for messages.
+#: Kelvins per degree Fahrenheit.
+_FAHRENHEIT = 1 / 1.8
+#: Absolute temperature at 0 °F [°F above absolute zero] and at 0 °C [K].
+_FAHRENHEIT_ZERO, _CELSIUS_ZERO = 459.67, 273.15
+#: An example of a value for each unit, for messages.
 _EXAMPLES = {
     "Pa": "10 MPa",
     "m": "1.5 mm",
@@ -71,7 +77,7 @@ _EXAMPLES = {
     "kg/mol": "29 g/mol",
     "1/Pa": "20 1/GPa",
 }
-#: Units of most cases, in SI, for which the parser of units need not be loaded.
+#: Common units with their SI unit and factor, for which the parser of units, which is slow to import, is not needed.
 _USUAL = {"kg/m^3": ("kg/m^3", 1.0)} | {
     prefix + name: (unit, factor * size)
     for factor, prefix in [*_PREFIXES, (1e-6, "u")]
@@ -86,20 +92,33 @@ _USUAL = {"kg/m^3": ("kg/m^3", 1.0)} | {
 
 @cache
 def _registry() -> Any:
+    """Load the parser of units."""
     import pint
 
     return pint.UnitRegistry()
 
 
 def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> float:
-    """Value in SI of a quantity given as text with its unit.
+    """Convert a quantity given as text with its unit to a number in SI.
 
-    text : for example ``"210 GPa"``, ``"1 mm"``, ``"20 °C"``. A bare number is refused unless `unit` is "" (a ratio).
-    unit : the SI unit of what is expected, for example "Pa", "m", "Pa*s", "" for a plain number.
-    name : of the value in an error message. like : a value for that message, such as "300 MPa".
+    Parameters
+    ----------
+    text : str
+        For example ``"210 GPa"``, ``"1 mm"`` or ``"20 °C"``. A plain number is accepted only if `unit` is "".
+    unit : str
+        The expected SI unit, for example "Pa", "m" or "Pa*s", or "" for a plain number.
+    name : str
+        Name of the value, for the error message.
+    like : str
+        An example of the value for the error message, such as "300 MPa".
 
-    Raises InputError: no unit, a unit of another kind, a decimal comma, or not a finite number.
+    Raises
+    ------
+    InputError
+        The unit is missing or of another kind, the number has a decimal comma, or it is not finite.
 
+    Examples
+    --------
     >>> to_si("210 GPa", "Pa")
     210000000000.0
     >>> to_si("20 °C", "K")
@@ -108,141 +127,192 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
     Traceback (most recent call last):
     femseal.base.errors.InputError: d: given '1,5 mm', expected a number with a decimal point and no comma
     """
-    example = "a finite number"
-    if unit:
-        like = like or _EXAMPLES.get(unit, f"1 {unit}")
-        example = f"text with a number and a unit of the kind {unit!r}, such as {like!r}"
-    if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
-        return _finite(float(text), text, name, example)
+    expected = _expected_quantity(unit, like)
+    is_plain_number = isinstance(text, (int, float)) and not isinstance(text, bool)
+    if unit == "" and is_plain_number:
+        return _finite(float(text), text, name, expected)  # type: ignore[arg-type]
 
     def refused(expected: str) -> InputError:
         return InputError(name, shown(text), expected)
 
     if not isinstance(text, str):
-        raise refused(example)
+        raise refused(expected)
     if len(text) > _LONGEST:
-        raise refused(f"{example}, not longer than {_LONGEST} characters")
+        raise refused(f"{expected}, not longer than {_LONGEST} characters")
     if unit == "Pa" and _REFERENCE.search(text):
         plain = shown(_REFERENCE.sub("", text))
-        alone = "those of the fluid alone in a case are gauge or absolute"
-        raise refused(f"a pressure without (g) or (a), such as {plain}: {alone}")
+        reason = "only the fluid pressures of a case can be gauge or absolute"
+        raise refused(f"a pressure without (g) or (a), such as {plain}: {reason}")
     if _DECIMAL_COMMA.search(text):
         raise refused("a number with a decimal point and no comma")
     match = _NUMBER_AND_UNIT.match(text)
     if match is None or (match[2] is None and unit):
-        raise refused(example)
-    written = (match[2] or "").strip()
+        raise refused(expected)
+    number = float(match[1])
+    given_unit = (match[2] or "").strip()
     if unit == "K":
-        kelvin = _kelvin(float(match[1]), written)
+        kelvin = _kelvin(number, given_unit)
+        if kelvin is not None and kelvin < 0:
+            example = like or "20 °C"
+            raise refused(f"a temperature not below absolute zero, -273.15 °C, such as {example!r}")
         if kelvin is not None:
-            if kelvin < 0:
-                raise refused(
-                    f"a temperature not below absolute zero, -273.15 °C, such as {like or '20 °C'!r}"
-                )
-            return _finite(kelvin, text, name, example)
-    if written and not _UNIT.fullmatch(written):
-        raise refused(example)
-    if (factor := _factor(written, unit)) is None:
-        raise refused(example + _hint(written, unit))
-    # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
-    return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)
+            return _finite(kelvin, text, name, expected)
+    if given_unit and not _UNIT.fullmatch(given_unit):
+        raise refused(expected)
+    factor = _factor(given_unit, unit)
+    if factor is None:
+        raise refused(expected + _hint(given_unit, unit))
+    return _finite(_rounded(number * factor), text, name, expected)
 
 
-def _kelvin(number: float, written: str) -> float | None:
-    """Convert a temperature to kelvin, also below absolute zero; None if the text is no unit of temperature."""
-    scale = _TEMPERATURE.fullmatch(written)
+def _expected_quantity(unit: str, like: str) -> str:
+    """Say which kind of quantity is expected, with an example."""
+    if not unit:
+        return "a finite number"
+    example = like or _EXAMPLES.get(unit, f"1 {unit}")
+    return f"text with a number and a unit of the kind {unit!r}, such as {example!r}"
+
+
+def _rounded(value: float) -> float:
+    """Round to 15 digits, which restores the decimal number as written: factors of prefixes are inexact in binary."""
+    return float(f"{value:.15g}")
+
+
+def _kelvin(number: float, unit: str) -> float | None:
+    """Convert a temperature to kelvin, even below absolute zero; return None if the unit is not one of temperature."""
+    scale = _TEMPERATURE.fullmatch(unit)
     if scale is not None:
-        if (scale[1] or written)[0] in "fF℉":
+        first_letter = (scale[1] or unit)[0]
+        if first_letter in "fF℉":
             return (number + _FAHRENHEIT_ZERO) * _FAHRENHEIT
         return number + _CELSIUS_ZERO
-    factor = _factor(written, "K") if _UNIT.fullmatch(written) else None
-    return None if factor is None else float(f"{number * factor:.15g}")
+    factor = _factor(unit, "K") if _UNIT.fullmatch(unit) else None
+    return None if factor is None else _rounded(number * factor)
 
 
-def _hint(written: str, unit: str) -> str:
-    """Say which unit of the wanted kind may have been meant by one that does not fit, "" if none is known."""
-    of_kind = (one for one, (kind, _) in _USUAL.items() if kind == unit)
-    alike = " or ".join(one for one in of_kind if one.lower() == written.lower())
-    if alike:
-        return f"; capitals count: {alike}"
-    meant = _WORD.sub(lambda word: _MISTAKEN.get(word[0], word[0]), written)
-    if meant != written and _factor(meant, unit) is not None:
-        return f"; {written} is of another kind, perhaps meant: {meant}"
+def _hint(given_unit: str, unit: str) -> str:
+    """Suggest which unit of the expected kind may have been meant; return "" if there is no suggestion."""
+    same_letters = [
+        name
+        for name, (kind, _) in _USUAL.items()
+        if kind == unit and name.lower() == given_unit.lower()
+    ]
+    if same_letters:
+        return f"; capitals count: {' or '.join(same_letters)}"
+    suggestion = _WORD.sub(lambda word: _MISTAKEN.get(word[0], word[0]), given_unit)
+    if suggestion != given_unit and _factor(suggestion, unit) is not None:
+        return f"; {given_unit} is of another kind, perhaps meant: {suggestion}"
     return ""
 
 
 def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> float | None:
-    """Absolute pressure [Pa] of text that says what it is counted from; None of any other.
+    """Convert a pressure that is marked as gauge or absolute to an absolute pressure [Pa].
 
-    Gauge pressures, "10 bar(g)", "10 barg" or "150 psig", are above the ambient pressure [Pa]; "10 bar(a)" is absolute.
+    Gauge pressures, such as "10 bar(g)", "10 barg" or "150 psig", are relative to the ambient pressure. Absolute
+    pressures look like "10 bar(a)".
 
-    Raises InputError: no pressure, or one below that of a vacuum.
+    Parameters
+    ----------
+    text : object
+        The pressure.
+    ambient : float
+        Ambient pressure [Pa].
+    name : str
+        Name of the value, for the error message.
 
+    Returns
+    -------
+    float or None
+        None if the text is not marked as gauge or absolute.
+
+    Raises
+    ------
+    InputError
+        The text is not a pressure, or the pressure is below a vacuum.
+
+    Examples
+    --------
     >>> absolute_pressure("10 bar(g)", 101325.0), absolute_pressure("10 bara", 101325.0)
     (1101325.0, 1000000.0)
     """
-    if not isinstance(text, str) or len(text) > _LONGEST or not (match := _REFERENCE.search(text)):
+    if not isinstance(text, str) or len(text) > _LONGEST:
         return None
-    above = ambient if {"g", "G", "ü", "Ü"} & {*match.groups()} else 0.0
+    mark = _REFERENCE.search(text)
+    if mark is None:
+        return None
+    is_gauge = bool({"g", "G", "ü", "Ü"} & {*mark.groups()})
+    reference = ambient if is_gauge else 0.0
     try:
-        pressure = to_si(text[: match.start()], "Pa", name) + above
+        pressure = to_si(text[: mark.start()], "Pa", name) + reference
     except InputError as error:
         raise InputError(name, shown(text), error.expected) from None
     if pressure < 0:
-        raise InputError(
-            name, shown(text), f"a pressure not below a vacuum, {to_text(0.0 - above, 'Pa')} there"
-        )
+        vacuum = to_text(0.0 - reference, "Pa")
+        raise InputError(name, shown(text), f"a pressure not below a vacuum, {vacuum} there")
     return pressure
 
 
 @lru_cache(maxsize=1000)
-def _factor(written: str, unit: str) -> float | None:
-    """What a unit is in SI, kept as long lists repeat it; None if it is of another kind or unknown."""
-    if written in _USUAL:
-        kind, factor = _USUAL[written]
+def _factor(given_unit: str, unit: str) -> float | None:
+    """Return the factor from a unit to an SI unit; None if the unit is unknown or of another kind."""
+    if given_unit in _USUAL:
+        kind, factor = _USUAL[given_unit]
         return factor if kind == unit else None
-    known = _WORD.sub(lambda word: _SPELLINGS.get(word[0], word[0]), written)
+    spelling = _WORD.sub(lambda word: _SPELLINGS.get(word[0], word[0]), given_unit)
+    spelling = spelling.replace(".", "*")
+    spelling = _PASCAL_SECOND.sub("*s", spelling)  # mPas -> mPa*s
+    spelling = _BARE_EXPONENT.sub(r"^\1", spelling)  # N/mm2 -> N/mm^2
     try:
-        # N/mm2 is N/mm^2, mPas is mPa*s
-        spelled = _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", known.replace(".", "*")))
-        parsed, wanted = _registry().parse_units(spelled), unit or "dimensionless"
-        zero, factor = ((number * parsed).to(wanted).magnitude for number in (0.0, 1.0))
-    # a parser of units fails on unknown names in many ways, all of which mean the same
+        parsed = _registry().parse_units(spelling)
+        si_unit = unit or "dimensionless"
+        at_zero = (0.0 * parsed).to(si_unit).magnitude
+        at_one = (1.0 * parsed).to(si_unit).magnitude
     except Exception:
+        # the parser raises many kinds of errors for unknown units; all of them mean the same here
         return None
-    return None if zero else float(factor)  # a scale with another zero has no factor
+    if at_zero:
+        return None  # a scale with another zero, such as °C, has no factor
+    return float(at_one)
 
 
-def _finite(value: float, given: object, name: str, allowed: str) -> float:
+def _finite(value: float, given: object, name: str, expected: str) -> float:
+    """Return the value if it is finite; raise InputError otherwise."""
     if not isfinite(value):
-        raise InputError(name, shown(given), allowed)
+        raise InputError(name, shown(given), expected)
     return value
 
 
 def to_text(value: float, unit: str, digits: int = 4) -> str:
-    """A value in SI as text with a readable prefix.
+    """Write a value in SI as text with a readable prefix.
 
+    Examples
+    --------
     >>> to_text(210e9, "Pa"), to_text(6.25e-05, "m"), to_text(0.0, "m")
     ('210 GPa', '62.5 µm', '0 m')
     """
     if value == 0 or not isfinite(value):
         return f"{value:g} {unit}"
-    factor, prefix = next((p for p in _PREFIXES if abs(value) >= p[0] * (1 - 1e-12)), _PREFIXES[-1])
+    fitting = [entry for entry in _PREFIXES if abs(value) >= entry[0] * (1 - 1e-12)]
+    factor, prefix = fitting[0] if fitting else _PREFIXES[-1]
     return f"{value / factor:.{digits}g} {prefix}{unit}"
 
 
 def counted(count: SupportsInt, noun: str) -> str:
-    """A number of things for a message.
+    """Write a number of things, with the noun in the singular or plural.
 
-    >>> counted(1, "more step"), counted(2, "piece")
-    ('1 more step', '2 pieces')
+    Examples
+    --------
+    >>> counted(1, "more step"), counted(2, "cell")
+    ('1 more step', '2 cells')
     """
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def unit_text(unit: str) -> str:
-    """A unit as people write it; nothing for a plain number, "1" in declarations of fields.
+    """Write a unit as people do. The unit "1" of a plain number gives "".
 
+    Examples
+    --------
     >>> unit_text("Pa*s"), unit_text("kg/m^3"), unit_text("1")
     ('Pa·s', 'kg/m³', '')
     """
@@ -250,25 +320,41 @@ def unit_text(unit: str) -> str:
 
 
 def with_its_unit(value: float, unit: str) -> str:
-    """A value in SI as text, with a prefix where its unit takes one.
+    """Write a value in SI with its unit, with a prefix if the unit can have one.
 
+    Examples
+    --------
     >>> with_its_unit(1e-3, "Pa*s"), with_its_unit(1000.0, "kg/m^3"), with_its_unit(0.2, "")
     ('1 mPa·s', '1000 kg/m³', '0.2')
     """
-    if unit.startswith(("P", "m", "N", "s")) and "^" not in unit:
+    takes_prefix = unit.startswith(("P", "m", "N", "s")) and "^" not in unit
+    if takes_prefix:
         return to_text(value, unit_text(unit))
     return f"{value:.4g} {unit_text(unit)}".rstrip()
 
 
 def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "", **_: Any) -> str:
-    """A value in SI for people: angles in degrees, fractions in per cent, None and NaN as a dash; `joint` between two.
+    """Write a value in SI, or a tuple of values, for people.
 
+    Parameters
+    ----------
+    value : object
+        Angles are written in degrees, None and NaN as a dash, truth values as "yes" or "no".
+    unit : str
+        SI unit of the value.
+    percent : bool
+        Whether to write a fraction as a percentage.
+    joint : str
+        Text between the values of a tuple. Default: " × " for lengths and whole numbers, otherwise ", ".
+
+    Examples
+    --------
     >>> as_text((1e-6, 2e-6), "m"), as_text(0.5, "rad"), as_text(0.0023, "", percent=True)
     ('1 µm × 2 µm', '28.65°', '0.23 %')
     """
     if isinstance(value, tuple):
-        joint = joint or (" × " if unit == "m" or isinstance(value[0], int) else ", ")
-        return joint.join(as_text(v, unit, percent=percent) for v in value)
+        default_joint = " × " if unit == "m" or isinstance(value[0], int) else ", "
+        return (joint or default_joint).join(as_text(v, unit, percent=percent) for v in value)
     if value is None or (isinstance(value, float) and isnan(value)):
         return "–"
     if isinstance(value, bool):
@@ -279,4 +365,6 @@ def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "
         return f"{100 * value:.3g} %"
     if unit == "rad":
         return f"{degrees(value):.4g}°"
-    return to_text(value, unit) if unit == "m" else f"{value:.4g} {unit}".strip()
+    if unit == "m":
+        return to_text(value, unit)
+    return f"{value:.4g} {unit}".strip()

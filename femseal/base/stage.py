@@ -1,23 +1,31 @@
-"""Stages of a study: a function that is computed for each of many items, with a readable name."""
+"""Describe a stage of a study: a function that is computed for many independent items, with a readable name."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-#: Computes a stage for all items, as the builtin `map` does: mapper(stage, *iterables) gives the results in the order
+#: Computes a stage for all items, like the builtin `map`: mapper(stage, *iterables) returns the results in the order
 #: of the items, wherever they are computed.
 Mapper = Callable[..., Iterable[Any]]
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a study that is computed for many items independently.
+    """Describe a computation that is repeated for many independent items.
 
-    name : what the stage computes; progress, log, timings and report show it.
-    function : called for each item; processes get it as a pickle.
-    memory : of one call [byte], 0 if it is small; a machine runs no more calls at once than fit in its memory.
-    key : by which a store finds its results, with the items; the function unless given.
+    Parameters
+    ----------
+    name : str
+        What the stage computes. The progress, the log, the timings and the report show it.
+    function : callable
+        Computes one item. It must be picklable, because it is sent to other processes.
+    memory : float
+        Memory that one call needs [byte], 0 if it is small. No more calls run at once than fit in the memory.
+    key : object
+        Identifies the results of this stage in the store, together with the items. Default: the function.
 
+    Examples
+    --------
     >>> stage = Stage("quotients", divmod)
     >>> stage.name, list(map(stage, [7, 9], [2, 2]))
     ('quotients', [(3, 1), (4, 1)])

@@ -1,4 +1,4 @@
-"""Results as text: numbers, one line, and tables for the terminal, notebooks, the report and files."""
+"""Write results as text: numbers, single lines, and tables for the terminal, notebooks, the report and files."""
 
 from __future__ import annotations
 
@@ -17,19 +17,31 @@ import numpy as np
 from .lazy_package import displays
 from .quantities import as_text, counted, with_its_unit
 
-#: Width of the column under the names of groups in the terminal.
-_GROUP = 13
+#: Width of the first column of a grouped table in the terminal [characters].
+_GROUP_WIDTH = 13
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """Headings and lines of texts.
+    """Hold a table of texts, which can be shown in a terminal, a notebook or the report.
 
-    title : above the table; "" for none. heads : of the columns; none for a table of names and values. lines : one
-    text for each column. names : number of columns from the left that are names, which are aligned to the left;
-    others are numbers, to the right. grouped : whether the first column names groups, each of which has a line of its
-    own in the terminal. notes : below the table. wrap : length of a heading in the terminal beyond which it is broken
-    between words.
+    Parameters
+    ----------
+    title : str
+        Title above the table, "" for none.
+    heads : tuple of str
+        Headings of the columns. A table of names and values has none.
+    lines : tuple of tuples of str
+        Rows, with one text for each column.
+    names : int
+        Number of columns, counted from the left, that hold names and are aligned to the left. The other columns hold
+        numbers and are aligned to the right.
+    grouped : bool
+        Whether the first column names a group of rows. In the terminal each group name has a line of its own.
+    notes : tuple of str
+        Notes below the table.
+    wrap : int
+        Longest line of a heading in the terminal [characters]; longer headings are broken between words. 0: no limit.
     """
 
     title: str
@@ -44,18 +56,19 @@ class TextTable:
     def of_columns(
         cls, title: str, columns: Iterable[tuple[str, Iterable[str]]], **options: Any
     ) -> TextTable:
-        """A table of columns, each a heading and its texts."""
+        """Make a table from columns, each given as its heading and its texts."""
         heads, texts = zip(*columns, strict=True)
         return cls(title, tuple(heads), tuple(zip(*texts, strict=True)), **options)
 
     def without(self, head: str) -> TextTable:
-        """The table without the column of numbers of a heading."""
-        kept = [n for n, other in enumerate(self.heads) if other != head]
-        heads, *lines = (tuple(line[n] for n in kept) for line in (self.heads, *self.lines))
-        return replace(self, heads=heads, lines=tuple(lines))
+        """Return the table without the column of a heading."""
+        remaining = [n for n, heading in enumerate(self.heads) if heading != head]
+        heads = tuple(self.heads[n] for n in remaining)
+        lines = tuple(tuple(line[n] for n in remaining) for line in self.lines)
+        return replace(self, heads=heads, lines=lines)
 
     def __rich__(self) -> Any:
-        """The table as `rich.print` shows it."""
+        """Return the table as `rich.print` shows it."""
         from rich.box import SIMPLE_HEAD
         from rich.console import Group
         from rich.markup import escape as plain
@@ -70,33 +83,45 @@ class TextTable:
             caption=plain("\n".join(self.notes)) or None,
             caption_justify="left",
         )
-        first = int(self.grouped)
-        for n, head in list(enumerate(self.heads or self.lines[0]))[first:]:
+        self._add_columns(table)
+        first_column = int(self.grouped)
+        previous_group = None
+        for line in self.lines:
+            if self.grouped and line[0] != previous_group:
+                table.add_row(plain(line[0]), style="bold")
+                previous_group = line[0]
+            texts = [plain(text) for text in line[first_column:]]
+            if self.grouped:
+                texts[0] = f"{texts[0]:>{_GROUP_WIDTH - 3}}"
+            table.add_row(*texts)
+        if not self.title:
+            return table
+        # the title of a rich table is wrapped at the width of the table, so it is printed above it instead
+        return Group(Text(self.title, style="table.title"), table)
+
+    def _add_columns(self, table: Any) -> None:
+        """Add the columns with their headings and alignment to a table of rich."""
+        from rich.markup import escape as plain
+
+        first_column = int(self.grouped)
+        for n, head in enumerate(self.heads or self.lines[0]):
+            if n < first_column:
+                continue
             text = fill(head, self.wrap, break_long_words=False) if self.wrap else head
-            # names of groups are broken, which leaves the width to the numbers
-            width = _GROUP if self.grouped and n == first else None
-            left = n < self.names or width
+            # the names of groups are wrapped, which leaves more width to the numbers
+            is_group_column = self.grouped and n == first_column
+            width = _GROUP_WIDTH if is_group_column else None
+            is_name = n < self.names or is_group_column
             table.add_column(
                 plain(text),
-                justify="left" if left else "right",
+                justify="left" if is_name else "right",
                 overflow="fold",
                 min_width=width,
                 max_width=width,
             )
-        former = None
-        for line in self.lines:
-            if self.grouped and line[0] != former:
-                table.add_row(plain(line[0]), style="bold")
-                former = line[0]
-            texts = [plain(text) for text in line[first:]]
-            if self.grouped:
-                texts[0] = f"{texts[0]:>{_GROUP - 3}}"
-            table.add_row(*texts)
-        # above the table, as a title of the table is no wider than it
-        return Group(Text(self.title, style="table.title"), table) if self.title else table
 
     def __str__(self) -> str:
-        """The table as plain text, as wide as it needs."""
+        """Return the table as plain text, as wide as it needs to be."""
         from rich.console import Console
 
         console = Console(width=1000, color_system=None)
@@ -105,45 +130,54 @@ class TextTable:
         return "\n".join(line.rstrip() for line in capture.get().splitlines())
 
     def _repr_html_(self) -> str:
-        """The table for a notebook."""
+        """Return the table as HTML for a notebook."""
         caption = f"<caption>{escape(self.title)}</caption>\n" if self.title else ""
-        head = f"<thead><tr>{_cells(self.heads, 'th')}</tr></thead>\n" if self.heads else ""
-        body = "\n".join(f"<tr>{_cells(line, 'td')}</tr>" for line in self.lines)
+        head = f"<thead><tr>{_html_cells(self.heads, 'th')}</tr></thead>\n" if self.heads else ""
+        body = "\n".join(f"<tr>{_html_cells(line, 'td')}</tr>" for line in self.lines)
         return f"<table>{caption}{head}<tbody>\n{body}\n</tbody></table>"
 
 
-def _cells(texts: Iterable[str], tag: str) -> str:
+def _html_cells(texts: Iterable[str], tag: str) -> str:
+    """Wrap every text into an HTML tag."""
     return "".join(f"<{tag}>{escape(text)}</{tag}>" for text in texts)
 
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-#: Powers of ten that are written as numbers.
-_PLAIN = range(-4, 6)
+#: Exponents of ten of the numbers that are written without a power of ten.
+_PLAIN_EXPONENTS = range(-4, 6)
 
 
 def rows_of(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """A dictionary for each row of columns (rows,), or of one value for all rows, in numbers of Python."""
-    values = [np.asarray(column) for column in columns.values()]
-    lines = zip(*(column.tolist() for column in np.broadcast_arrays(*values)), strict=True)
-    return [dict(zip(columns, line, strict=True)) for line in lines]
+    """Turn columns into one dictionary for each row, with Python numbers.
+
+    A column is an array (rows,), or a single value that all rows share.
+    """
+    arrays = [np.asarray(column) for column in columns.values()]
+    lists = [array.tolist() for array in np.broadcast_arrays(*arrays)]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True)]
 
 
 def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
-    """Rows, at least one, as comma-separated values with one line of column names; empty where there is no number.
+    """Write rows as comma-separated values, after one line with the names of the columns.
 
-    Texts that a spreadsheet would take for a formula begin with an apostrophe.
+    There must be at least one row. A missing value is an empty cell. A text that a spreadsheet would take for a formula
+    is preceded by an apostrophe.
     """
+    names = list(rows[0])
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(map(_plain_cell, rows[0]))
-    writer.writerows([_plain_cell(row.get(name, "")) for name in rows[0]] for row in rows)
+    writer.writerow(map(_without_formula, names))
+    for row in rows:
+        writer.writerow([_without_formula(row.get(name, "")) for name in names])
     return stream.getvalue()
 
 
-def _plain_cell(value: Any) -> Any:
-    """A cell that no spreadsheet computes: only numbers begin with + or -, and no text with = or @.
+def _without_formula(value: Any) -> Any:
+    """Return a cell that no spreadsheet takes for a formula.
 
-    >>> _plain_cell("=1+2"), _plain_cell("-2 um"), _plain_cell("-2.5"), _plain_cell(-2.5)
+    Texts that begin with a character such as "=", "@", "+" or "-" get an apostrophe, unless they are numbers.
+
+    >>> _without_formula("=1+2"), _without_formula("-2 um"), _without_formula("-2.5"), _without_formula(-2.5)
     ("'=1+2", "'-2 um", '-2.5', -2.5)
     """
     if not isinstance(value, str) or not value.startswith(("=", "+", "-", "@", "\t", "\r")):
@@ -155,108 +189,158 @@ def _plain_cell(value: Any) -> Any:
     return value
 
 
-def number_text(value: float, digits: int = 3, plain: range = _PLAIN) -> str:
-    """A number other than 0 as people write it, with a power of ten unless its exponent is in `plain`.
+def number_text(value: float, digits: int = 3, plain: range = _PLAIN_EXPONENTS) -> str:
+    """Write a number other than 0 as people do, with a power of ten if it is very large or small.
 
+    Parameters
+    ----------
+    value : float
+        The number.
+    digits : int
+        Number of significant digits.
+    plain : range
+        Exponents of ten for which no power of ten is written.
+
+    Examples
+    --------
     >>> number_text(16634567.0), number_text(1e-12), number_text(99960.0), number_text(-0.012345, 2)
     ('1.66·10⁷', '10⁻¹²', '100000', '-0.012')
     """
-    factor, exponent = f"{value:.{digits - 1}e}".split("e")
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     if int(exponent) in plain:
-        return f"{float(f'{value:.{digits}g}'):.15g}"
-    return f"{float(factor):g}·10{str(int(exponent)).translate(_SUPERSCRIPTS)}".removeprefix("1·")
+        rounded = float(f"{value:.{digits}g}")
+        return f"{rounded:.15g}"
+    power = str(int(exponent)).translate(_SUPERSCRIPTS)
+    return f"{float(mantissa):g}·10{power}".removeprefix("1·")
 
 
 def duration(seconds: float) -> str:
-    """Seconds as text.
+    """Write a duration in a readable unit.
 
+    Examples
+    --------
     >>> duration(0.01234), duration(75.0), duration(9000.0)
     ('0.012 s', '75 s', '2.5 h')
     """
+    if seconds < 99.5:
+        return f"{seconds:.2g} s"
     if seconds < 600:
-        return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.2g} h"
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.2g} h"
 
 
 def format_deviation(half_width: float, factor: str = "a factor of ") -> str:
-    """A distance of ln(x) as a fraction of x, or as a factor where it is large.
+    """Write a difference of ln(x) as a percentage of x, or as a factor if it is large.
 
-    >>> format_deviation(0.0953), format_deviation(1.5), format_deviation(800.0), format_deviation(float("inf"))
-    ('10 %', 'a factor of 4.5', 'a factor of more than 10000', 'an unknown factor')
+    Examples
+    --------
+    >>> format_deviation(0.0953), format_deviation(1.5)
+    ('10 %', 'a factor of 4.5')
+    >>> format_deviation(800.0), format_deviation(float("inf"))
+    ('a factor of more than 10000', 'an unknown factor')
     """
     if not isfinite(half_width):
         return "an unknown factor"
-    change = expm1(min(half_width, 10.0))
+    change = expm1(min(half_width, 10.0))  # the cap avoids an overflow
     if change < 1:
         return f"{100 * change:.2g} %"
-    return f"{factor}{1 + change:.2g}" if change < 1e4 else f"{factor}more than 10000"
+    if change < 1e4:
+        return f"{factor}{1 + change:.2g}"
+    return f"{factor}more than 10000"
 
 
 class Plotted:
-    """Base of classes with a picture, which a function in `femseal.plots` draws."""
+    """Give a class the method `plot`, which calls a function in `femseal.plots`."""
 
     __slots__ = ()
 
     def plot(self, **options: Any) -> Any:
-        """Draw this result: a figure of pyplot, which `pyplot.show()` opens and a notebook displays.
+        """Draw this result.
 
-        ax : axes to draw into, where the picture has one panel, so that several results go into one figure.
-        options : of the function in `femseal.plots` that draws this class.
+        Parameters
+        ----------
+        **options
+            Options of the function in `femseal.plots` that draws this class. Pictures with a single panel take `ax`,
+            the axes to draw into, so that several results can share a figure.
 
-        Raises InputError: an option that this picture does not have.
+        Returns
+        -------
+        figure
+            A Matplotlib figure. `pyplot.show()` opens it, and a notebook displays it.
+
+        Raises
+        ------
+        InputError
+            This picture does not have such an option.
         """
         return room("plots").picture(self, **options)
 
 
 def room(name: str) -> ModuleType:
-    """A package of femseal that shows results, such as "plots", imported when it is needed."""
+    """Import a package of femseal that shows results, such as "plots", when it is needed."""
     return displays[name]()
 
 
 class Shown(Plotted):
-    """Base of results, frozen dataclasses whose fields carry `unit` and `long_name` in their metadata.
+    """Give result classes a short representation in the terminal and a table in notebooks.
 
-    Numbers are shown with their unit, arrays by their shape and range, steps and failures by their count; fields with
-    repr=False only in the table. `_derived` names properties that are shown first, with their units.
+    A result is a frozen dataclass whose fields carry `unit` and `long_name` in their metadata. Numbers are shown with
+    their unit, arrays with their shape and range, load steps and failures with their number. Fields with `repr=False`
+    appear in the table only. The class attribute `_derived` maps properties that are shown first to their units.
     """
 
     _derived: ClassVar[dict[str, str]] = {}
 
     def __repr__(self) -> str:
-        facts = (f"{name} {text}" for name, text, _ in self._facts(whole=False))
+        facts = (f"{name} {text}" for name, text, _ in self._facts(include_hidden=False))
         return f"{type(self).__name__}({', '.join(facts)})"
 
     def _repr_html_(self) -> str:
-        return TextTable(type(self).__name__, (), tuple(self._facts(whole=True)))._repr_html_()
+        table = TextTable(type(self).__name__, (), tuple(self._facts(include_hidden=True)))
+        return table._repr_html_()
 
-    def _facts(self, whole: bool) -> list[tuple[str, str, str]]:
-        """Name, value as text, meaning."""
-        told = [(name, unit, "") for name, unit in self._derived.items()]
-        told += [
-            (f.name, f.metadata.get("unit", "1"), f.metadata.get("long_name", ""))
-            for f in fields(self)  # type: ignore[arg-type]
-            if whole or f.repr
-        ]
-        facts = ((name, value_text(getattr(self, name), unit), what) for name, unit, what in told)
-        return [fact for fact in facts if fact[1]]
+    def _facts(self, include_hidden: bool) -> list[tuple[str, str, str]]:
+        """Return (name, value as text, meaning) of the properties and fields that have a value.
+
+        include_hidden : whether fields with `repr=False` are included.
+        """
+        entries = [(name, unit, "") for name, unit in self._derived.items()]
+        for f in fields(self):  # type: ignore[arg-type]
+            if include_hidden or f.repr:
+                entries.append(
+                    (f.name, f.metadata.get("unit", "1"), f.metadata.get("long_name", ""))
+                )
+        facts = []
+        for name, unit, meaning in entries:
+            text = value_text(getattr(self, name), unit)
+            if text:
+                facts.append((name, text, meaning))
+        return facts
 
 
 def value_text(value: Any, unit: str = "1") -> str:
-    """A value of a result as short text, "" of None, NaN and an empty tuple; `unit` as in the metadata of its field.
+    """Write a value of a result as short text.
 
+    None, NaN and an empty tuple give "". The unit is that of the metadata of the field.
+
+    Examples
+    --------
     >>> value_text(2.5e-6, "m"), value_text(np.array([[0.0, 2e8], [np.nan, 1e9]]), "Pa"), value_text(1.5e-18, "m^3")
     ('2.5 µm', '(2 × 2: 0 Pa … 1 GPa)', '1.5e-18 m³')
     """
     if value is None or (isinstance(value, tuple) and not value):
         return ""
     if isinstance(value, np.ndarray):
-        return f"({' × '.join(map(str, value.shape))}: {_range_text(value, unit)})"
+        shape = " × ".join(map(str, value.shape))
+        return f"({shape}: {_range_text(value, unit)})"
     if isinstance(value, (bool, np.bool_, str, int, np.integer)):
         return str(value)
     if isinstance(value, (float, np.floating)):
         return "" if isnan(value) else with_its_unit(float(value), unit)
     if isinstance(value, dict):
-        return ", ".join(f"{name} {value_text(each, unit)}" for name, each in value.items())
+        return ", ".join(f"{name} {value_text(item, unit)}" for name, item in value.items())
     if isinstance(value, tuple) and hasattr(value[0], "pressure"):
         return f"of {counted(len(value), 'load step')}"
     if isinstance(value, tuple) and isinstance(value[0], str):
@@ -265,30 +349,34 @@ def value_text(value: Any, unit: str = "1") -> str:
 
 
 def _range_text(values: np.ndarray, unit: str) -> str:
+    """Write the range of an array as text, or the percentage of true values of a boolean array."""
     if values.dtype == bool:
-        return f"{100 * values.mean() if values.size else 0:.3g} %"
+        fraction = values.mean() if values.size else 0.0
+        return f"{100 * fraction:.3g} %"
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return "undefined"
-    low, high = (with_its_unit(float(v), unit) for v in (finite.min(), finite.max()))
+    low = with_its_unit(float(finite.min()), unit)
+    high = with_its_unit(float(finite.max()), unit)
     return low if low == high else f"{low} … {high}"
 
 
 def labelled(label: str, unit: str = "", **options: Any) -> Any:
-    """A field of a dataclass with a label and a unit; other options are those of `as_text`."""
+    """Declare a field of a dataclass with a label and a unit; further options are those of `as_text`."""
     return field(metadata={"unit": unit, "label": label, **options})
 
 
 class Labelled:
-    """Base of dataclasses whose fields carry `unit`, `label`, and `percent` for fractions: a line of text for each.
+    """Give a dataclass a text with one line for each field that has a label.
 
-    A field without a label has no line.
+    The fields carry `label`, `unit` and, for fractions, `percent` in their metadata, see `labelled`.
     """
 
     def __str__(self) -> str:
         metadata = {f.name: f.metadata for f in fields(self) if "label" in f.metadata}  # type: ignore[arg-type]
-        width = max(len(m["label"]) for m in metadata.values())
-        return "\n".join(
-            f"{m['label']:{width}}  {as_text(getattr(self, name), **m)}"
-            for name, m in metadata.items()
-        )
+        width = max(len(options["label"]) for options in metadata.values())
+        lines = []
+        for name, options in metadata.items():
+            value = as_text(getattr(self, name), **options)
+            lines.append(f"{options['label']:{width}}  {value}")
+        return "\n".join(lines)

@@ -1,7 +1,9 @@
-"""Types of arguments and their checks: each returns the clean value or raises an InputError that names the argument.
+"""Check arguments, and define the types that they have.
 
-Parameters of classes that a case can choose, such as fluids, are declared once with unit and range; the case file gets
-a key for each of them from the same metadata.
+Each check returns the clean value, or raises an InputError that names the argument.
+
+Parameters of classes that a case file can choose, such as fluids, are declared once, with unit and range. The case file
+gets a key for each of them from the same metadata.
 """
 
 import dataclasses
@@ -22,16 +24,19 @@ from .quantities import counted, unit_text
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-#: Real numbers in single precision, and in any.
+#: Real numbers in single precision.
 Singles = NDArray[np.float32]
+#: Real numbers in any precision.
 Floats = NDArray[np.floating]
-#: Of a file or a folder.
+#: Path of a file or a folder.
 AnyPath = str | os.PathLike[str]
-#: Along x1 and x2: points, lengths, whether a map repeats itself.
+#: Number of points along x1 and x2.
 Shape = tuple[int, int]
+#: Lengths or other numbers along x1 and x2.
 Pair = tuple[float, float]
+#: Whether a map is periodic along x1 and x2.
 Periodic = tuple[bool, bool]
-#: Along x1 and x2, or the same along both.
+#: Numbers along x1 and x2, or one number for both.
 Lengths = float | Pair
 
 _Parameters = ParamSpec("_Parameters")
@@ -71,32 +76,52 @@ def removed_arguments(
 
 
 def reals(values: ArrayLike) -> Array:
-    """Values as an array of real numbers."""
+    """Convert values to an array of real numbers."""
     return np.asarray(values, dtype=np.float64)
 
 
 def number(
     name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False
 ) -> float:
-    """A finite number > `above`, or >= `above` when `inclusive`; above −inf, any."""
+    """Check that a value is a finite number above a limit.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the error message.
+    value : object
+        The value.
+    unit : str
+        Unit, for the error message.
+    above : float
+        The value must be greater than this number; −inf for no limit.
+    inclusive : bool
+        Whether the value may be equal to `above`.
+    """
     try:
         if isinstance(value, (str, bytes, bool)):
             raise TypeError
-        given = float(value)
+        checked = float(value)
     except (TypeError, ValueError):
-        given, value = nan, repr(value)
-    if isfinite(given) and (given >= above if inclusive else given > above):
-        return given
-    least = f" {'>=' if inclusive else '>'} {above:g}" if isfinite(above) else ""
-    raise InputError(name, value, "a finite number" + least + (f" [{unit}]" if unit else ""))
+        checked = nan
+        value = repr(value)
+    is_in_range = checked >= above if inclusive else checked > above
+    if isfinite(checked) and is_in_range:
+        return checked
+    expected = "a finite number"
+    if isfinite(above):
+        expected += f" {'>=' if inclusive else '>'} {above:g}"
+    if unit:
+        expected += f" [{unit}]"
+    raise InputError(name, value, expected)
 
 
 def tolerance(name: str, value: Any) -> float:
-    """A number between 0 and 1."""
-    given = number(name, value)
-    if given >= 1:
+    """Check that a value is a number between 0 and 1, both excluded."""
+    checked = number(name, value)
+    if checked >= 1:
         raise InputError(name, value, "a number between 0 and 1")
-    return given
+    return checked
 
 
 def field(
@@ -108,68 +133,84 @@ def field(
     copy: bool = True,
     undefined: bool = False,
 ) -> Array:
-    """An array (n1, n2) of finite real numbers, of the given shape if any; a new one unless `copy` is false.
+    """Check that a value is an array (n1, n2) of finite real numbers.
 
-    undefined : whether points may be NaN.
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the error message.
+    value : array_like
+        The value.
+    unit : str
+        Unit, for the error message.
+    shape : tuple of two int, optional
+        Shape that the array must have.
+    copy : bool
+        Whether to return a new array in any case.
+    undefined : bool
+        Whether points may be undefined (NaN).
     """
     try:
         if np.ma.is_masked(value) or np.iscomplexobj(value):
             raise TypeError
         array = np.array(value, dtype=float, copy=True if copy else None)
-        # the last digits of results depend on the alignment in memory, which differs for arrays sent by a cluster
+        # Arrays from a cluster may be aligned differently in memory, which changes the last digits of results.
         array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError):
         expected = f"an array (n1, n2) of real numbers [{unit}]"
         raise InputError(name, f"a {type(value).__name__}", expected) from None
-    if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):
+    has_other_shape = shape is not None and array.shape != shape
+    if array.ndim != 2 or array.size == 0 or has_other_shape:
         raise InputError(name, f"shape {array.shape}", f"shape {shape or '(n1, n2)'}")
-    bad = np.isinf(array) if undefined else ~np.isfinite(array)
-    if bad.any():
-        expected = f"finite numbers [{unit}]" + (", NaN = undefined" if undefined else "")
-        raise InputError(name, f"{counted(bad.sum(), 'point')} not finite", expected)
+    is_bad = np.isinf(array) if undefined else ~np.isfinite(array)
+    if is_bad.any():
+        expected = f"finite numbers [{unit}]"
+        if undefined:
+            expected += ", NaN = undefined"
+        raise InputError(name, f"{counted(is_bad.sum(), 'point')} not finite", expected)
     return array
 
 
 def count(name: str, value: Any, least: int = 1) -> int:
-    """A whole number >= a least one."""
+    """Check that a value is a whole number of at least `least`."""
     try:
-        given = index(value)
+        checked = index(value)
     except TypeError:
-        given = least - 1
-    if given < least or isinstance(value, bool):
+        checked = least - 1
+    if checked < least or isinstance(value, bool):
         raise InputError(name, repr(value), f"a whole number >= {least}")
-    return given
+    return checked
 
 
-def _two(name: str, value: Any, check: Callable[[Any], Any], allowed: str) -> tuple[Any, Any]:
-    """Two clean values, along x1 and x2."""
+def _pair(name: str, value: Any, check: Callable[[Any], Any], expected: str) -> tuple[Any, Any]:
+    """Check that a value consists of two values, along x1 and x2, each of which passes `check`."""
     try:
         first, second = map(check, value)
     except (TypeError, ValueError, KeyError):
-        raise InputError(name, repr(value), f"{allowed}, along x1 and x2") from None
+        raise InputError(name, repr(value), f"{expected}, along x1 and x2") from None
     return first, second
 
 
 def lengths(name: str, value: Any) -> Pair:
-    """Two finite lengths > 0 [m], along x1 and x2; a single number is both."""
+    """Check that a value is two finite lengths > 0 [m] along x1 and x2, or one number for both."""
     pair = (value, value) if isinstance(value, Real) else value
-    return _two(name, pair, partial(number, name), "two finite numbers > 0 [m]")
+    return _pair(name, pair, partial(number, name), "two finite numbers > 0 [m]")
 
 
 def grid(name: str, value: Any, *, minimum: int = 1) -> Shape:
-    """Two whole numbers >= `minimum`, along x1 and x2."""
+    """Check that a value is two whole numbers of at least `minimum` along x1 and x2."""
     check = partial(count, name, least=minimum)
-    return _two(name, value, check, f"two whole numbers >= {minimum}")
+    return _pair(name, value, check, f"two whole numbers >= {minimum}")
 
 
 def flags(name: str, value: Any) -> Periodic:
-    """Two truth values, along x1 and x2; a single one is both."""
+    """Check that a value is two truth values along x1 and x2, or one for both."""
     pair = (value, value) if isinstance(value, bool) else value
-    return _two(name, pair, {True: True, False: False}.__getitem__, "two of True and False")
+    return _pair(name, pair, {True: True, False: False}.__getitem__, "two of True and False")
 
 
 def axis_number(axis: Any) -> int:
-    """0 (x1) or 1 (x2)."""
+    """Check that an axis is 0 (x1) or 1 (x2)."""
     if axis not in (0, 1):
         raise InputError("axis", repr(axis), "0 (x1) or 1 (x2)")
     return int(axis)
@@ -183,10 +224,20 @@ def described(
     default: Any = dataclasses.MISSING,
     **more: Any,
 ) -> Any:
-    """A field of a dataclass that a case may give too.
+    """Declare a field of a dataclass that is also a key of case files.
 
-    meaning : in a phrase, for the key of the case. example : value in a case, as TOML has it; the default unless given.
-    since : first version that has it. default : without it the field is required. more : of the metadata.
+    Parameters
+    ----------
+    meaning : str
+        Meaning of the key, in a phrase.
+    example : object
+        A value as TOML has it. Default: the default value of the field.
+    since : str
+        First version of femseal that has the key.
+    default : object
+        Default value. A field without one is required.
+    **more
+        Further metadata of the field.
     """
     metadata = {"meaning": meaning, "example": example, "since": since, **more}
     return dataclasses.field(default=default, metadata=metadata)
@@ -202,26 +253,47 @@ def parameter(
     inclusive: bool = False,
     **more: Any,
 ) -> Any:
-    """A field of a dataclass: a finite number > `above`, or >= `above` where `inclusive`.
+    """Declare a field of a dataclass that is a finite number above a limit, and also a key of case files.
 
-    unit : in SI, as text that case files may use too, such as "Pa*s".
-    allowed : what a case file may give, with an example, such as "a viscosity > 0, such as '1 mPa*s'".
-    usual : range out of which a case is asked whether the unit is meant.
-    meaning, more : as `described` takes them; the default may be None.
+    Parameters
+    ----------
+    unit : str
+        SI unit, in a form that case files may use too, such as "Pa*s".
+    allowed : str
+        What a case file may give, with an example, such as "a viscosity > 0, such as '1 mPa*s'".
+    meaning : str
+        Meaning of the key, see `described`.
+    usual : tuple of two float
+        Usual range in SI. Outside it the user is asked whether the unit is right.
+    above : float
+        Lower limit; the number must be greater.
+    inclusive : bool
+        Whether the number may be equal to `above`.
+    **more
+        Further arguments of `described`. The default may be None.
     """
     limits: dict[str, Any] = {"usual": usual, "above": above, "inclusive": inclusive}
     return described(meaning, unit=unit, allowed=allowed, **limits, **more)
 
 
 def check_parameters(model: Any) -> None:
-    """Check the parameters of a dataclass.
+    """Check all fields of a dataclass that were declared by `parameter`.
 
-    Raises InputError: one of them is not a finite number, or is out of its range.
+    Raises
+    ------
+    InputError
+        A value is not a finite number, or is outside its range.
     """
     for f in dataclasses.fields(model):
-        if "allowed" in f.metadata:
-            if getattr(model, f.name) is None and f.default is None:
-                continue
-            unit = unit_text(f.metadata["unit"])
-            above, inclusive = f.metadata["above"], f.metadata["inclusive"]
-            number(f.name, getattr(model, f.name), unit=unit, above=above, inclusive=inclusive)
+        if "allowed" not in f.metadata:
+            continue
+        value = getattr(model, f.name)
+        if value is None and f.default is None:
+            continue
+        number(
+            f.name,
+            value,
+            unit=unit_text(f.metadata["unit"]),
+            above=f.metadata["above"],
+            inclusive=f.metadata["inclusive"],
+        )

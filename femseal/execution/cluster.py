@@ -1,4 +1,4 @@
-"""The mapper over the workers of a Dask cluster."""
+"""Compute stages on the workers of a Dask cluster."""
 
 import asyncio
 import logging
@@ -21,19 +21,30 @@ log = logging.getLogger("femseal.execution.cluster")
 ANSWER_SECONDS = 5
 #: Time limit for a cluster without workers, at the start or after the last one has left [s].
 WORKER_SECONDS = 600
-#: Tasks sent for each thread of the cluster: one is computed while the next one waits.
+#: Unfinished tasks for each thread of the cluster: one is computed while the next one waits.
 UNDER_WAY = 2
-#: Tasks sent, with those that are done and wait for an earlier one, for each of these.
+#: Largest number of tasks that were sent, over the number that should be unfinished. It includes tasks that are done
+#: but wait for an earlier one.
 MOST_SENT = 8
-#: How often a task is sent again after the cluster has lost its data.
+#: Number of times that a task is sent again after the cluster has lost its data.
 RETRIES = 10
 
 
 @contextmanager
 def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
-    """A mapper over the cluster of a scheduler; "local" starts one with `count` processes, which end with the context.
+    """Yield a mapper over the workers of a cluster.
 
-    Raises InputError: as `run.ordered_map`.
+    Parameters
+    ----------
+    scheduler : str
+        Address of a Dask scheduler. "local" starts a cluster on this machine, which ends with the context.
+    count : int
+        Number of processes of a local cluster.
+
+    Raises
+    ------
+    InputError
+        See `run.ordered_map`.
     """
     try:
         from dask import config
@@ -43,7 +54,7 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
         raise InputError("scheduler", f"'{scheduler}'", expected) from None
 
     if scheduler != "local":
-        with _connected(scheduler) as client:
+        with _connect(scheduler) as client:
             yield partial(_map, client)
         return
     prefix = "distributed.nanny.pre-spawn-environ"
@@ -57,86 +68,106 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
                 dashboard_address="127.0.0.1:0",
                 silence_logs=logging.ERROR,
             )
-            # results that bypass the scheduler take half the time; libraries send their own work to a default client
-            client = Client(
-                stack.enter_context(cluster), direct_to_workers=True, set_as_default=False
-            )
+            stack.enter_context(cluster)
+            # Results that do not pass through the scheduler take half the time. The client is not the default one,
+            # because other libraries would send their own work to a default client.
+            client = Client(cluster, direct_to_workers=True, set_as_default=False)
             stack.enter_context(client)
         yield partial(_map, client)
 
 
-def _connected(scheduler: str) -> Any:
-    """A client of a cluster that has a worker, with the versions of this process on all workers."""
-    from distributed import Client, Security
-    from distributed.comm import connect
-
-    async def greet() -> None:
-        arguments = Security().get_connection_args("client")
-        await (await connect(scheduler, timeout=ANSWER_SECONDS, **arguments)).close()
+def _connect(scheduler: str) -> Any:
+    """Return a client of a cluster that has at least one worker; all workers must have the versions of this process."""
+    from distributed import Client
 
     with ExitStack() as stack:
         try:
-            # a client would wait forever for a service of another kind
-            # in a thread, because the caller may run an event loop
-            with ThreadPoolExecutor(1) as thread:
-                answer = asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS)
-                thread.submit(asyncio.run, answer).result()
+            _check_answer(scheduler)
             client = Client(scheduler, timeout=ANSWER_SECONDS, set_as_default=False)
             stack.callback(client.close)
             _await_worker(client)
-            there = client.run(numerical_versions)
-        except Exception as error:  # any error is possible if another service answers
+            worker_versions = client.run(numerical_versions)
+        except Exception as error:
+            # a service of another kind at this address may cause any error
             reason = str(error) or "no answer"
             expected = (
                 f"the address of a running scheduler with workers that have femseal ({reason})"
             )
             raise InputError("scheduler", f"'{scheduler}'", expected) from None
-        for worker, found in there.items():
-            here = numerical_versions().items()
-            if other := [
-                f"{n} {found.get(n)} instead of {v}" for n, v in here if found.get(n) != v
-            ]:
-                given = f"'{scheduler}' whose worker {worker} has {', '.join(other)}"
-                expected = "workers with the versions of this process: else results would depend on who computes them"
-                raise InputError("scheduler", given, expected)
-        stack.pop_all()
+        for worker, versions in worker_versions.items():
+            _check_versions(scheduler, worker, versions)
+        stack.pop_all()  # the client stays open
     return client
 
 
-def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
-    """Results of the stage, which goes to the workers once; a few items for each thread are under way.
+def _check_answer(scheduler: str) -> None:
+    """Raise an error if no Dask scheduler answers at an address.
 
-    An item that takes long holds up no others: those after it wait for their turn once they are done.
+    A client would wait for ever if a service of another kind answered.
+    """
+    from distributed import Security
+    from distributed.comm import connect
+
+    async def greet() -> None:
+        arguments = Security().get_connection_args("client")
+        connection = await connect(scheduler, timeout=ANSWER_SECONDS, **arguments)
+        await connection.close()
+
+    # a thread of its own is needed because the caller may already run an event loop
+    with ThreadPoolExecutor(1) as thread:
+        answer = asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS)
+        thread.submit(asyncio.run, answer).result()
+
+
+def _check_versions(scheduler: str, worker: str, versions: dict[str, str]) -> None:
+    """Raise InputError if a worker has other versions than this process."""
+    differences = [
+        f"{name} {versions.get(name)} instead of {version}"
+        for name, version in numerical_versions().items()
+        if versions.get(name) != version
+    ]
+    if differences:
+        given = f"'{scheduler}' whose worker {worker} has {', '.join(differences)}"
+        expected = (
+            "workers with the versions of this process: otherwise results would depend on who computes "
+            "them"
+        )
+        raise InputError("scheduler", given, expected)
+
+
+def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+    """Yield the results of a stage in the order of its items.
+
+    The stage is sent to the workers once. A few items for each thread are sent in advance. An item that takes long does
+    not hold up others: those after it are computed, and wait for their turn.
     """
     items = zip(*iterables, strict=False)
-    stage_there = _scattered(client, stage)
-    sent: deque[tuple[tuple[Any, ...], Any]] = deque()
-    one_is_done = Event()
+    remote_stage = _send_stage(client, stage)
+    sent: deque[tuple[tuple[Any, ...], Any]] = deque()  # (item, task), in the order of the items
+    task_finished = Event()
     while True:
-        one_is_done.clear()
-        wanted = UNDER_WAY * max(1, _threads(client))
-        free = min(
-            wanted - sum(not task.done() for _, task in sent), MOST_SENT * wanted - len(sent)
-        )
-        for item in islice(items, max(free, 0)):
-            sent.append((item, _submit(client, stage_there, item)))
-            sent[-1][1].add_done_callback(lambda _: one_is_done.set())
+        task_finished.clear()
+        for item in islice(items, _free_places(client, sent)):
+            task = _submit(client, remote_stage, item)
+            sent.append((item, task))
+            task.add_done_callback(lambda _: task_finished.set())
         if not sent:
             return
-        if not sent[0][1].done():
-            if not one_is_done.wait(ANSWER_SECONDS):
+        first_item, first_task = sent[0]
+        if not first_task.done():
+            if not task_finished.wait(ANSWER_SECONDS):
                 _await_worker(client)
             continue
-        item, task = sent.popleft()
+        sent.popleft()
         for _ in range(RETRIES):
             try:
-                result = _outcome(client, task)
+                result = _wait_for_result(client, first_task)
                 break
             except CancelledError:
                 # all workers that had the stage are gone
-                if stage_there.status != "finished":
-                    stage_there = _scattered(client, stage)
-                task = _submit(client, stage_there, item)
+                if remote_stage.status != "finished":
+                    remote_stage = _send_stage(client, stage)
+                first_task = _submit(client, remote_stage, first_item)
         else:
             raise FemsealError(
                 f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out"
@@ -144,19 +175,29 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
         yield result
 
 
-def _scattered(client: Any, stage: Stage) -> Any:
+def _free_places(client: Any, sent: deque[tuple[tuple[Any, ...], Any]]) -> int:
+    """Return how many more tasks should be sent."""
+    wanted = UNDER_WAY * max(1, _threads(client))
+    unfinished = sum(not task.done() for _, task in sent)
+    return max(0, min(wanted - unfinished, MOST_SENT * wanted - len(sent)))
+
+
+def _send_stage(client: Any, stage: Stage) -> Any:
+    """Send a stage to all workers."""
     _await_worker(client)
     return client.scatter(stage, broadcast=True, hash=False)
 
 
-def _submit(client: Any, stage: Any, item: tuple[Any, ...]) -> Any:
+def _submit(client: Any, remote_stage: Any, item: tuple[Any, ...]) -> Any:
+    """Send a task that computes one item."""
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Sending large graph")  # an item may bring its gaps
-        return client.submit(_call, stage, item, pure=False)
+        # an item may contain large arrays of gaps
+        warnings.filterwarnings("ignore", "Sending large graph")
+        return client.submit(_call, remote_stage, item, pure=False)
 
 
-def _outcome(client: Any, task: Any) -> Any:
-    """The result of an item; workers are awaited where none is left."""
+def _wait_for_result(client: Any, task: Any) -> Any:
+    """Return the result of a task; if the cluster has no workers, wait for one."""
     from distributed import KilledWorker
 
     while True:
@@ -166,12 +207,13 @@ def _outcome(client: Any, task: Any) -> Any:
             reason = "several workers died with the same task, as when memory runs out"
             raise FemsealError(f"scheduler: {reason} ({error})") from error
         except TimeoutError:
-            if task.status == "error":  # it is the function's own
-                raise
+            if task.status == "error":
+                raise  # the function itself has raised a TimeoutError
             _await_worker(client)
 
 
 def _threads(client: Any) -> int:
+    """Return the number of threads of the cluster."""
     try:
         return sum(client.nthreads().values())
     except OSError as error:
@@ -179,22 +221,28 @@ def _threads(client: Any) -> int:
 
 
 def _await_worker(client: Any) -> None:
-    if not _threads(client):
-        log.warning("no workers: waiting up to %g s for one", WORKER_SECONDS)
-        try:
-            client.wait_for_workers(1, timeout=WORKER_SECONDS)
-        except TimeoutError:
-            raise FemsealError(f"scheduler: no workers for {WORKER_SECONDS:g} s") from None
+    """Wait until the cluster has a worker."""
+    if _threads(client):
+        return
+    log.warning("no workers: waiting up to %g s for one", WORKER_SECONDS)
+    try:
+        client.wait_for_workers(1, timeout=WORKER_SECONDS)
+    except TimeoutError:
+        raise FemsealError(f"scheduler: no workers for {WORKER_SECONDS:g} s") from None
 
 
 def _call(stage: Stage, item: tuple[Any, ...]) -> Any:
-    with _libraries(len(sys.modules)).limit(limits=1):
+    """Compute an item on a worker, with one thread in each library."""
+    with _thread_limits(len(sys.modules)).limit(limits=1):
         return stage(*item)
 
 
 @lru_cache(maxsize=1)
-def _libraries(modules: int) -> Any:
-    """The libraries of this process that have threads; they are looked for again where modules were loaded."""
+def _thread_limits(modules: int) -> Any:
+    """Return an object that limits the threads of the loaded libraries.
+
+    modules : number of loaded modules. If it has changed, libraries are looked for again.
+    """
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()

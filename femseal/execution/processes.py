@@ -1,4 +1,4 @@
-"""The mapper over processes of this machine, by joblib."""
+"""Compute stages in several processes on this machine, with joblib."""
 
 import atexit
 import logging
@@ -24,16 +24,17 @@ from ..base import FemsealError, Mapper, Stage, free_memory
 from ..base.machine import sharing
 
 log = logging.getLogger("femseal.execution.processes")
-#: Fraction of the free memory that the concurrent calls of a stage may take together.
+#: Fraction of the free memory that all concurrent calls of a stage may use together.
 FREE_FRACTION = 0.7
-#: Time that processes without work get to end [s].
+#: Time that processes without work have to end by themselves [s].
 END_SECONDS = 10.0
-#: How often a process looks for its parent [s].
+#: Interval at which a process checks whether its parent is alive [s].
 WATCH_SECONDS = 0.5
-#: Name of the thread that does.
+#: Name of the thread that checks it.
 WATCHER = "watches the parent"
-#: Environment of processes. The GNU C library keeps freed memory up to this size [byte]: getting new memory for each
-#: result takes as long as sending the result. A package is not looked for in the working folder, as the command does.
+#: Environment of the processes. The GNU C library keeps freed memory up to this size [byte], because requesting new
+#: memory for each result takes as long as sending the result. Packages are not searched in the working folder; the
+#: femseal command does not do so either.
 ENVIRONMENT = {
     "MALLOC_TRIM_THRESHOLD_": str(2**25),
     "MALLOC_MMAP_THRESHOLD_": str(2**25),
@@ -43,12 +44,12 @@ ENVIRONMENT = {
 
 @contextmanager
 def over_processes(count: int) -> Iterator[Mapper]:
-    """Context with a mapper over `count` processes; they end with the context if it ends with an error.
+    """Yield a mapper over `count` processes.
 
-    Else they wait for another context, and end with this process. Within it, arrays of `shared_empty` are shared with
-    the processes.
+    Within the context, arrays of `shared_empty` are shared with the processes. The processes stay alive for later
+    contexts and end with this process. If the context ends with an error, they end at once.
     """
-    # joblib replaces a process that keeps 300 MB more than at first, as after compiling; nothing is lost
+    # joblib replaces a process whose memory has grown by 300 MB, for example by compiling; nothing is lost
     warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
     try:
         with sharing(), TemporaryDirectory(prefix="femseal-", ignore_cleanup_errors=True) as folder:
@@ -59,41 +60,49 @@ def over_processes(count: int) -> Iterator[Mapper]:
 
 
 def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
-    """Results of the stage, which each process reads once from a file; joblib sends the items in batches."""
+    """Yield the results of a stage in the order of its items.
+
+    Each process reads the stage once from a file; joblib sends the items in batches.
+
+    count : number of processes. folder : temporary folder.
+    """
     import joblib
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     items = zip(*iterables, strict=False)
-    first = list(islice(items, count))
-    if not first:
+    first_items = list(islice(items, count))
+    if not first_items:
         return
     with NamedTemporaryFile(suffix=".pickle", dir=folder, delete=False) as file:
         pickle.dump(stage, file, protocol=5)
     under_way: Any = "2 * n_jobs"
+    processes = count
     if stage.memory:
-        under_way = int(np.clip(FREE_FRACTION * free_memory() / stage.memory, 1, 2 * count))
-    # processes without an item leave their cores to the others
-    threads = max(1, count // min(under_way if stage.memory else count, len(first)))
+        most_calls = FREE_FRACTION * free_memory() / stage.memory
+        under_way = int(np.clip(most_calls, 1, 2 * count))
+        processes = under_way
+    # cores of processes that have no item are used by the threads of the others
+    threads = max(1, count // min(processes, len(first_items)))
     results = None
     try:
         with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
-            # large arrays of items go through pipes: files for them would outlive a run that is killed
+            # max_nbytes=None sends large arrays through pipes, because files would remain if the run is killed
             pool = joblib.Parallel(
                 return_as="generator", n_jobs=count, pre_dispatch=under_way, max_nbytes=None
             )
             call = joblib.delayed(_call_stored)
             results = pool(
-                call(os.getpid(), file.name, threads, *args) for args in chain(first, items)
+                call(os.getpid(), file.name, threads, *item) for item in chain(first_items, items)
             )
         _end_at_exit()
-        for result in results:  # noqa: UP028, as it would close them here
+        for result in results:  # noqa: UP028, as `yield from` would close the generator here
             yield result
     except TerminatedWorkerError as error:
         reason = "a process died, as when memory runs out; try fewer workers"
         raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
     finally:
         with warnings.catch_warnings():
-            # a stopped run needs no more results
+            # joblib warns of tasks without a result when a run is stopped
             warnings.filterwarnings("ignore", ".* tasks ")
             if results is not None:
                 results.close()
@@ -102,10 +111,10 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
 
 @contextmanager
 def starting_processes() -> Iterator[None]:
-    """Context in which new processes have `ENVIRONMENT` and ignore SIGINT and SIGTERM.
+    """Let processes that start in this context have `ENVIRONMENT` and ignore SIGINT and SIGTERM.
 
-    The processes inherit that the signals are blocked; this process receives them when the context ends, and ends the
-    others.
+    The signals are blocked meanwhile, which the new processes inherit. This process receives a signal when the context
+    ends, and then ends the others.
     """
     from multiprocessing import resource_tracker
 
@@ -113,79 +122,98 @@ def starting_processes() -> Iterator[None]:
 
     added = ENVIRONMENT.keys() - os.environ.keys()
     os.environ.update({name: ENVIRONMENT[name] for name in added})
-    heard = None
+    previous_mask = None
     if hasattr(signal, "pthread_sigmask"):  # not on Windows
-        # these unblock the signals when they start
+        # the trackers unblock the signals when they start, so they have to start before
         resource_tracker.ensure_running()
         loky_tracker.ensure_running()
-        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+        previous_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:
         for name in added:
             os.environ.pop(name, None)
-        if heard is not None:
-            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
+        if previous_mask is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, previous_mask)
 
 
 def end_processes(kill: bool = False) -> None:
-    """End the processes: at once, or by force those that do not end by themselves within `END_SECONDS`.
+    """End the processes, those that do not end within `END_SECONDS` by force.
 
-    joblib waits for them without limit, also at the end of this process: one that is stuck would keep it for ever.
+    joblib itself would wait for them without a limit, also when this process ends, so that a process that hangs would
+    keep it alive for ever.
+
+    kill : whether to end all of them by force at once.
     """
     from joblib.externals.loky import reusable_executor
 
     executor = reusable_executor._executor
     if executor is None:
         return
-    numbers, calls = list(executor._processes or ()), executor._call_queue
+    process_ids = list(executor._processes or ())
+    calls = executor._call_queue
     ending = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": kill}, daemon=True)
     ending.start()
     ending.join(END_SECONDS)
     if not ending.is_alive():
         return
     log.warning("worker processes did not end within %g s: they are ended by force", END_SECONDS)
-    for number in numbers:
+    for process_id in process_ids:
         with suppress(psutil.Error):
-            psutil.Process(number).kill()
+            psutil.Process(process_id).kill()
     with suppress(OSError, AttributeError):
-        calls._reader.close()  # calls that nobody takes any more would be waited for
+        calls._reader.close()  # otherwise joblib waits for calls that no process takes any more
     ending.join(END_SECONDS)
 
 
 @cache
 def _end_at_exit() -> None:
-    """Have `end_processes` called at the end of this process, before joblib waits for the processes."""
-    # as joblib does; the last one that is registered is called first
+    """Call `end_processes` when this process ends, before joblib waits for the processes."""
+    # joblib registers its function in the same way; the function that is registered last is called first
     getattr(threading, "_register_atexit", atexit.register)(end_processes)
 
 
-def _call_stored(parent: int, path: str, threads: int, *args: Any) -> Any:
+def _call_stored(parent: int, path: str, threads: int, *item: Any) -> Any:
+    """Compute an item in a process.
+
+    Parameters
+    ----------
+    parent : int
+        Number of the process that has started this one.
+    path : str
+        File with the stage.
+    threads : int
+        Number of threads that may share the work on an array.
+    *item
+        The item.
+    """
     _folders.add(str(Path(path).parent))
     _end_with(parent)
-    from ..base.compiled import using  # numba is not loaded by the process that starts others
+    # imported here, because the process that starts others does not need numba
+    from ..base.compiled import using
 
     with using(threads):
-        return _stored(path)(*args)
+        return _load_stage(path)(*item)
 
 
 @lru_cache(maxsize=1)
-def _stored(path: str) -> Stage:
+def _load_stage(path: str) -> Stage:
+    """Load a stage from a file."""
     return pickle.loads(Path(path).read_bytes())
 
 
-#: Folders that the parent of this process leaves if it is killed.
+#: Temporary folders that remain if the parent of this process is killed.
 _folders: set[str] = set()
 
 
 @cache
 def _end_with(parent: int) -> None:
-    """End this process soon after its parent, even if the parent is killed, and remove the folders that it leaves."""
+    """End this process soon after its parent, even if the parent is killed, and remove the parent's folders."""
 
     def watch() -> None:
         with suppress(psutil.NoSuchProcess):
             process = psutil.Process(parent)
-            # `wait` would also wait for who started the parent to ask for its end
+            # `process.wait` would not return until the program that has started the parent asks for its exit code
             while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
                 time.sleep(WATCH_SECONDS)
         for folder in tuple(_folders):

@@ -1,8 +1,9 @@
-"""Keep runs apart, one in a folder at a time, and resume a run that was stopped.
+"""Keep runs apart, one in a folder at a time, and resume runs that were stopped.
 
-A run that was stopped has its store in the output folder, with what its results depend on, so that it can be resumed.
-A run holds a lock on a file in its folder. The system gives the lock back when the process ends, however it ends. File
-systems without locks, among them some of networks, have a file in its place that names the process.
+A run that was stopped leaves its store in the output folder, together with a manifest that says on what its results
+depend. With it the run can be resumed. A run holds a lock on a file in its folder. The operating system releases the
+lock when the process ends for whatever reason. File systems without locks, such as some network file systems, have a
+file in place of the lock, which names the process.
 """
 
 import errno
@@ -27,34 +28,38 @@ from ..base import (
 from ..base.files import remove_foreign
 from ..store.store import SUFFIX
 
-#: Subfolder of the output folder with the store of its run, and what that depends on.
+#: Subfolder of the output folder that contains the store of its run.
 FOLDER = ".checkpoint"
+#: File in this folder that says on what the results depend.
 MANIFEST = "manifest.json"
-#: No manifest is larger [byte].
+#: Largest size of a manifest [byte].
 _LARGEST_MANIFEST = 1e8
-#: Changed keys that a message names.
+#: Largest number of changed keys that a message lists.
 _MOST_CHANGES = 20
-#: Name of the file in the folder that says who holds the lock, and what is added to it where there are no locks.
-LOCK, MARK = ".lock", "-mark"
-#: How long a lock is tried whose file another run removes meanwhile, and how often [s].
+#: File in the output folder that says which process holds the lock.
+LOCK = ".lock"
+#: Added to the name of this file on file systems without locks.
+MARK = "-mark"
+#: Time for which a lock is tried, in case another run is just removing its file, and interval between trials [s].
 _PATIENCE, _POLL = 0.2, 0.02
-#: Errors of a file system that has no locks.
+#: Errors of file systems without locks.
 _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Lock a folder, which exists, so that no other run writes into it within the context.
+    """Lock an existing folder, so that no other run writes into it within the context.
 
     Raises
     ------
-    InputError : another run is under way there, or the folder cannot be written.
+    InputError
+        Another run is under way there, or the folder cannot be written.
     """
     from filelock import Timeout
 
     path = folder / LOCK
     try:
-        lock = _acquired(path)
+        lock = _acquire_lock(path)
     except Timeout:
         given = f"'{folder}', where {_holder(path)} is under way"
         expected = "another folder, or this one when that run has ended"
@@ -63,7 +68,7 @@ def alone_in(folder: Path) -> Iterator[None]:
         expected = f"a folder that can be written ({error.strerror})"
         raise InputError("output", f"'{folder}'", expected) from None
     try:
-        with suppress(OSError):  # on a full disk the lock holds all the same
+        with suppress(OSError):  # on a full disk the text is lost, but the lock still holds
             since = strftime("%H:%M on %d %B")
             path.write_text(f"process {os.getpid()} on {platform.node()}, since {since}")
         yield
@@ -73,46 +78,56 @@ def alone_in(folder: Path) -> Iterator[None]:
         lock.release()
 
 
-def _acquired(path: Path) -> Any:
-    """A lock, held by this run; filelock.Timeout where another one holds it."""
+def _acquire_lock(path: Path) -> Any:
+    """Acquire a lock on a file, or on a file system without locks a mark beside it, and return it.
+
+    Raises filelock.Timeout if another run holds it.
+    """
     from filelock import FileLock, SoftFileLock
 
     options: dict[str, Any] = {"timeout": _PATIENCE, "poll_interval": _POLL, "thread_local": False}
-    for kind, place in ((FileLock, path), (SoftFileLock, path.with_name(path.name + MARK))):
-        remove_foreign(place)
-        held = kind(place, **options)
-        try:
-            held.acquire()
-            return held
-        except OSError as error:
-            if kind is SoftFileLock or error.errno not in _NO_LOCKS:
-                raise
-    raise AssertionError
+    remove_foreign(path)
+    lock = FileLock(path, **options)
+    try:
+        lock.acquire()
+        return lock
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+    mark_path = path.with_name(path.name + MARK)
+    remove_foreign(mark_path)
+    mark = SoftFileLock(mark_path, **options)
+    mark.acquire()
+    return mark
 
 
 def _holder(path: Path) -> str:
-    """Who holds a lock, by its file, for a message."""
+    """Return which run holds a lock, according to the lock's file."""
     try:
-        said = read_plain(path, 1000).decode()
+        process = read_plain(path, 1000).decode()
     except (OSError, ValueError):
         return "another run"
-    return f"another run ({shortened(said)})"
+    return f"another run ({shortened(process)})"
 
 
 @contextmanager
 def writing_in(folder: Path, identity: dict[str, Any], resume: bool) -> Iterator[bool]:
-    """Lock a folder, which exists, for a run that writes into it; the context gives whether the run is resumed.
+    """Lock an existing folder for a run, and yield whether the run is resumed.
 
     Parameters
     ----------
-    folder : output folder of the run.
-    identity : everything on which the results depend, as nested plain data.
-    resume : whether a run that was stopped there may go on.
+    folder : Path
+        Output folder of the run.
+    identity : dict
+        Everything on which the results depend, as nested plain data.
+    resume : bool
+        Whether a run that was stopped there may be resumed.
 
     Raises
     ------
-    InputError : the folder has an unfinished run without `resume`, one of another identity with it, or one that is
-        under way.
+    InputError
+        Another run is under way in the folder; or the folder contains an unfinished run, and `resume` is false or the
+        run has another identity.
     """
     with alone_in(folder):
         if not resume:
@@ -121,40 +136,53 @@ def writing_in(folder: Path, identity: dict[str, Any], resume: bool) -> Iterator
 
 
 def resumable(output: Path, identity: dict[str, Any]) -> bool:
-    """Check whether the output folder has the store of a run of this identity; nothing is written.
+    """Return whether the output folder contains an unfinished run of the same identity. Nothing is written.
 
-    output : the output folder.
-    identity : everything on which the bits of the results depend, as nested plain data.
+    Parameters
+    ----------
+    output : Path
+        The output folder.
+    identity : dict
+        Everything on which the results depend, as nested plain data.
 
-    Raises InputError: its manifest is unreadable or of another identity; every changed key is named with both
-    values.
+    Raises
+    ------
+    InputError
+        The manifest cannot be read, or it has another identity. The message lists the keys that have changed.
     """
     path = store_folder(output) / MANIFEST
     try:
-        former = json.loads(read_plain(path, _LARGEST_MANIFEST).decode())
+        stored_identity = json.loads(read_plain(path, _LARGEST_MANIFEST).decode())
     except FileNotFoundError:
         return False
     except (OSError, ValueError, RecursionError) as error:
         given = f"'{path}', which cannot be read ({error})"
         expected = f"an intact file; remove '{path.parent}' to start anew"
         raise InputError("resume", given, expected) from None
-    # data as JSON returns it, with lists in place of tuples
-    old, new = _flat(former), _flat(json.loads(json.dumps(identity)))
+    old = _flatten(stored_identity)
+    # through JSON, which turns tuples into lists as in the manifest
+    new = _flatten(json.loads(json.dumps(identity)))
     changed = [key for key in old | new if old.get(key) != new.get(key)]
     if not changed:
         return True
     lines = [f"that of the same case, files and versions; remove '{path.parent}' to start anew"]
     for key in changed[:_MOST_CHANGES]:
-        was, now = (shortened(values.get(key, "not given")) for values in (old, new))
-        lines.append(f"{shortened(key)}: was {was}, is {now}")
-    if more := changed[_MOST_CHANGES:]:
-        lines.append(counted(len(more), "more key"))
+        old_value = shortened(old.get(key, "not given"))
+        new_value = shortened(new.get(key, "not given"))
+        lines.append(f"{shortened(key)}: was {old_value}, is {new_value}")
+    omitted = len(changed) - _MOST_CHANGES
+    if omitted > 0:
+        lines.append(counted(omitted, "more key"))
     raise InputError("resume", "an unfinished run of another case", "\n".join(lines))
 
 
 def refuse_unfinished(output: Path, name: str = FOLDER) -> None:
-    """Raise InputError if the output folder has results of an unfinished run, in a folder of this name."""
-    if any(store_folder(output, name).glob(f"*{SUFFIX}")):
+    """Raise InputError if the output folder contains results of an unfinished run.
+
+    name : subfolder with the store of the run.
+    """
+    has_results = any(store_folder(output, name).glob(f"*{SUFFIX}"))
+    if has_results:
         given = f"'{output}', which holds an unfinished run"
         expected = f"--resume to go on, or another folder; to start anew, remove '{output / name}'"
         raise InputError("output", given, expected)
@@ -163,7 +191,10 @@ def refuse_unfinished(output: Path, name: str = FOLDER) -> None:
 def remove_run(output: Path) -> None:
     """Remove the store from the output folder, if there is one.
 
-    Raises FemsealError: it could not be removed.
+    Raises
+    ------
+    FemsealError
+        It could not be removed.
     """
     folder = store_folder(output)
     try:
@@ -176,7 +207,7 @@ def remove_run(output: Path) -> None:
 
 
 def store_folder(output: Path, name: str = FOLDER) -> Path:
-    """The folder of the store, which need not exist; one that lies elsewhere is not touched."""
+    """Return the folder of the store, which need not exist. A link is refused, because it may lead elsewhere."""
     folder = output / name
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise InputError("output", f"'{folder}', which is a link or a file", "a folder, or none")
@@ -184,9 +215,12 @@ def store_folder(output: Path, name: str = FOLDER) -> Path:
 
 
 def begin_run(output: Path, identity: dict[str, Any]) -> None:
-    """Write down what the results of a run in an output folder depend on.
+    """Write the manifest of a run, which says on what its results depend.
 
-    Raises FemsealError: the folder cannot be written.
+    Raises
+    ------
+    FemsealError
+        The folder cannot be written.
     """
     folder = store_folder(output)
     text = json.dumps(identity, indent=1, ensure_ascii=False)
@@ -197,11 +231,13 @@ def begin_run(output: Path, identity: dict[str, Any]) -> None:
         raise FemsealError(f"store: '{folder}' could not be written ({error.strerror})") from error
 
 
-def _flat(value: Any, key: str = "") -> dict[str, Any]:
-    """Nested tables as dotted keys; lists of plain values stay whole."""
-    if isinstance(value, list) and any(isinstance(part, dict) for part in value):
+def _flatten(value: Any, key: str = "") -> dict[str, Any]:
+    """Turn nested tables into one table with dotted keys. Lists of plain values stay whole."""
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
         value = dict(enumerate(value))
     if not isinstance(value, dict):
         return {key: value}
-    parts = (_flat(part, f"{key}.{name}".removeprefix(".")) for name, part in value.items())
-    return {name: part for flat in parts for name, part in flat.items()}
+    flat = {}
+    for name, item in value.items():
+        flat |= _flatten(item, f"{key}.{name}".removeprefix("."))
+    return flat

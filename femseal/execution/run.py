@@ -1,8 +1,8 @@
-"""One run under way: where its stages are computed, who is informed of progress, how long each took; its log file.
+"""Hold a run while it is under way: where its stages are computed, its progress, its timings and its log file.
 
-Stages are computed in this process, in processes of this machine, or on a Dask cluster, with one thread of BLAS in each
-process (FFT and compiled loops have one anyway), so that workers do not compete for cores and results do not depend on
-where they were computed.
+Stages are computed in this process, in several processes on this machine, or on a Dask cluster. BLAS has one thread in
+each process; Fourier transforms and compiled loops have one anyway. Therefore the workers do not compete for cores, and
+the results do not depend on where they were computed.
 """
 
 import logging
@@ -16,63 +16,75 @@ from typing import Any
 from ..base.stage import Mapper, Stage
 
 log = logging.getLogger("femseal")
-#: Called as progress(stage, done, total); total is None if it is unknown.
+#: Function that is called as progress(stage, done, total); total is None if it is unknown.
 Progress = Callable[[str, int, int | None], None]
-#: Time between two log lines on a running stage [s].
+#: Interval between two log lines on a running stage [s].
 LOG_SECONDS = 60.0
-#: What is said while loops are compiled.
+#: Name of the stage in which loops are compiled.
 COMPILING = "compiling, once after an installation"
-#: What reports that loops are compiled; empty where nothing does.
-_reported: list[Any] = []
+#: The listener that reports compilation, empty if there is none.
+_active_listeners: list[Any] = []
 
 
 def no_progress(stage: str, done: int, total: int | None) -> None:
-    """Progress that nobody watches."""
+    """Ignore the progress of a stage."""
 
 
 @contextmanager
 def reporting_compilation(progress: Progress) -> Iterator[None]:
-    """Context in which loops that are compiled are reported, as they take a minute after an installation.
+    """Report when loops are compiled in this context, because it takes a minute after an installation.
 
-    progress : called as progress(stage, done, total): when the first one begins, when one is done, and at the end; how
-        many there will be is not known before. Within another such context that one reports.
+    Within another context of this kind nothing happens, because the outer one reports.
+
+    Parameters
+    ----------
+    progress : callable
+        Called when the first loop is compiled, when each loop is done, and at the end. The total number is not known
+        before the end.
     """
     from numba.core import event
 
-    if _reported:
+    if _active_listeners:
         yield
         return
 
-    class Loops(event.Listener):  # type: ignore[misc]
-        begun, done = False, 0
+    class CompilationListener(event.Listener):  # type: ignore[misc]
+        has_begun = False
+        done = 0
 
         def on_start(self, _: event.Event) -> None:
-            if not self.begun:
+            if not self.has_begun:
                 log.info("%s", COMPILING)
                 progress(COMPILING, 0, None)
-            self.begun = True
+            self.has_begun = True
 
         def on_end(self, _: event.Event) -> None:
             self.done += 1
             progress(COMPILING, self.done, None)
 
-    loops = Loops()
-    _reported.append(loops)
+    listener = CompilationListener()
+    _active_listeners.append(listener)
     try:
-        with event.install_listener("numba:compile", loops):
+        with event.install_listener("numba:compile", listener):
             yield
     finally:
-        _reported.clear()
-    if loops.done:
-        progress(COMPILING, loops.done, loops.done)
+        _active_listeners.clear()
+    if listener.done:
+        progress(COMPILING, listener.done, listener.done)
 
 
 @dataclass(eq=False)
 class Run:
-    """A run under way.
+    """Hold a run while it is under way.
 
-    mapper : computes its stages. progress : is called with their progress, see `Progress`. timings : wall times by
-    name [s]: of what `timed` names, and of every stage in it.
+    Parameters
+    ----------
+    mapper : callable
+        Computes the stages of the run.
+    progress : callable
+        Called with the progress of the stages, see `Progress`.
+    timings : dict
+        Wall times [s] by name: of the parts that `timed` names, and of every stage in them.
     """
 
     mapper: Mapper = map
@@ -81,66 +93,90 @@ class Run:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[Mapper]:
-        """Context of a study or another part of the run; gives its mapper. Work outside of stages counts as one item.
+        """Yield the mapper for a part of the run, such as a study, and measure its wall time.
 
-        The times of several parts of one name are summed.
+        The times of several parts with the same name are added.
         """
         start = time.perf_counter()
         self.progress(name, 0, 1)
-        yield self._watching(name)
+        yield self._reporting_mapper(name)
         seconds = time.perf_counter() - start
-        self.timings[name] = self.timings.get(name, 0.0) + seconds
+        self._add_time(name, seconds)
         self.progress(name, 1, 1)
         log.info("%s: %.1f s", name, seconds)
 
     def decided(self, name: str, of: Any, value: Any) -> Any:
-        """The value, or in a run that goes on the one that it had before: it has to decide as then.
+        """Return a value that a resumed run must not change: in such a run, the value of the first run.
 
-        of : plain data that tell the decision from others of this name.
+        Parameters
+        ----------
+        name : str
+            Name of the decision.
+        of : object
+            Plain data that distinguish the decision from others of this name.
+        value : object
+            The value, if the decision has not been made before.
         """
-        (found,) = self.mapper(Stage(name, partial(_same, value), key=("decided", name)), [of])
-        return found
+        stage = Stage(name, partial(_return_value, value), key=("decided", name))
+        (result,) = self.mapper(stage, [of])
+        return result
 
-    def _watching(self, part: str) -> Mapper:
-        """The mapper, but it reports the progress of each stage and sums their wall times."""
+    def _add_time(self, name: str, seconds: float) -> None:
+        """Add a wall time [s] to the timings."""
+        self.timings[name] = self.timings.get(name, 0.0) + seconds
 
-        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+    def _reporting_mapper(self, part: str) -> Mapper:
+        """Return a mapper that reports the progress of each stage and adds up their wall times.
+
+        part : name of the part of the run.
+        """
+
+        def map_and_report(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
             name = f"{part}: {stage.name}"
             self.progress(name, 0, total)
-            start = said = time.monotonic()
+            start = time.monotonic()
+            last_line = start
             done = 0
             for done, item in enumerate(self.mapper(stage, *iterables), start=1):
                 self.progress(name, done, total)
                 yield item
-                if (now := time.monotonic()) - said >= LOG_SECONDS:
-                    said, rate = now, done / (now - start)
-                    left = "" if total is None else f", {(total - done) / rate:.0f} s left"
-                    log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
+                now = time.monotonic()
+                if now - last_line >= LOG_SECONDS:
+                    last_line = now
+                    _log_rate(name, done, total, now - start)
             seconds = time.monotonic() - start
-            self.timings[name] = self.timings.get(name, 0.0) + seconds
+            self._add_time(name, seconds)
             if done:
                 log.info("%s %d in %.1f s", name, done, seconds)
 
-        return mapping
+        return map_and_report
 
 
-def _same(value: Any, of: Any) -> Any:
+def _log_rate(name: str, done: int, total: int | None, seconds: float) -> None:
+    """Log how many items of a stage are done, and how long the others will take."""
+    rate = done / seconds
+    left = "" if total is None else f", {(total - done) / rate:.0f} s left"
+    log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
+
+
+def _return_value(value: Any, of: Any) -> Any:
+    """Return the value of a decision; `of` only serves as its key in the store."""
     return value
 
 
 class LogFile(logging.FileHandler):
-    """Log lines in a file; on a full disk they end, while the run goes on."""
+    """Write log lines to a file. On a full disk the log ends, but the run goes on."""
 
     def close(self) -> None:
-        """Close the file as far as that goes."""
+        """Close the file, even if its last lines cannot be written."""
         with suppress(OSError):
             super().close()
 
 
 @contextmanager
 def logging_to(*handlers: logging.Handler) -> Iterator[None]:
-    """Context in which log lines go to handlers, which are closed at its end."""
+    """Send log lines to handlers within this context, and close the handlers at its end."""
     level = log.level
     log.setLevel(logging.INFO)
     for handler in handlers:
@@ -161,16 +197,25 @@ def ordered_map(
     scheduler: str | None = None,
     before: Callable[[Mapper], None] | None = None,
 ) -> Iterator[Mapper]:
-    """Context with a mapper whose results come in the order of the items.
+    """Yield a mapper that returns results in the order of the items.
 
-    workers : processes on this machine; None: one for each core.
-    scheduler : address of a Dask scheduler to compute on instead, whose first worker is awaited for
-    `cluster.WORKER_SECONDS`; "local": a scheduler and `workers` single-threaded processes started here.
-    before : called with the mapper over processes of this machine before it is used, such as `compile_ahead`.
+    Parameters
+    ----------
+    workers : int, optional
+        Number of processes on this machine. Default: one for each core.
+    scheduler : str, optional
+        Address of a Dask scheduler on which to compute instead. Its first worker is awaited for
+        `cluster.WORKER_SECONDS`. "local" starts a scheduler and `workers` processes here.
+    before : callable, optional
+        Called with the mapper over several processes before it is used, such as `compile_ahead`.
 
-    Raises InputError: no scheduler with workers at the address, workers with other versions, or femseal[cluster] is
-    not installed.
-    FemsealError : workers died again and again; the mapper raises it while results are taken.
+    Raises
+    ------
+    InputError
+        There is no scheduler with workers at the address, its workers have other versions, or femseal[cluster] is not
+        installed.
+    FemsealError
+        Workers died again and again. It is raised while results are taken from the mapper.
     """
     import joblib
     from threadpoolctl import threadpool_limits
@@ -184,9 +229,14 @@ def ordered_map(
             with over_cluster(scheduler, count) as mapper:
                 yield mapper
         elif count == 1:
-            yield lambda stage, *items: map(getattr(stage, "function", stage), *items)
+            yield _map_here
         else:
             with over_processes(count) as mapper:
                 if before is not None:
                     before(mapper)
                 yield mapper
+
+
+def _map_here(stage: Any, *iterables: Iterable[Any]) -> Iterator[Any]:
+    """Compute a stage in this process."""
+    return map(getattr(stage, "function", stage), *iterables)

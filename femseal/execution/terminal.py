@@ -1,4 +1,4 @@
-"""Progress of a command: bars on a terminal, log lines elsewhere and in a file."""
+"""Show the progress of a command: bars on a terminal, log lines elsewhere and in a file."""
 
 import logging
 import os
@@ -15,16 +15,21 @@ from .run import LogFile, Progress, logging_to, no_progress
 
 
 def flag(name: str, help: str) -> Any:
-    """An option of a command that is off unless it is named."""
+    """Declare an option of a command that is off unless it is named."""
     return typer.Option(name, help=help, show_default="off")
 
 
 def option(help: str, default: str, *names: str) -> Any:
-    """An option of a command, named after its argument unless it has names; `default` says what holds without it."""
+    """Declare an option of a command.
+
+    help : help text.
+    default : what holds without the option, for the help text.
+    names : names of the option. Default: the name of its argument.
+    """
     return typer.Option(*names, help=help, show_default=default)
 
 
-#: Arguments and options that several commands have.
+# Arguments and options that several commands share.
 CasePath = Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]
 Workers = Annotated[int | None, option("Processes.", "all cores")]
 Scheduler = Annotated[
@@ -49,14 +54,14 @@ PartOption = Annotated[str | None, typer.Option(hidden=True, callback=_refuse_pa
 
 
 def print_table(table: Any) -> None:
-    """Print a table of rich, in files and pipes with room for long lines."""
+    """Print a table of rich. In files and pipes there is space for long lines."""
     from rich.console import Console
 
     Console(width=None if sys.stdout.isatty() else 160).print(table)
 
 
 def print_text(text: str) -> None:
-    """Print a text of some sentences, broken at the width of a terminal."""
+    """Print a text of some sentences, wrapped at the width of the terminal."""
     from rich.markup import escape
 
     print_table(escape(text))
@@ -64,38 +69,54 @@ def print_text(text: str) -> None:
 
 @contextmanager
 def show_progress(quiet: bool, log_file: Path | None = None) -> Iterator[Progress]:
-    """Bars on a terminal, log lines elsewhere; nothing if quiet.
+    """Show progress as bars on a terminal and as log lines elsewhere, or nothing if `quiet`.
 
-    log_file : to whose end log lines go too.
+    log_file : file to which log lines are appended as well.
     """
-    terminal = sys.stderr.isatty()
-    bars = _bars() if terminal and not quiet else nullcontext(no_progress)
+    is_terminal = sys.stderr.isatty()
     handlers: list[logging.Handler] = []
-    if (path := log_file) is not None:
-        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-            raise InputError("log-file", f"'{path}'", "a file that can be written")
-        handlers.append(LogFile(path, encoding="utf-8", delay=True))
+    if log_file is not None:
+        handlers.append(_open_log_file(log_file))
     if not quiet:
-        handlers.append(_Echo(logging.WARNING if terminal else logging.INFO))
-        # failures of studies are shown with the results, and the end of a run by the command
-        handlers[-1].addFilter(
-            lambda record: record.exc_info is None and (not terminal or record.name != "femseal")
-        )
+        handlers.append(_echo_handler(is_terminal))
+    bars = _bars() if is_terminal and not quiet else nullcontext(no_progress)
     with logging_to(*handlers), bars as progress:
         yield progress
 
 
+def _open_log_file(path: Path) -> logging.Handler:
+    """Return a handler that appends log lines to a file."""
+    writable = path if path.exists() else path.parent
+    if path.is_dir() or not os.access(writable, os.W_OK):
+        raise InputError("log-file", f"'{path}'", "a file that can be written")
+    return LogFile(path, encoding="utf-8", delay=True)
+
+
+def _echo_handler(is_terminal: bool) -> logging.Handler:
+    """Return a handler that prints log lines, on a terminal only warnings."""
+    handler = _Echo(logging.WARNING if is_terminal else logging.INFO)
+
+    def is_shown(record: logging.LogRecord) -> bool:
+        # failures of studies are shown with the results, and on a terminal the command itself reports how the run ended
+        has_failed = record.exc_info is not None
+        is_reported = is_terminal and record.name == "femseal"
+        return not has_failed and not is_reported
+
+    handler.addFilter(is_shown)
+    return handler
+
+
 class _Echo(logging.Handler):
-    """Lines on stderr, above the bars if there are any."""
+    """Print log lines on standard error, above the bars if there are any."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Print a record on standard error."""
+        """Print a record."""
         typer.echo(self.format(record), err=True)
 
 
 @contextmanager
 def _bars() -> Iterator[Progress]:
-    """A bar for each stage on a terminal, with items done and the time left."""
+    """Show a bar for each stage on a terminal, with the number of items and the remaining time."""
     from rich import progress
     from rich.console import Console
 

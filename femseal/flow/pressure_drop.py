@@ -122,7 +122,7 @@ class PressureDrop:
             rtol=rtol,
             name="flow through a face",
         )
-        return solved.found, drop
+        return solved.solution, drop
 
     def at_constriction(self, gap: Array, spacing: tuple[float, float]) -> PressureDrop:
         """The same drop in the potential of the critical constriction of a face (n1, n2) [m], periodic along x2.

@@ -70,7 +70,7 @@ def pressure_dependent_flow(
     if isinstance(seal, StructuredSeal):
         first = np.linspace(1, 0, len(seal.grid.lines1))[:, None]
     solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
-    flow, local, rate = solved.found, solved.coefficient, solved.rate
+    flow, local, rate = solved.solution, solved.coefficient, solved.rate
     if bounds:
         flow = seal.flow(joined(local), bounds=True, solver=solver)
         rate = flow.conductance

@@ -1,8 +1,8 @@
-"""Sum of two faces in contact: one map, which has the gap of both where it is pressed on a rigid flat.
+"""Combine two faces in contact into one map, which has the same gap when it is pressed on a rigid flat.
 
-The second face is mirrored, rotated, shifted and interpolated on the grid of the first. Symbols: p place in the
-plane from the middle of the first face [m], u place on the second from its own middle, p = s + R(θ) M u with the shift
-s, the turn R and the mirror image M.
+The second face is mirrored, rotated, shifted and interpolated on the grid of the first. Symbols: p is a position in the
+plane, measured from the middle of the first face [m], and u the position on the second face, measured from its own
+middle. They are related by p = s + R(θ) M u with the shift s, the rotation R and the mirror image M.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class Overlap(Labelled):
-    """The area where two faces overlap, and whether the second was interpolated by splines."""
+    """Describe the area where two faces overlap, and whether the second face was interpolated."""
 
     shape: Shape = labelled("points of the overlap")
     size: Pair = labelled("size of the overlap", "m")
@@ -38,23 +38,36 @@ def combine(
     rotate: float = 0.0,
     shift: Pair = (0.0, 0.0),
 ) -> tuple[Topography, Overlap]:
-    """Sum of two faces where they overlap: the roughness that, pressed on a rigid flat, has the same gap.
+    """Add two faces where they overlap. The sum has the same gap when it is pressed on a rigid flat.
 
-    The centres coincide; the second face is mirrored, then rotated, then shifted. If both faces have one size and then
-    coincide, the second is interpolated by its Fourier series, and the sum is periodic where both are. Otherwise it is
-    interpolated by cubic splines, after waves shorter than two pixels of the first are taken out; the largest rectangle
-    that both cover is kept, periodic along no axis.
+    The second face is mirrored, then rotated about its centre, then shifted from the centre of the first. If both faces
+    have the same size and coincide, the second is interpolated by its Fourier series, and the sum is periodic where
+    both are. Otherwise waves of the second face that are shorter than two pixels of the first are removed, and it is
+    interpolated by cubic splines. The result is then the largest rectangle that both faces cover, and it is not
+    periodic.
 
     Parameters
     ----------
-    first, second : the faces, without undefined points.
-    mirror : axis along which the second face is reversed, as when it is turned over to meet the first.
-    rotate : angle [rad] by which it is turned, from x1 towards x2.
-    shift : by which it is moved along x1 and x2 [m].
+    first, second : Topography
+        The faces, without undefined points.
+    mirror : {"x1", "x2"}, optional
+        Axis along which the second face is reversed, as when it is turned over to meet the first.
+    rotate : float
+        Angle by which the second face is rotated from x1 towards x2 [rad].
+    shift : tuple of two float
+        Shift of the second face along x1 and x2 [m].
+
+    Returns
+    -------
+    topography : Topography
+        The sum.
+    overlap : Overlap
+        Size of the overlap.
 
     Raises
     ------
-    InputError : undefined points, an unknown mirror, a number that is not finite, or no overlap.
+    InputError
+        A face has undefined points, an argument is invalid, or the faces do not overlap.
 
     Examples
     --------
@@ -66,58 +79,91 @@ def combine(
     """
     if mirror not in (None, "x1", "x2"):
         raise InputError("mirror", repr(mirror), "None, 'x1' or 'x2'")
-    for name, face in (("first face", first), ("second face", second)):
-        check_single_patch(name, face)
+    check_single_patch("first face", first)
+    check_single_patch("second face", second)
     angle = validate.number("rotate", rotate, unit="rad", above=-np.inf)
-    move = np.array([validate.number("shift", s, unit="m", above=-np.inf) for s in shift])
+    shift_vector = np.array([validate.number("shift", s, unit="m", above=-np.inf) for s in shift])
     if mirror is not None:
         second = second.flip(int(mirror == "x2"))
-    if angle == 0 and not move.any() and np.allclose(first.size, second.size, rtol=1e-9, atol=0):
-        on_grid = second.resample(first.shape)
-        both = first + Topography(on_grid.heights, first.spacing, on_grid.periodic)
-        return both, Overlap(both.shape, both.size, 1.0, first.shape != second.shape)
+    has_same_size = np.allclose(first.size, second.size, rtol=1e-9, atol=0)
+    if angle == 0 and not shift_vector.any() and has_same_size:
+        return _add_coinciding(first, second)
+    return _add_overlapping(first, second, angle, shift_vector)
+
+
+def _add_coinciding(first: Topography, second: Topography) -> tuple[Topography, Overlap]:
+    """Add two faces of the same size that coincide."""
+    on_grid = second.resample(first.shape)
+    both = first + Topography(on_grid.heights, first.spacing, on_grid.periodic)
+    return both, Overlap(both.shape, both.size, 1.0, first.shape != second.shape)
+
+
+def _add_overlapping(
+    first: Topography, second: Topography, angle: float, shift: NDArray
+) -> tuple[Topography, Overlap]:
+    """Add two faces on the largest rectangle, in pixels of the first, that both cover.
+
+    angle : rotation of the second face [rad]. shift : its shift (2,) [m].
+    """
     if second.undefined_fraction:
         expected = "a map without them: use fill_undefined() first"
         raise InputError("second face", "undefined points", expected)
-    index = _indices(first, second, angle, move)
+    index = _index_into_second(first, second, angle, shift)
     middle = (np.array(second.shape)[:, None, None] - 1) / 2
-    inside = np.all(np.abs(index - middle) <= (middle + 0.5) * (1 + 1e-9), axis=0)
-    if not inside.any():
+    is_covered = np.all(np.abs(index - middle) <= (middle + 0.5) * (1 + 1e-9), axis=0)
+    if not is_covered.any():
         size = as_text(second.size, "m")
         expected = f"a shift after which the second face, {size}, still overlaps the first"
-        raise InputError("shift", as_text(tuple(move), "m"), expected)
-    (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
+        raise InputError("shift", as_text(tuple(shift), "m"), expected)
+    rows, columns = _largest_rectangle(is_covered)
     if min(second.spacing) < max(first.spacing):
         second = second.low_pass(2 * max(first.spacing))
-    part = np.s_[:, begin1:end1, begin2:end2]
-    # beyond the last centres the faces go on as their mirror image, like everywhere
-    heights = scipy.ndimage.map_coordinates(second.heights, index[part], order=3, mode="reflect")
-    below = first.crop((end1 - begin1, end2 - begin2), (begin1, begin2))
+    # beyond its last pixel centres a face continues as its mirror image, as everywhere in femseal
+    heights = scipy.ndimage.map_coordinates(
+        second.heights, index[:, rows, columns], order=3, mode="reflect"
+    )
+    below = first.crop(heights.shape, (rows.start, columns.start))
     both = below + Topography(heights, first.spacing, (False, False))
     return both, Overlap(both.shape, both.size, both.heights.size / first.heights.size, True)
 
 
-def _indices(first: Topography, second: Topography, angle: float, move: NDArray) -> NDArray:
-    """Index (2, n1, n2) into the second face of the pixel centres of the first."""
-    p1, p2 = np.meshgrid(
-        *(
-            (np.arange(n) - (n - 1) / 2) * d - s
-            for n, d, s in zip(first.shape, first.spacing, move, strict=True)
-        ),
-        indexing="ij",
-    )
-    u = cos(angle) * p1 + sin(angle) * p2, cos(angle) * p2 - sin(angle) * p1
-    places = zip(u, second.spacing, second.shape, strict=True)
-    return np.stack([along / d + (n - 1) / 2 for along, d, n in places])
+def _index_into_second(
+    first: Topography, second: Topography, angle: float, shift: NDArray
+) -> NDArray:
+    """Return the fractional index into the second face at the pixel centres of the first (axis, n1, n2)."""
+    # u = R(−θ)(p − s); the mirror image has been applied to the second face
+    x1 = _centred_positions(first.shape[0], first.spacing[0]) - shift[0]
+    x2 = _centred_positions(first.shape[1], first.spacing[1]) - shift[1]
+    p1, p2 = np.meshgrid(x1, x2, indexing="ij")
+    u1 = cos(angle) * p1 + sin(angle) * p2
+    u2 = cos(angle) * p2 - sin(angle) * p1
+    index1 = u1 / second.spacing[0] + (second.shape[0] - 1) / 2
+    index2 = u2 / second.spacing[1] + (second.shape[1] - 1) / 2
+    return np.stack([index1, index2])
 
 
-def _largest_rectangle(inside: Flags) -> tuple[Shape, Shape]:
-    """Rows and columns, first and behind the last, of the largest rectangle in a convex set of pixels."""
+def _centred_positions(points: int, spacing: float) -> NDArray:
+    """Return the pixel centres along an axis, measured from the middle of the map [m]."""
+    return (np.arange(points) - (points - 1) / 2) * spacing
+
+
+def _largest_rectangle(inside: Flags) -> tuple[slice, slice]:
+    """Return the rows and columns of the largest rectangle in a convex set of pixels.
+
+    inside : pixels of the set (n1, n2).
+    """
     rows = np.flatnonzero(inside.any(axis=1))
-    low = np.argmax(inside[rows], axis=1)
-    high = inside.shape[1] - np.argmax(inside[rows, ::-1], axis=1)
-    # in a convex set the first and the last row bound all rows between
-    columns = np.minimum(high[:, None], high) - np.maximum(low[:, None], low)
-    area = np.triu((rows - rows[:, None] + 1) * columns)
+    first_column = np.argmax(inside[rows], axis=1)
+    last_column = inside.shape[1] - np.argmax(inside[rows, ::-1], axis=1)  # exclusive
+    # Because the set is convex, a rectangle from row i to row j is inside if its columns are in both of these rows.
+    # Axes: (i, j).
+    width = np.minimum(last_column[:, None], last_column)
+    width = width - np.maximum(first_column[:, None], first_column)
+    height = rows - rows[:, None] + 1
+    area = np.triu(height * width)
     i, j = np.unravel_index(int(np.argmax(area)), area.shape)
-    return (int(rows[i]), int(rows[j]) + 1), (int(max(low[i], low[j])), int(min(high[i], high[j])))
+    row_range = slice(int(rows[i]), int(rows[j]) + 1)
+    column_range = slice(
+        int(max(first_column[i], first_column[j])), int(min(last_column[i], last_column[j]))
+    )
+    return row_range, column_range

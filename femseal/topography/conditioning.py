@@ -1,14 +1,16 @@
-"""Condition a measured map for contact and flow: without spikes, flat, filled, and smooth at the scale of a pixel.
+"""Condition a measured map for contact and flow: remove spikes and form, fill undefined points, and low-pass it.
 
-The form is fitted to the defined points alone, before anything is filled: filled points would bend it. Points called
-spikes may be part of the face: heights and depths that a face has only by them would decide contact and leakage.
-`spikes_extreme` measures that.
-The shortest wave that an instrument sees follows from the radius of its tip or from its lateral resolution: a round tip
-of radius R follows a wave of amplitude a and wavelength λ where it is blunter than the tip, a(2π/λ)² <= 1/R, that is
-λ >= 2π√(aR). Of many waves the curvature of profiles counts, √2 times its rms in place of a(2π/λ)².
-Sources: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate
-in Fourier space so that the shortest wave is resolved by at least 8 pixels; Church and Takacs, Proc. SPIE 1332 (1991)
-504 (tip); ISO 25178-600 (lateral period limit: the wavelength at which the instrument shows half of the height).
+The form is fitted to the defined points before anything is filled, because filled points would distort it. Points that
+are taken for spikes may be real: if the surface has its highest or deepest points only because of them, they decide
+contact and leakage. `spikes_extreme` measures this.
+
+The shortest wave that an instrument sees follows from its tip radius or its lateral resolution. A round tip of radius R
+follows a wave of amplitude a and wavelength λ if the wave is blunter than the tip, a(2π/λ)² <= 1/R, which means
+λ >= 2π√(aR). For a spectrum of waves, a(2π/λ)² is replaced by √2 times the rms curvature of the profiles.
+
+Sources: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate in Fourier
+space so that the shortest wave is resolved by at least 8 pixels; Church and Takacs, Proc. SPIE 1332 (1991) 504 (tip);
+ISO 25178-600 (lateral period limit: the wavelength at which the instrument shows half of the height).
 """
 
 import warnings
@@ -27,21 +29,29 @@ from .patches import Patches, Surface
 from .texture import Spectrum, spectrum
 from .topography import SLACK, Topography
 
-#: Fractions of a face, from its highest and from its lowest points, that contact and the last open paths are made of.
+#: Fractions of the highest and of the lowest points of a surface: contact consists of the highest points, and the last
+#: open paths of the lowest ones.
 _EXTREMES = (0.01, 0.03, 0.1)
-#: Fraction of the extreme points from which on leakage may hang on the spikes.
+#: Fraction of the extreme points above which spikes may decide the leakage.
 _NOTABLE = 0.01
 
 
-#: The longest wave that was not seen over the shortest one that counts as removed.
+#: Ratio of the longest to the shortest of the unseen waves that count as removed.
 UNSEEN = 10.0
 
 
 @dataclass(frozen=True)
 class Instrument:
-    """Radius of the tip and lateral period limit [m] of an instrument; None where they are not known.
+    """Describe the limits of the instrument that has measured a map.
 
-    made : shortest wave [m] of a face that is generated; None of a measured one.
+    Parameters
+    ----------
+    tip_radius : float, optional
+        Radius of the tip [m], if it is known.
+    resolution : float, optional
+        Lateral period limit [m], if it is known.
+    made : float, optional
+        Shortest wave [m] of a generated surface. None for a measured one.
     """
 
     tip_radius: float | None = None
@@ -49,37 +59,57 @@ class Instrument:
     made: float | None = None
 
     def spectrum(self, flat: Surface) -> Spectrum:
-        """Summary of the spectrum of a flat map; of a generated one its shortest wave is known."""
-        return spectrum(flat) if self.made is None else Spectrum(self.made, 0.0, None)
+        """Return the summary of the spectrum of a map without its form.
+
+        The shortest wave of a generated surface is known and is not estimated.
+        """
+        if self.made is not None:
+            return Spectrum(self.made, 0.0, None)
+        return spectrum(flat)
 
     def shortest_wave(self, flat: Surface) -> float:
-        """Shortest wave [m] of a flat map that it sees; 0 where nothing is known of it, or nothing limits it."""
-        found = [self.resolution or 0.0]
+        """Return the shortest wave [m] of a map that the instrument sees; 0 if no limit is known."""
+        limits = [self.resolution or 0.0]
         if self.tip_radius is not None:
-            found += [
-                _followed(place, axis, self.tip_radius) for place in flat.patches for axis in (0, 1)
-            ]
-        return max(found)
+            for patch in flat.patches:
+                for axis in (0, 1):
+                    limits.append(_shortest_followed_wave(patch, axis, self.tip_radius))
+        return max(limits)
 
 
-#: Nothing is known of it.
+#: An instrument whose limits are unknown.
 UNKNOWN = Instrument()
 
 
-def _followed(flat: Topography, axis: int, radius: float) -> float:
-    """Shortest wave [m] of the profiles along an axis that a tip follows; 0 where it follows all of them."""
+def _shortest_followed_wave(flat: Topography, axis: int, radius: float) -> float:
+    """Return the shortest wave [m] of the profiles along an axis that a tip follows; 0 if it follows all of them.
+
+    radius : of the tip [m].
+    """
     q, density = flat.psd(axis)
-    square = np.cumsum(q**4 * density) * np.diff(q, prepend=0.0) / pi
-    lost = np.flatnonzero(2 * square > radius**-2)
-    return float(2 * pi / q[max(lost[0] - 1, 1)]) if lost.size else 0.0
+    # mean square curvature of the waves up to each wave number (waves,)
+    square_curvature = np.cumsum(q**4 * density) * np.diff(q, prepend=0.0) / pi
+    not_followed = np.flatnonzero(2 * square_curvature > radius**-2)
+    if not not_followed.size:
+        return 0.0
+    last_followed = max(not_followed[0] - 1, 1)
+    return float(2 * pi / q[last_followed])
 
 
 @dataclass(frozen=True, eq=False)
 class Repair:
-    """Defects found in a map: undefined points, spikes, and the form that was removed.
+    """Describe what was repaired in a map.
 
-    undefined_fraction : of the points. spikes : points in them. form : of the defined points.
-    removed : heights of the spikes above what they were filled with, 0 elsewhere (n1, n2) [m].
+    Parameters
+    ----------
+    undefined_fraction : float
+        Fraction of undefined points.
+    spike_points : int
+        Number of points in spikes.
+    form : Form
+        The form of the defined points, which was subtracted.
+    removed : array, (n1, n2)
+        Heights of the spikes above the surface by which they were replaced [m], 0 elsewhere.
     """
 
     undefined_fraction: float
@@ -95,65 +125,100 @@ def repair(
     max_undefined: float = 0.05,
     detrend: int | None = None,
 ) -> tuple[Topography, Repair]:
-    """Flat map without spikes and without undefined points: both filled by the harmonic surface through their rims.
+    """Subtract the form of a map, and fill its spikes and undefined points.
 
-    topography : as measured.
-    spikes : threshold of `find_spikes` in robust standard deviations; infinite leaves them.
-    max_undefined : largest fraction of points (0 to 1) that may be filled, spikes included.
-    detrend : order of the form taken off, see `Topography.form`.
+    They are filled by the harmonic surface through the points around them.
 
-    Raises InputError: more points to fill, or none that is defined; threshold not > 0; another order.
+    Parameters
+    ----------
+    topography : Topography
+        The map as measured.
+    spikes : float
+        Threshold of `find_spikes` in robust standard deviations. If infinite, spikes are kept.
+    max_undefined : float
+        Largest fraction of points, from 0 to 1, that may be filled, including spikes.
+    detrend : int, optional
+        Order of the form, see `Topography.form`.
+
+    Returns
+    -------
+    topography : Topography
+        The repaired map.
+    repair : Repair
+        What was repaired.
+
+    Raises
+    ------
+    InputError
+        Too many points have to be filled, or an argument is invalid.
     """
-    marked = topography.without_spikes(spikes)
-    form = marked.form(detrend)
-    flat = Topography(marked.heights - form.heights, marked.spacing, marked.periodic)
-    spiked = np.isnan(marked.heights) & ~np.isnan(topography.heights)
-    count = int(np.count_nonzero(spiked))
+    without_spikes = topography.without_spikes(spikes)
+    form = without_spikes.form(detrend)
+    flat = without_spikes.with_heights(without_spikes.heights - form.heights)
+    is_spike = np.isnan(without_spikes.heights) & ~np.isnan(topography.heights)
+    spike_points = int(np.count_nonzero(is_spike))
     try:
         flat = flat.fill_undefined(max_undefined)
     except TooManyUndefined as error:
-        if not count:
+        if not spike_points:
             raise
-        expected = f"{error.expected}; {count} of them are spikes, which spikes=inf leaves alone"
+        expected = (
+            f"{error.expected}; {spike_points} of them are spikes, which spikes=inf leaves alone"
+        )
         raise TooManyUndefined(error.what, error.given, expected) from None
-    removed = np.where(spiked, topography.heights - form.heights - flat.heights, 0.0)
-    return flat, Repair(topography.undefined_fraction, count, form, removed)
+    above_filling = topography.heights - form.heights - flat.heights
+    removed = np.where(is_spike, above_filling, 0.0)
+    return flat, Repair(topography.undefined_fraction, spike_points, form, removed)
 
 
 def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float:
-    """Largest fraction of the highest or lowest points, after the low-pass, that are others where spikes are left.
+    """Return the largest fraction of the highest or lowest points that are others if spikes are kept.
 
-    flat : the map with spikes filled.
-    removed : heights of the spikes above what they were filled with (n1, n2) [m], 0 elsewhere.
-    wavelength : shortest one [m] that is kept of the map.
+    Parameters
+    ----------
+    flat : Topography
+        The map with filled spikes.
+    removed : array, (n1, n2)
+        Heights of the spikes above their filling [m], 0 elsewhere.
+    wavelength : float
+        Shortest wave [m]; the maps are compared after the low-pass.
     """
     if not removed.any():
         return 0.0
-    smooth = flat.low_pass(wavelength).heights
-    spiky = Topography(removed, flat.spacing, flat.periodic).low_pass(wavelength).heights
-    return max(_exchanged(sign * smooth, sign * (smooth + spiky)) for sign in (1, -1))
+    heights = flat.low_pass(wavelength).heights
+    spikes = flat.with_heights(removed).low_pass(wavelength).heights
+    highest = _exchanged_fraction(heights, heights + spikes)
+    lowest = _exchanged_fraction(-heights, -(heights + spikes))
+    return max(highest, lowest)
 
 
-def _exchanged(before: NDArray, after: NDArray) -> float:
-    """Largest fraction of the highest points of `after` that are not among as many highest points of `before`."""
-    fractions = []
+def _exchanged_fraction(before: NDArray, after: NDArray) -> float:
+    """Return the largest fraction of the highest points of `after` that are not among the highest points of `before`.
+
+    As many points are compared in both maps (n1, n2).
+    """
+    exchanged = []
     for fraction in _EXTREMES:
-        high = after > np.quantile(after, 1 - fraction)
-        others = high & ~(before > np.quantile(before, 1 - fraction))
-        fractions.append(float(others.sum() / max(high.sum(), 1)))
-    return max(fractions)
+        is_high_after = after > np.quantile(after, 1 - fraction)
+        is_high_before = before > np.quantile(before, 1 - fraction)
+        new_points = np.count_nonzero(is_high_after & ~is_high_before)
+        exchanged.append(float(new_points / max(np.count_nonzero(is_high_after), 1)))
+    return max(exchanged)
 
 
-#: Most points of a grid that nobody asked for. It does not depend on the machine, so that results do not either; a
-#: deterministic solution of as many takes a few GB, and some 10 to 40 s of one core for each load step.
+#: Largest number of points of a grid that femseal chooses. It does not depend on the machine, so that the results do
+#: not either. A deterministic solution on such a grid takes a few GB, and 10 to 40 s of one core for each load step.
 MOST_POINTS = 2**22
 
 
 @dataclass(frozen=True)
 class Conditioning(Labelled):
-    """What was done to a measured map; "before" means filled and flat, but not yet low-passed.
+    """Report what was done to a measured map. "Before" means after repair, but before the low-pass.
 
-    reading : sentences on how its file was understood, where that is not obvious.
+    Attributes
+    ----------
+    reading : tuple of str
+        Sentences on how the file was understood, where this is not obvious.
     """
 
     undefined_fraction: float = labelled("undefined points, filled", percent=True)
@@ -178,39 +243,46 @@ class Conditioning(Labelled):
 
     @property
     def lost_slope(self) -> float:
-        """Fraction of the measured rms slope (0 to 1) that is removed with the waves shorter than those kept."""
+        """Fraction of the measured rms slope, 0 to 1, that is removed by the low-pass."""
         if not self.rms_slope_measured:
             return 0.0
         return max(0.0, 1 - self.rms_slope / self.rms_slope_measured)
 
     @property
     def kept_slope(self) -> float:
-        """Rms slope over that with the waves that were removed, but for noise, or not seen by the instrument."""
-        whole = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
-        return min(self.rms_slope, self.rms_slope_measured) / whole if whole else 1.0
+        """Rms slope of the map, over that with the removed waves (except noise) and with the unseen ones."""
+        total = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
+        if not total:
+            return 1.0
+        return min(self.rms_slope, self.rms_slope_measured) / total
 
     @property
     def spike_doubts(self) -> list[str]:
-        """A sentence where contact and leakage may hang on the spikes."""
+        """A sentence that warns if spikes may decide contact and leakage; otherwise an empty list."""
         if not self.spikes_extreme > _NOTABLE:
             return []
         return [
-            f"{self.spikes_extreme:.0%} of the highest or deepest points of the face hang on spikes "
-            f"({counted(self.spike_points, 'point')}), which are filled: so may contact and leakage; surface.spikes = "
-            "inf leaves them: compare both leakages, or mark what is no part of the face by face.mask"
+            "contact and leakage may depend on spikes that were removed: "
+            f"{self.spikes_extreme:.0%} of the highest or deepest points would be others with them "
+            f"({counted(self.spike_points, 'point')} in spikes). Set surface.spikes = inf to keep "
+            "them and compare both leakages, or mask by face.mask what is no part of the face"
         ]
 
     @property
     def unseen(self) -> str:
-        """A sentence on the waves that the instrument does not see; "" where no limit is known, or they were added."""
+        """A sentence on the waves that the instrument does not see; "" if no limit is known or they were added."""
         if self.shortest_seen is None or self.unseen_slope == 0:
             return ""
-        text = f"the instrument sees no wave below {to_text(self.shortest_seen, 'm', 3)}"
+        limit = f"the instrument sees no wave below {to_text(self.shortest_seen, 'm', 3)}"
         if self.unseen_slope is None:
-            return f"{text}; without a power law in the spectrum only what the map has of such waves counts as removed"
+            return (
+                f"{limit}; without a power law in the spectrum only what the map has of such waves "
+                "counts as removed"
+            )
         return (
-            f"{text}; by the power law of the spectrum the next decade has a rms slope of {self.unseen_slope:.3g}, "
-            f"beside {self.rms_slope_measured:.3g} of those measured; the error budget counts it as removed"
+            f"{limit}; by the power law of the spectrum the next decade has a rms slope of "
+            f"{self.unseen_slope:.3g}, beside {self.rms_slope_measured:.3g} of those measured; the "
+            "error budget counts it as removed"
         )
 
 
@@ -225,30 +297,44 @@ def condition(
     instrument: Instrument = UNKNOWN,
     shortest_wavelength: float | None = None,
 ) -> tuple[Surface, Conditioning]:
-    """Take off the form of the defined points, fill spikes and undefined ones, low-pass, resample if asked.
+    """Prepare a measured map for contact and flow.
+
+    The form of the defined points is subtracted, spikes and undefined points are filled, short waves are removed, and
+    the map is interpolated on another grid if that is wanted.
 
     Parameters
     ----------
-    topography : the map as measured, or several patches, each of which is conditioned by itself.
-    spikes : threshold of isolated points that are taken for undefined ones, see `find_spikes`; infinite leaves them.
-    detrend : order of the form removed: 0 mean, 1 tilt, 2 tilt and curvature. Unless given: the tilt, but not along an
-        axis on which the map is periodic without a step, see `Topography.form`.
-    shortest_wave : waves kept are no shorter [m]. Unless given: 8 pixels of the final grid, but no less than the
-        shortest wave above noise and cut-off of the instrument (see `describe_surface`), or 8 measured pixels where
-        these are shorter, and no less than the instrument sees. A wave of less than 8 measured pixels needs `shape`
-        with a grid that gives it 8 pixels.
-    max_undefined : largest fraction of undefined points (0 to 1) that may be filled, spikes included.
-    shape : final number of points; as measured unless given.
-    instrument : what is known of it. shortest_wavelength : former name of shortest_wave.
+    topography : Topography or Patches
+        The map as measured, or several patches, each of which is conditioned separately.
+    spikes : float
+        Threshold of isolated points that are taken for spikes, see `find_spikes`. If infinite, spikes are kept.
+    detrend : int, optional
+        Order of the form: 0 mean, 1 tilt, 2 tilt and curvature. Default: the tilt, except along axes on which the map
+        is periodic without a step, see `Topography.form`.
+    shortest_wave : float, optional
+        Shortest wave that is kept [m]. Default: 8 pixels of the final grid, but not less than the shortest wave above
+        noise and cut-off (see `describe_surface`) or 8 measured pixels, whichever is shorter, and not less than the
+        instrument sees. A wave of less than 8 measured pixels needs a `shape` with at least 8 pixels per wave.
+    max_undefined : float
+        Largest fraction of undefined points, from 0 to 1, that may be filled, including spikes.
+    shape : tuple of two int, optional
+        Number of points of the final grid. Default: as measured.
+    instrument : Instrument
+        What is known about the instrument.
+    shortest_wavelength : float, optional
+        Former name of `shortest_wave`.
 
     Returns
     -------
-    The usable map and the report of what was done.
+    topography : Topography or Patches
+        The conditioned map.
+    conditioning : Conditioning
+        Report of what was done.
 
     Raises
     ------
-    InputError : too many undefined points; a shortest wave of less than 8 pixels, or longer than the
-        map.
+    InputError
+        Too many points are undefined, or the shortest wave has less than 8 pixels or is longer than the map.
 
     Examples
     --------
@@ -261,21 +347,27 @@ def condition(
     if shortest_wavelength is not None:
         warnings.warn("shortest_wavelength is shortest_wave now", DeprecationWarning, stacklevel=2)
         shortest_wave = shortest_wavelength
-    final = topography.shape if shape is None else validate.grid("shape", shape)
+    final_shape = topography.shape if shape is None else validate.grid("shape", shape)
     if shortest_wave is not None:
+        # checked on the shortest patch before any work, with its share of the final points
         patch = topography.shortest_patch
-        points = final[0], round(final[1] * patch.shape[1] / topography.shape[1])
-        check_wave(shortest_wave, patch.size, points)
-    parts = [
+        columns = round(final_shape[1] * patch.shape[1] / topography.shape[1])
+        check_wave(shortest_wave, patch.size, (final_shape[0], columns))
+    repaired = [
         repair(patch, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
         for patch in topography.patches
     ]
-    flat: Surface = parts[0][0]
+    first_patch, first_repair = repaired[0]
+    flat: Surface = first_patch
     if isinstance(topography, Patches):
-        flat = topography.with_patches([patch for patch, _ in parts])
-    form = parts[0][1].form
+        flat = topography.with_patches([patch for patch, _ in repaired])
     return smooth(
-        flat, form, parts, shortest_wave=shortest_wave, shape=final, instrument=instrument
+        flat,
+        first_repair.form,
+        repaired,
+        shortest_wave=shortest_wave,
+        shape=final_shape,
+        instrument=instrument,
     )
 
 
@@ -288,65 +380,91 @@ def smooth(
     shape: Shape,
     instrument: Instrument,
 ) -> tuple[Surface, Conditioning]:
-    """Low-pass and resample a flat map; other arguments, results and errors are those of `condition`.
+    """Remove the short waves of a repaired map and interpolate it on the final grid; see `condition`.
 
-    form : that was taken off, of the first of several patches.
-    parts : what `repair` returned of the maps that were measured, or made, for it.
+    Parameters
+    ----------
+    flat : Topography or Patches
+        The repaired map.
+    form : Form
+        The form that was subtracted; of several patches that of the first.
+    parts : sequence of tuples of Topography and Repair
+        The results of `repair` for all maps from which the map was made.
+    shortest_wave, shape, instrument
+        See `condition`.
+
+    Returns
+    -------
+    topography : Topography or Patches
+        The conditioned map.
+    conditioning : Conditioning
+        Report of what was done.
     """
-    waves, seen = instrument.spectrum(flat), instrument.shortest_wave(flat)
-    # without a law what the map shows of waves that are not seen is the least that is there
-    measured = max(waves.shortest_wave, seen if waves.law else 0.0)
-    unseen = (
-        sqrt(waves.law.slope_power(measured, measured / UNSEEN)) if waves.law and seen else None
-    )
+    waves = instrument.spectrum(flat)
+    seen = instrument.shortest_wave(flat)
+    measured = waves.shortest_wave
+    unseen_slope = None
+    if waves.law and seen:
+        # Without a power law, unseen waves cannot be estimated; what the map shows of them is then a lower bound.
+        measured = max(measured, seen)
+        unseen_slope = sqrt(waves.law.slope_power(measured, measured / UNSEEN))
     wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, shape)
-    kept = flat.low_pass(shortest).resample(shape)
+    result = flat.low_pass(shortest).resample(shape)
     tilt1, tilt2 = form.slopes
-    return kept, Conditioning(
+    return result, Conditioning(
         undefined_fraction=sum(part.undefined_fraction for _, part in parts) / len(parts),
         spike_points=sum(part.spike_points for _, part in parts),
         spikes_extreme=max(spikes_extreme(face, part.removed, shortest) for face, part in parts),
         removed_tilt=(atan(tilt1), atan(tilt2)),
         removed_curvature=form.curvatures,
         shortest_seen=seen or None,
-        unseen_slope=unseen,
+        unseen_slope=unseen_slope,
         shortest_measured=measured,
         shortest_wave=shortest,
         rms_height_before=flat.rms_height,
-        rms_height=kept.rms_height,
+        rms_height=result.rms_height,
         rms_slope_before=flat.rms_slope,
         rms_slope_measured=flat.low_pass(measured).rms_slope,
-        rms_slope=kept.rms_slope,
+        rms_slope=result.rms_slope,
         shape_before=flat.shape,
-        shape=kept.shape,
+        shape=result.shape,
         spacing_before=flat.spacing,
-        spacing=kept.spacing,
+        spacing=result.spacing,
     )
 
 
 def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
-    """Shortest wave that is kept on a grid unless given [m], see `condition`.
+    """Return the shortest wave [m] that is kept on a grid by default, see `condition`.
 
-    A longer one than 8 pixels of the map would be a guess where the instrument is not known: noise is removed on demand
-    only.
+    Without knowledge of the instrument, a wave longer than 8 measured pixels would be a guess; noise is removed only on
+    demand.
     """
-    kept = min(instrument.spectrum(flat).shortest_wave, resolved_wave(flat.size, flat.shape))
-    return max(resolved_wave(flat.size, shape), kept, instrument.shortest_wave(flat))
+    measured = instrument.spectrum(flat).shortest_wave
+    carried_by_map = resolved_wave(flat.size, flat.shape)
+    carried_by_grid = resolved_wave(flat.size, shape)
+    return max(carried_by_grid, min(measured, carried_by_map), instrument.shortest_wave(flat))
 
 
 def resolved_wave(size: Pair, shape: Shape) -> float:
-    """Shortest wave with 8 pixels of a grid [m]."""
+    """Return the shortest wave that has 8 pixels on a grid [m]."""
     return PIXELS_PER_WAVE * max(length / n for length, n in zip(size, shape, strict=True))
 
 
 def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
-    """Points along x1 and x2 at which a wave has 8 pixels or a little more, in numbers that transform fast.
+    """Return the number of points at which a wave has 8 pixels or a few more, and Fourier transforms are fast.
 
-    size : of the face [m].
-    wave : shortest wave that shall be kept [m].
-    most : points of the grid at most, about: where the wave takes more, the pixels are wider.
+    Parameters
+    ----------
+    size : tuple of two float
+        Sides of the surface [m].
+    wave : float
+        Shortest wave that is to be kept [m].
+    most : float
+        Approximate limit of the number of points. If the wave needs more, the pixels are larger.
 
+    Examples
+    --------
     >>> resolving_shape((1e-3, 2e-3), 8e-6), resolving_shape((1e-3, 2e-3), 8e-6, most=500_000)
     ((1000, 2000), (500, 1000))
     """
@@ -358,14 +476,20 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
 
 
 def check_wave(wave: float, size: Pair, shape: Shape) -> float:
-    """The wave; InputError if it has fewer than 8 pixels of a grid, or is no shorter than a face of such sides [m]."""
+    """Check that a wave [m] has at least 8 pixels of a grid and is shorter than a surface, and return it.
+
+    size : sides of the surface [m]. shape : number of points of the grid.
+    """
     shortest = validate.number("shortest_wave", wave, unit="m")
     resolved = resolved_wave(size, shape)
     if shortest < resolved * (1 - SLACK):
         finer = resolving_shape(size, shortest)
-        allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"
-        raise InputError("shortest_wave", to_text(shortest, "m"), allowed)
+        expected = (
+            f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a "
+            "finer grid"
+        )
+        raise InputError("shortest_wave", to_text(shortest, "m"), expected)
     if shortest >= max(size):
-        allowed = f"less than the larger side, {to_text(max(size), 'm')}"
-        raise InputError("shortest_wave", to_text(shortest, "m"), allowed)
+        expected = f"less than the larger side, {to_text(max(size), 'm')}"
+        raise InputError("shortest_wave", to_text(shortest, "m"), expected)
     return shortest

@@ -1,165 +1,259 @@
-"""Tables of numbers that are no matrix of heights: coordinates x y z on a regular grid, profiles, axes beside a map.
+"""Read tables of numbers that are not a plain matrix of heights.
 
-A table x y z names the points of a grid in any order. Points that it does not name are undefined. Coordinates are
-rounded as they are written, so that equal steps differ by a few per cent.
+Such a table may hold coordinates x y z on a regular grid, a profile, or a matrix with its axes in the first line or
+column. A table x y z lists the points of a grid in any order; points that it does not list are undefined. Coordinates
+are rounded when they are written, so that equal steps may differ by a few per cent.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Indices, InputError, Pair, as_text, counted
 
-#: Coordinates may lie this fraction of a step beside the grid.
+#: Largest distance of a coordinate from the grid, as a fraction of a step.
 _OFF_GRID = 0.15
-#: A table whose points fill this fraction of a grid is taken for coordinates whatever the number of its columns; one
-#: of three columns from the second fraction on, and if it has as many lines.
-_WELL_FILLED, _HARDLY_FILLED, _FEWEST_LINES = 0.5, 0.1, 9
-#: Grids and profiles have no fewer points.
-_FEWEST_OF_GRID, _SHORTEST_PROFILE = 4, 3
+#: A table is taken for coordinates if its points fill this fraction of a grid, whatever the number of its columns.
+_WELL_FILLED = 0.5
+#: A table with three columns is taken for coordinates if its points fill this fraction of a grid.
+_HARDLY_FILLED = 0.1
+#: Smallest number of lines of a table with three columns that is not a narrow matrix.
+_FEWEST_LINES = 9
+#: Smallest number of points of a grid.
+_FEWEST_OF_GRID = 4
+#: Smallest number of points of a profile.
+_SHORTEST_PROFILE = 3
+
+
+class Columns(NamedTuple):
+    """Hold the numbers of the columns of x, y and z in a table, counted from 0."""
+
+    x: int
+    y: int
+    z: int
+
+
+#: The columns of a table that contains nothing else.
+_FIRST_COLUMNS = Columns(0, 1, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class MapOfTable:
-    """Heights (n1, n2), x first, that a table of numbers holds.
+    """Hold the heights that were read from a table of numbers.
 
-    steps : between coordinates along x and y, in their unit; None of a matrix. columns : of x, y and z, from 0.
-    notes : sentences on how the table was understood.
+    Parameters
+    ----------
+    heights : array, (n1, n2)
+        Heights, with x along the first axis.
+    steps : tuple of two float, optional
+        Distances between coordinates along x and y, in their own unit. None for a matrix.
+    columns : Columns
+        Columns of x, y and z in the table.
+    notes : tuple of str
+        Sentences on how the table was understood.
     """
 
     heights: NDArray
     steps: Pair | None = None
-    columns: tuple[int, int, int] = (0, 1, 2)
+    columns: Columns = _FIRST_COLUMNS
     notes: tuple[str, ...] = ()
 
 
 def map_of_table(table: NDArray, names: Sequence[str] = ()) -> MapOfTable:
-    """Heights of a table of numbers (lines, columns), a matrix or coordinates.
+    """Read the heights from a table of numbers, which is a matrix or has coordinates.
 
-    names : of the columns, "" or none where they are not known.
+    Parameters
+    ----------
+    table : array, (lines, columns)
+        The numbers.
+    names : sequence of str
+        Names of the columns in lower case, "" for an unknown name.
 
-    Raises InputError: a profile, or coordinates on no regular grid.
+    Raises
+    ------
+    InputError
+        The table is a profile, or its coordinates are not on a regular grid.
     """
     refuse_profile(table)
-    found = grid_of_coordinates(table, names)
-    if found is not None:
-        return found
-    places = _columns_of(table, names)
-    if places is not None and _is_of_three(table, places):
-        raise _no_grid(table, places)
-    return _without_axes(table)
+    grid = grid_of_coordinates(table, names)
+    if grid is not None:
+        return grid
+    columns = _find_columns(table, names)
+    if columns is not None and _has_only_coordinates(table, columns):
+        raise _irregular_error(table, columns)
+    return _read_matrix(table)
 
 
 def grid_of_coordinates(table: NDArray, names: Sequence[str] = ()) -> MapOfTable | None:
-    """Heights of a table of coordinates (lines, columns) on a regular grid; None of another table.
+    """Read the heights from a table of coordinates on a regular grid; return None for any other table.
 
-    Raises InputError: several heights of one point, in a table of three columns.
+    Parameters
+    ----------
+    table : array, (lines, columns)
+        The numbers.
+    names : sequence of str
+        Names of the columns in lower case, "" for an unknown name.
+
+    Raises
+    ------
+    InputError
+        A table of three columns has several heights at one point.
     """
-    places = _columns_of(table, names)
-    return None if places is None else _on_grid(table, places)
+    columns = _find_columns(table, names)
+    return None if columns is None else _read_grid(table, columns)
 
 
 def refuse_profile(table: NDArray) -> None:
-    """Raise InputError if a table holds a profile: heights along a line, with their places or without."""
+    """Raise InputError if a table is a profile: heights along a line, with or without their positions."""
     lines, columns = table.shape
     if min(lines, columns) > 2 or max(lines, columns) < _SHORTEST_PROFILE:
         return
-    along = table if lines >= columns else table.T
-    place, z = along[:, 0], along[:, -1]
-    if along.shape[1] == 2:
-        steps = np.diff(place)
-        is_place = bool((steps > 0).all() or (steps < 0).all())
-        if not is_place and len(along) < _FEWEST_LINES:
-            return
-    kind = ("column", "columns") if lines >= columns else ("line", "lines")
-    given = f"a single {kind[0]}" if along.shape[1] == 1 else f"two {kind[1]}, x and z"
-    raise profile_error(z, given)
+    is_upright = lines >= columns
+    profile = table if is_upright else table.T  # (points, 1 or 2)
+    if profile.shape[1] == 2:
+        steps = np.diff(profile[:, 0])
+        is_monotonic = bool((steps > 0).all() or (steps < 0).all())
+        if not is_monotonic and len(profile) < _FEWEST_LINES:
+            return  # a narrow matrix of heights
+        given = "two columns, x and z" if is_upright else "two lines, x and z"
+    else:
+        given = "a single column" if is_upright else "a single line"
+    raise profile_error(profile[:, -1], given)
 
 
 def profile_error(z: NDArray, given: str) -> InputError:
-    """InputError about heights along a line, with what they are good for."""
+    """Make an InputError about heights along a line, which says how a profile can be used.
+
+    z : heights (points,), NaN where undefined. given : what the file contains.
+    """
     defined = z[np.isfinite(z)]
-    described = ""
+    roughness = ""
     if defined.size > 2:
         n = np.arange(defined.size)
-        flat = defined - np.polynomial.Polynomial.fit(n, defined, 1)(n)
-        ra, rq = np.abs(flat).mean(), flat.std()
-        described = f"; Ra {ra:.3g}, Rq {rq:.3g} in its unit"
+        line = np.polynomial.Polynomial.fit(n, defined, 1)
+        deviation = defined - line(n)
+        ra, rq = np.abs(deviation).mean(), deviation.std()
+        roughness = f"; Ra {ra:.3g}, Rq {rq:.3g} in its unit"
     expected = (
-        "a map, n1 × n2 heights. What a profile says, Rq, its slope and the pitch of its grooves, makes a face: "
-        "rms_height or rms_slope, hurst and roll_off of kind = 'self-affine', or pitch and depth of kind = 'turned', "
-        "see the page 'From a drawing to a face'"
+        "a map, n1 × n2 heights. From a profile you can generate a face: with its Rq or slope as rms_height or "
+        "rms_slope, hurst and roll_off of kind = 'self-affine', or with pitch and depth of its grooves as those of "
+        "kind = 'turned'; see the page 'From a drawing to a face'"
     )
-    return InputError("file", f"a profile of {z.size} points ({given}{described})", expected)
+    return InputError("file", f"a profile of {z.size} points ({given}{roughness})", expected)
 
 
-def _columns_of(table: NDArray, names: Sequence[str]) -> tuple[int, int, int] | None:
-    """Columns of x, y and z: by their names, or the first three behind an index; None where there are fewer."""
-    named = tuple(
-        next((n for n, name in enumerate(names) if name.startswith(letters)), -1)
-        for letters in ("x", "y", ("z", "height", "höhe"))
+def _find_columns(table: NDArray, names: Sequence[str]) -> Columns | None:
+    """Find the columns of x, y and z, by their names or as the first three columns after an index.
+
+    Returns None if the table has fewer columns.
+    """
+    named = Columns(
+        _column_with_name(names, "x"),
+        _column_with_name(names, "y"),
+        _column_with_name(names, ("z", "height", "höhe")),
     )
     if min(named) >= 0 and len(set(named)) == 3:
-        return named[0], named[1], named[2]
+        return named
     columns = table.shape[1]
-    if columns >= 4 and np.array_equal(table[:, 0] - table[0, 0], np.arange(len(table))):
-        return 1, 2, 3
-    return (0, 1, 2) if columns >= 3 else None
+    if columns < 3:
+        return None
+    begins_with_index = np.array_equal(table[:, 0] - table[0, 0], np.arange(len(table)))
+    if columns >= 4 and begins_with_index:
+        return Columns(1, 2, 3)
+    return Columns(0, 1, 2)
 
 
-def _is_of_three(table: NDArray, places: tuple[int, int, int]) -> bool:
-    """Whether a table has no columns but x, y and z, and an index, and more lines than a matrix of three columns."""
-    return table.shape[1] - min(places) == 3 and len(table) >= _FEWEST_LINES
+def _column_with_name(names: Sequence[str], beginnings: str | tuple[str, ...]) -> int:
+    """Return the first column whose name begins in one of these ways, -1 if there is none."""
+    for n, name in enumerate(names):
+        if name.startswith(beginnings):
+            return n
+    return -1
 
 
-def _on_grid(table: NDArray, places: tuple[int, int, int]) -> MapOfTable | None:
-    """Heights of a table of coordinates that lie on a regular grid; None of any other table.
+def _has_only_coordinates(table: NDArray, columns: Columns) -> bool:
+    """Return whether a table has no columns but x, y, z and perhaps an index, and is too long for a matrix."""
+    return table.shape[1] - min(columns) == 3 and len(table) >= _FEWEST_LINES
 
-    Raises InputError: two heights of one point.
+
+def _read_grid(table: NDArray, columns: Columns) -> MapOfTable | None:
+    """Read the heights from a table of coordinates on a regular grid; return None for any other table.
+
+    Raises InputError if a point has two heights.
     """
     if len(table) < _FEWEST_OF_GRID:
         return None
-    is_known = np.isfinite(table[:, places[:2]]).all(axis=1)
-    if is_known.mean() > _WELL_FILLED:
-        table = table[is_known]
-    x, y, z = (table[:, place] for place in places)
-    along_x, along_y = find_lattice(x), find_lattice(y)
-    if along_x is None or along_y is None:
+    has_coordinates = np.isfinite(table[:, columns[:2]]).all(axis=1)
+    if has_coordinates.mean() > _WELL_FILLED:
+        table = table[has_coordinates]
+    x, y, z = table[:, columns.x], table[:, columns.y], table[:, columns.z]
+    x_lattice, y_lattice = find_lattice(x), find_lattice(y)
+    if x_lattice is None or y_lattice is None:
         return None
-    shape = along_x.points, along_y.points
-    place = along_x.index * shape[1] + along_y.index
-    distinct = np.unique(place).size
-    fraction = distinct / (shape[0] * shape[1])
-    is_three = _is_of_three(table, places)
-    if distinct < len(table) and not is_three:
+    n1, n2 = x_lattice.points, y_lattice.points
+    flat_index = x_lattice.index * n2 + y_lattice.index
+    filled_points = np.unique(flat_index).size
+    has_only_coordinates = _has_only_coordinates(table, columns)
+    if filled_points < len(table) and not has_only_coordinates:
         return None
-    if min(shape) < 2 or not fraction > (_HARDLY_FILLED if is_three else _WELL_FILLED):
+    least_fraction = _HARDLY_FILLED if has_only_coordinates else _WELL_FILLED
+    if min(n1, n2) < 2 or filled_points / (n1 * n2) <= least_fraction:
         return None
-    heights = np.full(shape[0] * shape[1], np.nan)
-    heights[place] = z
-    again = (heights[place] != z) & ~(np.isnan(heights[place]) & np.isnan(z))
-    if again.any():
-        n = int(np.argmax(again))
+    heights = np.full(n1 * n2, np.nan)
+    heights[flat_index] = z
+    _check_unique_heights(x, y, z, heights[flat_index])
+    return MapOfTable(
+        heights.reshape(n1, n2),
+        steps=(x_lattice.step, y_lattice.step),
+        columns=columns,
+        notes=_notes_on_grid(n1, n2, filled_points, table.shape[1], columns),
+    )
+
+
+def _check_unique_heights(x: NDArray, y: NDArray, z: NDArray, stored: NDArray) -> None:
+    """Raise InputError if a point has several heights.
+
+    x, y, z : the table (lines,). stored : the height that was stored at the point of each line (lines,).
+    """
+    differs = (stored != z) & ~(np.isnan(stored) & np.isnan(z))
+    if differs.any():
+        n = int(np.argmax(differs))
         given = f"several heights at x = {x[n]:.6g}, y = {y[n]:.6g}"
         raise InputError("file", given, "a table x y z with one height for each point")
-    missing = heights.size - distinct
-    notes = [f"the table x y z is a grid of {shape[0]} × {shape[1]} points"]
+
+
+def _notes_on_grid(
+    n1: int, n2: int, filled_points: int, table_columns: int, columns: Columns
+) -> tuple[str, ...]:
+    """Say how a table of coordinates was understood."""
+    note = f"the table x y z is a grid of {n1} × {n2} points"
+    missing = n1 * n2 - filled_points
     if missing:
-        share = as_text(missing / heights.size, percent=True)
+        fraction = as_text(missing / (n1 * n2), percent=True)
         verb = "is" if missing == 1 else "are"
-        notes[0] += f"; {counted(missing, 'point')} of them, {share}, {verb} not in it: undefined"
-    if min(places) == 0 and table.shape[1] > 3:
-        notes.append(
-            f"columns of the table behind x, y and z are not read: {table.shape[1]} in all"
-        )
-    return MapOfTable(heights.reshape(shape), (along_x.step, along_y.step), places, tuple(notes))
+        note += f"; {counted(missing, 'point')} of them, {fraction}, {verb} not in it: undefined"
+    notes = [note]
+    if min(columns) == 0 and table_columns > 3:
+        notes.append(f"columns of the table after x, y and z are not read: {table_columns} in all")
+    return tuple(notes)
 
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Equidistant values: index of each, their number and step."""
+    """Hold equidistant values.
+
+    Parameters
+    ----------
+    index : array of int, (values,)
+        Number of each value on the lattice, counted from 0.
+    points : int
+        Number of points of the lattice.
+    step : float
+        Distance between its points.
+    """
 
     index: Indices
     points: int
@@ -167,46 +261,53 @@ class Lattice:
 
 
 def find_lattice(values: NDArray) -> Lattice | None:
-    """Index of values that lie on a regular lattice, some of whose points may be missing; None of others.
+    """Find the regular lattice on which values lie; return None if they do not lie on one.
 
-    The step is first that between most neighbours, then that of a straight line through all values over their index.
+    Some points of the lattice may be missing. The step is first estimated from the smallest distances between values,
+    and then twice improved by a straight line through all values over their index.
+
+    values : (values,) in any order.
     """
     if not np.isfinite(values).all():
         return None
-    places, inverse = np.unique(values, return_inverse=True)
-    gaps = np.diff(places)
-    if not gaps.size:
+    positions, inverse = np.unique(values, return_inverse=True)
+    distances = np.diff(positions)
+    if not distances.size:
         return Lattice(np.zeros(values.shape, np.int64), 1, 0.0)
-    # the same place is written with different digits
-    gaps = gaps[gaps > 1e-3 * gaps.max()]
-    small = gaps[gaps < 1.5 * np.quantile(gaps, 0.1)]
-    step = float(small.mean())
-    index = np.concatenate([[0], np.cumsum(np.rint(np.diff(places) / step))])
-    start = float(places[0])
+    step = _estimate_step(distances)
+    index = np.concatenate([[0], np.cumsum(np.rint(distances / step))])
     for _ in range(2):
         if index[-1] < 1 or index[-1] > 100 * values.size:
             return None
-        step, start = np.polynomial.polynomial.polyfit(index, places, 1)[::-1]
+        start, step = np.polynomial.polynomial.polyfit(index, positions, 1)
         if not step > 0:
             return None
-        index = np.rint((places - start) / step)
-    off = np.abs(places - start - index * step).max()
-    if off > _OFF_GRID * step:
+        index = np.rint((positions - start) / step)
+    deviation = np.abs(positions - start - index * step).max()
+    if deviation > _OFF_GRID * step:
         return None
     index = (index - index[0]).astype(np.int64)
     return Lattice(index[inverse], int(index[-1]) + 1, float(step))
 
 
-def _no_grid(table: NDArray, places: tuple[int, int, int]) -> InputError:
-    """InputError about coordinates that lie on no regular grid."""
-    x, y, z = (table[:, place] for place in places)
-    for line, other in ((x, y), (y, x)):
-        if np.unique(other).size == 1 and np.unique(line).size == len(table):
-            return profile_error(z, "coordinates x y z along one line")
-    counts = [np.unique(axis).size for axis in (x, y)]
+def _estimate_step(distances: NDArray) -> float:
+    """Estimate the step of a lattice as the mean of the smallest distances between values."""
+    # the same position may be written with different digits, which gives tiny distances
+    distances = distances[distances > 1e-3 * distances.max()]
+    smallest = distances[distances < 1.5 * np.quantile(distances, 0.1)]
+    return float(smallest.mean())
+
+
+def _irregular_error(table: NDArray, columns: Columns) -> InputError:
+    """Make an InputError about coordinates that are not on a regular grid."""
+    x, y, z = table[:, columns.x], table[:, columns.y], table[:, columns.z]
+    different_x, different_y = np.unique(x).size, np.unique(y).size
+    is_line = {different_x, different_y} == {1, len(table)}
+    if is_line:
+        return profile_error(z, "coordinates x y z along one line")
     given = (
         f"a table of {len(table)} lines x y z, whose points lie on no regular grid "
-        f"({counts[0]} different x, {counts[1]} different y)"
+        f"({different_x} different x, {different_y} different y)"
     )
     expected = (
         "a grid with equal steps along x and y: export it as a grid, or interpolate the points (Gwyddion; "
@@ -215,19 +316,21 @@ def _no_grid(table: NDArray, places: tuple[int, int, int]) -> InputError:
     return InputError("file", given, expected)
 
 
-def _without_axes(table: NDArray) -> MapOfTable:
-    """A matrix without its first column, or its first line, where that holds places or counts and no heights."""
+def _read_matrix(table: NDArray) -> MapOfTable:
+    """Read a matrix of heights, without its first column or line if that is an axis."""
     notes = []
     if min(table.shape) >= _FEWEST_LINES:
         for name, axis in (("column", 1), ("line", 0)):
-            first, second = (np.take(table, n, axis)[1:] for n in (0, 1))
-            if _is_even(first) and not _is_even(second):
+            # the corner belongs to both axes and is not compared
+            first = np.take(table, 0, axis)[1:]
+            second = np.take(table, 1, axis)[1:]
+            if _has_equal_steps(first) and not _has_equal_steps(second):
                 table = np.delete(table, 0, axis)
                 notes.append(f"the first {name} counts in even steps: it is an axis, not heights")
     return MapOfTable(table.T, notes=tuple(notes))
 
 
-def _is_even(values: NDArray) -> bool:
-    """Whether values rise or fall in equal steps."""
+def _has_equal_steps(values: NDArray) -> bool:
+    """Return whether values rise or fall in equal steps."""
     steps = np.diff(values)
     return bool(steps[0] != 0 and np.allclose(steps, steps[0], rtol=1e-6, atol=0))

@@ -1,14 +1,14 @@
-"""What a measured map has to lose, found in its heights: its form, spikes and undefined points.
+"""Find what has to be removed from a measured map: its form, spikes and undefined points.
 
-Form: mean, tilt plane or quadratic surface by least squares. u, v = x1, x2 scaled to (−1, 1) across the map,
-z ≈ Σ a_ij uⁱ vʲ with i + j <= order.
+Form: mean, tilted plane or quadratic surface, fitted by least squares. With u and v, which are x1 and x2 scaled to
+(−1, 1) across the map, z ≈ Σ a_ij uⁱ vʲ with i + j <= order.
 
-Spikes: isolated points far above or below their surroundings, an artefact of confocal instruments. m median of z in a
-window of 5 × 5 points, s = 1.4826 MAD, the robust standard deviation about m in that window. Source: the Hampel
-identifier, Davies and Gather, J. Am. Stat. Assoc. 88 (1993) 782, with a test of isolation.
+Spikes: isolated points far above or below their surroundings, an error of confocal instruments. For a window of 5 × 5
+points around each point, m is the median of the heights and s = 1.4826 MAD their robust standard deviation. Source: the
+Hampel identifier, Davies and Gather, J. Am. Stat. Assoc. 88 (1993) 782, with an additional test of isolation.
 
-Undefined points: filled by the harmonic surface through their rims, ∇²z = 0, or cropped. Too many of them are an error,
-which offers the largest rectangle of the map with few.
+Undefined points: they are filled by the harmonic surface through the points around them, ∇²z = 0. It is an error if
+there are too many of them.
 """
 
 from __future__ import annotations
@@ -28,10 +28,16 @@ ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """A fitted polynomial surface.
+    """Hold a polynomial surface that was fitted to a map.
 
-    coefficients : a_ij (3, 3) [m].
-    shape, size : of the map it was fitted to, [-] and [m].
+    Parameters
+    ----------
+    coefficients : array, (3, 3)
+        a_ij [m].
+    shape : tuple of two int
+        Shape of the map.
+    size : tuple of two float
+        Sides of the map [m].
     """
 
     coefficients: NDArray
@@ -40,13 +46,13 @@ class Form:
 
     @property
     def heights(self) -> NDArray:
-        """Form at the pixel centres (n1, n2) [m]."""
-        u, v = (np.vander(scaled_centres(n), 3, increasing=True) for n in self.shape)
+        """Heights of the form at the pixel centres (n1, n2) [m]."""
+        u, v = (_powers(n, 3) for n in self.shape)
         return u @ self.coefficients @ v.T
 
     @property
     def slopes(self) -> Pair:
-        """∂z/∂x1, ∂z/∂x2 in the middle of the map [-]."""
+        """Slopes ∂z/∂x1 and ∂z/∂x2 in the middle of the map [-]."""
         return (
             2 * float(self.coefficients[1, 0]) / self.size[0],
             2 * float(self.coefficients[0, 1]) / self.size[1],
@@ -54,7 +60,7 @@ class Form:
 
     @property
     def curvatures(self) -> tuple[float, float, float]:
-        """∂²z/∂x1², ∂²z/∂x1∂x2, ∂²z/∂x2² [1/m]."""
+        """Second derivatives ∂²z/∂x1², ∂²z/∂x1∂x2 and ∂²z/∂x2² [1/m]."""
         a, (l1, l2) = self.coefficients, self.size
         return (
             8 * float(a[2, 0]) / l1**2,
@@ -64,18 +70,37 @@ class Form:
 
 
 def scaled_centres(n: int) -> NDArray:
-    """Pixel centres scaled to (−1, 1)."""
+    """Return the pixel centres along an axis (n,), scaled to (−1, 1)."""
     return (2 * np.arange(n) + 1 - n) / n
 
 
+def _powers(n: int, count: int) -> NDArray:
+    """Return the powers 0 to `count` − 1 of the scaled pixel centres along an axis (n, count)."""
+    return np.vander(scaled_centres(n), count, increasing=True)
+
+
 def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True, True)) -> Form:
-    """Least-squares form of `heights` (n1, n2) [m] with NaN for undefined points.
+    """Fit a polynomial surface to the defined points of a map by least squares.
 
-    The normal equations need only the moments Σ uⁱ vʲ and Σ z uⁱ vʲ, which are two matrix products per map:
-    no design matrix of the size of the map. Where points do not fix a term (a single row), it is zero (least
-    norm). Along an axis that is not `tilted` the form is level.
+    The normal equations need only the moments Σ uⁱ vʲ and Σ z uⁱ vʲ, which are two matrix products, so that no design
+    matrix of the size of the map is needed. A term that the points do not determine, as in a map of a single row, is 0
+    (solution of least norm).
 
-    Raises InputError: order not 0, 1 or 2; no defined point.
+    Parameters
+    ----------
+    heights : array, (n1, n2)
+        Heights [m], NaN where undefined.
+    size : tuple of two float
+        Sides of the map [m].
+    order : int
+        0 (mean), 1 (and tilt) or 2 (and curvature).
+    tilted : tuple of two bool
+        Whether the form may vary along x1 and x2.
+
+    Raises
+    ------
+    InputError
+        The order is invalid, or no point is defined.
     """
     if order not in (0, 1, 2):
         raise InputError("order", repr(order), ORDERS)
@@ -83,17 +108,18 @@ def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True,
     if not defined.any():
         raise InputError("heights", "100 % undefined points", "at least one defined point")
     mean = float(heights[defined].mean())
-    u, v = (np.vander(scaled_centres(n), 2 * order + 1, increasing=True) for n in heights.shape)
-    moments = u.T @ defined.astype(float) @ v
-    loads = u.T @ np.where(defined, heights - mean, 0.0) @ v
+    u, v = (_powers(n, 2 * order + 1) for n in heights.shape)
+    moments = u.T @ defined.astype(float) @ v  # Σ uⁱ vʲ at [i, j]
+    height_moments = u.T @ np.where(defined, heights - mean, 0.0) @ v  # Σ (z − mean) uⁱ vʲ
     terms = [
         (i, j)
         for i in range(order + 1)
         for j in range(order + 1 - i)
         if (tilted[0] or i == 0) and (tilted[1] or j == 0)
     ]
-    normal = np.array([[moments[i + k, j + l] for k, l in terms] for i, j in terms])
-    solution = np.linalg.lstsq(normal, np.array([loads[t] for t in terms]))[0]
+    matrix = np.array([[moments[i + k, j + l] for k, l in terms] for i, j in terms])
+    right_side = np.array([height_moments[term] for term in terms])
+    solution = np.linalg.lstsq(matrix, right_side)[0]
     coefficients = np.zeros((3, 3))
     for term, value in zip(terms, solution, strict=True):
         coefficients[term] = value
@@ -101,123 +127,163 @@ def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True,
     return Form(coefficients, (heights.shape[0], heights.shape[1]), size)
 
 
-#: A point is far off where |z − m| > SPIKES · s.
+#: Default threshold: a point deviates if |z − m| > SPIKES · s.
 SPIKES = 6.0
-#: More points than this side by side are no spike but a feature of the face.
+#: Largest number of neighbouring points that form a spike. A larger group is a feature of the surface.
 MOST_POINTS = 4
+#: Number of points from the middle of a window to its edge.
 _REACH = 2
-#: Fraction of the points, and no less than a window of them, that lie at one height where data is quantised.
+#: Fraction of the points that share one height if the heights are quantised. They are at least as many as a window has.
 _COMMON = 1e-3
+#: Neighbourhood of a point, including its diagonal neighbours.
 ALL_NEIGHBOURS = np.ones((3, 3))
 
 
 def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
-    """Spikes in `heights` (n1, n2) [m], NaN where undefined.
+    """Find the spikes of a map.
 
-    A spike is a group of at most four points with |z − m| > `threshold` · s, and no neighbour of it deviates, with
-    the same sign, half as far as its tip. Ridges, edges and corners of real asperities continue in a neighbour and are
-    kept, as is every summit that the instrument resolves. s is no less than its median over the map, nor than a
-    step of quantised heights, and grows with the local slope.
+    A spike is a group of at most four points with |z − m| > `threshold` · s that stands alone: no point next to it
+    deviates with the same sign by more than half as much as its tip. Ridges, edges and corners of real asperities
+    continue in a neighbouring point and are not spikes, nor is any summit that the instrument resolves. s is at least
+    its median over the map and at least a step of quantised heights, and it grows with the local slope.
 
-    heights : as measured; their form of second order is taken off first.
-    threshold : > 0; infinite finds none.
+    Parameters
+    ----------
+    heights : array, (n1, n2)
+        Heights as measured [m], NaN where undefined. Their form of second order is subtracted first.
+    threshold : float
+        Deviation in robust standard deviations, > 0. If infinite, there are no spikes.
 
-    Raises InputError: threshold not a number > 0.
+    Returns
+    -------
+    array of bool, (n1, n2)
+        Whether each point belongs to a spike.
+
+    Raises
+    ------
+    InputError
+        The threshold is not a number > 0.
     """
+    is_spike = np.zeros(heights.shape, dtype=bool)
     if threshold == inf or np.isnan(heights).all():
-        return np.zeros(heights.shape, dtype=bool)
+        return is_spike
     validate.number("spikes", threshold)
     flat = heights - fit_form(heights, (1.0, 1.0), 2).heights
-    median, deviation = _window_medians(flat)
-    off = flat - median
-    scale = np.maximum(
-        1.4826 * np.maximum(deviation, np.nanmedian(deviation)), _height_step(heights)
-    )
-    groups, _ = scipy.ndimage.label(np.abs(off) > threshold * scale, ALL_NEIGHBOURS)
-    spikes = np.zeros(heights.shape, dtype=bool)
-    for number, place in enumerate(scipy.ndimage.find_objects(groups), start=1):
-        around = tuple(slice(max(part.start - 1, 0), part.stop + 1) for part in place)
-        group = groups[around] == number
-        if np.count_nonzero(group) <= MOST_POINTS and _stands_alone(
-            group, flat[around], median[around]
-        ):
-            spikes[around] |= group
-    return spikes
+    median, absolute_deviation = _window_medians(flat)
+    least_deviation = np.nanmedian(absolute_deviation)
+    scale = 1.4826 * np.maximum(absolute_deviation, least_deviation)
+    scale = np.maximum(scale, _height_step(heights))
+    deviates = np.abs(flat - median) > threshold * scale
+    labels, _ = scipy.ndimage.label(deviates, ALL_NEIGHBOURS)
+    for number, box in enumerate(scipy.ndimage.find_objects(labels), start=1):
+        # the bounding box of the group and the points next to it
+        window = tuple(slice(max(part.start - 1, 0), part.stop + 1) for part in box)
+        group = labels[window] == number
+        if np.count_nonzero(group) > MOST_POINTS:
+            continue
+        if _stands_alone(group, flat[window], median[window]):
+            is_spike[window] |= group
+    return is_spike
 
 
 def _stands_alone(group: Flags, flat: NDArray, median: NDArray) -> bool:
-    """Whether no point around `group` goes half as far from the median at its tip as the tip does."""
-    tip = np.unravel_index(np.argmax(np.where(group, np.abs(flat - median), -1.0)), group.shape)
-    rim = scipy.ndimage.binary_dilation(group, ALL_NEIGHBOURS) & ~group
-    height = flat[tip] - median[tip]
-    follows = (flat[rim] - median[tip]) / height > 0.5  # False where undefined
-    return not bool(follows.any())
+    """Return whether no point next to a group deviates more than half as much as the tip of the group.
+
+    group : points of the group in a window. flat, median : heights and their medians in this window [m].
+    """
+    deviation = np.where(group, np.abs(flat - median), -1.0)
+    tip = np.unravel_index(np.argmax(deviation), group.shape)
+    neighbours = scipy.ndimage.binary_dilation(group, ALL_NEIGHBOURS) & ~group
+    tip_height = flat[tip] - median[tip]
+    relative_heights = (flat[neighbours] - median[tip]) / tip_height  # NaN where undefined
+    return not bool((relative_heights > 0.5).any())
 
 
-#: Points whose windows are looked at together: all windows at once are 25 maps.
+#: Number of points whose windows are treated together. All windows at once would take the memory of 25 maps.
 _BLOCK = 2**16
 
 
 def _window_medians(z: NDArray) -> tuple[NDArray, NDArray]:
-    """Median (n1, n2) of the defined points in the window of each point, and of their distances from it."""
+    """Return the median in the window of each point, and the median absolute deviation from it, both (n1, n2)."""
     side = 2 * _REACH + 1
     rows = max(1, _BLOCK // z.shape[1])
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.pad(z, _REACH, constant_values=np.nan), (side, side)
-    )
-    median, deviation = np.empty_like(z), np.empty_like(z)
+    padded = np.pad(z, _REACH, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side))  # (n1, n2, side, side)
+    median = np.empty_like(z)
+    deviation = np.empty_like(z)
     for start in range(0, z.shape[0], rows):
-        part = np.s_[start : start + rows]
-        values = windows[part].reshape(-1, side * side)
-        middle = _row_medians(values)
-        median[part] = middle.reshape(-1, z.shape[1])
-        deviation[part] = _row_medians(np.abs(values - middle[:, None])).reshape(-1, z.shape[1])
+        block = np.s_[start : start + rows]
+        values = windows[block].reshape(-1, side * side)
+        block_median = _row_medians(values)
+        block_deviation = _row_medians(np.abs(values - block_median[:, None]))
+        median[block] = block_median.reshape(-1, z.shape[1])
+        deviation[block] = block_deviation.reshape(-1, z.shape[1])
     return median, deviation
 
 
 def _row_medians(values: NDArray) -> NDArray:
-    """Median of the numbers in each row; NaN in rows without any."""
+    """Return the median of the defined numbers in each row; NaN for a row without any."""
     ordered = np.sort(values, axis=1)  # NaN comes last
     count = np.count_nonzero(~np.isnan(ordered), axis=1)
     row = np.arange(len(ordered))
-    return (
-        ordered[row, np.maximum(count - 1, 0) // 2]
-        + ordered[row, np.minimum(count // 2, count.max() - 1)]
-    ) / 2
+    # for a row without numbers both indices lead to a NaN
+    lower = ordered[row, np.maximum(count - 1, 0) // 2]
+    upper = ordered[row, np.minimum(count // 2, count.max() - 1)]
+    return (lower + upper) / 2
 
 
 def _height_step(heights: NDArray) -> float:
-    """Step between heights that many points have, as in quantised data; no less than rounding [m]."""
+    """Return the step between the heights of quantised data [m], at least the size of rounding errors."""
     values, count = np.unique(heights[~np.isnan(heights)], return_counts=True)
-    steps = np.diff(values[count >= max(_COMMON * count.sum(), 25)])
-    return max(float(steps.min()) if steps.size else 0.0, 1e-9 * float(np.abs(values).max()))
+    is_common = count >= max(_COMMON * count.sum(), 25)
+    steps = np.diff(values[is_common])
+    smallest_step = float(steps.min()) if steps.size else 0.0
+    rounding = 1e-9 * float(np.abs(values).max())
+    return max(smallest_step, rounding)
 
 
 class TooManyUndefined(InputError):
-    """More points of a map are undefined than may be filled."""
+    """Report that more points of a map are undefined than may be filled."""
 
 
 def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
-    """`heights` (n1, n2) [m] with every NaN replaced; at least one point must be defined.
+    """Fill undefined points by the harmonic surface through the points around them.
 
-    Five-point Laplacian on the holes, defined neighbours as Dirichlet values, wrapped on periodic axes, no
-    flux through the other borders. Exact for a plane in holes that do not touch a border; the filled values
-    stay between the extremes of the rim (maximum principle), so a hole adds no new summit.
+    The five-point Laplacian is solved in the holes, with the defined neighbours as Dirichlet values. Periodic axes wrap
+    around, and there is no flux through other borders. A plane is reproduced exactly in holes that do not touch a
+    border. The filled heights stay between the extremes of the heights around a hole (maximum principle), so that no
+    new summit appears.
+
+    Parameters
+    ----------
+    heights : array, (n1, n2)
+        Heights [m], NaN where undefined. At least one point must be defined.
+    spacing : tuple of two float
+        Pixel size [m].
+    periodic : tuple of two bool
+        Whether the map is periodic along x1 and x2.
+
+    Returns
+    -------
+    array, (n1, n2)
+        Heights [m] without undefined points.
     """
     hole = np.isnan(heights)
     if not hole.any():
         return heights
-    index = np.arange(hole.size).reshape(hole.shape)
-    own = np.flatnonzero(hole)
-    value_at = scipy.sparse.eye_array(hole.size, format="csr")
-    laplacian = 0.0 * value_at[own]
+    index = np.arange(hole.size).reshape(hole.shape)  # flat index of every point
+    hole_index = np.flatnonzero(hole)
+    # rows of this matrix select points; the Laplacian has a row for each point of the holes and a column for each point
+    select = scipy.sparse.eye_array(hole.size, format="csr")
+    laplacian = 0.0 * select[hole_index]
     for axis in (0, 1):
         # the neighbour beyond a border is the point on the other side, or the point itself
         mode: Any = "wrap" if periodic[axis] else "clip"
+        weight = (spacing[0] / spacing[axis]) ** 2
         for step in (-1, 1):
-            beside = np.take(index, np.arange(hole.shape[axis]) + step, axis, mode=mode)[hole]
-            difference = value_at[own] - value_at[beside]
-            laplacian += (spacing[0] / spacing[axis]) ** 2 * difference
+            neighbour = np.take(index, np.arange(hole.shape[axis]) + step, axis, mode=mode)[hole]
+            laplacian += weight * (select[hole_index] - select[neighbour])
     filled = np.where(hole, 0.0, heights)
-    filled[hole] = scipy.sparse.linalg.spsolve(laplacian[:, own], -(laplacian @ filled.ravel()))
+    right_side = -(laplacian @ filled.ravel())
+    filled[hole] = scipy.sparse.linalg.spsolve(laplacian[:, hole_index], right_side)
     return filled

@@ -1,17 +1,18 @@
-"""Description of a measured face: size, heights, slopes, texture, spectrum, and roughness as drawings have it.
+"""Describe a measured surface: size, heights, slopes, texture, spectrum, and roughness parameters as on drawings.
 
-Parameters of roughness, of profiles and of the face, are those behind the Gaussian filters with the weight
-exp(−π(x/αλ)²)/αλ, α² = ln 2/π: half of a wave of the cut-off λ passes. λs takes off the shorter waves, λc the longer
-ones. Beyond its borders the map goes on as its mirror image.
-The core of the curve of material ratios is a straight line, fitted by least squares to the 40 % of the area over which
-the secant falls least, from 0 to 100 %; peaks and valleys are triangles of the area beyond it.
-Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk),
+The roughness parameters of profiles and of the surface are those after Gaussian filters with the weighting function
+exp(−π(x/αλ)²)/αλ, α² = ln 2/π, which transmit half of a wave of the cut-off λ. The filter λs removes shorter waves, the
+filter λc longer ones. Beyond its borders the map continues as its mirror image.
+
+The core of the material ratio curve is a straight line, fitted by least squares to the 40 % of the area over which the
+secant falls least, and extended from 0 to 100 %. The peaks and valleys beyond it are replaced by triangles of equal
+area. Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk),
 ISO 21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
 """
 
 from dataclasses import dataclass
 from math import atan, log, nan, pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -27,11 +28,13 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class SurfaceReport(Labelled):
-    """Numbers of a map after levelling; NaN and None mark numbers that the face does not have.
+    """Hold the parameters of a map after its form was subtracted.
 
-    Heights are those of the defined points, spikes included, as instruments count them. Slopes, texture and spectrum
-    are those of the map without spikes, with undefined points filled, and so are parameters behind the Gaussian
-    filters. Angles are counted from x1 towards x2.
+    NaN and None mean that the surface does not have a parameter.
+
+    Heights are those of the defined points, including spikes, as instruments evaluate them. Slopes, texture, spectrum
+    and the parameters after Gaussian filters are those of the map without spikes and with undefined points filled.
+    Angles are counted from x1 towards x2.
     """
 
     shape: Shape = labelled("points")
@@ -88,15 +91,25 @@ def describe_surface(
 
     Parameters
     ----------
-    topography : the map as measured.
-    detrend : order of the form taken off first: 0 mean, 1 tilt, 2 tilt and curvature. Unless given: the tilt, but not
-        along an axis on which the map is periodic without a step, see `Topography.form`.
-    spikes : threshold of `find_spikes`; infinite looks for none.
-    max_undefined : largest fraction of points (0 to 1) that may be filled for slopes, texture and spectrum.
+    topography : Topography
+        The map as measured.
+    detrend : int, optional
+        Order of the form that is subtracted first: 0 mean, 1 tilt, 2 tilt and curvature. Default: the tilt, except
+        along axes on which the map is periodic without a step, see `Topography.form`.
+    spikes : float
+        Threshold of `find_spikes`. If infinite, no spikes are looked for.
+    max_undefined : float
+        Largest fraction of points, from 0 to 1, that may be filled for slopes, texture and spectrum.
+
+    Returns
+    -------
+    SurfaceReport
+        The parameters.
 
     Raises
     ------
-    InputError : too many undefined points; an order or a threshold that cannot be used.
+    InputError
+        Too many points are undefined, or the order or the threshold is invalid.
 
     Examples
     --------
@@ -107,9 +120,9 @@ def describe_surface(
     """
     check_single_patch("surface", topography)
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
-    measured = topography.heights - topography.form(detrend).heights
-    z = measured[~np.isnan(measured)]
-    mean_height, sq, skewness = _moments(z)
+    levelled = topography.heights - topography.form(detrend).heights
+    z = levelled[~np.isnan(levelled)]
+    moments = _moments(z)
     tilt = topography.form(2 if detrend == 2 else 1).slopes
     waves = spectrum(flat)
     law = waves.law or NO_LAW
@@ -120,11 +133,11 @@ def describe_surface(
         undefined_fraction=repaired.undefined_fraction,
         spike_points=repaired.spike_points,
         tilt=(atan(tilt[0]), atan(tilt[1])),
-        rms_height=sq,
-        mean_height=mean_height,
+        rms_height=moments.rms,
+        mean_height=moments.mean,
         peak_to_valley=float(np.ptp(z)),
-        skewness=skewness,
-        kurtosis=float(np.mean((z - z.mean()) ** 4)) / sq**4 if sq else nan,
+        skewness=moments.skewness,
+        kurtosis=float(np.mean((z - z.mean()) ** 4)) / moments.rms**4 if moments.rms else nan,
         rms_slope=flat.rms_slope,
         rms_slopes=flat.rms_slopes,
         **vars(texture(flat)),
@@ -139,110 +152,171 @@ def describe_surface(
     )
 
 
-#: The Ra above which a cut-off is taken, λc, and its λs [m].
+class _CutOff(NamedTuple):
+    """Hold a pair of filters of the standard series.
+
+    least_ra : Ra above which these filters are used [m]. long, short : λc and λs [m].
+    """
+
+    least_ra: float
+    long: float
+    short: float
+
+
+#: Standard filters, from the longest to the shortest.
 _SERIES = (
-    (1e-5, 8e-3, 2.5e-5),
-    (2e-6, 2.5e-3, 8e-6),
-    (1e-7, 8e-4, 2.5e-6),
-    (2e-8, 2.5e-4, 2.5e-6),
-    (0.0, 8e-5, 2.5e-6),
+    _CutOff(1e-5, 8e-3, 2.5e-5),
+    _CutOff(2e-6, 2.5e-3, 8e-6),
+    _CutOff(1e-7, 8e-4, 2.5e-6),
+    _CutOff(2e-8, 2.5e-4, 2.5e-6),
+    _CutOff(0.0, 8e-5, 2.5e-6),
 )
-#: Sections of the length λc over which Rz is averaged, where as many fit in.
+#: Largest number of sections of the length λc over which Rz is averaged.
 _SECTIONS = 5
 
 
 def roughness(flat: Topography) -> dict[str, Any]:
-    """Parameters of a flat map without undefined points, by their names in `SurfaceReport`.
+    """Return the roughness parameters of a map by their names in `SurfaceReport`.
 
-    Those of profiles are along x1 and along x2, means over all of them. λc is the longest of the series that
-    fits into the profile and suits the Ra behind it; NaN where none fits. Sa, Sq, Sz and Ssk are of the map
-    behind the filters of the longer of both λc, along both axes.
+    The parameters of profiles are given along x1 and along x2, as means over all profiles. λc is the longest filter of
+    the standard series that fits into the profile and suits the Ra after it, NaN if none fits. The parameters of the
+    surface are those after the filters of the longer λc of both directions, applied along both axes.
+
+    flat : the map without its form and without undefined points.
     """
-    along = [_of_profiles(flat, axis) for axis in (0, 1)]
-    cut_offs = [profile[0] for profile in along]
-    cut_off = max((c for c in cut_offs if c > 0), default=nan)
-    short = next((short for _, own, short in _SERIES if own == cut_off), nan)
-    z = _smooth(flat, flat.heights, short, (0, 1))
-    z = z - _smooth(flat, z, cut_off, (0, 1))
-    names = ("profile_cut_off", "ra", "rq", "rz", "rsk")
-    areal = dict(zip(("sa", "sq", "ssk"), _moments(z.ravel()), strict=True))
-    areal |= {"sz": float(np.ptp(z)), "sdr": developed_area(z, flat.spacing)}
-    areal |= dict(zip(names, zip(*along, strict=True), strict=True)) | material_ratios(z)
-    return areal | {"nesting_index": (short, cut_off)}
+    along_x1, along_x2 = (_profile_parameters(flat, axis) for axis in (0, 1))
+    cut_off = max((c for c in (along_x1.cut_off, along_x2.cut_off) if c > 0), default=nan)
+    short = next((filters.short for filters in _SERIES if filters.long == cut_off), nan)
+    z = _gaussian_filter(flat, flat.heights, short, (0, 1))
+    z = z - _gaussian_filter(flat, z, cut_off, (0, 1))
+    moments = _moments(z.ravel())
+    return {
+        "profile_cut_off": (along_x1.cut_off, along_x2.cut_off),
+        "ra": (along_x1.ra, along_x2.ra),
+        "rq": (along_x1.rq, along_x2.rq),
+        "rz": (along_x1.rz, along_x2.rz),
+        "rsk": (along_x1.rsk, along_x2.rsk),
+        "sa": moments.mean,
+        "sq": moments.rms,
+        "ssk": moments.skewness,
+        "sz": float(np.ptp(z)),
+        "sdr": developed_area(z, flat.spacing),
+        "nesting_index": (short, cut_off),
+        **material_ratios(z),
+    }
 
 
-#: Fraction of the area of the secant of the core.
+#: Fraction of the area over which the secant of the core is taken.
 _CORE = 0.4
-#: Derivative of seven points (ISO 21920-2), in spacings.
+#: Weights of the derivative from seven points (ISO 21920-2), for a spacing of 1.
 _DERIVATIVE = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
 
 
 def material_ratios(z: NDArray) -> dict[str, Any]:
-    """Sk, Spk, Svk [m] of heights (n1, n2), and Smr [-] at the rms height above the mean, at it and below."""
+    """Return the core parameters Sk, Spk and Svk [m], and the material ratios Smr(c) [-].
+
+    The ratios are given at the rms height above the mean, at the mean, and at the rms height below it.
+
+    z : heights (n1, n2) [m].
+    """
     sq = float(z.std())
     if not sq > 0:
         return {"sk": sq, "spk": sq, "svk": sq, "smr": (nan,) * 3}
-    falling = np.sort(z, axis=None)[::-1]
+    falling = np.sort(z, axis=None)[::-1]  # the material ratio curve
     n = z.size
-    m = max(1, round(_CORE * (z.size - 1)))
-    falls = falling[: n - m] - falling[m:]
-    # of several secants that fall alike the one in the middle
-    begin = int(np.median(np.flatnonzero(falls <= falls.min() * (1 + 1e-9))))
-    place = (np.arange(begin, begin + m + 1) + 0.5) / n
-    slope, top = np.polyfit(place, falling[begin : begin + m + 1], 1)
+    core_points = max(1, round(_CORE * (n - 1)))
+    drops = falling[: n - core_points] - falling[core_points:]
+    # if several secants fall equally, the one in the middle is taken
+    flattest = np.flatnonzero(drops <= drops.min() * (1 + 1e-9))
+    begin = int(np.median(flattest))
+    core = slice(begin, begin + core_points + 1)
+    ratio = (np.arange(n)[core] + 0.5) / n
+    slope, top = np.polyfit(ratio, falling[core], 1)
+    bottom = top + slope
     peaks = falling[falling > top] - top
-    valleys = top + slope - falling[falling < top + slope]
-    ratios = tuple(float(np.mean(z >= z.mean() + c)) for c in (sq, 0.0, -sq))
-    # the triangle of an area over a breadth of n points has twice the mean height
-    spk, svk = (2 * float(part.mean()) if part.size else 0.0 for part in (peaks, valleys))
-    return {"sk": -float(slope), "spk": spk, "svk": svk, "smr": ratios}
+    valleys = bottom - falling[falling < bottom]
+    smr = tuple(float(np.mean(z >= z.mean() + c)) for c in (sq, 0.0, -sq))
+    return {"sk": -float(slope), "spk": _triangle(peaks), "svk": _triangle(valleys), "smr": smr}
+
+
+def _triangle(heights: NDArray) -> float:
+    """Return the height [m] of a triangle with the same base and area as the heights above the base (points,)."""
+    return 2 * float(heights.mean()) if heights.size else 0.0
 
 
 def developed_area(z: NDArray, spacing: Pair) -> float:
-    """Sdr [-] of heights (n1, n2) [m]: mean of √(1 + |∇z|²) less 1."""
-    first, second = (
-        scipy.ndimage.correlate1d(z, _DERIVATIVE, axis) / spacing[axis] for axis in (0, 1)
-    )
-    return float(np.mean(np.sqrt(1 + first**2 + second**2))) - 1
+    """Return the developed interfacial area ratio Sdr [-], the mean of √(1 + |∇z|²) minus 1.
+
+    z : heights (n1, n2) [m]. spacing : pixel size [m].
+    """
+    slope1 = scipy.ndimage.correlate1d(z, _DERIVATIVE, 0) / spacing[0]
+    slope2 = scipy.ndimage.correlate1d(z, _DERIVATIVE, 1) / spacing[1]
+    return float(np.mean(np.sqrt(1 + slope1**2 + slope2**2))) - 1
 
 
-def _of_profiles(flat: Topography, axis: int) -> tuple[float, ...]:
-    """λc, Ra, Rq, Rz, Rsk of the profiles along an axis; NaN where they are shorter than every cut-off."""
-    found = (nan,) * 5
-    for least, cut_off, short in _SERIES:
-        if cut_off > flat.size[axis] * (1 + 1e-9):
+class _ProfileParameters(NamedTuple):
+    """Hold the roughness parameters of profiles: λc [m], Ra [m], Rq [m], Rz [m] and Rsk [-]."""
+
+    cut_off: float = nan
+    ra: float = nan
+    rq: float = nan
+    rz: float = nan
+    rsk: float = nan
+
+
+def _profile_parameters(flat: Topography, axis: int) -> _ProfileParameters:
+    """Return the roughness parameters of the profiles along an axis; NaN if they are shorter than every cut-off."""
+    parameters = _ProfileParameters()
+    for filters in _SERIES:
+        if filters.long > flat.size[axis] * (1 + 1e-9):
             continue
-        z = _smooth(flat, flat.heights, short, (axis,))
-        z = np.moveaxis(z - _smooth(flat, z, cut_off, (axis,)), axis, -1)
-        ra, rq, rsk = _moments(z)
-        points = max(1, round(cut_off / flat.spacing[axis]))
-        sections = max(1, min(_SECTIONS, z.shape[1] // points))
-        rz = np.mean(
-            [np.ptp(part, axis=1) for part in np.split(z[:, : sections * points], sections, axis=1)]
+        z = _gaussian_filter(flat, flat.heights, filters.short, (axis,))
+        z = z - _gaussian_filter(flat, z, filters.long, (axis,))
+        profiles = np.moveaxis(z, axis, -1)  # (profile, point)
+        moments = _moments(profiles)
+        points = max(1, round(filters.long / flat.spacing[axis]))
+        sections = max(1, min(_SECTIONS, profiles.shape[1] // points))
+        parts = np.split(profiles[:, : sections * points], sections, axis=1)
+        rz = float(np.mean([np.ptp(part, axis=1) for part in parts]))
+        parameters = _ProfileParameters(
+            filters.long, moments.mean, moments.rms, rz, moments.skewness
         )
-        found = cut_off, ra, rq, float(rz), rsk
-        if ra > least:
+        if moments.mean > filters.least_ra:
             break
-    return found
+    return parameters
 
 
-def _smooth(flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...]) -> NDArray:
-    """Heights (n1, n2) [m] behind the Gaussian filter along axes, mirrored at the edges; NaN without a cut-off."""
+def _gaussian_filter(
+    flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...]
+) -> NDArray:
+    """Apply the Gaussian filter with a cut-off [m] along axes; NaN if the cut-off is NaN.
+
+    flat : the map, for its spacing. z : heights (n1, n2) [m], which continue as their mirror image.
+    """
     if not cut_off > 0:
         return np.full(z.shape, nan)
     for axis in axes:
         n = z.shape[axis]
         deviation = sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
-        passed = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
-        waves = scipy.fft.dct(z, axis=axis) * np.expand_dims(passed, 1 - axis)
+        transmission = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
+        waves = scipy.fft.dct(z, axis=axis) * np.expand_dims(transmission, 1 - axis)
         z = scipy.fft.idct(waves, axis=axis)
     return z
 
 
-def _moments(z: NDArray) -> tuple[float, float, float]:
-    """Arithmetic mean height, rms height [m] and skewness, about the mean along the last axis, averaged."""
+class _Moments(NamedTuple):
+    """Hold the arithmetic mean height [m], the rms height [m] and the skewness [-], all about the mean."""
+
+    mean: float
+    rms: float
+    skewness: float
+
+
+def _moments(z: NDArray) -> _Moments:
+    """Return the moments about the mean along the last axis, averaged over the other axes."""
     z = z - z.mean(axis=-1, keepdims=True)
     rms = np.sqrt(np.mean(z**2, axis=-1))
     with np.errstate(invalid="ignore", divide="ignore"):
-        skewness = np.mean(z * z * z, axis=-1) / rms**3  # a power takes ten times as long
-    return float(np.mean(np.abs(z))), float(np.mean(rms)), float(np.mean(skewness))
+        # z * z * z instead of z**3, which takes ten times as long
+        skewness = np.mean(z * z * z, axis=-1) / rms**3
+    return _Moments(float(np.mean(np.abs(z))), float(np.mean(rms)), float(np.mean(skewness)))

@@ -1,7 +1,7 @@
-"""File formats of height maps: each reader turns a file into the same raw record.
+"""Read height maps from files of several formats. Each reader turns a file into the same raw record.
 
-Orientation: the file's x is axis 0, its y axis 1. In a text x runs along a line. Arrays of NumPy are taken as they are.
-Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the text export of Gwyddion.
+Orientation: axis 0 is the x axis of the file, axis 1 its y axis. In a text, x runs along a line. NumPy arrays are taken
+as they are. Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the text export of Gwyddion.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,26 +18,26 @@ from .instruments import pick, read_instrument
 from .raw import Raw, Reading, bad_file
 from .text_files import TEXT, is_text, read_text
 
-#: Memory that reading takes about, in sizes of the file: of numbers that take as many bytes as they have.
+#: Memory that reading needs, over the size of the file.
 _MEMORY_FACTOR = 3
-#: Kinds of arrays of numbers.
+#: Kinds of arrays that hold numbers, see `numpy.dtype.kind`.
 _NUMBERS = "bfiu"
-#: An array of coordinates has no fewer lines; one of heights may be narrow.
+#: Smallest number of lines of an array of coordinates. A shorter one is taken for a narrow map.
 _FEWEST_LINES = 9
-#: How the ASCII export of Wyko begins.
+#: First bytes of the ASCII export of Wyko.
 _WYKO = b"Wyko ASCII Data File"
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Context in which a file is read: whatever is found in its bytes, an InputError about it names the file.
+    """Turn every error while a file is read into an InputError that names the file.
 
-    One that cannot be read in the free memory is refused: by its size, or when it unpacks to more.
+    A file that needs more than the free memory is refused, either because of its size or while it is unpacked.
     """
     length, free = path.stat().st_size, free_memory()
     if _MEMORY_FACTOR * length > free:
-        allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise bad_file(path, f"a file of {length / 1e9:.3g} GB", allowed)
+        expected = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
+        raise bad_file(path, f"a file of {length / 1e9:.3g} GB", expected)
     try:
         with within_free_memory():
             yield
@@ -47,123 +47,153 @@ def reading(path: Path) -> Iterator[None]:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None
     except MemoryError:
         raise bad_file(path, "more points than fit into memory", "a smaller file") from None
-    except Exception as error:  # a damaged head makes libraries raise errors of any kind
-        allowed = f"an intact {path.suffix.lower()} file"
-        raise bad_file(path, f"a damaged one ({type(error).__name__}: {error})", allowed) from error
+    except Exception as error:
+        # libraries raise errors of any kind when a header is damaged
+        expected = f"an intact {path.suffix.lower()} file"
+        given = f"a damaged one ({type(error).__name__}: {error})"
+        raise bad_file(path, given, expected) from error
 
 
-def read_npy(path: Path, said: Reading) -> Raw:
-    """A .npy array of heights."""
-    return _map_of_array(_numbers(np.load(path, allow_pickle=False)), None, said)
+def read_npy(path: Path, options: Reading) -> Raw:
+    """Read heights from a .npy file."""
+    numbers = _check_map(np.load(path, allow_pickle=False))
+    return _map_of_array(numbers, None, options)
 
 
-def read_npz(path: Path, said: Reading) -> Raw:
-    """A .npz archive: the heights under `array`, or its only map; `spacing` [m] and `mask` if they are there.
+def read_npz(path: Path, options: Reading) -> Raw:
+    """Read heights from a .npz archive.
 
-    Points where `mask` is not 0 are masked.
+    The heights are the array named `options.array`, or the only map. An array `spacing` is the pixel size [m]; points
+    where an array `mask` is not 0 are masked.
     """
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        stored = dict(archive)
-    spacing = stored.pop("spacing", None)
-    mask = stored.pop("mask", None) if said.array != "mask" else None
-    every = ", ".join(sorted(stored)) or "none"
-    maps = [name for name, found in stored.items() if found.ndim == 2 or len(stored) == 1]
-    names = [name for name in maps if name == said.array] if said.array else maps
-    if len(names) != 1:
-        given = f"array={said.array!r} of the arrays {every}"
-        raise InputError("file", given, "one map, or array= the name of one")
-    heights = _numbers(stored[names[0]])
-    if mask is not None and (mask.shape != heights.shape or mask.dtype.kind not in _NUMBERS):
-        allowed = f"numbers of the shape of the heights, {heights.shape}"
-        raise InputError("file", f"an array mask of {mask.dtype} of shape {mask.shape}", allowed)
-    if spacing is not None:
-        if spacing.shape != (2,) or spacing.dtype.kind not in _NUMBERS:
-            raise InputError("file", f"a spacing of shape {spacing.shape}", "two numbers > 0 [m]")
-        spacing = float(spacing[0]), float(spacing[1])
+        arrays = dict(archive)
+    spacing = _check_spacing(arrays.pop("spacing", None))
+    mask = arrays.pop("mask", None) if options.array != "mask" else None
+    heights = _check_map(_select_map(arrays, options.array))
     if mask is None:
-        return _map_of_array(heights, spacing, said)
+        return _map_of_array(heights, spacing, options)
+    if mask.shape != heights.shape or mask.dtype.kind not in _NUMBERS:
+        expected = f"numbers of the shape of the heights, {heights.shape}"
+        raise InputError("file", f"an array mask of {mask.dtype} of shape {mask.shape}", expected)
     return Raw(heights, spacing=spacing, mask=mask != 0)
 
 
-def read_x3p(path: Path, said: Reading) -> Raw:
-    """A surface of ISO 25178-72, one layer of it; the format knows metres only."""
+def _select_map(arrays: dict[str, NDArray], name: str | None) -> NDArray:
+    """Return the array of a name, or the only map."""
+    maps = [key for key, array in arrays.items() if array.ndim == 2 or len(arrays) == 1]
+    selected = [key for key in maps if key == name] if name else maps
+    if len(selected) != 1:
+        names = ", ".join(sorted(arrays)) or "none"
+        given = f"array={name!r} of the arrays {names}"
+        raise InputError("file", given, "one map, or array= the name of one")
+    return arrays[selected[0]]
+
+
+def _check_spacing(spacing: NDArray | None) -> Pair | None:
+    """Return the pixel size [m] of an archive."""
+    if spacing is None:
+        return None
+    if spacing.shape != (2,) or spacing.dtype.kind not in _NUMBERS:
+        raise InputError("file", f"a spacing of shape {spacing.shape}", "two numbers > 0 [m]")
+    return float(spacing[0]), float(spacing[1])
+
+
+def read_x3p(path: Path, options: Reading) -> Raw:
+    """Read one layer of a surface in the format of ISO 25178-72, whose lengths are in metres."""
     import x3pio
 
     notes: tuple[str, ...] = ()
     try:
         file = x3pio.read(path)
     except x3pio.X3pChecksumError as error:
-        if said.verify_checksum:
+        if options.verify_checksum:
             given = f"a file that was changed or damaged after it was written ({error})"
-            expected = "an intact one, or verify_checksum=False (--no-verify-checksum) to read it all the same"
+            expected = (
+                "an intact one, or verify_checksum=False (--no-verify-checksum) to read it all the "
+                "same"
+            )
             raise InputError("file", given, expected) from None
         file = x3pio.read(path, verify=False)
         notes = (
             f"{error}: it was changed or damaged after it was written, and is read all the same",
         )
     if isinstance(file, x3pio.Profile):
-        raise profile_error(pick(list(file.layers), said.channel, "layer").z, "of ISO 5436-2")
-    if not (isinstance(file, x3pio.Surface) and file.is_regular_grid):
+        profile = pick(list(file.layers), options.channel, "layer")
+        raise profile_error(profile.z, "of ISO 5436-2")
+    if not isinstance(file, x3pio.Surface) or not file.is_regular_grid:
         given = f"a {type(file).__name__} on no regular grid"
         raise InputError("file", given, "a surface on a regular grid")
-    layer = pick(list(file.layers), said.channel, "layer")
+    layer = pick(list(file.layers), options.channel, "layer")
     spacing = file.header.x.increment, file.header.y.increment
     return Raw(layer.z.T, 1.0, spacing, notes=notes)
 
 
-def read_sdf(path: Path, said: Reading) -> Raw:
-    """A surface of ISO 25178-71; the format knows metres only."""
+def read_sdf(path: Path, options: Reading) -> Raw:
+    """Read a surface in the format of ISO 25178-71, whose lengths are in metres."""
     import sdfio
 
-    pick([path], said.channel, "layer")
+    pick([path], options.channel, "layer")  # the format has a single layer
     file = sdfio.read(path)
     return Raw(file.data.T, 1.0, (file.header.x_scale, file.header.y_scale))
 
 
-def read_any_text(path: Path, said: Reading) -> Raw:
-    """A text, see `read_text`; the ASCII export of Wyko, in blocks, through SurfaceTopography."""
+def read_any_text(path: Path, options: Reading) -> Raw:
+    """Read heights from a text, see `read_text`.
+
+    The ASCII export of Wyko is divided into blocks and is read by SurfaceTopography.
+    """
     with path.open("rb") as file:
         is_wyko = file.read(len(_WYKO)) == _WYKO
-    return read_instrument(path, said, [*READERS]) if is_wyko else read_text(path, said)
+    if is_wyko:
+        return read_instrument(path, options, [*READERS])
+    return read_text(path, options)
 
 
-def read_file(path: Path, said: Reading) -> Raw:
-    """A file by its suffix; one of an unknown kind by SurfaceTopography."""
+def read_file(path: Path, options: Reading) -> Raw:
+    """Read a file of heights by the reader for its suffix, or by SurfaceTopography if the suffix is unknown."""
     suffix = path.suffix.lower()
     if suffix in READERS:
-        return READERS[suffix](path, said)
-    return read_any_text(path, said) if is_text(path) else read_instrument(path, said, [*READERS])
+        return READERS[suffix](path, options)
+    if is_text(path):
+        return read_any_text(path, options)
+    return read_instrument(path, options, [*READERS])
 
 
-def _map_of_array(numbers: NDArray, spacing: Pair | None, said: Reading) -> Raw:
-    """An array of heights as it is, or one of coordinates (n, 3) or (n, 4) that lie on a regular grid, in metres."""
-    may_be_table = numbers.shape[1] in (3, 4) and len(numbers) >= _FEWEST_LINES
-    found = grid_of_coordinates(numbers) if may_be_table else None
-    if found is None or found.steps is None:
+def _map_of_array(numbers: NDArray, spacing: Pair | None, options: Reading) -> Raw:
+    """Return an array of heights as it is, or the heights of an array of coordinates on a regular grid.
+
+    numbers : heights (n1, n2), or coordinates (points, 3 or 4). spacing : pixel size [m], if it is known.
+    """
+    may_be_coordinates = numbers.shape[1] in (3, 4) and len(numbers) >= _FEWEST_LINES
+    grid = grid_of_coordinates(numbers) if may_be_coordinates else None
+    if grid is None or grid.steps is None:
         return Raw(numbers, spacing=spacing)
-    if spacing is None and said.height_unit is None:
-        spacing = found.steps
-    steps = " and ".join(f"{step:.6g}" for step in found.steps)
+    if spacing is None and options.height_unit is None:
+        spacing = grid.steps  # the coordinates, like the heights, are in metres
+    steps = " and ".join(f"{step:.6g}" for step in grid.steps)
     return Raw(
-        found.heights,
+        grid.heights,
         spacing=spacing,
         unclear=f"coordinates in steps of {steps}, without a unit",
-        notes=found.notes,
+        notes=grid.notes,
     )
 
 
-def _numbers(found: NDArray) -> NDArray:
-    if found.dtype.kind not in _NUMBERS or found.ndim != 2 or not found.size:
-        given = f"an array of {found.dtype} of shape {found.shape}"
+def _check_map(array: NDArray) -> NDArray:
+    """Check that an array is a map of real numbers (n1, n2), and return it in double precision."""
+    has_numbers = array.dtype.kind in _NUMBERS
+    if not has_numbers or array.ndim != 2 or not array.size:
+        given = f"an array of {array.dtype} of shape {array.shape}"
         expected = "a non-empty array of real numbers of shape (n1, n2)"
-        if found.ndim == 1 and found.dtype.kind in _NUMBERS:
-            expected += "; a single line of heights is a profile, no map"
+        if array.ndim == 1 and has_numbers:
+            expected += "; a single line of heights is a profile, not a map"
         raise InputError("file", given, expected)
-    with np.errstate(invalid="ignore"):  # bytes of numbers that are none, in single precision
-        return found.astype(np.float64, copy=False)
+    with np.errstate(invalid="ignore"):  # a damaged file may contain bytes that are not a number
+        return array.astype(np.float64, copy=False)
 
 
-#: Readers by suffix. A reader raises InputError("file", given, expected), which gets the path of the file.
+#: Readers by suffix. A reader raises InputError("file", given, expected); `reading` adds the path of the file.
 READERS: dict[str, Callable[[Path, Reading], Raw]] = {
     ".npy": read_npy,
     ".npz": read_npz,

@@ -1,9 +1,9 @@
-"""Faces made from a few numbers: self-affine (lapped, ground, blasted) and turned in a lathe.
+"""Generate surfaces from a few numbers: self-affine ones (lapped, ground, blasted), and surfaces turned on a lathe.
 
-Symbols: q angular wavenumber [rad/m], C spectral density, H Hurst exponent, k = (k1, k2) numbers of a wave on
-the periods L1, L2, so q = 2π(k1/L1, k2/L2).
-Sources: Persson et al., J. Phys.: Condens. Matter 17 (2005) R1 (self-affine spectrum with roll-off); the
-turned profile is the envelope of the passes of a round tool nose, height of the cusps pitch²/8r.
+Symbols: q wave vector with the angular wave number |q| [rad/m], C spectral density, H Hurst exponent. A wave with the
+numbers k = (k1, k2) on the periods L1, L2 has q = 2π(k1/L1, k2/L2).
+Sources: Persson et al., J. Phys.: Condens. Matter 17 (2005) R1 (self-affine spectrum with roll-off). The turned profile
+is the envelope of the passes of a round tool nose, whose cusps have the height pitch²/8r.
 """
 
 from typing import Any
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ..base import InputError, Lengths, Pair, Shape, to_text, validate
 from .topography import SLACK, Topography
 
-#: Pixels of the coarser spacing per shortest wave, unless given: enough to resolve contact and flow.
+#: Default number of pixels (of the larger spacing) per shortest wave, which is enough to resolve contact and flow.
 PIXELS_PER_WAVE = 8
-#: Number of waves whose phases are drawn at a time.
+#: Number of waves that are handled at a time, to save memory.
 _WAVES_AT_ONCE = 2**20
 
 
@@ -32,24 +32,39 @@ def self_affine(
     cut_off: float | None = None,
     rng: Any,
 ) -> Topography:
-    """Periodic isotropic self-affine face with exactly the target spectrum: only the phases are random.
+    """Generate a periodic, isotropic self-affine surface with exactly the given spectrum and random phases.
 
-    C(q) ∝ 1 for q < 2π/roll_off, ∝ q^(−2−2H) from there up to, but not at, q = 2π/cut_off, no waves beyond.
-    Phases are drawn from the longest wave to the shortest: the same seed gives the same surface on any grid
-    that resolves cut_off, and a shorter cut_off, up to the scale, only adds shorter waves.
+    The spectral density is constant for q < 2π/roll_off, proportional to q^(−2−2H) from there to q = 2π/cut_off, and 0
+    from there on. The phases are drawn in the order from the longest to the shortest wave. Therefore the same seed
+    gives the same surface on every grid that resolves `cut_off`, and a shorter `cut_off` only adds waves, apart from
+    the common scale.
 
     Parameters
     ----------
-    shape, size : number of points and side lengths [m] along x1 and x2.
-    hurst : H in (0, 1].
-    rms_slope, rms_height : one of both, [-] or [m], met to rounding (see `Topography`).
-    roll_off : wavelength [m] where the plateau of long waves ends; the larger side (no plateau) unless given.
-    cut_off : shortest wave [m], at least 2 pixels; 8 pixels of the coarser spacing unless given.
-    rng : a numpy Generator, or a seed as taken by np.random.default_rng.
+    shape : tuple of two int
+        Number of points along x1 and x2.
+    size : float or tuple of two float
+        Sides along x1 and x2 [m].
+    hurst : float
+        Hurst exponent H in (0, 1].
+    rms_slope, rms_height : float
+        Rms slope [-] or rms height [m]. Exactly one of the two must be given; the surface has it up to rounding.
+    roll_off : float, optional
+        Wavelength above which the spectrum is constant [m]. Default: the larger side.
+    cut_off : float, optional
+        Shortest wave [m], at least 2 pixels. Default: 8 pixels of the larger spacing.
+    rng : numpy.random.Generator or seed
+        Source of the phases.
+
+    Returns
+    -------
+    Topography
+        The surface.
 
     Raises
     ------
-    InputError : a value out of its range, none or both of rms_slope and rms_height.
+    InputError
+        A value is outside its range, or not exactly one of `rms_slope` and `rms_height` is given.
 
     Examples
     --------
@@ -65,10 +80,10 @@ def self_affine(
         given = "neither" if rms_slope is None else "both"
         raise InputError("rms_slope, rms_height", given, "exactly one of the two")
     if rms_slope is None:
-        target = validate.number("rms_height", rms_height, unit="m", inclusive=True)
+        rms = validate.number("rms_height", rms_height, unit="m", inclusive=True)
     else:
-        target = validate.number("rms_slope", rms_slope, inclusive=True)
-    cut_off = _cut_off(cut_off, spacing, size)
+        rms = validate.number("rms_slope", rms_slope, inclusive=True)
+    cut_off = _check_cut_off(cut_off, spacing, size)
     roll_off = max(size) if roll_off is None else validate.number("roll_off", roll_off, unit="m")
     if roll_off <= cut_off:
         expected = f"a wavelength > cut_off = {to_text(cut_off, 'm')}"
@@ -77,10 +92,11 @@ def self_affine(
     k1, k2 = wave_numbers(size, cut_off)
     q = 2 * np.pi * np.hypot(k1 / size[0], k2 / size[1])
     amplitude = np.maximum(q, 2 * np.pi / roll_off) ** -(1 + hurst)
-    # Each wave of the half plane stands for a conjugate pair.
     weight = 1.0 if rms_slope is None else q**2
-    amplitude *= target / np.sqrt(2 * np.sum(weight * amplitude**2))
-    return Topography(random_waves(shape, (k1, k2), amplitude, _generator(rng)), spacing)
+    # Each wave of the half plane stands for a conjugate pair, hence the factor 2.
+    amplitude *= rms / np.sqrt(2 * np.sum(weight * amplitude**2))
+    heights = random_waves(shape, (k1, k2), amplitude, _check_generator(rng))
+    return Topography(heights, spacing)
 
 
 def turned(
@@ -100,36 +116,54 @@ def turned(
     cut_off: float | None = None,
     rng: Any,
 ) -> Topography:
-    """Face turned in a lathe: grooves along x2, one per pitch along x1, sharp ridges between.
+    """Generate a surface turned on a lathe: grooves along x2, one per pitch along x1, with sharp ridges between them.
 
-    Groove k is an arc of the tool nose, (x1 − x1_k)²/2r above its bottom; the face is the lowest of all
-    passes, heights counted from the nominal bottom. Waviness along x1 and self-affine roughness are added,
-    and the sum is low-passed at cut_off because a grid cannot carry the sharp ridges: the given depth,
-    waviness and roughness are those before the low-pass.
+    Groove k is the arc of the tool nose, at the height (x1 − x1_k)²/2r above its bottom. The surface is the lowest of
+    all passes, with heights above the nominal bottom. Waviness along x1 and self-affine roughness are added. Because a
+    grid cannot carry the sharp ridges, the sum is low-passed at `cut_off`; the given depth, waviness and roughness are
+    those before the low-pass.
 
     Parameters
     ----------
-    shape, size : number of points and side lengths [m] along x1 (across the grooves) and x2 (along them).
-    pitch : feed per turn [m], longer than cut_off, at most size[0].
-    depth : depth of cut [m]. Without nose_radius it is the height of the ridges above the bottoms, and
-        r = pitch²/(8 depth).
-    nose_radius : r [m]. The face is then cut at height `depth`: flat lands stay between grooves where
-        pitch²/8r > depth, otherwise ridges of height pitch²/8r.
-    feed_error : rms error of the position of a groove in pitches, in [0, 0.5].
-    depth_error : rms error of the depth of a groove in depths, in [0, 1]. Of the mean square of both errors
-        half is constant along a groove, half is a sinusoidal wander of period size[1] and random phase.
-    waviness : rms height [m] of a wave along x1, of wavelength waviness_length [m] (size[0]/2 unless given).
-    roughness : rms height [m] of `self_affine` roughness with `hurst` and `roughness_roll_off` [m].
-    cut_off : shortest wave [m]; 8 pixels of the coarser spacing unless given.
-    rng : a numpy Generator, or a seed as taken by np.random.default_rng.
+    shape : tuple of two int
+        Number of points along x1 (across the grooves) and x2 (along them).
+    size : float or tuple of two float
+        Sides along x1 and x2 [m].
+    pitch : float
+        Feed per turn [m], longer than `cut_off` and at most `size[0]`.
+    depth : float
+        Depth of cut [m]. Without `nose_radius` it is the height of the ridges above the bottoms, and the radius of the
+        tool nose is r = pitch²/(8 depth).
+    nose_radius : float, optional
+        Radius r of the tool nose [m]. The ridges have the height pitch²/8r. If that is more than `depth`, flat lands at
+        the height `depth` stay between the grooves.
+    feed_error : float
+        Rms error of the position of a groove, in pitches, from 0 to 0.5.
+    depth_error : float
+        Rms error of the depth of a groove, in depths, from 0 to 1. Half of the mean square of both errors is constant
+        along a groove; the other half is a sinusoidal wander with the period `size[1]` and a random phase.
+    waviness : float
+        Rms height of a wave along x1 [m].
+    waviness_length : float, optional
+        Wavelength of this wave [m]. Default: `size[0]`/2.
+    roughness : float
+        Rms height of `self_affine` roughness [m].
+    hurst, roughness_roll_off : float
+        Hurst exponent and roll-off wavelength [m] of the roughness.
+    cut_off : float, optional
+        Shortest wave [m]. Default: 8 pixels of the larger spacing.
+    rng : numpy.random.Generator or seed
+        Source of the errors and phases.
 
     Returns
     -------
-    Topography, periodic along x2; along x1 where pitch and waviness_length both fit a whole number of times.
+    Topography
+        The surface. It is periodic along x2, and along x1 if whole numbers of pitches and of waves fit into `size[0]`.
 
     Raises
     ------
-    InputError : a value out of its range.
+    InputError
+        A value is outside its range.
 
     Examples
     --------
@@ -141,10 +175,11 @@ def turned(
     spacing = (size[0] / shape[0], size[1] / shape[1])
     pitch = validate.number("pitch", pitch, unit="m")
     depth = validate.number("depth", depth, unit="m")
-    cut_off = _cut_off(cut_off, spacing, size)
+    cut_off = _check_cut_off(cut_off, spacing, size)
     if not cut_off < pitch <= size[0] * (1 + SLACK):
-        allowed = f"more than cut_off = {to_text(cut_off, 'm')} and at most size[0] = {to_text(size[0], 'm')}"
-        raise InputError("pitch", to_text(pitch, "m"), allowed)
+        limits = (to_text(cut_off, "m"), to_text(size[0], "m"))
+        expected = f"more than cut_off = {limits[0]} and at most size[0] = {limits[1]}"
+        raise InputError("pitch", to_text(pitch, "m"), expected)
     radius = pitch**2 / (8 * depth)
     if nose_radius is not None:
         radius = validate.number("nose_radius", nose_radius, unit="m")
@@ -152,22 +187,23 @@ def turned(
         if validate.number(name, error, inclusive=True) > limit:
             raise InputError(name, error, f"a number in [0, {limit:g}]")
     waviness = validate.number("waviness", waviness, unit="m", inclusive=True)
-    wave = size[0] / 2 if waviness_length is None else waviness_length
-    wave = validate.number("waviness_length", wave, unit="m")
+    wavelength = size[0] / 2 if waviness_length is None else waviness_length
+    wavelength = validate.number("waviness_length", wavelength, unit="m")
     roughness = validate.number("roughness", roughness, unit="m", inclusive=True)
 
-    rng = _generator(rng)
-    wraps = _whole(size[0] / pitch)
-    x1 = ((np.arange(shape[0]) + 0.5) * spacing[0])[:, None]
-    turn = 2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1]
-    # An open face needs one more pass than fit, for the groove that its end cuts.
-    passes = round(size[0] / pitch) if wraps else int(size[0] / pitch) + 1
-    z = _grooves(x1, turn, passes, pitch, radius, (feed_error * pitch, depth_error * depth), rng)
+    rng = _check_generator(rng)
+    pitches_fit = _is_whole(size[0] / pitch)
+    # A surface that is not periodic needs one more pass than fit into it, for the groove that is cut by its end.
+    passes = round(size[0] / pitch) if pitches_fit else int(size[0] / pitch) + 1
+    x1 = ((np.arange(shape[0]) + 0.5) * spacing[0])[:, None]  # (n1, 1)
+    angle = 2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1]  # (n2,), of the workpiece
+    rms_errors = (feed_error * pitch, depth_error * depth)
+    z = _cut_grooves(x1, angle, passes, pitch, radius, rms_errors, rng)
     if nose_radius is not None:
         z = np.minimum(z, depth)
-    z = z + np.sqrt(2) * waviness * np.cos(2 * np.pi * (x1 / wave + rng.random()))
-    periodic = (wraps and (waviness == 0 or _whole(size[0] / wave)), True)
-    face = Topography(z, spacing, periodic).low_pass(cut_off)
+    z = z + np.sqrt(2) * waviness * np.cos(2 * np.pi * (x1 / wavelength + rng.random()))
+    waves_fit = waviness == 0 or _is_whole(size[0] / wavelength)
+    face = Topography(z, spacing, (pitches_fit and waves_fit, True)).low_pass(cut_off)
     if roughness:
         face += self_affine(
             shape,
@@ -181,94 +217,133 @@ def turned(
     return face
 
 
-def _grooves(
+def _cut_grooves(
     x1: NDArray,
-    turn: NDArray,
+    angle: NDArray,
     passes: int,
     pitch: float,
     radius: float,
     rms_errors: Pair,
     rng: np.random.Generator,
 ) -> NDArray:
-    """Lowest of the passes (n1, n2) [m] at x1 (n1, 1) [m] and turn (n2,) [rad], with rms errors (2,) [m].
+    """Return the heights (n1, n2) [m] that remain after all passes of the tool.
 
-    The errors of position and depth are (passes, n2): a constant and a wander along the groove.
+    x1 : positions across the grooves (n1, 1) [m]. angle : positions along the grooves (n2,) [rad].
+    rms_errors : of the position and the depth of a groove [m].
     """
+    # A random constant and a sinusoidal wander along each groove. Axes: (position or depth, pass, n2).
     constant, wander = rng.standard_normal((2, 2, passes, 1))
-    along = np.cos(turn + 2 * np.pi * rng.random((2, passes, 1)))
-    shift, drop = np.reshape(rms_errors, (2, 1, 1)) * (np.sqrt(0.5) * constant + wander * along)
-    # A pass further away than this cannot be the lowest: the nearest is within pitch/2 + shift.
-    off = np.abs(shift).max()
-    far = np.sqrt((pitch / 2 + off) ** 2 + 2 * radius * np.ptp(drop))
-    reach = int(np.ceil((far + off) / pitch))
-    nearest = np.floor(x1[:, 0] / pitch).astype(int)
-    z = np.full((x1.size, turn.size), np.inf)
-    for k in range(-reach, reach + 1):
-        number = nearest + k
-        # Beyond the ends of an open face its errors are used again: passes must exist there, no matter which.
-        groove = number % passes
-        off_bottom = x1 - (number[:, None] + 0.5) * pitch - shift[groove]
-        np.minimum(z, off_bottom**2 / (2 * radius) - drop[groove], out=z)
+    wave = np.cos(angle + 2 * np.pi * rng.random((2, passes, 1)))
+    relative_errors = np.sqrt(0.5) * constant + wander * wave
+    shift, drop = np.reshape(rms_errors, (2, 1, 1)) * relative_errors
+    # The nearest pass is within pitch/2 + largest shift. A pass further away than `farthest` cannot be the lowest.
+    largest_shift = np.abs(shift).max()
+    farthest = np.sqrt((pitch / 2 + largest_shift) ** 2 + 2 * radius * np.ptp(drop))
+    neighbours = int(np.ceil((farthest + largest_shift) / pitch))
+    nearest_pass = np.floor(x1[:, 0] / pitch).astype(int)  # (n1,)
+    z = np.full((x1.size, angle.size), np.inf)
+    for k in range(-neighbours, neighbours + 1):
+        pass_number = nearest_pass + k
+        # Passes beyond the ends of the surface reuse the errors of others: they must exist, no matter with which
+        # errors.
+        groove = pass_number % passes
+        distance = x1 - (pass_number[:, None] + 0.5) * pitch - shift[groove]
+        np.minimum(z, distance**2 / (2 * radius) - drop[groove], out=z)
     return z
 
 
 def random_waves(
     shape: Shape, numbers: tuple[NDArray, NDArray], amplitude: NDArray, rng: np.random.Generator
 ) -> NDArray:
-    """Heights (n1, n2) [m] of waves of random phases, of `wave_numbers` and as many amplitudes [m]."""
+    """Add up waves with random phases.
+
+    Parameters
+    ----------
+    shape : tuple of two int
+        Number of points along x1 and x2.
+    numbers : two arrays of int, (waves,)
+        Wave numbers k1 and k2, see `wave_numbers`.
+    amplitude : array, (waves,)
+        Amplitude of each wave and of its conjugate [m].
+    rng : numpy.random.Generator
+        Source of the phases.
+
+    Returns
+    -------
+    array, (n1, n2)
+        Heights [m].
+    """
     k1, k2 = numbers
     spectrum = np.zeros((shape[0], shape[1] // 2 + 1), dtype=complex)
-    for first in range(0, amplitude.size, _WAVES_AT_ONCE):
-        some = slice(first, first + _WAVES_AT_ONCE)
-        row, column = k1[some], k2[some]
+    for start in range(0, amplitude.size, _WAVES_AT_ONCE):
+        block = slice(start, start + _WAVES_AT_ONCE)
+        row, column = k1[block], k2[block]
         phase = 2 * np.pi * rng.random(row.size)
-        # Samples are at pixel centres, half a pixel from the origin of the phases: they stay put when the grid
-        # changes.
+        # Points are at pixel centres, half a pixel from the origin of the phases, so that waves do not move when the
+        # grid changes.
         phase += np.pi * (row / shape[0] + column / shape[1])
-        waves = amplitude[some] * np.exp(1j * phase)
+        waves = amplitude[block] * np.exp(1j * phase)
         spectrum[row, column] = waves
-        rim = column == 0
-        spectrum[-row[rim], 0] = waves[rim].conj()
+        # the transform of real heights expects the conjugates in the column 0 only
+        is_first_column = column == 0
+        spectrum[-row[is_first_column], 0] = waves[is_first_column].conj()
     return scipy.fft.irfft2(spectrum, s=shape, norm="forward", overwrite_x=True)
 
 
 def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
-    """Wave numbers k1, k2 of half the plane with q < 2π/cut_off, longest wave first.
+    """Return the numbers k1 and k2 of all waves of a half plane that are longer than `cut_off`, longest first.
 
-    The order, and therefore the phase each wave gets, depends on the ratio of the sides alone: not on the
-    grid.
+    The order decides which phase a wave gets. It depends only on the ratio of the sides, not on the grid.
+
+    Parameters
+    ----------
+    size : tuple of two float
+        Sides [m].
+    cut_off : float
+        Shortest wave [m], which is excluded.
+
+    Returns
+    -------
+    k1, k2 : arrays of int, (waves,)
+        Wave numbers.
     """
     most = [int(length / cut_off) for length in size]
-    # short numbers, as a face has half as many waves as points
-    first, second = np.arange(-most[0], most[0] + 1), np.arange(most[1] + 1)
-    k1, k2 = np.meshgrid(first.astype(np.int32), second.astype(np.int32), indexing="ij")
+    # 32 bits save memory: a surface has half as many waves as points
+    range1 = np.arange(-most[0], most[0] + 1, dtype=np.int32)
+    range2 = np.arange(most[1] + 1, dtype=np.int32)
+    k1, k2 = np.meshgrid(range1, range2, indexing="ij")
     square = np.square(k1, dtype=float) + (k2 * (size[0] / size[1])) ** 2
-    half = (k2 > 0) | (k1 > 0)
-    # At the limit itself a wave could be the sampled Nyquist wave, whose phase the grid would decide.
-    kept = half & (square < (size[0] / cut_off) ** 2 * (1 - SLACK))
-    k1, k2, square = k1[kept], k2[kept], square[kept]
+    is_in_half_plane = (k2 > 0) | (k1 > 0)
+    # The limit itself is excluded: on some grids it would be the Nyquist wave, whose phase the grid decides.
+    is_long = square < (size[0] / cut_off) ** 2 * (1 - SLACK)
+    selected = is_in_half_plane & is_long
+    k1, k2, square = k1[selected], k2[selected], square[selected]
     order = np.lexsort((k2, k1, square))
     return k1[order], k2[order]
 
 
-def _cut_off(cut_off: float | None, spacing: Pair, size: Pair) -> float:
-    """The shortest wave [m] as given, or of 8 pixels; raises InputError if the grid or the face has none such."""
+def _check_cut_off(cut_off: float | None, spacing: Pair, size: Pair) -> float:
+    """Return the shortest wave [m], by default 8 pixels.
+
+    Raises InputError if the grid or the surface cannot carry such a wave.
+    """
     pixel, longest = max(spacing), max(size)
-    given = PIXELS_PER_WAVE * pixel if cut_off is None else cut_off
-    given = validate.number("cut_off", given, unit="m")
-    expected = (
-        f">= 2 pixels = {to_text(2 * pixel, 'm')} and < the larger side = {to_text(longest, 'm')}"
-    )
-    if not 2 * pixel * (1 - SLACK) <= given < longest * (1 - SLACK):
-        raise InputError("cut_off", to_text(given, "m"), f"a wavelength {expected}")
-    return given
+    wave = PIXELS_PER_WAVE * pixel if cut_off is None else cut_off
+    wave = validate.number("cut_off", wave, unit="m")
+    if 2 * pixel * (1 - SLACK) <= wave < longest * (1 - SLACK):
+        return wave
+    limits = (to_text(2 * pixel, "m"), to_text(longest, "m"))
+    expected = f"a wavelength >= 2 pixels = {limits[0]} and < the larger side = {limits[1]}"
+    raise InputError("cut_off", to_text(wave, "m"), expected)
 
 
-def _whole(ratio: float) -> bool:
+def _is_whole(ratio: float) -> bool:
+    """Return whether a ratio is a whole number of at least 1, up to rounding."""
     return ratio > 0.5 and abs(ratio - round(ratio)) <= 1e-9 * ratio
 
 
-def _generator(rng: Any) -> np.random.Generator:
+def _check_generator(rng: Any) -> np.random.Generator:
+    """Return a generator of random numbers from a generator or a seed."""
     try:
         if rng is None:
             raise TypeError

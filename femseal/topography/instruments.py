@@ -1,7 +1,7 @@
-"""Files of instruments, read by SurfaceTopography: dozens of formats, their channels, units and masks.
+"""Read files of instruments with SurfaceTopography, which knows dozens of formats with their channels, units and masks.
 
-A unit that the library does not know is that of the caller. Channels that are no heights by their unit are read if the
-caller gives one, and so are fields of Gwyddion (.gwy) without units, which the library leaves out.
+If the library does not know a unit, the unit of the caller is used. Channels whose unit is not a length are read if the
+caller gives a unit of height. The same holds for fields of Gwyddion (.gwy) without units, which the library ignores.
 """
 
 import io
@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,95 +20,131 @@ from .conditioning import Instrument
 from .coordinates import profile_error
 from .raw import Raw, Reading, length_unit
 
-#: Longest list of channels in a message, in characters.
+#: Longest list of channels in a message [characters].
 _LONGEST_LIST = 300
-#: Where the units of a .sur file begin, of 16 bytes each.
+#: Positions of the units in a .sur file [byte].
 _SURF_UNITS = range(180, 276, 16)
-#: What makes a map of numbers without a unit of length.
+#: Length of each of these units [byte].
+_SURF_UNIT_LENGTH = 16
+#: Advice for a map of numbers without a unit of length.
 _GIVE_UNITS = (
-    "if its numbers are heights, their unit in height_unit= such as 'um' (--height-unit), which comes before that of "
-    "the file, and spacing= or size= (--spacing, --size) where the file does not say the pixel"
+    "if its numbers are heights, give their unit in height_unit= such as 'um' (--height-unit), which overrides that of "
+    "the file, and spacing= or size= (--spacing, --size) if the file does not say the pixel size"
 )
 
 
-def read_instrument(path: Path, said: Reading, others: Sequence[str] = ()) -> Raw:
-    """A map of an instrument's file, through SurfaceTopography (an extra, slow to import).
+def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] = ()) -> Raw:
+    """Read a map from the file of an instrument with SurfaceTopography, an optional package.
 
-    others : suffixes that are read without it, for a message.
+    other_suffixes : suffixes that are read without this package, for a message.
     """
     suffix = path.suffix.lower()
+    opened = _open(path, suffix, other_suffixes)
+    if not opened.channels:
+        if _gwyddion_fields(opened.file):
+            return _read_gwyddion_field(path, opened.file, options)
+        given = "no map of heights: no channel of the file has a unit of length"
+        raise InputError("file", given, "a file with a map, or its export as .x3p or text")
+    channel = _select_channel(opened.channels, options)
+    raw = _read_channel(channel, suffix)
+    if opened.unclear:
+        return replace(raw, height_unit=None, spacing=None, unclear=opened.unclear)
+    return raw
+
+
+class _OpenFile(NamedTuple):
+    """Hold a file that SurfaceTopography has opened.
+
+    content : changed bytes of the file, which must live as long as it is read; None if it is read as it is.
+    unclear : unit of the file that cannot be read, for messages.
+    file : the file, as the library has opened it.
+    channels : its channels.
+    """
+
+    content: io.BytesIO | None
+    unclear: str
+    file: Any
+    channels: list[Any]
+
+
+def _open(path: Path, suffix: str, other_suffixes: Sequence[str]) -> _OpenFile:
+    """Open a file with SurfaceTopography."""
     try:
         from SurfaceTopography import open_topography
         from SurfaceTopography.IO import readers
     except ImportError:
-        allowed = f"{' '.join(sorted(others))}, or many formats of instruments after: pip install 'femseal[surface]'"
-        raise InputError("file", f"a file of kind {suffix or 'unknown'!r}", allowed) from None
-    # Dozens of readers behind one call raise whatever their formats lead them to: all of it means a bad file.
+        expected = (
+            f"{' '.join(sorted(other_suffixes))}, or many formats of instruments after: "
+            "pip install 'femseal[surface]'"
+        )
+        raise InputError("file", f"a file of kind {suffix or 'unknown'!r}", expected) from None
+    # The library tries dozens of readers, which raise errors of any kind. All of them mean that it cannot read the
+    # file.
     try:
         with unprinted():
-            content, unclear = _digital_surf(path)
+            content, unclear = _replace_unknown_units(path)
             file = open_topography(content or str(path))
-            channels = list(file.channels)
+            return _OpenFile(content, unclear, file, list(file.channels))
     except Exception as error:
-        ends = {f".{end}" for reader in readers for end in reader.file_extensions()}
-        allowed = (
+        known_suffixes = {f".{end}" for reader in readers for end in reader.file_extensions()}
+        expected = (
             "a file of one of the formats known to SurfaceTopography, not a damaged one: "
-            f"{' '.join(sorted({*others, *ends}))}; programs of instruments export .x3p too"
+            f"{' '.join(sorted({*other_suffixes, *known_suffixes}))}; programs of instruments export "
+            ".x3p too"
         )
         given = f"a file without a known format ({type(error).__name__})"
-        raise InputError("file", given, allowed) from error
-    if not channels:
-        if _gwyddion_fields(file):
-            return _read_gwyddion_field(path, file, said)
-        given = "no map of heights: no channel of the file has a unit of length"
-        raise InputError("file", given, "a file with a map, or its export as .x3p or text")
+        raise InputError("file", given, expected) from error
+
+
+def _select_channel(channels: list[Any], options: Reading) -> Any:
+    """Return the channel that the caller wants, which must be a map of heights."""
     names = [channel.name or "" for channel in channels]
-    channel = pick(channels, said.channel, "channel", names)
+    channel = pick(channels, options.channel, "channel", names)
     if channel.dim == 1:
-        raise profile_error(np.zeros(channel.nb_grid_pts or 0), f"channel {said.channel}")
-    if channel.dim != 2 or not (channel.is_height_channel or said.height_unit):
-        usable = [i for i, c in enumerate(channels) if c.dim == 2 and c.is_height_channel]
-        maps = _listed(usable, names) or f"none in this file; {_GIVE_UNITS}"
-        unit = f" in {channel.data_unit!r}" if getattr(channel, "data_unit", None) else ""
-        given = f"channel={said.channel} ({channel.name}), which is no map of heights{unit}"
-        raise InputError("file", given, f"a map of heights: {maps}")
-    raw = _read_channel(channel, suffix)
-    if unclear:
-        return replace(raw, height_unit=None, spacing=None, unclear=unclear)
-    return raw
+        raise profile_error(np.zeros(channel.nb_grid_pts or 0), f"channel {options.channel}")
+    has_heights = channel.is_height_channel or options.height_unit
+    if channel.dim == 2 and has_heights:
+        return channel
+    usable = [i for i, c in enumerate(channels) if c.dim == 2 and c.is_height_channel]
+    maps = _list_channels(usable, names) or f"none in this file; {_GIVE_UNITS}"
+    unit = f" in {channel.data_unit!r}" if getattr(channel, "data_unit", None) else ""
+    given = f"channel={options.channel} ({channel.name}), which is no map of heights{unit}"
+    raise InputError("file", given, f"a map of heights: {maps}")
 
 
 def _read_channel(channel: Any, suffix: str) -> Raw:
-    """A channel that SurfaceTopography has found."""
-    # SurfaceTopography wants what the file lacks; placeholders keep the numbers as they are.
-    missing: dict[str, Any] = {}
+    """Read a channel that SurfaceTopography has found."""
+    # SurfaceTopography insists on lateral sizes. If the file lacks them, the number of points is passed in their place,
+    # so that the numbers stay as they are.
+    placeholders: dict[str, Any] = {}
     if channel.physical_sizes is None:
-        missing["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
+        placeholders["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
     with unprinted():
-        topography = channel.topography(**missing)
+        topography = channel.topography(**placeholders)
         heights, mask = topography.heights(), None
         if suffix == ".gwy" and np.ma.is_masked(heights):
-            # the library scales the points that are not masked, and keeps the numbers of the file for the others
+            # The library scales only the points that are not masked; the others have the numbers of the file.
+            mask = np.ma.getmaskarray(heights)
             stored = np.ma.getdata(topography.parent_topography.heights())
-            heights, mask = stored * topography.height_scale_factor, np.ma.getmaskarray(heights)
+            heights = stored * topography.height_scale_factor
     heights = np.ma.filled(np.ma.masked_invalid(heights).astype(float), np.nan)
-    lateral = None if topography.unit is None else length_unit(topography.unit)
-    unit, unclear, notes = lateral, "", []
+    lateral_unit = None if topography.unit is None else length_unit(topography.unit)
+    height_unit, unclear, notes = lateral_unit, "", []
     if not channel.is_height_channel:
-        unit, unclear = None, f"unit {channel.data_unit!r} of the channel {channel.name!r}"
-    elif topography.unit is not None and unit is None:
+        height_unit = None
+        unclear = f"unit {channel.data_unit!r} of the channel {channel.name!r}"
+    elif topography.unit is not None and lateral_unit is None:
         unclear = f"unit {topography.unit!r}"
     elif topography.unit is not None and not _is_usual(topography.unit):
-        notes.append(
-            f"the unit {topography.unit!r} of the file is read as {1e6 * (unit or 0):g} µm"
-        )
+        micrometres = 1e6 * (lateral_unit or 0)
+        notes.append(f"the unit {topography.unit!r} of the file is read as {micrometres:g} µm")
     spacing = None
-    if lateral is not None and not missing:
+    if lateral_unit is not None and not placeholders:
         first, second = topography.pixel_size
-        spacing = float(first) * lateral, float(second) * lateral
+        spacing = float(first) * lateral_unit, float(second) * lateral_unit
     return Raw(
         heights,
-        unit,
+        height_unit,
         spacing,
         needs_unit=True,
         mask=mask,
@@ -118,30 +154,40 @@ def _read_channel(channel: Any, suffix: str) -> Raw:
     )
 
 
-def _digital_surf(path: Path) -> tuple[io.BytesIO | None, str]:
-    """Content of a .sur file whose units the library would not read, with others in their place, and what is unclear.
+def _replace_unknown_units(path: Path) -> tuple[io.BytesIO | None, str]:
+    """Replace the units of a .sur file that SurfaceTopography cannot read.
 
-    Micrometres in UTF-8 are written as the format has them. In place of any unknown unit all are metres, which keeps
-    the numbers as they are. None of a file that the library reads as it is.
+    Micrometres in UTF-8 are rewritten in the encoding of the format. If any unit is unknown, all are replaced by
+    metres, which leaves the numbers as they are.
+
+    Returns
+    -------
+    content : BytesIO or None
+        The changed file. None if the library can read the file as it is.
+    unclear : str
+        The unknown unit, for messages.
     """
     with path.open("rb") as file:
         head = bytearray(file.read(_SURF_UNITS.stop))
         if not head.startswith(b"DIGITAL SURF"):
             return None, ""
-        texts = [bytes(head[n : n + 16]) for n in _SURF_UNITS]
-        units = [text.decode("latin-1").strip(" \0") for text in texts]
-        unknown = [unit for unit in units if unit and length_unit(unit) is None]
-        as_written = [b"m" if unknown else text.replace("µ".encode(), b"\xb5") for text in texts]
-        if as_written == texts:
+        units = [bytes(head[n : n + _SURF_UNIT_LENGTH]) for n in _SURF_UNITS]
+        names = [unit.decode("latin-1").strip(" \0") for unit in units]
+        unknown = [name for name in names if name and length_unit(name) is None]
+        if unknown:
+            new_units = [b"m"] * len(units)
+        else:
+            new_units = [unit.replace("µ".encode(), b"\xb5") for unit in units]
+        if new_units == units:
             return None, ""
-        for n, text in zip(_SURF_UNITS, as_written, strict=True):
-            head[n : n + 16] = text.ljust(16)
+        for n, unit in zip(_SURF_UNITS, new_units, strict=True):
+            head[n : n + _SURF_UNIT_LENGTH] = unit.ljust(_SURF_UNIT_LENGTH)
         content = io.BytesIO(bytes(head) + file.read())
     return content, f"unit {unknown[0]!r}" if unknown else ""
 
 
 def _is_usual(unit: str) -> bool:
-    """Whether a unit is written as it should be."""
+    """Return whether a unit is spelled correctly."""
     try:
         to_si(f"1 {unit}", "m")
     except InputError:
@@ -150,67 +196,77 @@ def _is_usual(unit: str) -> bool:
 
 
 def _gwyddion_fields(file: Any, kind: str = "data") -> dict[int, dict[str, Any]]:
-    """Fields of a .gwy by their number, of which the library has read all but the numbers; none of another file.
+    """Return the fields of a .gwy file by their number; they contain everything but the heights.
 
-    kind : "data", or "mask" for the masks that lie on them.
+    file : as SurfaceTopography has opened it. A file of another format has no fields.
+    kind : "data" for the maps, or "mask" for their masks.
     """
-    found = {}
+    fields = {}
     for key, value in getattr(file, "_metadata", {}).items():
-        if (match := re.fullmatch(rf"/(\d+)/{kind}", str(key))) and "GwyDataField" in value:
-            found[int(match[1])] = value["GwyDataField"]
-    return found
+        match = re.fullmatch(rf"/(\d+)/{kind}", str(key))
+        if match and "GwyDataField" in value:
+            fields[int(match[1])] = value["GwyDataField"]
+    return fields
 
 
-def _read_gwyddion_field(path: Path, file: Any, said: Reading) -> Raw:
-    """A field of Gwyddion whose unit is no length: numbers whose unit the caller gives.
+def _read_gwyddion_field(path: Path, file: Any, options: Reading) -> Raw:
+    """Read a field of Gwyddion whose unit is not a length; the caller must give the unit.
 
-    Raises InputError: the caller gives none.
+    Raises InputError if the caller does not give it.
     """
     fields, masks = _gwyddion_fields(file), _gwyddion_fields(file, "mask")
-    number = pick([*fields], said.channel, "field")
+    number = pick([*fields], options.channel, "field")
     field = fields[number]
-    units = [
-        field.get(name, {}).get("GwySIUnit", {}).get("unitstr") or "none"
-        for name in ("si_unit_z", "si_unit_xy")
-    ]
-    if said.height_unit is None:
-        given = f"{counted(len(fields), 'field')} whose unit is no length ({units[0]})"
+    height_unit = _gwyddion_unit(field, "si_unit_z")
+    lateral_unit = _gwyddion_unit(field, "si_unit_xy")
+    if options.height_unit is None:
+        given = f"{counted(len(fields), 'field')} whose unit is no length ({height_unit})"
         raise InputError("file", given, f"a map of heights; {_GIVE_UNITS}")
-    lateral, spacing = length_unit(units[1]), None
-    if lateral is not None:
+    spacing = None
+    metres = length_unit(lateral_unit)
+    if metres is not None:
         spacing = (
-            abs(field["xreal"]) / field["xres"] * lateral,
-            abs(field["yreal"]) / field["yres"] * lateral,
+            abs(field["xreal"]) / field["xres"] * metres,
+            abs(field["yreal"]) / field["yres"] * metres,
         )
+    mask = None
+    if number in masks:
+        mask = _gwyddion_numbers(path, masks[number]) > 0.5
     return Raw(
-        _numbers_of_field(path, field),
+        _gwyddion_numbers(path, field),
         spacing=spacing,
         needs_unit=True,
-        mask=_numbers_of_field(path, masks[number]) > 0.5 if number in masks else None,
-        unclear=f"unit {units[0]} of the numbers, {units[1]} of the sides",
+        mask=mask,
+        unclear=f"unit {height_unit} of the numbers, {lateral_unit} of the sides",
     )
 
 
-def _numbers_of_field(path: Path, field: dict[str, Any]) -> Array:
-    """Numbers (n1, n2) of a field of Gwyddion, which follow their count, of four bytes."""
+def _gwyddion_unit(field: dict[str, Any], name: str) -> str:
+    """Return a unit of a field of Gwyddion, "none" if it has none."""
+    return field.get(name, {}).get("GwySIUnit", {}).get("unitstr") or "none"
+
+
+def _gwyddion_numbers(path: Path, field: dict[str, Any]) -> Array:
+    """Read the numbers (n1, n2) of a field of Gwyddion from its file."""
     n1, n2 = int(field["xres"]), int(field["yres"])
+    # the numbers follow their count, which takes 4 bytes
     numbers = np.fromfile(path, "<f8", n1 * n2, offset=field["data"]["offset"] + 4)
     return numbers.reshape(n2, n1).T
 
 
 def _instrument(parameters: dict[str, Any]) -> Instrument:
-    """The instrument by what SurfaceTopography found of it: values with their unit."""
-    known = {}
+    """Return the instrument from what SurfaceTopography knows about it: values with their units."""
+    lengths = {}
     for name in ("tip_radius", "resolution"):
-        found = parameters.get(name, {})
-        if found.get("value", 0) > 0 and found.get("unit"):
-            known[name] = found["value"] * to_si(f"1 {found['unit']}", "m", name)
-    return Instrument(**known)
+        entry = parameters.get(name, {})
+        if entry.get("value", 0) > 0 and entry.get("unit"):
+            lengths[name] = entry["value"] * to_si(f"1 {entry['unit']}", "m", name)
+    return Instrument(**lengths)
 
 
 @contextmanager
 def unprinted() -> Iterator[None]:
-    """Context in which Python prints nothing: readers print what they find in damaged files."""
+    """Suppress everything that Python prints in this context. The readers print what they find in damaged files."""
     with (
         open(os.devnull, "w", encoding="utf-8") as nothing,
         redirect_stdout(nothing),
@@ -220,19 +276,37 @@ def unprinted() -> Iterator[None]:
 
 
 def pick(choices: list[Any], channel: int | str, kind: str, names: Sequence[str] = ()) -> Any:
-    """The channel of a number, or of a name that only one of them has."""
+    """Return the channel with a number, or with a name that only one of them has.
+
+    Parameters
+    ----------
+    choices : list
+        All channels.
+    channel : int or str
+        Number or name of the channel.
+    kind : str
+        What the file calls a channel, for the message.
+    names : sequence of str
+        Names of the channels.
+
+    Raises
+    ------
+    InputError
+        There is no such channel.
+    """
     if isinstance(channel, str) and names.count(channel) == 1:
         return choices[names.index(channel)]
-    if channel not in range(len(choices)):
-        listed = f": {_listed(range(len(names)), names)}" if any(names) else ""
-        last = len(choices) - 1
-        allowed = f"0 to {last}, it has {counted(last + 1, kind)}{listed}"
-        if last == 0:
-            allowed = f"0, the only {kind} of the file{listed}"
-        raise InputError("file", f"channel={channel!r}", allowed)
-    return choices[int(channel)]
+    if channel in range(len(choices)):
+        return choices[int(channel)]
+    listed = f": {_list_channels(range(len(names)), names)}" if any(names) else ""
+    last = len(choices) - 1
+    if last == 0:
+        expected = f"0, the only {kind} of the file{listed}"
+    else:
+        expected = f"0 to {last}, it has {counted(last + 1, kind)}{listed}"
+    raise InputError("file", f"channel={channel!r}", expected)
 
 
-def _listed(numbers: Sequence[int], names: Sequence[str]) -> str:
-    """Numbers of channels with their names."""
+def _list_channels(numbers: Sequence[int], names: Sequence[str]) -> str:
+    """Write the numbers of channels with their names."""
     return shortened(", ".join(f"{n} ({names[n]})" for n in numbers), _LONGEST_LIST)

@@ -1,10 +1,11 @@
-"""Numbers of a file that stand for undefined points.
+"""Find the numbers in a file that mark undefined points.
 
-Some programs write one number for every point that was not measured, such as −9999. Where the file names it, or the
-caller does, it is undefined. Otherwise it is recognised by what no measured face has: many points at exactly the
-highest or lowest number of the map, far from all others. A number by which programs mark such points, such as −9999
-or 32767, is taken for undefined, and a sentence says so. Any other number, such as 0, may be a stop, a flat bottom or
-an upper edge, and only the user knows: it is an error that says how to decide.
+Some programs write one number, such as −9999, for every point that was not measured. If the file or the caller names
+this number, its points are undefined. Otherwise it is recognised by a pattern that no measured surface shows: many
+points at exactly the highest or lowest number of the map, far from all others. If it is a number that programs use as
+such a mark, such as −9999 or 32767, its points are taken for undefined, and a note says so. Any other number, such as
+0, may also be a stop, a flat bottom or an upper edge. Only the user can know, so it is an error that says how to
+decide.
 """
 
 from collections.abc import Sequence
@@ -24,19 +25,35 @@ _MARKS = {
     *(sign * 2**n - k for sign in (1, -1) for n in (15, 31) for k in (-1, 0, 1)),
     99999.9999, -99999.9999, 65535, 2147483640, 1000001,
 }  # fmt: skip
-#: From this magnitude on a number is no height in any unit.
+#: A number of this magnitude or more is not a height in any unit.
 _NO_HEIGHT = 1e30
-#: Fewest points, and fraction of all, that share a number which is not one of those.
+#: Smallest number of points, and smallest fraction of all points, that share a suspicious number.
 _FEWEST, _FRACTION = 10, 1e-4
-#: The number lies farther from all others than this many rms heights of the face, and this fraction of its range.
-_DEVIATIONS, _PART_OF_RANGE = 5.0, 0.1
-#: Rows that are looked at, different heights that a face has at least, and numbers that may stand for undefined ones.
-_ROWS, _DIFFERENT, _MOST = 256, 10, 4
+#: Smallest distance of a suspicious number from all others, in rms heights of the surface.
+_DEVIATIONS = 5.0
+#: Smallest distance of a suspicious number from all others, as a fraction of their range.
+_PART_OF_RANGE = 0.1
+#: About this many rows of a map are examined.
+_ROWS = 256
+#: Smallest number of different heights on a surface; a map with fewer has levels instead of heights.
+_DIFFERENT = 10
+#: Largest number of different marks in one file.
+_MOST = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Defined:
-    """Heights with NaN where undefined, with sentences on that, and what the user has to decide."""
+    """Hold the heights of a file after undefined points were marked.
+
+    Parameters
+    ----------
+    heights : array, (n1, n2)
+        Heights, NaN where undefined.
+    notes : tuple of str
+        Sentences that say which points were taken for undefined.
+    doubts : tuple of InputError
+        Questions that only the user can decide.
+    """
 
     heights: NDArray
     notes: tuple[str, ...] = ()
@@ -46,94 +63,123 @@ class Defined:
 def without_no_data(
     path: Path, heights: NDArray, named: Sequence[float], given: float | str | None
 ) -> Defined:
-    """Heights whose undefined points are NaN.
+    """Mark the undefined points of a map as NaN.
 
     Parameters
     ----------
-    path : of the file, for messages.
-    heights : numbers of the file (n1, n2).
-    named : numbers that the file says are undefined points.
-    given : number that the caller says is; "none" if every number is a height; None to look for it.
+    path : Path
+        The file, for messages.
+    heights : array, (n1, n2)
+        Numbers of the file.
+    named : sequence of float
+        Numbers that mark undefined points according to the file.
+    given : float or str, optional
+        Number that marks undefined points according to the caller; "none" if every number is a height. None to use
+        `named` and to look for further marks.
 
-    Raises InputError: `given` is neither.
+    Raises
+    ------
+    InputError
+        `given` is neither a number nor "none".
     """
     if given == NO_VALUE or not heights.size:
         return Defined(heights)
     if given is not None:
-        named = (_checked(given),)
-    notes = []
-    for number in named:
-        is_value = np.isclose(heights, number, rtol=1e-6, atol=0)
-        if is_value.any():
-            heights = np.where(is_value, np.nan, heights)
-            source = "no_data says" if given is not None else "the file says"
-            notes.append(f"{_points(is_value)} at {number:g}: undefined, as {source}")
-    if given is not None:
+        heights, notes = _mark_numbers(heights, [_check_number(given)], "no_data says")
         return Defined(heights, tuple(notes))
+    heights, notes = _mark_numbers(heights, named, "the file says")
     for _ in range(_MOST):
-        value = _stray(heights)
+        value = _find_suspicious_number(heights)
         if value is None:
             break
-        is_value = heights == value
-        rest = heights[~is_value & ~np.isnan(heights)]
-        found = f"{_points(is_value)} at exactly {value:g}, far from all others, {rest.min():.4g} to {rest.max():.4g}"
+        has_value = heights == value
+        others = heights[~has_value & ~np.isnan(heights)]
+        description = (
+            f"{_points(has_value)} at exactly {value:g}, far from all others, {others.min():.4g} to "
+            f"{others.max():.4g}"
+        )
         if not _is_mark(value):
             expected = (
                 f"heights: no_data={value:g} (--no-data {value:g}) takes such points for not measured, "
                 "no_data='none' (--no-data none) for part of the face"
             )
-            return Defined(heights, tuple(notes), (bad_file(path, found, expected),))
-        heights = np.where(is_value, np.nan, heights)
-        notes.append(f"{found}: taken for undefined; no_data = 'none' keeps them as heights")
+            question = bad_file(path, description, expected)
+            return Defined(heights, tuple(notes), (question,))
+        heights = np.where(has_value, np.nan, heights)
+        notes.append(f"{description}: taken for undefined; no_data = 'none' keeps them as heights")
     return Defined(heights, tuple(notes))
 
 
-def _checked(given: float | str) -> float:
-    """The number that a caller gives, also as text."""
+def _mark_numbers(
+    heights: NDArray, numbers: Sequence[float], source: str
+) -> tuple[NDArray, list[str]]:
+    """Replace numbers by NaN; return the heights and a note for each number that was found.
+
+    source : who says that the numbers mark undefined points.
+    """
+    notes = []
+    for number in numbers:
+        has_number = np.isclose(heights, number, rtol=1e-6, atol=0)
+        if has_number.any():
+            heights = np.where(has_number, np.nan, heights)
+            notes.append(f"{_points(has_number)} at {number:g}: undefined, as {source}")
+    return heights, notes
+
+
+def _check_number(given: float | str) -> float:
+    """Return the number that a caller gives, perhaps as text."""
     try:
         value = float(given)
     except (TypeError, ValueError):
         value = np.nan
     if not np.isfinite(value):
-        raise InputError(
-            "no_data", repr(given), "a number, or 'none' where every number is a height"
-        )
+        expected = "a number, or 'none' where every number is a height"
+        raise InputError("no_data", repr(given), expected)
     return value
 
 
 def _points(flags: NDArray) -> str:
-    """A number of points with their fraction."""
-    return f"{counted(np.count_nonzero(flags), 'point')} ({as_text(float(flags.mean()), percent=True)})"
+    """Write the number of true points and their percentage."""
+    fraction = as_text(float(flags.mean()), percent=True)
+    return f"{counted(np.count_nonzero(flags), 'point')} ({fraction})"
 
 
 def _is_mark(value: float) -> bool:
+    """Return whether programs use a number to mark undefined points."""
     return abs(value) >= _NO_HEIGHT or any(np.isclose(value, mark, rtol=1e-7) for mark in _MARKS)
 
 
-def _stray(heights: NDArray) -> float | None:
-    """The lowest or highest number of a map if points share it and it is far from all others; else None."""
-    lowest, highest = np.fmin.reduce(heights, axis=None), np.fmax.reduce(heights, axis=None)
-    for value, sign in ((float(lowest), 1), (float(highest), -1)):
+def _find_suspicious_number(heights: NDArray) -> float | None:
+    """Return the lowest or highest number of a map if many points share it, far from all others; else None."""
+    lowest = float(np.fmin.reduce(heights, axis=None))
+    highest = float(np.fmax.reduce(heights, axis=None))
+    for value, sign in ((lowest, 1), (highest, -1)):
         count = int(np.count_nonzero(heights == value))
         is_shared = count >= max(_FEWEST, _FRACTION * heights.size)
-        if (is_shared or _is_mark(value)) and _is_far(heights, value, sign, is_shared=is_shared):
+        if not is_shared and not _is_mark(value):
+            continue
+        if _is_far(heights, value, sign, is_shared=is_shared):
             return value
     return None
 
 
 def _is_far(heights: NDArray, value: float, sign: int, *, is_shared: bool) -> bool:
-    """Whether the lowest number of a map (`sign` 1), or the highest (-1), is far from all others.
+    """Return whether the lowest number of a map (sign 1), or the highest (sign -1), is far from all others.
 
-    is_shared : by many points; the number of a few is farther away than all others are from each other.
+    is_shared : whether many points share the number. If not, its distance must exceed the range of all others.
     """
     upwards = sign * heights
-    nearest = float(np.min(upwards, initial=np.inf, where=upwards > sign * value))
+    lowest = sign * value
+    nearest = float(np.min(upwards, initial=np.inf, where=upwards > lowest))
     farthest = float(np.fmax.reduce(upwards, axis=None))
-    gap, extent = nearest - sign * value, farthest - nearest
-    if not gap > (_PART_OF_RANGE if is_shared else 1.0) * extent or not np.isfinite(gap):
+    distance = nearest - lowest
+    least_distance = (_PART_OF_RANGE if is_shared else 1.0) * (farthest - nearest)
+    if not np.isfinite(distance) or not distance > least_distance:
         return False
     sample = upwards[:: max(1, len(heights) // _ROWS)]
-    rest = np.where(sample == sign * value, np.nan, sample)
-    if np.unique(rest[~np.isnan(rest)]).size < (_DIFFERENT if is_shared else 2):
-        return False  # a map of a few levels
-    return bool(gap > _DEVIATIONS * np.nanstd(rest - fit_form(rest, (1.0, 1.0), 1).heights))
+    others = np.where(sample == lowest, np.nan, sample)
+    different_heights = np.unique(others[~np.isnan(others)]).size
+    if different_heights < (_DIFFERENT if is_shared else 2):
+        return False
+    roughness = others - fit_form(others, (1.0, 1.0), 1).heights
+    return bool(distance > _DEVIATIONS * np.nanstd(roughness))

@@ -1,7 +1,8 @@
-"""Several measured patches of one surface, side by side along x2.
+"""Hold several measured patches of one surface, side by side along x2.
 
-Contact is solved in each patch by itself, and flow through all of them together. What depends on neighbours, such as
-waves, slopes and form, is that of each patch: heights do not match where two patches meet.
+Contact is solved in each patch separately, and the flow through all of them together. Waves, slopes, form and all other
+properties that depend on neighbouring points are those within the patches, because the heights do not match where two
+patches meet.
 """
 
 from __future__ import annotations
@@ -21,30 +22,37 @@ from ..base.text import TextTable
 from .defects import SPIKES, fit_form
 from .topography import Topography
 
-#: Pixels that differ by more than this factor do not carry the same waves; rms heights that differ from the median of
-#: all patches by more than the second are of another unit; waves, 2π rms height over rms slope, by more than the third
-#: of another surface or instrument.
-_UNLIKE_PIXELS, _UNLIKE_HEIGHTS, _UNLIKE_WAVES = 4.0, 20.0, 2.5
-#: Patches of unlike length keep a whole number of parts of this fraction of the shortest.
+#: Largest ratio of pixel sizes of patches that carry the same waves.
+_UNLIKE_PIXELS = 4.0
+#: Largest ratio of the rms height of a patch to the median of all patches; beyond it the unit is probably wrong.
+_UNLIKE_HEIGHTS = 20.0
+#: Largest ratio of the mean wavelength of a patch, 2π rms height over rms slope, to the median of all patches; beyond
+#: it the surface or the instrument is another one.
+_UNLIKE_WAVES = 2.5
+#: Patches of different lengths are cut to multiples of the shortest length divided by this number.
 _PARTS = 8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Patches(Plotted):
-    """Several measured patches of one surface, each continued by itself.
+    """Hold several measured patches of one surface.
 
-    The operations are those that are right for each patch by itself; other ones are those of each of `patches`.
+    The operations act on each patch separately. Any other operation can be applied to the elements of `patches`.
+
+    Patches of different size or resolution are made alike: they are cut about their middle to the width of the
+    narrowest, and resampled to the coarsest pixel size, within half a pixel. Of each length along x2 a whole number of
+    eighths of the shortest length is kept.
 
     Parameters
     ----------
-    patches : maps of the same surface. Unlike ones are cut to the breadth of the narrowest, about the middle, and
-        resampled to the coarsest pixel, to half a pixel; of unlike lengths along x2 each keeps a whole number of
-        eighths of the shortest.
+    patches : sequence of Topography
+        Maps of the same surface, at least two.
 
     Raises
     ------
-    InputError : fewer than two patches, one of them given twice, pixels or heights that are no measurements of the same
-        surface, undefined points where the pixels differ.
+    InputError
+        There are fewer than two patches; one of them is given twice; pixel sizes or heights show that they are not
+        measurements of the same surface; or a patch that has to be resampled has undefined points.
 
     Examples
     --------
@@ -57,22 +65,25 @@ class Patches(Plotted):
     patches: tuple[Topography, ...]
 
     def __init__(self, patches: Iterable[Topography]) -> None:
-        """Make the patches alike."""
+        """Check the patches and make them alike."""
         try:
-            given = list(patches)
+            maps = list(patches)
         except TypeError:
             raise InputError("patches", repr(patches), "a list of Topography") from None
-        _check(given)
-        alike = _alike(given)
-        lengths = [p.shape[1] for p in alike]
+        _check_patches(maps)
+        maps = _resample_to_same_pixels(maps)
+        lengths = [patch.shape[1] for patch in maps]
         shortest = min(lengths)
-        part = shortest if len(set(lengths)) == 1 else max(1, shortest // _PARTS)
-        cut = tuple(_middle(p, (p.shape[0], p.shape[1] // part * part)) for p in alike)
-        object.__setattr__(self, "patches", cut)
+        has_equal_lengths = len(set(lengths)) == 1
+        part = shortest if has_equal_lengths else max(1, shortest // _PARTS)
+        alike = tuple(
+            _crop_middle(patch, (patch.shape[0], patch.shape[1] // part * part)) for patch in maps
+        )
+        object.__setattr__(self, "patches", alike)
 
     @property
     def widths(self) -> tuple[int, ...]:
-        """Points of every patch along x2."""
+        """Number of points of every patch along x2."""
         return tuple(p.shape[1] for p in self.patches)
 
     @property
@@ -87,12 +98,12 @@ class Patches(Plotted):
 
     @property
     def size(self) -> Pair:
-        """Sides of all patches side by side [m]."""
+        """Sides of all patches side by side along x1 and x2 [m]."""
         return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
 
     @property
     def periodic(self) -> Periodic:
-        """Whether every patch repeats itself along x1 and x2."""
+        """Whether every patch is periodic along x1 and x2."""
         return all(p.periodic[0] for p in self.patches), all(p.periodic[1] for p in self.patches)
 
     @cached_property
@@ -104,7 +115,7 @@ class Patches(Plotted):
 
     @property
     def shortest_patch(self) -> Topography:
-        """The patch that is shortest along x2, whose points and cells a case gives."""
+        """The patch that is shortest along x2. A case gives the number of points and cells of this patch."""
         return min(self.patches, key=lambda patch: patch.shape[1])
 
     @property
@@ -114,46 +125,47 @@ class Patches(Plotted):
 
     @property
     def rms_height(self) -> float:
-        """Rms height in the patches, each about its own mean [m]."""
+        """Rms height in the patches, each relative to its own mean [m]."""
         return float(np.sqrt(self._mean([p.rms_height**2 for p in self.patches])))
 
     @property
     def rms_slopes(self) -> Pair:
-        """Rms of the slopes along x1 and x2 in the patches, not between them."""
-        along_x1, along_x2 = zip(*(p.rms_slopes for p in self.patches), strict=True)
-        return float(np.sqrt(self._mean(np.square(along_x1)))), float(
-            np.sqrt(self._mean(np.square(along_x2)))
-        )
+        """Rms slopes along x1 and x2 within the patches [-]."""
+        squares = np.square([patch.rms_slopes for patch in self.patches])  # (patch, axis)
+        along_x1, along_x2 = (float(np.sqrt(self._mean(values))) for values in squares.T)
+        return along_x1, along_x2
 
     @property
     def rms_slope(self) -> float:
-        """Rms of the modulus of the gradient [-]; see `rms_slopes`."""
+        """Rms of the gradient's magnitude within the patches [-]."""
         return float(np.hypot(*self.rms_slopes))
 
     def _mean(self, values: Sequence[float] | NDArray) -> float:
-        """Mean of values of the patches, weighted with their points."""
+        """Return the mean of one value for each patch, weighted by the number of points."""
         return float(np.average(values, weights=self.widths))
 
     def divided(self, values: NDArray) -> list[NDArray]:
-        """Divide values (…, n1, n2) at the points of all patches into those of each."""
+        """Divide values (…, n1, n2) at the points of all patches side by side into those of each patch."""
         return divided(values, self.widths)
 
     def check_waves(self) -> None:
-        """Raise InputError if the waves of one patch are unlike those of the others."""
-        waves = np.array([2 * np.pi * p.rms_height / (p.rms_slope or np.inf) for p in self.patches])
+        """Raise InputError if the mean wavelength of one patch differs much from those of the others."""
+        waves = np.array(
+            [2 * np.pi * patch.rms_height / (patch.rms_slope or np.inf) for patch in self.patches]
+        )
         expected = "like waves: a shortest wave that all of them carry makes them alike"
         _check_alike("waves of about", waves, _UNLIKE_WAVES, expected)
 
     def detrend(self, order: int | None = 1) -> Patches:
-        """Take off the form of each patch, see `Topography.detrend`."""
+        """Remove the form of each patch, see `Topography.detrend`."""
         return self.of_each(lambda p: p.detrend(order))
 
     def low_pass(self, wavelength: float) -> Patches:
-        """Keep the waves of each patch that are no shorter [m]."""
+        """Keep only the waves of each patch that are at least as long as `wavelength` [m]."""
         return self.of_each(lambda p: p.low_pass(wavelength))
 
     def high_pass(self, wavelength: float) -> Patches:
-        """Remove the waves of each patch that `low_pass` keeps."""
+        """Remove the waves of each patch that `low_pass` would keep."""
         return self.of_each(lambda p: p.high_pass(wavelength))
 
     def flip(self, axis: int) -> Patches:
@@ -165,13 +177,13 @@ class Patches(Plotted):
         return self.of_each(lambda p: p.without_spikes(threshold))
 
     def fill_undefined(self, max_share: float = 0.05) -> Patches:
-        """Fill the undefined points of each patch, which has no more of them than `max_share`."""
+        """Fill the undefined points of each patch, of which at most the fraction `max_share` may be undefined."""
         return self.of_each(lambda p: p.fill_undefined(max_share))
 
     def resample(self, shape: Shape) -> Patches:
-        """Interpolate each patch by its Fourier series; together they have about `shape` points.
+        """Interpolate each patch by its Fourier series, so that all together have about `shape` points.
 
-        They have exactly so many where these divide by the number of parts of which the patches are whole multiples.
+        The number of points along x2 is exact if it can be divided between the patches in proportion to their lengths.
         """
         part = reduce(gcd, self.widths)
         points = max(1, round(shape[1] * part / self.shape[1]))
@@ -182,27 +194,32 @@ class Patches(Plotted):
         return self.of_each(lambda p: p.with_form(profile))
 
     def with_heights(self, heights: NDArray) -> Patches:
-        """Give the patches other heights (n1, n2) [m] at the same points."""
+        """Return patches with other heights (n1, n2) [m] at the same points."""
         pieces = zip(self.patches, self.divided(heights), strict=True)
         return self.with_patches([p.with_heights(z) for p, z in pieces])
 
     def of_each(self, change: Callable[[Topography], Topography]) -> Patches:
-        """Change each patch by itself; the results have the same pixels."""
+        """Apply a function to each patch. The results must have the same pixels."""
         return self.with_patches([change(p) for p in self.patches])
 
     def with_patches(self, patches: Sequence[Topography]) -> Patches:
-        """Put patches in the place of these that are alike already, without looking at them again."""
-        found = object.__new__(Patches)
-        object.__setattr__(found, "patches", tuple(patches))
-        return found
+        """Return an object with other patches, which must already be alike and are not checked again."""
+        result = object.__new__(Patches)
+        object.__setattr__(result, "patches", tuple(patches))
+        return result
 
     def facts(self) -> dict[str, str]:
-        """Points, size, pixel and heights as text."""
-        facts = {"patches": str(len(self.patches)), "points": as_text(self.shape)}
-        facts |= {"size": as_text(self.size, "m"), "pixel": as_text(self.spacing, "m")}
-        facts["periodic"] = str(self.periodic)
-        if fraction := self.undefined_fraction:
-            return facts | {"undefined": as_text(fraction, percent=True)}
+        """Return the number of patches and points, size, pixel size and heights as text."""
+        facts = {
+            "patches": str(len(self.patches)),
+            "points": as_text(self.shape),
+            "size": as_text(self.size, "m"),
+            "pixel": as_text(self.spacing, "m"),
+            "periodic": str(self.periodic),
+        }
+        undefined = self.undefined_fraction
+        if undefined:
+            return facts | {"undefined": as_text(undefined, percent=True)}
         return facts | {"Sq": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
 
     def _repr_html_(self) -> str:
@@ -213,7 +230,7 @@ class Patches(Plotted):
 
 
 class Places(Patches):
-    """Former name of `Patches`, until the next version."""
+    """Accept the former name of `Patches` until the next version."""
 
     def __init__(self, places: Iterable[Topography]) -> None:
         """Warn that the name has changed."""
@@ -226,75 +243,92 @@ Surface = Topography | Patches
 
 
 def check_single_patch(name: str, surface: object) -> None:
-    """Raise InputError if an operation on a single map was given several patches."""
+    """Raise InputError if several patches were given to an operation on a single map."""
     if isinstance(surface, Patches):
         given = f"{len(surface.patches)} patches"
         raise InputError(name, given, "a single map: one of their `patches` after the other")
 
 
 def divided(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
-    """Divide values (…, n1, n2) of patches side by side along the last axis into those of each."""
+    """Divide values (…, n1, n2) of patches side by side along the last axis into those of each patch.
+
+    widths : number of points of each patch along x2.
+    """
     return np.split(values, np.cumsum(widths)[:-1], axis=-1)
 
 
-def _check(patches: Sequence[Topography]) -> None:
-    """Raise InputError if maps cannot be several patches of the same surface, see `Patches`."""
+def _check_patches(patches: Sequence[Topography]) -> None:
+    """Raise InputError if maps cannot be patches of the same surface, see `Patches`."""
     if len(patches) < 2:
-        raise InputError(
-            "patches", f"{len(patches)} of them", "at least two: a single one is given by itself"
-        )
-    if not all(isinstance(p, Topography) for p in patches):
+        given = f"{len(patches)} of them"
+        raise InputError("patches", given, "at least two: a single one is given by itself")
+    if not all(isinstance(patch, Topography) for patch in patches):
         raise InputError("patches", "other than maps", "a list of Topography")
     for (a, first), (b, second) in combinations(enumerate(patches, start=1), 2):
-        if first.shape == second.shape and np.array_equal(
-            first.heights, second.heights, equal_nan=True
-        ):
+        # NaN equals NaN here, and maps of different shapes are different
+        if np.array_equal(first.heights, second.heights, equal_nan=True):
             raise InputError("patches", f"the same map as number {a} and {b}", "each patch once")
-    pixels = [max(p.spacing) for p in patches]
+    pixels = [max(patch.spacing) for patch in patches]
     if max(pixels) > _UNLIKE_PIXELS * min(pixels):
         given = f"pixels from {to_text(min(pixels), 'm', 3)} to {to_text(max(pixels), 'm', 3)}"
-        raise InputError(
-            "patches",
-            given,
-            f"pixels within a factor of {_UNLIKE_PIXELS:g}, which carry the same waves",
-        )
-    rms = np.array([np.nanstd(p.heights - fit_form(p.heights, p.size, 1).heights) for p in patches])
-    _check_alike("rms height", rms, _UNLIKE_HEIGHTS, "heights in the same unit")
+        expected = f"pixels within a factor of {_UNLIKE_PIXELS:g}, which carry the same waves"
+        raise InputError("patches", given, expected)
+    rms = []
+    for patch in patches:
+        tilt = fit_form(patch.heights, patch.size, 1)
+        rms.append(np.nanstd(patch.heights - tilt.heights))
+    _check_alike("rms height", np.array(rms), _UNLIKE_HEIGHTS, "heights in the same unit")
 
 
 def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None:
-    """Raise InputError if a length of one patch differs from the median of all by more than a factor."""
-    usual = float(np.median(values))
+    """Raise InputError if the value of a patch differs much from the median of all patches.
+
+    Parameters
+    ----------
+    name : str
+        Name of the value, for the message.
+    values : array, (patches,)
+        A length of each patch [m].
+    most : float
+        Largest ratio to the median, or its inverse.
+    expected : str
+        What is expected of the patches, for the message.
+    """
+    median = float(np.median(values))
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.nan_to_num(np.abs(np.log(values / usual)), nan=np.inf)
-    n = int(np.argmax(apart))
-    if apart[n] > np.log(most):
-        given = f"{name} {to_text(float(values[n]), 'm', 3)} of number {n + 1}, {to_text(usual, 'm', 3)} of the others"
+        log_ratios = np.nan_to_num(np.abs(np.log(values / median)), nan=np.inf)
+    n = int(np.argmax(log_ratios))
+    if log_ratios[n] > np.log(most):
+        given = (
+            f"{name} {to_text(float(values[n]), 'm', 3)} of number {n + 1}, "
+            f"{to_text(median, 'm', 3)} of the others"
+        )
         raise InputError("patches", given, f"maps of the same surface, with {expected}")
 
 
-def _alike(patches: Sequence[Topography]) -> list[Topography]:
-    """Cut patches to one breadth, and resample them to one pixel."""
+def _resample_to_same_pixels(patches: Sequence[Topography]) -> list[Topography]:
+    """Cut patches to the width of the narrowest along x1, and resample them to the largest pixel size."""
     pixel = max(p.spacing[0] for p in patches), max(p.spacing[1] for p in patches)
     rows = int(min(p.size[0] for p in patches) / pixel[0] + 0.5)
-    found = []
-    for p in patches:
-        shape = min(rows, round(p.size[0] / pixel[0])), round(p.size[1] / pixel[1])
-        own = (
-            min(n, round(m * d / e))
-            for n, m, d, e in zip(p.shape, shape, pixel, p.spacing, strict=True)
+    resampled = []
+    for patch in patches:
+        # number of points on the new grid
+        new_shape = (
+            min(rows, round(patch.size[0] / pixel[0])),
+            round(patch.size[1] / pixel[1]),
         )
-        cut = _middle(p, tuple(own))  # type: ignore[arg-type]
-        found.append(
-            Topography(
-                cut.resample(shape).heights if cut.shape != shape else cut.heights,
-                pixel,
-                cut.periodic,
-            )
-        )
-    return found
+        # number of points on the grid of the patch that cover the same area
+        cut_rows = min(patch.shape[0], round(new_shape[0] * pixel[0] / patch.spacing[0]))
+        cut_columns = min(patch.shape[1], round(new_shape[1] * pixel[1] / patch.spacing[1]))
+        cut = _crop_middle(patch, (cut_rows, cut_columns))
+        heights = cut.heights
+        if cut.shape != new_shape:
+            heights = cut.resample(new_shape).heights
+        resampled.append(Topography(heights, pixel, cut.periodic))
+    return resampled
 
 
-def _middle(patch: Topography, shape: Shape) -> Topography:
-    """Cut the middle part out of a map."""
-    return patch.crop(shape, ((patch.shape[0] - shape[0]) // 2, (patch.shape[1] - shape[1]) // 2))
+def _crop_middle(patch: Topography, shape: Shape) -> Topography:
+    """Cut a part of `shape` points out of the middle of a map."""
+    start = (patch.shape[0] - shape[0]) // 2, (patch.shape[1] - shape[1]) // 2
+    return patch.crop(shape, start)

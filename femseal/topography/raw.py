@@ -1,4 +1,4 @@
-"""What a reader of a file of heights gets from the caller, and what it gives back."""
+"""Define what a reader of a file of heights gets from the caller, and what it returns."""
 
 import os
 from dataclasses import dataclass
@@ -9,23 +9,34 @@ from numpy.typing import NDArray
 from ..base import Flags, InputError, Lengths, Pair, Periodic, to_si
 from .conditioning import UNKNOWN, Instrument
 
-#: In place of a number: no value of the file stands for undefined points.
+#: Value of `no_data` that says that every number of the file is a height.
 NO_VALUE = "none"
 
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """What a file holds.
+    """Hold the content of a file of heights.
 
-    heights : (n1, n2), numbers as they stand in the file, NaN where undefined.
-    height_unit : metres per number, None where the file does not say it.
-    needs_unit : whether numbers without a unit are not in metres: files of this kind say it, or it cannot be read.
-    spacing : pixel [m], None where the file does not say it.
-    mask : points that are masked in the file (n1, n2).
-    instrument : what the file says of it.
-    no_data : numbers that stand for undefined points by the header of the file.
-    unclear : what the file says of its unit or pixel that cannot be read, as text for a message.
-    notes : sentences on how the file was understood, where that is not obvious.
+    Parameters
+    ----------
+    heights : array, (n1, n2)
+        Numbers as they stand in the file, NaN where undefined.
+    height_unit : float, optional
+        Metres per number. None if the file does not say it.
+    spacing : tuple of two float, optional
+        Pixel size [m]. None if the file does not say it.
+    needs_unit : bool
+        Whether the unit has to be known. If not, numbers without a unit are in metres.
+    mask : array of bool, (n1, n2), optional
+        Points that are masked in the file.
+    instrument : Instrument
+        What the file says about the instrument.
+    no_data : tuple of float
+        Numbers that mark undefined points according to the header of the file.
+    unclear : str
+        What the file says about its unit or pixel that cannot be read, for messages.
+    notes : tuple of str
+        Sentences on how the file was understood, where this is not obvious.
     """
 
     heights: NDArray
@@ -41,7 +52,7 @@ class Raw:
 
 @dataclass(frozen=True)
 class Reading:
-    """What the caller says about a file of heights, see `read_topography`."""
+    """Hold what the caller says about a file of heights, see `read_topography`."""
 
     size: Lengths | None = None
     spacing: Lengths | None = None
@@ -61,28 +72,35 @@ class Reading:
 
 
 def bad_file(path: Path, given: object, allowed: str) -> InputError:
-    """InputError about the content of a file."""
-    return InputError(str(path), " ".join(str(given).split())[:200], allowed)
+    """Make an InputError about the content of a file."""
+    on_one_line = " ".join(str(given).split())
+    return InputError(str(path), on_one_line[:200], allowed)
 
 
 def length_unit(text: str) -> float | None:
-    """Metres of a unit of length as files write it; None of any other text.
+    """Return the length [m] of a unit as files write it; None if the text is not a unit of length.
 
-    Brackets around it and "/pixel" behind it are left out. A micro sign that was written in UTF-8 and read in an
-    older encoding, "Âµm", or in that of DOS, "æm", is one.
+    Brackets around the unit and "/pixel" after it are ignored. A micro sign may be garbled: "Âµm" was written in UTF-8
+    and read in an older encoding, "æm" comes from DOS.
 
+    Examples
+    --------
     >>> length_unit("[µm]"), length_unit("nm/pixel"), length_unit("Âµm"), length_unit("deg")
     (1e-06, 1e-09, 1e-06, None)
     """
     unit = text.strip().strip("[]()<>").strip()
-    for end in ("/pixel", "/px", "/point", " per pixel"):
-        unit = unit.removesuffix(end)
-    for wrong in ("Âµ", "Î¼", "æ"):
-        unit = unit.replace(wrong, "µ")
-    unit = "angstrom" if unit == "Å" else unit
+    for suffix in ("/pixel", "/px", "/point", " per pixel"):
+        unit = unit.removesuffix(suffix)
+    for garbled in ("Âµ", "Î¼", "æ"):
+        unit = unit.replace(garbled, "µ")
+    if unit == "Å":
+        unit = "angstrom"
     if len(unit) > 3:
-        unit = unit.lower()  # "Microns"; of short ones capitals count
+        # names such as "Microns" are written with or without capitals; symbols such as "Mm" and "mm" differ
+        unit = unit.lower()
+    if not unit:
+        return None
     try:
-        return to_si(f"1 {unit}", "m") if unit else None
+        return to_si(f"1 {unit}", "m")
     except InputError:
         return None

@@ -1,8 +1,8 @@
-"""Measured height maps from files of any kind, in metres and with a known pixel, or refused.
+"""Read measured height maps from files of any kind; refuse maps whose unit or pixel size is unknown or implausible.
 
-A mask may lie in a file of its own, an image, a text or an array whose points other than 0 are undefined. It lies as
-the heights in their file: a line of an image or a text runs along the file's x, the first one at the first y; arrays of
-NumPy are taken as they are.
+A mask may be in a file of its own: an image, a text or an array whose points other than 0 are undefined. It has the
+same orientation as the heights in their file. A line of an image or a text runs along the file's x, and the first line
+is at the first y; NumPy arrays are taken as they are.
 """
 
 import logging
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base import Flags, InputError, Pair, Periodic, Shape, as_text, to_si, to_text, validate
 from .conditioning import Instrument
@@ -27,29 +28,42 @@ from .topography import Topography
 
 log = logging.getLogger("femseal.topography")
 
-#: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
+#: Smallest and largest plausible side of a measured map [m].
 _SIZE_LIMITS = (1e-9, 1.0)
+#: Largest plausible rms height of a map [m].
 _RMS_HEIGHT_LIMIT = 10e-3
-#: Median slope between neighbouring points that no face exceeds.
+#: Largest plausible median of the slope between neighbouring points.
 _SLOPE_LIMIT = 10.0
-#: Rows of a map, or a few more, that are looked at.
+#: About this many rows of a map are examined for plausibility.
 _ROWS = 256
-#: Pixel [m] of a map that is only looked at where nothing says its pixel.
+#: Pixel size [m] that replaces an unknown one if a map is only looked at.
 _ANY_PIXEL = (1e-6, 1e-6)
-#: Relative difference of units and pixels that are the same.
+#: Largest relative difference of units and pixel sizes that are taken for equal.
 _SAME = 1e-4
-#: Points of a single line that are no profile.
+#: Number of points up to which a single line is not called a profile.
 _SHORTEST_PROFILE = 2
-#: Files that may hold a mask drawn by a user, besides points that were not measured.
+#: Files that may contain a mask that a user has drawn.
 _MASKED = (".gwy", ".npz")
 
 
 @dataclass(frozen=True)
 class Look:
-    """A map that is looked at, why `read_topography` refuses it, and the fraction of points masked in the file.
+    """Hold a map that is looked at, although `read_topography` may refuse it.
 
-    said : which of pixel and unit of height the file or the caller says.
-    notes : sentences on how the file was understood, where that is not obvious.
+    Parameters
+    ----------
+    topography : Topography
+        The map.
+    doubts : tuple of InputError
+        Why `read_topography` refuses the map; empty if it does not.
+    masked_fraction : float
+        Fraction of points that are masked in the file.
+    said : tuple of two bool
+        Whether the pixel size and the unit of height are known, from the file or the caller.
+    instrument : Instrument
+        What the file and the caller say about the instrument.
+    notes : tuple of str
+        Sentences on how the file was understood, where this is not obvious.
     """
 
     topography: Topography
@@ -60,43 +74,68 @@ class Look:
     notes: tuple[str, ...] = ()
 
 
-def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
-    """Height map of a file, by its suffix; undefined points as NaN, heights as measured (tilt and all).
+def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
+    """Read a height map from a file.
 
-    .npy and .npz (heights in metres, pixel from `spacing` in the .npz or the caller); texts .csv .asc .txt .xyz .tsv
-    .prn .dat (a matrix of heights, or coordinates x y z on a regular grid, in metres unless their header says another
-    unit); .x3p, .sdf; every other kind through SurfaceTopography (femseal[surface]). The file's x is x1: a line of a
-    text runs along x1. Arrays of NumPy are taken as they are.
-    Size, spacing and unit given by the caller override those of the file, because units in files are sometimes wrong.
-    What is assumed of a file is logged.
+    Undefined points are NaN, and the heights are as measured, including their tilt. The format follows from the suffix:
+
+    - .npy and .npz: heights in metres. The pixel size is `spacing` in the .npz, or given by the caller.
+    - .csv .asc .txt .xyz .tsv .prn .dat: texts with a matrix of heights, or coordinates x y z on a regular grid, in
+      metres unless the header says another unit.
+    - .x3p and .sdf.
+    - every other format through SurfaceTopography (femseal[surface]).
+
+    The file's x is x1, and a line of a text runs along x1. NumPy arrays are taken as they are. A size, spacing or unit
+    that the caller gives overrides that of the file, because units in files are sometimes wrong. Assumptions about the
+    file are logged.
 
     Parameters
     ----------
-    path : the file.
-    size, spacing : sides or pixel [m] along x1 and x2 of the whole map, after `transpose`, one of them; needed if not
-        in the file.
-    height_unit : unit of the numbers in the file, such as "um".
-    delimiter : between numbers of a text; found among ; tab , and blanks unless given.
-    array : name of the heights in an .npz with several arrays.
-    channel : number or name of the layer or channel in files with several.
-    transpose : exchange x and y, so that the lay runs along x2, the seal.
-    mask : file whose points other than 0 are undefined, lying as the heights in their file: an image (a line along the
-        file's x), a text or a .npy.
-    file_mask : whether points under a mask that the file itself holds (.gwy, or `mask` in an .npz) are undefined, or
-        have the heights that are stored there.
-    no_data : number that stands for points that were not measured, such as -9999; "none": every number is a height.
-        Unless given it is what the header says, or a number that is used for that and lies far from all others.
-    verify_checksum : whether an .x3p whose checksum is wrong is refused.
-    crop : part of the map that is kept: x1 from, x1 to, x2 from, x2 to [m].
-    periodic : whether the face continues periodically along x1 and x2 of the result.
-    tip_radius, resolution : of the instrument [m], see `Instrument`; the map is read all the same.
+    path : path
+        The file.
+    size, spacing : float or tuple of two float, optional
+        Sides of the whole map, or pixel size, along x1 and x2 after `transpose` [m]. One of them is needed if the file
+        does not say it.
+    height_unit : str, optional
+        Unit of the numbers in the file, such as "um".
+    delimiter : str, optional
+        Separator of the numbers of a text. Default: semicolon, tab, comma or blanks, whichever the file contains.
+    array : str, optional
+        Name of the heights in an .npz file with several arrays.
+    channel : int or str
+        Number or name of the layer or channel in files with several.
+    transpose : bool
+        Whether to exchange x and y, so that the lay runs along x2, the direction along the seal.
+    mask : path, optional
+        File whose points other than 0 are undefined: an image, a text or a .npy file, with the orientation of the
+        heights in their file.
+    file_mask : bool
+        Whether points under a mask in the file itself (.gwy, or `mask` in an .npz) are undefined. If not, they have the
+        heights that are stored there.
+    no_data : float or "none", optional
+        Number that marks points that were not measured, such as -9999. "none": every number is a height. Default: the
+        number that the header names, or a number that programs use as a mark and that lies far from all others.
+    verify_checksum : bool
+        Whether to refuse an .x3p file with a wrong checksum.
+    crop : tuple of four float, optional
+        Part of the map to keep: x1 from, x1 to, x2 from, x2 to [m].
+    periodic : tuple of two bool
+        Whether the surface is periodic along x1 and x2 of the result.
+    tip_radius, resolution : float, optional
+        Tip radius and lateral resolution of the instrument [m], see `Instrument`. They do not change the map.
+
+    Returns
+    -------
+    Topography
+        The map.
 
     Raises
     ------
-    InputError : no such file, not readable, damaged, a profile, points on no grid, no such channel or array, no size or
-        unit, many points at one number far from all others, a mask of another size, a part beyond the map; size outside
-        1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or `height_unit`, say so; half of the points steeper
-        than 10, unless the caller says both.
+    InputError
+        The file cannot be read; it is a profile, or its points are not on a grid; its size or unit is unknown; many
+        points share one number far from all others; or a mask or crop does not fit. Implausible maps are refused as
+        well: sides outside 1 nm to 1 m unless the caller gives `size` or `spacing`, Sq above 10 mm unless the caller
+        gives `height_unit`, and slopes above 10 on half of the points unless the caller gives both.
 
     Examples
     --------
@@ -108,121 +147,159 @@ def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
     >>> face.shape, face.spacing
     ((4, 8), (1e-06, 2e-06))
     """
-    look = read_measured(path, **said)
+    look = read_measured(path, **options)
     for note in look.notes:
         log.warning("%s: %s", path, note)
     return look.topography
 
 
-def read_measured(path: str | os.PathLike[str], **said: Any) -> Look:
-    """The map as of `read_topography`, with what the caller or the file says of its instrument, and notes on it."""
-    look = read_for_a_look(path, **said)
+def read_measured(path: str | os.PathLike[str], **options: Any) -> Look:
+    """Read a map like `read_topography`, together with its instrument and the notes on it."""
+    look = read_for_a_look(path, **options)
     if look.doubts:
         raise look.doubts[0]
     return look
 
 
-def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
-    """The map, and why `read_topography` refuses it: a pixel of 1 µm and heights in metres where nothing says them.
+def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
+    """Read a map even if `read_topography` refuses it, and say why it does.
 
-    Raises InputError: an argument, or a file without heights that can be read.
+    An unknown pixel size is replaced by 1 µm, and heights of an unknown unit are taken for metres.
+
+    Raises
+    ------
+    InputError
+        An option is invalid, or the file contains no heights that can be read.
     """
-    path, given = Path(path), Reading(**said)
+    path = Path(path)
+    given = Reading(**options)
     _check_options(path, given)
     with reading(path):
         raw = read_file(path, given)
     defined = without_no_data(path, raw.heights, raw.no_data, given.no_data)
-    heights, file_mask = defined.heights, raw.mask if given.file_mask else None
-    pixel = raw.spacing[::-1] if raw.spacing and given.transpose else raw.spacing
-    unit, unclear, needs_unit = raw.height_unit, raw.unclear, raw.needs_unit
+    height_unit = raw.height_unit
     if given.height_unit is not None:
-        unit = to_si(f"1 {given.height_unit}", "m", "height_unit")
-    notes = (*raw.notes, *defined.notes, *_overridden(raw, given, unit))
-    known = {
-        name: validate.number(name, limit, unit="m")
-        for name in ("tip_radius", "resolution")
-        if (limit := getattr(given, name)) is not None
-    }
-    instrument_of_map = replace(raw.instrument, **known)
+        height_unit = to_si(f"1 {given.height_unit}", "m", "height_unit")
+    notes = (*raw.notes, *defined.notes, *_notes_on_overrides(raw, given, height_unit))
+    instrument = _combine_instruments(raw.instrument, given)
     doubts = [*_profile_doubts(path, raw), *defined.doubts]
-    del raw, defined  # no more than two maps at once
+    file_mask = raw.mask if given.file_mask else None
+    masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
+    heights = _apply_masks(defined.heights, file_mask, given)
+    pixel = _pixel_size(raw.spacing, given, heights.shape)
+    unclear, needs_unit = raw.unclear, raw.needs_unit
+    del raw, defined, file_mask  # large maps: no more than two are in memory at once
+
+    pixel_doubts = _pixel_doubts(path, pixel, heights.shape, unclear)
+    doubts += pixel_doubts
+    if height_unit is None and needs_unit:
+        doubts.append(_unknown_unit(path, unclear))
+    if height_unit is not None:
+        heights = heights * height_unit
+    usable_pixel = pixel if pixel and not pixel_doubts else _ANY_PIXEL
+    try:
+        topography = Topography(heights, usable_pixel, given.periodic)
+    except InputError as error:
+        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
+    if not doubts:
+        doubts = [*_implausible(path, topography, given)]
+    if given.crop is not None:
+        topography = topography.crop_to(given.crop)
+    is_known = pixel is not None, height_unit is not None
+    return Look(topography, tuple(doubts), masked_fraction, is_known, instrument, notes)
+
+
+def _combine_instruments(of_file: Instrument, given: Reading) -> Instrument:
+    """Return the instrument that the file describes, with the lengths that the caller gives."""
+    lengths = {}
+    for name in ("tip_radius", "resolution"):
+        length = getattr(given, name)
+        if length is not None:
+            lengths[name] = validate.number(name, length, unit="m")
+    return replace(of_file, **lengths)
+
+
+def _apply_masks(heights: NDArray, file_mask: Flags | None, given: Reading) -> NDArray:
+    """Mark masked points as NaN, and exchange the axes if the caller wants it."""
     if file_mask is not None:
         heights = np.where(file_mask, np.nan, heights)
     if given.mask is not None:
         mask = read_mask(given.mask, (heights.shape[0], heights.shape[1]))
         heights = np.where(mask, np.nan, heights)
-    heights = heights.T if given.transpose else heights
+    return heights.T if given.transpose else heights
+
+
+def _pixel_size(of_file: Pair | None, given: Reading, shape: tuple[int, ...]) -> Pair | None:
+    """Return the pixel size along x1 and x2 [m], which the caller or the file gives.
+
+    of_file : pixel size along the file's x and y. shape : of the map after `transpose`.
+    """
     if given.spacing is not None:
-        pixel = validate.lengths("spacing", given.spacing)
-    elif given.size is not None:
+        return validate.lengths("spacing", given.spacing)
+    if given.size is not None:
         first, second = validate.lengths("size", given.size)
-        pixel = first / heights.shape[0], second / heights.shape[1]
-    of_pixel = _pixel_doubts(path, pixel, heights.shape, unclear)
-    usable = pixel if pixel and not of_pixel else _ANY_PIXEL
-    doubts += of_pixel
-    if unit is None and needs_unit:
-        found = "no unit of height in the file" + (
-            f" that can be read ({unclear})" if unclear else ""
-        )
-        doubts.append(bad_file(path, found, "height_unit= such as 'um' (--height-unit)"))
-    heights = heights if unit is None else heights * unit
-    try:
-        whole = Topography(heights, usable, given.periodic)  # type: ignore[arg-type]
-    except InputError as error:
-        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
-    doubts = doubts or [*_implausible(path, whole, given)]
-    kept = whole if given.crop is None else whole.crop_to(given.crop)
-    masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
-    is_said = pixel is not None, unit is not None
-    return Look(kept, tuple(doubts), masked_fraction, is_said, instrument_of_map, notes)
+        return first / shape[0], second / shape[1]
+    if of_file and given.transpose:
+        return of_file[1], of_file[0]
+    return of_file
 
 
-def _overridden(raw: Raw, given: Reading, unit: float | None) -> Iterator[str]:
-    """Sentences on units and sizes of the caller that differ from those of a file, or stand for unclear ones."""
-    found = raw.height_unit
-    if given.height_unit is not None and unit is not None:
-        if found is None and raw.unclear and raw.needs_unit:
+def _notes_on_overrides(raw: Raw, given: Reading, height_unit: float | None) -> Iterator[str]:
+    """Say where a unit or size of the caller differs from that of the file, or replaces an unclear one."""
+    if given.height_unit is not None and height_unit is not None:
+        file_unit = raw.height_unit
+        if file_unit is None and raw.unclear and raw.needs_unit:
             yield f"height_unit {given.height_unit} is taken; the file has the {raw.unclear}"
-        elif found is not None and abs(found / unit - 1) > _SAME:
-            yield f"height_unit {given.height_unit} is taken; the file says {to_text(found, 'm')} per number"
+        elif file_unit is not None and abs(file_unit / height_unit - 1) > _SAME:
+            yield (
+                f"height_unit {given.height_unit} is taken; the file says "
+                f"{to_text(file_unit, 'm')} per number"
+            )
     if raw.spacing is None or (given.spacing is None and given.size is None):
         return
     n1, n2 = raw.heights.shape
-    there = raw.spacing[::-1] if given.transpose else raw.spacing
+    file_pixel = raw.spacing
     if given.transpose:
         n1, n2 = n2, n1
-    here = given.spacing
-    if given.size is not None:
-        first, second = validate.lengths("size", given.size)
-        here = first / n1, second / n2
-    chosen = validate.lengths("spacing", here)
-    if any(abs(a / b - 1) > _SAME for a, b in zip(there, chosen, strict=True)):
+        file_pixel = file_pixel[1], file_pixel[0]
+    # without a spacing of the caller this is the pixel size that follows from the caller's size
+    pixel = _pixel_size(None, given, (n1, n2))
+    assert pixel is not None
+    if any(abs(a / b - 1) > _SAME for a, b in zip(file_pixel, pixel, strict=True)):
         name = "spacing" if given.size is None else "size"
-        yield f"{name} is taken, a pixel of {as_text(chosen, 'm')}; the file says {as_text(there, 'm')}"
+        yield (
+            f"{name} is taken, a pixel of {as_text(pixel, 'm')}; the file says "
+            f"{as_text(file_pixel, 'm')}"
+        )
 
 
 def _check_options(path: Path, given: Reading) -> None:
-    """Raise InputError if there is no such file, or if it is of a kind that an option is not for."""
+    """Raise InputError if the file does not exist, or if an option does not apply to its kind."""
     if not path.is_file():
-        found = "a folder" if path.is_dir() else "no such file"
-        raise InputError(str(path), found, "a file with heights")
-    suffix, has_text = path.suffix.lower(), is_text(path)
-    for name, kinds, fits in (
+        problem = "a folder" if path.is_dir() else "no such file"
+        raise InputError(str(path), problem, "a file with heights")
+    suffix = path.suffix.lower()
+    has_text = is_text(path)
+    is_array = suffix in (".npy", ".npz")
+    # option, files that it is for, whether this file is one of them
+    applicable = (
         ("array", ".npz files", suffix == ".npz"),
         ("delimiter", f"{', '.join(TEXT)} files", has_text),
         ("file_mask", f"{', '.join(_MASKED)} files", suffix in _MASKED),
-        ("channel", "files of instruments", suffix not in (".npy", ".npz") and not has_text),
+        ("channel", "files of instruments", not is_array and not has_text),
         ("verify_checksum", ".x3p files", suffix == ".x3p"),
-    ):
-        value = getattr(given, name)
-        if value != getattr(Reading, name) and not fits:
-            raise InputError(name, repr(value), f"for {kinds} only, not {path.name}")
+    )
+    for option, files, applies in applicable:
+        value = getattr(given, option)
+        is_default = value == getattr(Reading, option)
+        if not is_default and not applies:
+            raise InputError(option, repr(value), f"for {files} only, not {path.name}")
     if given.size is not None and given.spacing is not None:
         raise InputError("size, spacing", "both", "one of the two")
 
 
 def _profile_doubts(path: Path, raw: Raw) -> list[InputError]:
-    """What is wrong with a map of a single line."""
+    """Return an error if a map is a single line."""
     if 1 not in raw.heights.shape or raw.heights.size <= _SHORTEST_PROFILE:
         return []
     error = profile_error(raw.heights.ravel(), "a single line")
@@ -232,66 +309,109 @@ def _profile_doubts(path: Path, raw: Raw) -> list[InputError]:
 def _pixel_doubts(
     path: Path, pixel: Pair | None, shape: tuple[int, ...], unclear: str
 ) -> list[InputError]:
-    """What is wrong with the pixel of a map; `unclear` is what the file says that cannot be read."""
+    """Return an error if the pixel size is unknown or not positive.
+
+    unclear : what the file says about it that cannot be read.
+    """
     if pixel is None:
-        says = f"; it says {unclear}" if unclear else ""
-        found = f"no pixel size in the file ({as_text(shape)} points{says})"
-        allowed = "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)"
-    elif all(0 < d < inf for d in pixel):
+        hint = f"; it says {unclear}" if unclear else ""
+        given = f"no pixel size in the file ({as_text(shape)} points{hint})"
+        expected = "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)"
+        return [bad_file(path, given, expected)]
+    if all(0 < d < inf for d in pixel):
         return []
-    else:
-        found = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
-        allowed = "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)"
-    return [bad_file(path, found, allowed)]
+    given = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
+    expected = "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)"
+    return [bad_file(path, given, expected)]
+
+
+def _unknown_unit(path: Path, unclear: str) -> InputError:
+    """Make an InputError about a file without a unit of height.
+
+    unclear : what the file says about it that cannot be read.
+    """
+    given = "no unit of height in the file"
+    if unclear:
+        given += f" that can be read ({unclear})"
+    return bad_file(path, given, "height_unit= such as 'um' (--height-unit)")
 
 
 def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator[InputError]:
-    """Values that only a wrong unit explains, unless the caller has given them: the slope where the others suit."""
-    open_size = given.size is None and given.spacing is None
-    open_unit = given.height_unit is None
-    correct, (shortest, longest) = "if it is right, or to correct it, pass", _SIZE_LIMITS
-    fine = True
-    if open_size and not all(shortest <= side <= longest for side in topography.size):
-        allowed = f"1 nm to 1 m; {correct} size= (--size)"
-        yield bad_file(path, f"a size of {as_text(topography.size, 'm')}", allowed)
-        fine = False
+    """Yield an error for each value that only a wrong unit can explain.
+
+    Units that the caller gives are not questioned. The slope is examined only if size and heights are plausible.
+    """
+    is_size_given = given.size is not None or given.spacing is not None
+    is_unit_given = given.height_unit is not None
+    advice = "if it is right, or to correct it, pass"
+    is_plausible = True
+    shortest, longest = _SIZE_LIMITS
+    if not is_size_given and not all(shortest <= side <= longest for side in topography.size):
+        expected = f"1 nm to 1 m; {advice} size= (--size)"
+        yield bad_file(path, f"a size of {as_text(topography.size, 'm')}", expected)
+        is_plausible = False
+    deviation = _sampled_deviation(topography)
+    if not is_unit_given and deviation > _RMS_HEIGHT_LIMIT:
+        expected = f"at most 10 mm; {advice} height_unit= such as 'um' (--height-unit)"
+        yield bad_file(path, f"Sq = {to_text(deviation, 'm')}", expected)
+        is_plausible = False
+    if not is_plausible or (is_size_given and is_unit_given):
+        return
+    slope = _median_slope(topography)
+    if slope > _SLOPE_LIMIT:
+        expected = f"at most 10; {advice} size= and height_unit= (--size, --height-unit)"
+        yield bad_file(path, f"a slope of {slope:.3g} on half of its points", expected)
+
+
+def _sampled_deviation(topography: Topography) -> float:
+    """Return the standard deviation of the heights on some rows [m]."""
     z = topography.heights[:: max(1, topography.shape[0] // _ROWS)]
     defined = z[~np.isnan(z)]
     with np.errstate(over="ignore"):
-        deviation = float(defined.std()) if defined.size else 0.0
-    if open_unit and deviation > _RMS_HEIGHT_LIMIT:
-        allowed = f"at most 10 mm; {correct} height_unit= such as 'um' (--height-unit)"
-        yield bad_file(path, f"Sq = {to_text(deviation, 'm')}", allowed)
-        fine = False
-    if fine and (open_size or open_unit) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
-        allowed = f"at most 10; {correct} size= and height_unit= (--size, --height-unit)"
-        yield bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed)
+        return float(defined.std()) if defined.size else 0.0
 
 
 def _median_slope(topography: Topography) -> float:
-    """Median of the slope between neighbouring points along the steeper axis; spikes and holes do not count."""
-    found = [0.0]
-    maps = topography.heights.T, topography.heights
-    for z, spacing in zip(maps, topography.spacing, strict=True):
-        slopes = np.abs(np.diff(z[:: max(1, len(z) // _ROWS)], axis=1)) / spacing
+    """Return the median slope between neighbouring points along the steeper axis.
+
+    The median is not affected by spikes and undefined points.
+    """
+    medians = [0.0]
+    for z, spacing in zip(
+        (topography.heights.T, topography.heights), topography.spacing, strict=True
+    ):
+        lines = z[:: max(1, len(z) // _ROWS)]
+        slopes = np.abs(np.diff(lines, axis=1)) / spacing
         defined = slopes[~np.isnan(slopes)]
         if defined.size:
-            found.append(float(np.median(defined)))
-    return max(found)
+            medians.append(float(np.median(defined)))
+    return max(medians)
 
 
-#: Suffixes of images, which keep every point as it was drawn.
+#: Suffixes of image formats without loss.
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif")
 _ARRAYS = (".npy", *TEXT)
 
 
 def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
-    """Undefined points (n1, n2) of a map, true where the file is not 0.
+    """Read the undefined points of a map from a file: those that are not 0.
 
-    path : .png .tif .bmp .gif (any colour but black is not 0; transparency is left out), .npy, .csv .asc .txt.
-    shape : of the heights as they lie in their file, x first.
+    Parameters
+    ----------
+    path : path
+        .png, .tif, .bmp or .gif (any colour but black is not 0; transparency is ignored), .npy, .csv, .asc or .txt.
+    shape : tuple of two int
+        Shape of the heights as they lie in their file, x first.
 
-    Raises InputError: no such file, another kind, not readable, or not of the shape.
+    Returns
+    -------
+    array of bool, (n1, n2)
+        Whether each point is undefined.
+
+    Raises
+    ------
+    InputError
+        The file does not exist, cannot be read, or has another shape.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -299,20 +419,23 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
         raise InputError("mask", f"'{path}', no such file", "a file")
     if suffix not in (*_IMAGES, *_ARRAYS):
         raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
+    reader = _read_image if suffix in _IMAGES else READERS[suffix]
     with reading(path):
-        found = (_read_image if suffix in _IMAGES else READERS[suffix])(path, Reading()).heights
-    if found.shape != shape:
-        turned = "; turned by its diagonal it would fit" if found.shape == shape[::-1] else ""
-        allowed = f"{as_text(shape)}, as in the file of the heights, x first{turned}"
-        raise InputError("mask", f"{as_text(found.shape)} points in '{path.name}'", allowed)
-    return found != 0
+        values = reader(path, Reading()).heights
+    if values.shape != shape:
+        hint = "; turned by its diagonal it would fit" if values.shape == shape[::-1] else ""
+        expected = f"{as_text(shape)}, as in the file of the heights, x first{hint}"
+        raise InputError("mask", f"{as_text(values.shape)} points in '{path.name}'", expected)
+    return values != 0
 
 
-def _read_image(path: Path, said: Reading) -> Raw:
-    """The brightest colour of each point."""
+def _read_image(path: Path, options: Reading) -> Raw:
+    """Read the brightest colour of each point of an image."""
     from PIL import Image
 
     with unprinted(), Image.open(path) as image:
-        has_colours = image.mode in ("P", "PA", "LA", "RGBA", "CMYK")
-        pixels = np.asarray(image.convert("RGB") if has_colours else image)
-    return Raw((pixels.max(axis=2) if pixels.ndim == 3 else pixels).T)
+        has_other_channels = image.mode in ("P", "PA", "LA", "RGBA", "CMYK")
+        # (y, x), or (y, x, colour)
+        pixels = np.asarray(image.convert("RGB") if has_other_channels else image)
+    brightest = pixels.max(axis=2) if pixels.ndim == 3 else pixels
+    return Raw(brightest.T)

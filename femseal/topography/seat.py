@@ -1,8 +1,10 @@
-"""Forms of seats: the nominal profile z(x1) of a face across the seal, which is added to its measured roughness.
+"""Describe the forms of seats: the nominal profile z(x1) across the seal, which is added to the measured roughness.
 
-z is 0 at the highest place and falls from there; x1 counts from the middle of the breadth, towards the outlet. Contact
-then finds its own band, and every row its pressure. The faces are half-spaces, so that slopes have to stay small.
-Source: Johnson, Contact Mechanics, 1985, ch. 4 (line contact); Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (rough).
+The highest point has z = 0, and x1 is measured from the middle of the seal's width towards the outlet. The contact
+problem then yields the width of the contact, and the pressure in each row of pixels. The faces are half-spaces, so the
+slopes have to stay small.
+Sources: Johnson, Contact Mechanics, 1985, ch. 4 (line contact); Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (rough
+surfaces).
 """
 
 from collections.abc import Sequence
@@ -16,68 +18,117 @@ from ..base import Array, InputError, as_text, reals, to_si, to_text
 from ..base.validate import check_parameters, described, parameter
 from .patches import Surface
 
-#: Largest slope of a form: a half-space is for slopes well below 1.
+#: Largest slope of a form. The approximation by a half-space needs slopes well below 1.
 MOST_SLOPE = 0.3
 
 
 def _radius(meaning: str, example: str) -> Any:
+    """Declare a parameter that is a radius."""
     return parameter("m", f"a radius > 0, such as '{example}'", meaning, usual=(1e-6, 1e3))
 
 
 class Seat:
-    """Base of the forms: a frozen dataclass with `depth`."""
+    """Define what a form of a seat provides. Each form is a frozen dataclass with the method `depth`."""
 
     kind: ClassVar[str]
 
     @property
     def load_factor(self) -> float:
-        """Force across the faces over the load that is given."""
+        """Force normal to the faces, over the load that is given."""
         return 1.0
 
     def __post_init__(self) -> None:
         check_parameters(self)
 
     def __str__(self) -> str:
-        texts = [
-            f"{f.name.replace('_', ' ')} {as_text(getattr(self, f.name), f.metadata['unit'])}"
-            for f in fields(self)  # type: ignore[arg-type]
-        ]
-        return ", ".join([self.kind, *texts])
+        texts = [self.kind]
+        for f in fields(self):  # type: ignore[arg-type]
+            value = as_text(getattr(self, f.name), f.metadata["unit"])
+            texts.append(f"{f.name.replace('_', ' ')} {value}")
+        return ", ".join(texts)
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """How deep the form lies at x1 from the middle of a breadth [m], up to a constant."""
+        """Return the depth of the form below its highest point, up to a constant.
+
+        Parameters
+        ----------
+        x : array
+            Position x1 from the middle of the seal's width [m].
+        breadth : float
+            Width of the seal [m].
+
+        Returns
+        -------
+        array
+            Depth [m], NaN where the form does not exist.
+        """
         raise NotImplementedError
 
     @property
     def shortest_wave(self) -> float:
-        """Inf: a form that no measured patch has a part of."""
+        """Shortest wave of the form [m], which is infinite: a measured patch contains no part of the form."""
         return np.inf
 
     def heights(self, points: Array, frame: Any) -> Array:
-        """Heights (n,) of the form on a seal at points (n, 2) [m]; `frame` gives distances from the inlet.
+        """Return the heights of the form at points of a seal.
 
-        Raises InputError: a seal whose inlet and outlet are no lines of one value.
+        Parameters
+        ----------
+        points : array, (points, 2)
+            Positions in the plane of the seal [m].
+        frame : object
+            Coordinates of the seal, which give the distance of a point from the inlet.
+
+        Returns
+        -------
+        array, (points,)
+            Heights [m].
+
+        Raises
+        ------
+        InputError
+            The seal is not a strip or a ring.
         """
         if frame.ends is None:
             raise InputError("seat", f"{self} on a mesh", "a strip or a ring")
-        first, last = frame.ends
-        breadth = abs(last - first)
-        return -self.depth(np.abs(frame.across(points) - first) - breadth / 2, breadth)
+        inlet, outlet = frame.ends
+        breadth = abs(outlet - inlet)
+        x = np.abs(frame.across(points) - inlet) - breadth / 2
+        return -self.depth(x, breadth)
 
     def on(self, face: Surface) -> Surface:
-        """The face with the form added to its heights.
+        """Return the surface with the form added to its heights.
 
-        Raises InputError: a form that is steeper than an elastic half-space allows.
+        Raises
+        ------
+        InputError
+            The form is steeper than an elastic half-space allows.
         """
         return face.with_form(-self.rows_below(face.shape[0], face.spacing[0]))
 
     def rows_below(self, rows: int, spacing: float) -> Array:
-        """How deep rows across the seat (rows,), a spacing apart, lie below the highest one [m].
+        """Return how deep each row of pixels lies below the highest one.
 
-        Raises InputError: a form that is steeper than an elastic half-space allows.
+        Parameters
+        ----------
+        rows : int
+            Number of rows across the seal.
+        spacing : float
+            Distance between rows [m].
+
+        Returns
+        -------
+        array, (rows,)
+            Depth [m].
+
+        Raises
+        ------
+        InputError
+            The form is steeper than an elastic half-space allows.
         """
         breadth = rows * spacing
-        depth = self.depth(reals(np.arange(rows) + 0.5 - rows / 2) * spacing, breadth)
+        x = reals(np.arange(rows) + 0.5 - rows / 2) * spacing
+        depth = self.depth(x, breadth)
         check_form("seat", f"{self} on {to_text(breadth, 'm', 3)}", depth, (spacing,))
         return depth - depth.min()
 
@@ -85,61 +136,78 @@ class Seat:
 def check_form(
     key: str, shown: str, heights: Array, spacing: Sequence[float], inside: Array | bool = True
 ) -> None:
-    """Refuse a form that is known nowhere on a face, or steeper than an elastic half-space allows.
+    """Raise InputError if a form is unknown at a point, or steeper than an elastic half-space allows.
 
-    heights : (n1,) or (n1, n2) [m] at points a spacing apart [m], NaN beyond the form. inside : whether points count.
-
-    Raises InputError: such a form, `shown` as given for `key`.
+    Parameters
+    ----------
+    key : str
+        Name of the input, for the message.
+    shown : str
+        The form as the user has given it, for the message.
+    heights : array, (n1,) or (n1, n2)
+        Heights of the form [m], NaN where it is unknown.
+    spacing : sequence of float
+        Distances between the points along each axis [m].
+    inside : array or bool
+        Points that belong to the seal. Other points may be unknown.
     """
     known = np.where(inside, heights, np.nan)
-    steps = (np.abs(np.diff(known, axis=axis)) / d for axis, d in enumerate(spacing))
-    slope = max(float(np.nanmax(step, initial=0.0)) for step in steps)
-    found = f"slopes up to {slope:.2g}"
-    if (np.isnan(heights) & inside).any():
-        slope, found = np.inf, "slopes up to vertical"
-    if np.isnan(known).all():
-        found = "no height that is known"
-    if not slope <= MOST_SLOPE:
-        expected = f"heights with slopes up to {MOST_SLOPE:g}: the faces are half-spaces"
-        raise InputError(key, f"{shown} with {found}", expected)
+    slope = 0.0
+    for axis, distance in enumerate(spacing):
+        steps = np.abs(np.diff(known, axis=axis)) / distance
+        slope = max(slope, float(np.nanmax(steps, initial=0.0)))
+    is_unknown = (np.isnan(heights) & inside).any()
+    if is_unknown and np.isnan(known).all():
+        fault = "no height that is known"
+    elif is_unknown:
+        fault = "slopes up to vertical"
+    elif not slope <= MOST_SLOPE:
+        fault = f"slopes up to {slope:.2g}"
+    else:
+        return
+    expected = f"heights with slopes up to {MOST_SLOPE:g}: the faces are half-spaces"
+    raise InputError(key, f"{shown} with {fault}", expected)
 
 
 @dataclass(frozen=True)
 class FlatSeat(Seat):
-    """A flat seat: roughness alone."""
+    """Describe a flat seat, which has roughness only."""
 
     kind: ClassVar[str] = "flat"
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """0."""
+        """Return 0."""
         return np.zeros_like(x)
 
 
 @dataclass(frozen=True)
 class CrownedSeat(Seat):
-    """A crowned seat of radius R, such as a lens ring: x²/2R.
+    """Describe a crowned seat, such as a lens ring, with the depth x²/2R.
 
     Parameters
     ----------
-    radius : R [m], > 0, of both faces together: 1/R = 1/R₁ + 1/R₂.
+    radius : float
+        R [m], > 0, of both faces together: 1/R = 1/R₁ + 1/R₂.
     """
 
     kind: ClassVar[str] = "crowned"
     radius: float = _radius("of the crown or ball", "50 mm")
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """x²/2R."""
+        """Return x²/2R."""
         return x**2 / (2 * self.radius)
 
 
 @dataclass(frozen=True)
 class BallOnCone(Seat):
-    """A ball of radius R on a cone: along the generator of the cone R − √(R² − x²).
+    """Describe a ball on a cone, with the depth R − √(R² − x²) along the generator of the cone.
 
     Parameters
     ----------
-    radius : R of the ball [m], > 0.
-    angle : half the angle of the cone [rad]. Loads are axial: along the generator they press with 1/sin of it.
+    radius : float
+        Radius R of the ball [m], > 0.
+    angle : float
+        Half the angle of the cone [rad]. Loads are axial; the force normal to the cone is the load over sin(angle).
     """
 
     kind: ClassVar[str] = "ball-on-cone"
@@ -154,30 +222,30 @@ class BallOnCone(Seat):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.angle <= np.pi / 2:
-            raise InputError(
-                "angle",
-                to_text(self.angle, "rad"),
-                "half the angle of a cone, above 0° and at most 90°",
-            )
+            expected = "half the angle of a cone, above 0° and at most 90°"
+            raise InputError("angle", to_text(self.angle, "rad"), expected)
 
     @property
     def load_factor(self) -> float:
-        """1/sin of half the angle: loads are axial."""
+        """Force normal to the cone over the axial load, 1/sin(angle)."""
         return float(1 / np.sin(self.angle))
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """R − √(R² − x²), NaN beyond the ball."""
+        """Return R − √(R² − x²), NaN beyond the ball."""
         with np.errstate(invalid="ignore"):
             return self.radius - np.sqrt(self.radius**2 - x**2)
 
 
 @dataclass(frozen=True)
 class RoundedSeat(Seat):
-    """A flat land with rounded edges: (|x| − b/2)²/2r beyond the land.
+    """Describe a flat land with rounded edges, with the depth (|x| − b/2)²/2r beyond the land.
 
     Parameters
     ----------
-    land : breadth b of the flat [m], > 0. edge_radius : r [m], > 0.
+    land : float
+        Width b of the flat part [m], > 0.
+    edge_radius : float
+        Radius r of both edges [m], > 0.
     """
 
     kind: ClassVar[str] = "rounded"
@@ -187,17 +255,18 @@ class RoundedSeat(Seat):
     edge_radius: float = _radius("of both edges", "2 mm")
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """(|x| − b/2)²/2r beyond the land, 0 on it."""
+        """Return (|x| − b/2)²/2r beyond the land, and 0 on it."""
         return np.maximum(np.abs(x) - self.land / 2, 0.0) ** 2 / (2 * self.edge_radius)
 
 
 @dataclass(frozen=True)
 class TiltedSeat(Seat):
-    """A flat seat that is tilted: x tan(tilt), highest at the inlet.
+    """Describe a tilted flat seat, with the depth x tan(tilt).
 
     Parameters
     ----------
-    tilt : [rad], negative where the outlet is highest.
+    tilt : float
+        Angle [rad]. If it is positive, the seat is highest at the inlet; if negative, at the outlet.
     """
 
     kind: ClassVar[str] = "tilted"
@@ -210,17 +279,20 @@ class TiltedSeat(Seat):
     )
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """x tan(tilt)."""
+        """Return x tan(tilt)."""
         return x * np.tan(self.tilt)
 
 
 @dataclass(frozen=True)
 class ProfileSeat(Seat):
-    """A seat with a profile from a file of two columns, x1 and z, linear between its points.
+    """Describe a seat whose profile is read from a file and interpolated linearly.
 
     Parameters
     ----------
-    path : of the file, whose first line names x1 and z; separated by commas or blanks. unit : of both, such as "um".
+    path : Path
+        File with two columns x1 and z, separated by commas or blanks. Its first line contains these names.
+    unit : str
+        Unit of both columns, such as "um".
     """
 
     kind: ClassVar[str] = "profile"
@@ -228,33 +300,47 @@ class ProfileSeat(Seat):
     unit: str = described("of its lengths", example="um")
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """−z, both ends of the breadth being those of the file."""
-        points = _profile(self.path, self.unit)
-        along = points[:, 0] - 0.5 * (points[0, 0] + points[-1, 0])
-        if not 2 * along[-1] >= breadth * (1 - 1e-6):
-            given = f"a profile of {to_text(2 * float(along[-1]), 'm', 3)}"
+        """Return −z. The middle of the profile is placed in the middle of the seal's width."""
+        points = _read_profile(self.path, self.unit)
+        position, z = points.T
+        length = float(position[-1] - position[0])
+        if not length >= breadth * (1 - 1e-6):
+            given = f"a profile of {to_text(length, 'm', 3)}"
             raise InputError("path", given, f"one as broad as the face, {to_text(breadth, 'm', 3)}")
-        return -np.interp(x, along, points[:, 1])
+        middle = 0.5 * (position[0] + position[-1])
+        return -np.interp(x, position - middle, z)
 
     def __str__(self) -> str:
         return f"the profile {self.path.name}"
 
 
-def _profile(path: Path, unit: str) -> Array:
-    """Rising x1 and z (n, 2) [m] from a file; InputError of anything else."""
+def _read_profile(path: Path, unit: str) -> Array:
+    """Read a profile from a file.
+
+    Returns
+    -------
+    array, (points, 2)
+        x1 in rising order, and z [m].
+
+    Raises
+    ------
+    InputError
+        The file does not contain two columns of numbers, or x1 does not rise.
+    """
     expected = "a file of numbers in columns x1 and z, the first line with these names, x1 rising"
     try:
-        first, *rows = path.read_text(encoding="utf-8-sig").replace(",", " ").splitlines()
+        names, *rows = path.read_text(encoding="utf-8-sig").replace(",", " ").splitlines()
         table = np.loadtxt([row for row in rows if row.strip()], usecols=(0, 1), ndmin=2)
     except (OSError, ValueError) as error:
         raise InputError("path", f"'{path.name}' ({error})", expected) from None
-    rises = len(table) > 1 and np.isfinite(table).all() and (np.diff(table[:, 0]) > 0).all()
-    if first.split()[:2] != ["x1", "z"] or not rises:
+    has_names = names.split()[:2] == ["x1", "z"]
+    is_finite = len(table) > 1 and np.isfinite(table).all()
+    if not has_names or not is_finite or not (np.diff(table[:, 0]) > 0).all():
         raise InputError("path", f"'{path.name}'", expected)
     return table * to_si(f"1 {unit}", "m")
 
 
-#: Seats that a case can choose, by their kind.
+#: Seats that a case file can choose, by their kind.
 SEATS: dict[str, type[Seat]] = {
     seat.kind: seat
     for seat in (FlatSeat, CrownedSeat, BallOnCone, RoundedSeat, TiltedSeat, ProfileSeat)

@@ -1,8 +1,10 @@
-"""Texts with heights: a matrix, or a table of coordinates x y z, in the encodings and with the headers of instruments.
+"""Read texts with heights: a matrix, or a table of coordinates x y z, with the encodings and headers of instruments.
 
-A line of a matrix runs along x. What stands between the numbers is found, a decimal comma too where commas are nothing
-else. Lines before the numbers, and comments, are the header, see `text_header`.
+A line of a matrix runs along x. The separator of the numbers is found automatically, and so are decimal commas, if
+commas have no other meaning. The lines before the numbers, and comments, form the header, see `text_header`.
 """
+
+from __future__ import annotations
 
 import codecs
 import csv
@@ -21,23 +23,26 @@ from .coordinates import MapOfTable, map_of_table
 from .raw import Raw, Reading
 from .text_header import COMMENT_MARKS, DELIMITERS, NUMBER, Header, meaning_of, read_header
 
-#: Suffixes of texts; a .dat may be a text, or a file of an instrument.
+#: Suffixes of texts. A .dat file may be a text or the file of an instrument.
 TEXT = (".csv", ".asc", ".txt", ".xyz", ".tsv", ".prn")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
-#: What instruments and spreadsheets write for an undefined point, beside nan, in lower case.
+#: Words in lower case that instruments and spreadsheets write for an undefined point, in addition to nan.
 _UNDEFINED = {"", "bad", "na", "n/a", "null", "none", "nodata", "no_data", "no data", "void", "invalid"} | {
     "undefined", "missing", "1.#qnan", "-1.#ind", "1.#ind", "#n/a", "#num!", "#value!", "#div/0!"
 }  # fmt: skip
-_MARKS_OF_NOTHING = re.compile(r"-+|\*+|\?+")
+#: Signs that stand for an undefined point, such as "---".
+_PLACEHOLDER = re.compile(r"-+|\*+|\?+")
 _NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
-#: Lines among which the first one with numbers is looked for, and how many alike make it one.
-_LONGEST_HEADER, _ALIKE = 1000, 3
-#: Bytes by which a text is told from a file of an instrument.
+#: Largest number of lines before the numbers.
+_LONGEST_HEADER = 1000
+#: The numbers begin where so many lines contain as many numbers.
+_ALIKE = 3
+#: Number of bytes that are examined to recognise a text and its encoding.
 _HEAD = 2**16
 
 
 def is_text(path: Path) -> bool:
-    """Whether a file is a text: by its suffix, of a .dat by its bytes."""
+    """Return whether a file is a text, by its suffix, or by its bytes if the suffix is .dat."""
     suffix = path.suffix.lower()
     if suffix != ".dat":
         return suffix in TEXT
@@ -46,139 +51,194 @@ def is_text(path: Path) -> bool:
 
 
 def encoding_of(path: Path) -> str:
-    """Encoding of a text: UTF-8 or UTF-16 with or without a mark, else cp1252, the older one of Windows.
+    """Return the encoding of a text: UTF-8, UTF-16 or, if it is neither, cp1252, the former encoding of Windows.
 
-    Raises InputError: the bytes are no text.
+    Raises
+    ------
+    InputError
+        The file is not a text.
     """
     with path.open("rb") as file:
-        head = file.read(_HEAD)
-        if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        block = file.read(_HEAD)
+        if block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             return "utf-16"
-        if b"\0" in head:
-            # of two bytes of a digit in UTF-16 one is zero
-            for name, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
-                if zeros.count(0) > 0.9 * len(zeros):
+        if b"\0" in block:
+            # UTF-16 writes a digit as two bytes, one of which is zero
+            for name, high_bytes in (("utf-16-le", block[1::2]), ("utf-16-be", block[::2])):
+                if high_bytes.count(0) > 0.9 * len(high_bytes):
                     return name
             expected = "a text with numbers, or the suffix of the instrument's format"
             raise InputError("file", "bytes that are no text", expected)
         decoder = codecs.getincrementaldecoder("utf-8")()
         try:
-            while head:
-                decoder.decode(head)
-                head = file.read(_HEAD)
+            while block:
+                decoder.decode(block)
+                block = file.read(_HEAD)
         except UnicodeDecodeError:
             return "cp1252"
     return "utf-8-sig"
 
 
-def read_text(path: Path, said: Reading) -> Raw:
-    """A matrix of heights as text, one line for each y, or a table x, y, z whose points lie on a regular grid.
+def read_text(path: Path, options: Reading) -> Raw:
+    """Read heights from a text: a matrix with one line for each y, or a table x y z on a regular grid.
 
-    Raises InputError: no numbers, a line with others, lines of unequal length, a profile, or points on no grid.
+    Raises
+    ------
+    InputError
+        The text contains no numbers, or lines that are not numbers or of different lengths; it is a profile; or its
+        points are not on a grid.
     """
     with path.open(encoding=encoding_of(path), errors="replace") as file:
-        numbers, header = _read_numbers(file, said.delimiter)
+        numbers, header = _read_numbers(file, options.delimiter)
     if header.sides is not None:
         n1, n2 = numbers.shape[::-1]
         header.pixel = header.sides[0] / n1, header.sides[1] / n2
-        found = MapOfTable(numbers.T)
+        table = MapOfTable(numbers.T)
     else:
-        found = map_of_table(numbers, header.columns)
-    if found.steps is not None:
-        _take_units_of_columns(header, found, is_unit_given=said.height_unit is not None)
+        table = map_of_table(numbers, header.columns)
+    if table.steps is not None:
+        _apply_column_units(header, table, is_unit_given=options.height_unit is not None)
     return Raw(
-        found.heights,
+        table.heights,
         header.unit,
         header.pixel,
         needs_unit=header.unknown_unit,
         no_data=header.no_data,
         unclear=header.unclear,
-        notes=found.notes,
+        notes=table.notes,
     )
 
 
-def _take_units_of_columns(header: Header, found: MapOfTable, *, is_unit_given: bool) -> None:
-    """Find the pixel of a table of coordinates, and the unit of its heights, from the names of its columns.
+def _apply_column_units(header: Header, table: MapOfTable, *, is_unit_given: bool) -> None:
+    """Set the pixel size and the unit of height of a table of coordinates from the units of its columns.
 
-    Without any unit all columns are in metres. A unit of the heights alone does not say that of the coordinates.
+    If no unit is known at all, all columns are in metres. A unit of height alone says nothing about the coordinates.
+
+    header : changed in place. is_unit_given : whether the caller gives the unit of height.
     """
-    assert found.steps is not None
-    units = [header.column_units[n] if header.column_units else None for n in found.columns]
-    header.unit = header.unit or units[2]
+    assert table.steps is not None
+    if header.column_units:
+        x_unit, y_unit, z_unit = (header.column_units[n] for n in table.columns)
+    else:
+        x_unit = y_unit = z_unit = None
+    header.unit = header.unit or z_unit
     if header.pixel is not None:
         return
-    if units[0] and units[1]:
-        header.pixel = found.steps[0] * units[0], found.steps[1] * units[1]
+    if x_unit and y_unit:
+        header.pixel = table.steps[0] * x_unit, table.steps[1] * y_unit
     elif header.unit is None and not is_unit_given:
-        header.pixel = found.steps
-    steps = " and ".join(f"{step:.6g}" for step in found.steps)
+        header.pixel = table.steps
+    steps = " and ".join(f"{step:.6g}" for step in table.steps)
     header.unread.insert(0, f"coordinates in steps of {steps}, without a unit")
 
 
 def _read_numbers(file: TextIO, delimiter: str | None) -> tuple[NDArray, Header]:
-    """Numbers (lines, columns) of a text, and its header."""
+    """Read the numbers (lines, columns) of a text, and its header."""
     lines = enumerate(file, start=1)
-    head = list(islice(lines, _LONGEST_HEADER))
-    begin = _first_with_numbers([line for _, line in head], delimiter)
-    comments = [line for _, line in head[:begin]]
-    layout = _layout([line for _, line in head[begin:]], delimiter)
-    numbers, width, first, ends = array("d"), 0, 0, layout.mark is not None
-    unequal: InputError | None = None
-    for at, line in chain(head[begin:], lines):
+    first_lines = list(islice(lines, _LONGEST_HEADER))
+    begin = _find_first_numbers([line for _, line in first_lines], delimiter)
+    comments = [line for _, line in first_lines[:begin]]
+    layout = _find_layout([line for _, line in first_lines[begin:]], delimiter)
+    rows = _RowReader(layout)
+    for line_number, line in chain(first_lines[begin:], lines):
         text = line.strip(" \r\n")
         if _is_comment(text):
-            if meaning_of(text) == "side 1" and any(meaning_of(c) == "side 1" for c in comments):
-                given = f"a second map, which begins in line {at}"
-                raise InputError("file", given, "a file with one map: cut it there")
+            _refuse_second_map(text, comments, line_number)
             comments.append(text)
-            continue
-        if not text.strip():
-            continue
-        fields = layout.split(text)
-        ends = ends and len(fields) > 1 and not fields[-1].strip()
-        try:
-            row = [float(field) for field in fields]
-        except ValueError:
-            shown = layout.split(text, as_shown=True)
-            row = [_value(at, *both) for both in zip(fields, shown, strict=True)]
-        first = first or at
-        width = width or len(row)
-        if len(row) != width and unequal is None:
-            given = f"{counted(len(row), 'number')} in line {at} after {width} in line {first}"
-            unequal = InputError("file", given, "lines of equal length: check the delimiter")
-        numbers.extend(row)
+        elif text.strip():
+            rows.read(line_number, text)
     if comments and comments[0].startswith("Zygo ASCII"):
         expected = "its XYZ export or an .x3p: an ASCII export holds counts of the camera"
         raise InputError("file", "a Zygo ASCII file", expected)
-    header = read_header(comments, width)
-    z = np.frombuffer(numbers)
-    if header.points is not None and z.size == header.points[0] * header.points[1]:
-        return z.reshape(header.points[::-1]), header
-    if unequal is not None:
-        raise unequal
-    z = z.reshape(-1, width)
-    # a delimiter behind the last number of every line ends the line; it does not begin an undefined point
-    z = z[:, :-1] if ends else z
-    if header.points is not None and (z.shape[0] == header.points[1]) != (
-        z.shape[1] == header.points[0]
-    ):
-        given = f"{as_text(z.shape[::-1])} numbers, where its header says {as_text(header.points)}"
-        raise InputError("file", given, "a whole file, or a header that fits")
-    return z, header
+    header = read_header(comments, rows.width)
+    return rows.table(header.points), header
+
+
+def _refuse_second_map(text: str, comments: list[str], line_number: int) -> None:
+    """Raise InputError if a comment begins the header of a second map."""
+    if meaning_of(text) != "side 1":
+        return
+    if any(meaning_of(comment) == "side 1" for comment in comments):
+        given = f"a second map, which begins in line {line_number}"
+        raise InputError("file", given, "a file with one map: cut it there")
+
+
+class _RowReader:
+    """Read the lines of numbers of a text, one after the other, and put them together to a table."""
+
+    def __init__(self, layout: _Layout) -> None:
+        self.layout = layout
+        #: Numbers in the first line.
+        self.width = 0
+        self._numbers = array("d")
+        self._first_line = 0
+        self._ends_with_delimiter = layout.mark is not None
+        self._unequal_lines: InputError | None = None
+
+    def read(self, line_number: int, text: str) -> None:
+        """Read a line of numbers."""
+        fields = self.layout.split(text)
+        if len(fields) < 2 or fields[-1].strip():
+            self._ends_with_delimiter = False
+        try:
+            row = [float(field) for field in fields]
+        except ValueError:
+            originals = self.layout.split(text, as_shown=True)
+            row = [
+                _parse_value(line_number, field, original)
+                for field, original in zip(fields, originals, strict=True)
+            ]
+        self._first_line = self._first_line or line_number
+        self.width = self.width or len(row)
+        if len(row) != self.width and self._unequal_lines is None:
+            given = (
+                f"{counted(len(row), 'number')} in line {line_number} after {self.width} in line "
+                f"{self._first_line}"
+            )
+            expected = "lines of equal length: check the delimiter"
+            self._unequal_lines = InputError("file", given, expected)
+        self._numbers.extend(row)
+
+    def table(self, points: tuple[int, int] | None) -> NDArray:
+        """Return the table (lines, columns).
+
+        points : numbers along x and y according to the header. If the header is right, lines of any length are allowed,
+        because some programs break long lines.
+        """
+        numbers = np.frombuffer(self._numbers)
+        if points is not None and numbers.size == points[0] * points[1]:
+            return numbers.reshape(points[::-1])
+        if self._unequal_lines is not None:
+            raise self._unequal_lines
+        table = numbers.reshape(-1, self.width)
+        if self._ends_with_delimiter:
+            # a delimiter at the end of every line does not mean an undefined point
+            table = table[:, :-1]
+        if points is not None:
+            # one side of the header fits and the other does not; if neither fits, the header is about something else
+            has_lines = table.shape[0] == points[1]
+            has_columns = table.shape[1] == points[0]
+            if has_lines != has_columns:
+                given = (
+                    f"{as_text(table.shape[::-1])} numbers, where its header says {as_text(points)}"
+                )
+                raise InputError("file", given, "a whole file, or a header that fits")
+        return table
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """How the numbers of a line are written.
+    """Describe how the numbers of a line are written.
 
-    mark : between them, None for blanks. has_comma : whether they have decimal commas.
+    mark : separator, None for blanks.
+    has_comma : whether the numbers have decimal commas.
     """
 
     mark: str | None
     has_comma: bool = False
 
     def split(self, text: str, *, as_shown: bool = False) -> list[str]:
-        """Fields of a line, with decimal points unless `as_shown` in the file."""
+        """Split a line into its fields, with decimal points unless they are wanted `as_shown` in the file."""
         if self.mark is None:
             fields = _NO_DATA.sub("nan", text).replace('"', " ").split()
         elif '"' in text:
@@ -190,77 +250,89 @@ class _Layout:
         return fields
 
 
-def _layout(lines: list[str], delimiter: str | None) -> _Layout:
-    """How numbers are written in lines, from the first that has any.
+def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
+    """Find out how the numbers in lines are written.
 
-    delimiter : between them, found unless given.
+    delimiter : separator, None to find it.
     """
-    texts = [
-        text for line in lines if (text := line.strip(" \r\n")).strip() and not _is_comment(text)
-    ]
+    texts = [line.strip(" \r\n") for line in lines]
+    texts = [text for text in texts if text.strip() and not _is_comment(text)]
     if not texts:
         expected = "a matrix of heights, one line per row, or a table x y z"
         raise InputError("file", "no line with numbers", expected)
-    mark = _delimiter(texts[0]) if delimiter is None else delimiter
-    fields = [field for text in texts for field in _Layout(mark).split(text)]
-    commas = sum(_DECIMAL_COMMA.fullmatch(field.strip()) is not None for field in fields)
+    mark = _find_delimiter(texts[0]) if delimiter is None else delimiter
+    layout = _Layout(mark)
+    fields = [field for text in texts for field in layout.split(text)]
+    has_commas = any(_DECIMAL_COMMA.fullmatch(field.strip()) for field in fields)
     has_points = any("." in field for field in fields)
-    return _Layout(mark, has_comma=commas > 0 and not has_points)
+    return _Layout(mark, has_comma=has_commas and not has_points)
 
 
-def _first_with_numbers(lines: list[str], delimiter: str | None) -> int:
-    """Number of the line with which the numbers begin: it and the next ones hold as many of them.
+def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
+    """Return the index of the line where the numbers begin: this line and the next ones contain as many numbers.
 
-    Where no lines are alike, that of the first line of numbers, or of the first one that begins with a digit, so that a
-    message can show it.
+    If no lines are alike, it is the first line of numbers, or the first one that begins with a digit, so that a message
+    can show it.
     """
-    shapes = [_shape(line, delimiter) for line in lines]
-    places = [n for n, shape in enumerate(shapes) if shape is not None]
-    numeric = [n for n in places if isinstance(shapes[n], int)]
-    for k, n in enumerate(places):
-        count = shapes[n]
-        alike = [shapes[m] for m in places[k : k + _ALIKE]]
-        if isinstance(count, int) and alike == [count] * _ALIKE:
-            above = places[k - 1] if k else n
-            return above if _is_like(lines[above], delimiter, count) else n
-    starts = (n for n in places if re.match(r"[-+.]?\d", lines[n].strip().strip('"')))
-    return numeric[0] if numeric else next(starts, len(lines))
+    contents = [_content(line, delimiter) for line in lines]
+    candidates = [n for n, content in enumerate(contents) if content is not None]
+    for k, n in enumerate(candidates):
+        count = contents[n]
+        next_contents = [contents[m] for m in candidates[k : k + _ALIKE]]
+        if isinstance(count, int) and next_contents == [count] * _ALIKE:
+            previous = candidates[k - 1] if k else n
+            return previous if _is_faulty_row(lines[previous], delimiter, count) else n
+    numeric = [n for n in candidates if isinstance(contents[n], int)]
+    if numeric:
+        return numeric[0]
+    for n in candidates:
+        if re.match(r"[-+.]?\d", lines[n].strip().strip('"')):
+            return n
+    return len(lines)
 
 
-def _shape(line: str, delimiter: str | None) -> int | str | None:
-    """Count of the numbers of a line; "text" of another one, None of a comment or an empty one."""
+def _content(line: str, delimiter: str | None) -> int | str | None:
+    """Return the number of numbers in a line; "text" for another line, None for a comment or an empty line."""
     text = line.strip(" \r\n")
     if not text.strip() or _is_comment(text):
         return None
-    fields = _Layout(_delimiter(text) if delimiter is None else delimiter).split(text)
+    mark = _find_delimiter(text) if delimiter is None else delimiter
+    fields = _Layout(mark).split(text)
     if all(_is_number(field) for field in fields) and any(field.strip() for field in fields):
         return len(fields)
     return "text"
 
 
-def _is_like(line: str, delimiter: str | None, count: int) -> bool:
-    """Whether a line above lines of so many numbers is one of them, with a word that nobody knows or numbers missing.
+def _is_faulty_row(line: str, delimiter: str | None, count: int) -> bool:
+    """Return whether the line above the numbers is a row of numbers with an unknown word or with missing numbers.
 
-    Numbers in even steps are those of an axis.
+    Numbers in equal steps are an axis instead.
+
+    count : number of numbers in the lines below.
     """
     text = line.strip(" \r\n")
-    fields = _Layout(_delimiter(text) if delimiter is None else delimiter).split(text)
+    mark = _find_delimiter(text) if delimiter is None else delimiter
+    fields = _Layout(mark).split(text)
     numbers = [float(field) for field in fields if NUMBER.fullmatch(field.strip())]
-    if len(numbers) < 2 or len(fields) > count or len(fields) < max(count / 2, min(count, _ALIKE)):
+    fewest_fields = max(count / 2, min(count, _ALIKE))
+    if len(numbers) < 2 or not fewest_fields <= len(fields) <= count:
         return False
-    return not np.allclose(np.diff(numbers, n=2), 0.0, atol=1e-6 * abs(numbers[1] - numbers[0]))
+    first_step = abs(numbers[1] - numbers[0])
+    has_equal_steps = np.allclose(np.diff(numbers, n=2), 0.0, atol=1e-6 * first_step)
+    return not has_equal_steps
 
 
 def _is_comment(text: str) -> bool:
-    """Whether a line is a comment; words of spreadsheets for an undefined number begin as one."""
+    """Return whether a line is a comment. Words of spreadsheets such as "#n/a" look like one but are not."""
     text = text.lstrip()
     if not text.startswith(COMMENT_MARKS):
         return False
-    return re.split(r"[;,\s]", text.lower(), maxsplit=1)[0] not in _UNDEFINED
+    first_word = re.split(r"[;,\s]", text.lower(), maxsplit=1)[0]
+    return first_word not in _UNDEFINED
 
 
 def _is_number(field: str) -> bool:
-    """Whether a field is a number or stands for an undefined one."""
+    """Return whether a field is a number, or stands for an undefined one."""
     try:
         float(field)
     except ValueError:
@@ -269,29 +341,35 @@ def _is_number(field: str) -> bool:
 
 
 def _is_undefined(field: str) -> bool:
+    """Return whether a field stands for an undefined number."""
     word = field.strip().lower()
-    return word in _UNDEFINED or _MARKS_OF_NOTHING.fullmatch(word) is not None
+    return word in _UNDEFINED or _PLACEHOLDER.fullmatch(word) is not None
 
 
-def _delimiter(line: str) -> str | None:
-    """What stands between the numbers of a line: ; tab , or None, blanks."""
-    outside = re.sub(r'"[^"]*"', "", line)
-    found = next((mark for mark in DELIMITERS if mark in outside), None)
-    numbers = line.split()
-    if found == "," and len(numbers) > 1 and all(map(_DECIMAL_COMMA.fullmatch, numbers)):
+def _find_delimiter(line: str) -> str | None:
+    """Return the separator of the numbers of a line: a semicolon, a tab, a comma, or None for blanks."""
+    outside_quotes = re.sub(r'"[^"]*"', "", line)
+    delimiter = next((mark for mark in DELIMITERS if mark in outside_quotes), None)
+    words = line.split()
+    has_decimal_commas = len(words) > 1 and all(map(_DECIMAL_COMMA.fullmatch, words))
+    if delimiter == "," and has_decimal_commas:
         return None
-    return found
+    return delimiter
 
 
-def _value(line: int, text: str, shown: str) -> float:
-    """The number of a text; InputError that shows it as it is in the file."""
+def _parse_value(line_number: int, text: str, original: str) -> float:
+    """Return the number that a text means, NaN if it stands for an undefined one.
+
+    original : the text as it is in the file, for the message.
+    """
     try:
         return float(text)
     except ValueError:
         if _is_undefined(text):
             return np.nan
-        allowed = (
-            "numbers with a decimal point, nan or nothing where undefined; put # before lines that are none, and "
-            "what a header says into spacing= or size= and height_unit= (--spacing, --size, --height-unit)"
+        expected = (
+            "numbers with a decimal point, and nan or nothing for undefined points; put # before other lines, and "
+            "pass what a header says as spacing= or size= and height_unit= (--spacing, --size, --height-unit)"
         )
-        raise InputError("file", f"{shown.strip()[:30]!r} in line {line}", allowed) from None
+        given = f"{original.strip()[:30]!r} in line {line_number}"
+        raise InputError("file", given, expected) from None

@@ -1,8 +1,8 @@
-"""Header of a text with heights: what its lines before the numbers say of pixel, units, points and undefined values.
+"""Read the header of a text with heights: pixel size, units, number of points and marks of undefined points.
 
-A line says one thing by a name and a value, behind a comment mark or not, such as "# Width: 1 mm", "cellsize 2",
-"NODATA_value -9999" or '"XY Calibration","1.383","um"'. The names are those of the exports of Gwyddion and SPIP, of
-rasters (Esri), of Keyence and of Zygo. The last line may name the columns, "X [mm]; Y [mm]; Z [µm]".
+A line of the header has a name and a value, perhaps behind a comment mark, such as "# Width: 1 mm", "cellsize 2",
+"NODATA_value -9999" or '"XY Calibration","1.383","um"'. The names are those that Gwyddion, SPIP, Esri rasters, Keyence
+and Zygo export. The last line may contain the names of the columns, such as "X [mm]; Y [mm]; Z [µm]".
 """
 
 import csv
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from .raw import length_unit
 
-#: What a name in a header stands for. Names are compared in lower case, with one blank between words.
+#: Names in headers by their meaning. Names are compared in lower case, with one blank between words.
 _MEANINGS = {
     "side 1": "width, breite, largeur, x length, length x",
     "side 2": "height, höhe, hauteur, y length, length y",
@@ -30,8 +30,9 @@ _MEANINGS = {
 _MEANING_OF = {
     name.strip(): meaning for meaning, names in _MEANINGS.items() for name in names.split(",")
 }
-#: Marks between the numbers of a line, and those that begin a comment.
+#: Separators of numbers, in the order in which they are looked for.
 DELIMITERS = (";", "\t", ",")
+#: Beginnings of comments.
 COMMENT_MARKS = ("#", "%", "//")
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _LENGTH = re.compile(rf"({NUMBER.pattern})\s*(.*)")
@@ -41,20 +42,34 @@ _COLUMN = re.compile(r"([^\[\](),;\t]*?)\s*[\[(]([^\])]*)[\])]")
 _MENTIONS_LENGTH = re.compile(
     r"(?<![^\W\d_])(?:[nµμu]m|mm|microns?|inch|cellsize|pixel)\b", re.IGNORECASE
 )
-#: Lines of a header that a message shows, and the most characters of each.
+#: Number of lines of a header that a message shows, and of characters in each.
 _SHOWN_LINES, _SHOWN_CHARACTERS = 3, 50
 
 
 @dataclass
 class Header:
-    """What the header of a text says; None and empty where it says nothing.
+    """Hold what the header of a text says. A value is None or empty if the header does not say it.
 
-    sides, pixel : of the map along x and y [m].
-    unit : metres per number of the heights; unknown_unit : whether it is said and cannot be read.
-    points : numbers along x and y.
-    no_data : numbers that stand for undefined points.
-    columns : names of the columns, in lower case. column_units : metres per number of each, None where not said.
-    unread : lines on units or pixels that were not understood.
+    Parameters
+    ----------
+    sides : tuple of two float, optional
+        Sides of the map along x and y [m].
+    pixel : tuple of two float, optional
+        Pixel size along x and y [m].
+    unit : float, optional
+        Metres per number of the heights.
+    unknown_unit : bool
+        Whether the header names a unit of height that cannot be read.
+    points : tuple of two int, optional
+        Number of points along x and y.
+    no_data : tuple of float
+        Numbers that mark undefined points.
+    columns : tuple of str
+        Names of the columns in lower case.
+    column_units : tuple of float or None
+        Metres per number of each column, None if its unit is unknown.
+    unread : list of str
+        Lines about units or pixels that were not understood.
     """
 
     sides: tuple[float, float] | None = None
@@ -69,14 +84,15 @@ class Header:
 
     @property
     def unclear(self) -> str:
-        """Lines that were not understood, as text for a message."""
+        """Lines that were not understood, for messages."""
         lines = [line[:_SHOWN_CHARACTERS] for line in self.unread[:_SHOWN_LINES]]
         return ", ".join(map(repr, lines))
 
 
 def meaning_of(line: str) -> str:
-    """What a line of a header is about, "" where its name is not known."""
-    return _MEANING_OF.get(_name_and_value(line)[0], "")
+    """Return what a line of a header is about, as in `_MEANINGS`; "" if its name is unknown."""
+    name, _ = _name_and_value(line)
+    return _MEANING_OF.get(name, "")
 
 
 def read_header(lines: Sequence[str], columns: int) -> Header:
@@ -84,117 +100,151 @@ def read_header(lines: Sequence[str], columns: int) -> Header:
 
     Parameters
     ----------
-    lines : before the numbers, and comments between them.
-    columns : numbers in a line of the file.
+    lines : sequence of str
+        Lines before the numbers, and comments between them.
+    columns : int
+        Number of numbers in a line.
     """
     header = Header()
-    found: dict[str, str] = {}
-    written: dict[str, str] = {}
+    entries: dict[str, str] = {}  # meaning: value
+    entry_lines: dict[str, str] = {}  # meaning: line
     for line in lines:
         name, value = _name_and_value(line)
         meaning = _MEANING_OF.get(name, "")
         if meaning and value:
-            found[meaning] = value
-            written[meaning] = _without_marks(line)
+            entries[meaning] = value
+            entry_lines[meaning] = _without_marks(line)
         elif _MENTIONS_LENGTH.search(line):
             header.unread.append(_without_marks(line))
     if lines and lines[0].startswith("Zygo XYZ"):
         _read_zygo(header, lines)
-    lateral = length_unit(found.get("lateral unit", ""))
-    header.sides = _pair(found, "side 1", "side 2", lateral)
-    if "pixel" in found:
-        found["pixel 1"] = found["pixel 2"] = found["pixel"]
-    header.pixel = _pair(found, "pixel 1", "pixel 2", lateral) or header.pixel
-    if header.sides is None and header.pixel is None:
-        names = [name for name in written if name.startswith(("side", "pixel"))]
-        header.unread += [written[name] for name in names]
-    if "unit" in found:
-        header.unit = length_unit(found["unit"])
-        if header.unit is None:
-            header.unknown_unit = True
-            header.unread.insert(0, written["unit"])
-    elif NUMBER.fullmatch(factor := found.get("nanometres per number", "")):
-        header.unit = 1e-9 * float(factor)
-    counts = [found.get("points 1", ""), found.get("points 2", "")]
-    if all(count.isdecimal() for count in counts):
-        header.points = int(counts[0]), int(counts[1])
-    if NUMBER.fullmatch(value := found.get("no data", "")):
-        header.no_data = (float(value),)
+    _read_lateral_lengths(header, entries, entry_lines)
+    _read_height_unit(header, entries, entry_lines)
+    points1, points2 = entries.get("points 1", ""), entries.get("points 2", "")
+    if points1.isdecimal() and points2.isdecimal():
+        header.points = int(points1), int(points2)
+    no_data = entries.get("no data", "")
+    if NUMBER.fullmatch(no_data):
+        header.no_data = (float(no_data),)
     if lines:
         _read_columns(header, lines[-1], columns)
     return header
 
 
+def _read_lateral_lengths(
+    header: Header, entries: dict[str, str], entry_lines: dict[str, str]
+) -> None:
+    """Set the sides and the pixel size in a header from its entries."""
+    lateral_unit = length_unit(entries.get("lateral unit", ""))
+    header.sides = _two_lengths(entries, "side 1", "side 2", lateral_unit)
+    if "pixel" in entries:
+        entries = entries | {"pixel 1": entries["pixel"], "pixel 2": entries["pixel"]}
+    pixel = _two_lengths(entries, "pixel 1", "pixel 2", lateral_unit)
+    header.pixel = pixel or header.pixel
+    if header.sides is None and header.pixel is None:
+        for meaning, line in entry_lines.items():
+            if meaning.startswith(("side", "pixel")):
+                header.unread.append(line)
+
+
+def _read_height_unit(header: Header, entries: dict[str, str], entry_lines: dict[str, str]) -> None:
+    """Set the unit of height in a header from its entries."""
+    if "unit" in entries:
+        header.unit = length_unit(entries["unit"])
+        if header.unit is None:
+            header.unknown_unit = True
+            header.unread.insert(0, entry_lines["unit"])
+        return
+    nanometres = entries.get("nanometres per number", "")
+    if NUMBER.fullmatch(nanometres):
+        header.unit = 1e-9 * float(nanometres)
+
+
 def _without_marks(line: str) -> str:
+    """Return a line without comment marks at its beginning."""
     return line.strip().lstrip("#%/").strip()
 
 
 def _name_and_value(line: str) -> tuple[str, str]:
-    """Name, in lower case with single blanks, and value of a line of a header; "" where there is none."""
+    """Return the name, in lower case with single blanks, and the value of a line; "" if it has none."""
     text = _without_marks(line)
-    parts = _parts(text)
+    parts = _split_at_delimiter(text)
     if len(parts) < 2:
         match = _NAME_AND_VALUE.fullmatch(text) or _NAME_AND_NUMBER.fullmatch(text)
         parts = [match[1], match[2]] if match else text.rsplit(maxsplit=1)
-    name = re.sub(r"[\W_]+", " ", parts[0]).strip().lower() if parts else ""
+    if not parts:
+        return "", ""
+    name = re.sub(r"[\W_]+", " ", parts[0]).strip().lower()
     value = " ".join(parts[1:]).strip().strip('"')
     return name, value.replace(",", ".")
 
 
-def _parts(text: str) -> list[str]:
-    """Parts of a line between semicolons, tabs or commas; the line itself without them."""
+def _split_at_delimiter(text: str) -> list[str]:
+    """Split a line at its semicolons, tabs or commas; a line without them is one part."""
     for mark in DELIMITERS:
-        if mark in text:
-            fields = next(csv.reader([text], delimiter=mark, skipinitialspace=True))
-            parts = [part.strip() for part in fields if part.strip()]
-            # "Width: 9,0 um" has a decimal comma
-            if parts and not re.search("[:=]", parts[0]):
-                return parts
+        if mark not in text:
+            continue
+        fields = next(csv.reader([text], delimiter=mark, skipinitialspace=True))
+        parts = [field.strip() for field in fields if field.strip()]
+        # the comma of "Width: 9,0 um" is a decimal comma
+        begins_with_entry = parts and re.search("[:=]", parts[0])
+        if parts and not begins_with_entry:
+            return parts
     return [text]
 
 
-def _pair(
-    found: dict[str, str], first: str, second: str, lateral: float | None
+def _two_lengths(
+    entries: dict[str, str], first: str, second: str, lateral_unit: float | None
 ) -> tuple[float, float] | None:
-    """Two lengths [m] by their names; None unless both are there and have a unit.
+    """Return two lengths [m] by their meanings; None unless the header has both with a unit.
 
-    lateral : unit of numbers that have none [m], None where the header has none for them either.
+    lateral_unit : unit of numbers without one [m], None if the header does not say it.
     """
-    lengths = [_length(found.get(name, ""), lateral) for name in (first, second)]
-    return (lengths[0], lengths[1]) if lengths[0] and lengths[1] else None
+    length1 = _parse_length(entries.get(first, ""), lateral_unit)
+    length2 = _parse_length(entries.get(second, ""), lateral_unit)
+    if length1 and length2:
+        return length1, length2
+    return None
 
 
-def _length(text: str, lateral: float | None) -> float | None:
-    """A length [m] from a text, None where it is no length; `lateral` is the unit of a number without one."""
+def _parse_length(text: str, lateral_unit: float | None) -> float | None:
+    """Return a length [m] from its text; None if it is not a length.
+
+    lateral_unit : unit of a number without one [m].
+    """
     match = _LENGTH.fullmatch(text)
-    if not match:
+    if match is None:
         return None
-    unit = length_unit(match[2]) if match[2] else lateral
+    unit = length_unit(match[2]) if match[2] else lateral_unit
     return None if unit is None else float(match[1]) * unit
 
 
 def _read_zygo(header: Header, lines: Sequence[str]) -> None:
-    """Take the pixel from the eighth line of an XYZ export of Zygo, in metres, 0 where the camera is not calibrated.
+    """Set the units of an XYZ export of Zygo.
 
-    Its heights are in micrometres, its coordinates count pixels.
+    Its heights are in micrometres, and its coordinates count pixels. The pixel size [m] is the seventh number of the
+    eighth line; it is 0 if the camera is not calibrated.
     """
     header.unit = 1e-6
     numbers = lines[7].split() if len(lines) > 7 else []
-    if len(numbers) > 6 and NUMBER.fullmatch(numbers[6]) and float(numbers[6]) > 0:
-        header.pixel = float(numbers[6]), float(numbers[6])
+    if len(numbers) < 7 or not NUMBER.fullmatch(numbers[6]):
+        return
+    pixel = float(numbers[6])
+    if pixel > 0:
+        header.pixel = pixel, pixel
 
 
 def _read_columns(header: Header, line: str, columns: int) -> None:
-    """Take the names of the columns, and their units, from the last line of a header if it has as many."""
+    """Set the names and units of the columns from the last line of a header, if it has one name for each column."""
     text = _without_marks(line).replace('"', "")
-    with_units = _COLUMN.findall(text)
-    if len(with_units) == columns:
-        header.columns = tuple(name.strip(" ,;\t").lower() for name, _ in with_units)
-        header.column_units = tuple(length_unit(unit) for _, unit in with_units)
+    names_and_units = _COLUMN.findall(text)
+    if len(names_and_units) == columns:
+        header.columns = tuple(name.strip(" ,;\t").lower() for name, _ in names_and_units)
+        header.column_units = tuple(length_unit(unit) for _, unit in names_and_units)
         return
-    mark = next((mark for mark in DELIMITERS if mark in text), None)
-    names = [name.strip().lower() for name in text.split(mark)]
+    delimiter = next((mark for mark in DELIMITERS if mark in text), None)
+    names = [name.strip().lower() for name in text.split(delimiter)]
     if len(names) == columns:
         header.columns = tuple(names)
-        units = [_COLUMN.fullmatch(name) for name in names]
-        header.column_units = tuple(length_unit(unit[2]) if unit else None for unit in units)
+        matches = [_COLUMN.fullmatch(name) for name in names]
+        header.column_units = tuple(length_unit(match[2]) if match else None for match in matches)

@@ -1,9 +1,9 @@
-"""Spectrum and texture of a map: shortest wave, range of a power law, autocorrelation length, direction of the lay.
+"""Evaluate the spectrum and the texture of a map: its shortest wave, power law, autocorrelation length and lay.
 
-Symbols: q angular wavenumber [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). The radial
-average of a face of parallel grooves falls with the same exponent as that of an isotropic one of equal H. Sal and Str
-are lengths in which the autocorrelation decays to 0.2, Std the direction of the lay, counted from x1 towards x2.
-Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std).
+Symbols: q angular wave number [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). The radial
+average of a surface of parallel grooves falls with the same exponent as that of an isotropic surface with the same H.
+Sal and Str are distances in which the autocorrelation decays to 0.2; Std is the direction of the lay, counted from x1
+towards x2. Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std).
 """
 
 from __future__ import annotations
@@ -25,18 +25,20 @@ _BINS_PER_DECADE = 12
 _BENDS_PER_DECADE = 48
 #: Largest rms deviation of log10 C from a power law, beyond the scatter that the number of waves explains.
 _SCATTER = 0.12
-#: Decades of wavelength over which a power law must hold: without a plateau, and behind a plateau.
+#: Smallest range of wavelengths of a power law [decades]: without a plateau, and next to a plateau.
 _LEAST_DECADES = 0.7
 _LEAST_DECADES_BEHIND_PLATEAU = 0.5
-#: Decades over which a plateau must extend.
+#: Smallest range of wavelengths of a plateau [decades].
 _LEAST_PLATEAU = 0.3
-#: Bins behind a plateau over which a power law must hold.
+#: Smallest number of bins of a power law next to a plateau.
 _LEAST_BINS = 4
-#: The end of the spectrum is noise where log C over log q is flatter than this; a wave stands out of it above 4 C.
+#: The end of the spectrum is noise if log C over log q falls less steeply than this.
 _FLAT = -1.5
+#: A wave stands out of the noise if its density exceeds that of the noise by this factor.
 _ABOVE_NOISE = 4.0
-#: Below this fraction of the largest C there is rounding only; below this one of the law the instrument saw nothing.
+#: Densities below this fraction of the largest one are rounding errors.
 _ROUNDING = 1e-16
+#: The instrument does not see waves whose density is below this fraction of the power law.
 _CUT = 0.1
 #: Largest Hurst exponent of a fit.
 _LARGEST_HURST = 1.1
@@ -55,12 +57,18 @@ _FLATTENING = 3.0
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """C = density · (q/q_bend)^(−2−2H) between two wavelengths, q_bend at the longest, and C constant on a plateau.
+    """Describe a power law of the spectral density, C = density · (q/q₀)^(−2−2H) with q₀ = 2π/longest.
 
-    hurst, hurst_error : H and its standard error [-]; the slope of log C over log q is −2−2H.
-    longest, shortest : wavelengths between which the law holds [m].
-    density : C at the longest [m⁴].
-    roll_off : where the plateau of longer waves ends, = longest; NaN without a plateau [m].
+    Parameters
+    ----------
+    hurst, hurst_error : float
+        Hurst exponent H and its standard error [-].
+    longest, shortest : float
+        Wavelengths between which the law holds [m].
+    density : float
+        C at the longest wave [m⁴].
+    roll_off : float
+        Wavelength at which a plateau of longer waves begins [m], which equals `longest`; NaN without a plateau.
     """
 
     hurst: float
@@ -71,29 +79,35 @@ class PowerLaw:
     roll_off: float
 
     def at(self, q: Any) -> Any:
-        """C [m⁴] at wavenumbers [rad/m]."""
+        """Return the density C [m⁴] at wave numbers [rad/m]."""
         return self.density * (q * self.longest / (2 * pi)) ** (-2 - 2 * self.hurst)
 
     def slope_power(self, longest: float, shortest: float) -> float:
-        """Mean square slope of the waves between two wavelengths [m], (1/2π)∫q³C dq, by the law."""
+        """Return the mean square slope of the waves between two wavelengths [m], (1/2π)∫q³C dq."""
         q = 2 * pi / longest
-        folds = np.log(longest / shortest)
-        return float(
-            q**4
-            * self.at(q)
-            / (2 * pi)
-            * folds
-            * scipy.special.exprel((2 - 2 * self.hurst) * folds)
-        )
+        log_ratio = np.log(longest / shortest)
+        # exprel(x) = (exp(x) − 1)/x is regular for H = 1
+        growth = log_ratio * scipy.special.exprel((2 - 2 * self.hurst) * log_ratio)
+        return float(q**4 * self.at(q) / (2 * pi) * growth)
 
 
-#: In place of a law where there is none.
-NO_LAW = PowerLaw(*(nan,) * 6)
+#: Stands for a power law where there is none.
+NO_LAW = PowerLaw(nan, nan, nan, nan, nan, nan)
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Shortest wave that was measured [m], rms height of white noise over all waves [m], and the power law, if any."""
+    """Hold the summary of a spectrum.
+
+    Parameters
+    ----------
+    shortest_wave : float
+        Shortest wave that was measured [m].
+    noise : float
+        Rms height of white noise over all waves [m].
+    law : PowerLaw, optional
+        The power law, if there is one.
+    """
 
     shortest_wave: float
     noise: float
@@ -101,45 +115,54 @@ class Spectrum:
 
 
 def spectrum(topography: Surface) -> Spectrum:
-    """Summary of the spectral density of a flat map without undefined points.
+    """Summarise the spectral density of a map without its form and without undefined points.
 
-    The shortest wave is the longest of: two pixels of the coarser spacing; the wave at which C is four times the white
-    noise, where the spectrum ends flat; the wave below which C is less than a tenth of the power law. All but the
-    first are limits of the instrument. Of several patches it is that of the one with the longest such wave.
+    The shortest wave is the longest of three: two pixels of the larger spacing; the wave at which C is four times the
+    white noise, if the spectrum ends with noise; and the wave below which C is less than a tenth of the power law. The
+    last two are limits of the instrument. Of several patches, the one with the longest such wave is described.
     """
     if not isinstance(topography, Topography):
-        return max(map(spectrum, topography.patches), key=lambda found: found.shortest_wave)
-    # a step at a border that is called periodic would add waves of all lengths: mirror the map there
+        summaries = [spectrum(patch) for patch in topography.patches]
+        return max(summaries, key=lambda summary: summary.shortest_wave)
+    # A step at a border that is called periodic would add waves of all lengths; a mirrored map has no step.
     if topography.seamless != topography.periodic:
         topography = Topography(topography.heights, topography.spacing, topography.seamless)
     q, density = topography.radial_psd()
-    last = pi / max(topography.spacing)
-    inside = (q > 0) & (q <= last * (1 + SLACK))
-    q, density = q[inside], density[inside]
+    nyquist = pi / max(topography.spacing)
+    is_resolved = (q > 0) & (q <= nyquist * (1 + SLACK))
+    q, density = q[is_resolved], density[is_resolved]
     if not np.any(density > 0):
-        return Spectrum(2 * pi / last, 0.0, None)
-    floor = _noise_floor(q, density, last)
-    signal = density > max(_ABOVE_NOISE * floor, _ROUNDING * density.max())
-    # of pure noise no wave is measured
-    ends = q[signal].max() if signal.any() else q[0]
-    shortest = 2 * pi / (ends if ends < q[-1] else last)
-    # the ring at the end of the signal may be full in part, and levelling took from waves longer than half the map
+        return Spectrum(2 * pi / nyquist, 0.0, None)
+    floor = _noise_floor(q, density, nyquist)
+    is_signal = density > max(_ABOVE_NOISE * floor, _ROUNDING * density.max())
+    # a map of pure noise has no measured wave, so that only the longest one is left
+    last_signal = q[is_signal].max() if is_signal.any() else q[0]
+    shortest = 2 * pi / (last_signal if last_signal < q[-1] else nyquist)
+    # The ring at the end of the signal may contain only some of its waves, and waves longer than half the map were
+    # changed when the form was subtracted.
     step = float(np.diff(q).max(initial=0.0))
-    used = (q >= 4 * pi / min(topography.size)) & (q <= 2 * pi / shortest - step) & signal
-    law = _fit(_average_in_bins(q[used], density[used], floor, topography))
+    is_used = (q >= 4 * pi / min(topography.size)) & (q <= 2 * pi / shortest - step) & is_signal
+    law = _fit(_average_in_bins(q[is_used], density[is_used], floor, topography))
     if law is not None:
-        missing = (q > 2 * pi / law.shortest) & (density - floor < _CUT * law.at(q))
-        if missing.any():
-            shortest = max(shortest, 2 * pi / q[np.argmax(missing)])
-    return Spectrum(float(shortest), float(np.sqrt(floor / np.prod(topography.spacing))), law)
+        is_missing = (q > 2 * pi / law.shortest) & (density - floor < _CUT * law.at(q))
+        if is_missing.any():
+            shortest = max(shortest, 2 * pi / q[np.argmax(is_missing)])
+    noise = float(np.sqrt(floor / np.prod(topography.spacing)))
+    return Spectrum(float(shortest), noise, law)
 
 
-def _noise_floor(q: NDArray, density: NDArray, last: float) -> float:
-    """C of white noise [m⁴]: the level on which the spectrum ends, 0 if it does not end level."""
-    end = (q > 0.75 * last) & (density > _ROUNDING * density.max())
-    if np.count_nonzero(end) < 8 or np.polyfit(np.log(q[end]), np.log(density[end]), 1)[0] < _FLAT:
+def _noise_floor(q: NDArray, density: NDArray, nyquist: float) -> float:
+    """Return the density of white noise [m⁴], the level at the end of the spectrum; 0 if it does not end level.
+
+    q : wave numbers (rings,) [rad/m]. density : at these [m⁴]. nyquist : largest wave number [rad/m].
+    """
+    is_end = (q > 0.75 * nyquist) & (density > _ROUNDING * density.max())
+    if np.count_nonzero(is_end) < 8:
         return 0.0
-    return float(np.median(density[end]))
+    slope, _ = np.polyfit(np.log(q[is_end]), np.log(density[is_end]), 1)
+    if slope < _FLAT:
+        return 0.0
+    return float(np.median(density[is_end]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,15 +300,29 @@ def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None
     )
 
 
+#: The autocorrelation has decayed where it is below this value (ISO 25178-2).
 _DECAYED = 0.2
+#: Directions in which the autocorrelation is evaluated, from x1 towards x2 [rad].
 _ANGLES = np.deg2rad(np.arange(180))
-#: Aspect ratio above which a face has no direction (ISO 25178-2).
+#: Aspect ratio above which a surface has no direction (ISO 25178-2).
 ISOTROPIC = 0.5
 
 
 @dataclass(frozen=True)
 class Texture:
-    """Autocorrelation length Sal [m], aspect ratio Str [-] or a bound above, direction Std of the lay [rad] or NaN."""
+    """Hold the texture parameters of a map.
+
+    Parameters
+    ----------
+    correlation_length : float
+        Autocorrelation length Sal [m].
+    aspect_ratio : float
+        Texture aspect ratio Str [-].
+    aspect_ratio_is_bound : bool
+        Whether `aspect_ratio` is only an upper bound.
+    lay_direction : float
+        Direction Std of the lay [rad], counted from x2; NaN if there is none.
+    """
 
     correlation_length: float
     aspect_ratio: float
@@ -294,45 +331,58 @@ class Texture:
 
 
 def texture(topography: Topography) -> Texture:
-    """Texture of a flat map without undefined points.
+    """Evaluate the texture of a map without its form and without undefined points.
 
-    Sal is the shortest distance in which the autocorrelation falls to 0.2, Str that over the longest; where the map
-    ends before it falls, its reach is taken for the longest and Str is an upper bound. Std is the direction of the
-    lay from x2, to a degree: that in which the autocorrelation is largest on the mean; NaN where Str > 0.5, and all of
-    it where the map is flat or a single row.
+    Sal is the shortest distance in which the autocorrelation falls to 0.2, and Str its ratio to the longest one. If the
+    map ends before the autocorrelation has fallen, the size of the map replaces the longest distance, and Str is an
+    upper bound. Std is the direction, to a degree, in which the autocorrelation is largest on average; it is NaN if Str
+    > 0.5. All values are NaN if the map is flat or a single row.
     """
     if topography.rms_height == 0 or min(topography.shape) < 2:
         return Texture(nan, nan, False, nan)
     middle = np.array([n // 2 for n in topography.shape])
     spacing = np.array(topography.spacing)
-    direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T
-    reach = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
+    direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T  # (angle, axis)
+    # distance from the middle of the map to its border in each direction (angle,)
+    border = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
     step = spacing.min() / 2
-    r = np.arange(0, reach.max() + step / 2, step)
-    places = middle + (direction / spacing)[:, None] * r[:, None]
-    correlation = autocorrelation(topography)
-    found = scipy.ndimage.map_coordinates(correlation, places.T, order=1, mode="nearest").T
-    below = (found < _DECAYED) & (r < reach[:, None] + step / 2)
-    fallen = below.any(axis=1)
-    distance = np.where(fallen, r[np.argmax(below, axis=1)], reach)
-    shortest = distance[fallen].min() if fallen.any() else reach.max()
-    ratio = float(shortest / distance.max())
-    alike = found[:, r < reach.min()].mean(axis=1)
-    lay = pi / 2 - (-_ANGLES[np.argmax(alike)]) % pi if ratio <= ISOTROPIC else nan
-    return Texture(float(shortest), ratio, not bool(fallen.all()), float(lay))
+    distance = np.arange(0, border.max() + step / 2, step)
+    # fractional indices into the autocorrelation (angle, distance, axis)
+    index = middle + (direction / spacing)[:, None] * distance[:, None]
+    correlation = scipy.ndimage.map_coordinates(
+        autocorrelation(topography), index.T, order=1, mode="nearest"
+    ).T  # (angle, distance)
+    is_inside = distance < border[:, None] + step / 2
+    has_decayed = (correlation < _DECAYED) & is_inside
+    decays = has_decayed.any(axis=1)
+    decay_length = np.where(decays, distance[np.argmax(has_decayed, axis=1)], border)
+    shortest = decay_length[decays].min() if decays.any() else border.max()
+    ratio = float(shortest / decay_length.max())
+    lay = nan
+    if ratio <= ISOTROPIC:
+        # averages over distances that are inside the map in all directions
+        mean_correlation = correlation[:, distance < border.min()].mean(axis=1)
+        lay = pi / 2 - (-_ANGLES[np.argmax(mean_correlation)]) % pi
+    return Texture(float(shortest), ratio, not bool(decays.all()), float(lay))
 
 
 def autocorrelation(topography: Topography) -> Array:
-    """Autocorrelation (2 m1 + 1, 2 m2 + 1) of a map (n1, n2) at lags of up to m = n // 2 pixels, 1 in the middle.
+    """Return the autocorrelation of a map, as the mean over all pairs of points with the same lag.
 
-    Mean over the pairs of points that lie that far apart: nothing is assumed beyond the borders.
+    Nothing is assumed about the surface beyond the borders of the map.
+
+    Returns
+    -------
+    array, (2 m1 + 1, 2 m2 + 1)
+        Autocorrelation at lags of −m to m pixels with m = n // 2 along each axis. It is 1 in the middle.
     """
     z = topography.heights - topography.heights.mean()
-    (n1, n2), (m1, m2) = topography.shape, (n // 2 for n in topography.shape)
+    n1, n2 = topography.shape
+    m1, m2 = n1 // 2, n2 // 2
     padded = [scipy.fft.next_fast_len(2 * n, real=True) for n in (n1, n2)]
     sums = scipy.fft.irfft2(np.abs(scipy.fft.rfft2(z, padded)) ** 2, padded)
-    i = np.arange(-m1, m1 + 1)
-    j = np.arange(-m2, m2 + 1)
-    pairs = np.outer(n1 - np.abs(i), n2 - np.abs(j))
-    lagged = sums[np.ix_(i, j)] / pairs
-    return lagged / lagged[m1, m2]
+    lag1 = np.arange(-m1, m1 + 1)
+    lag2 = np.arange(-m2, m2 + 1)
+    pairs = np.outer(n1 - np.abs(lag1), n2 - np.abs(lag2))
+    correlation = sums[np.ix_(lag1, lag2)] / pairs
+    return correlation / correlation[m1, m2]

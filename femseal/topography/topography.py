@@ -1,14 +1,16 @@
-"""A map of heights of a seal face, with its properties and operations, and the waves that it is made of.
+"""Define a map of heights, with its properties and operations, and the waves that it consists of.
 
-Conventions: x1 = axis 0 = leakage direction, x2 = axis 1 = along the seal; heights are cell-centred samples,
-pixel (i, j) covers [iΔ1,(i+1)Δ1]×[jΔ2,(j+1)Δ2]; SI units.
-Waves: Fourier on periodic axes, even (mirror) extension on others, which for cell-centred samples is the cosine
-transform DCT-II, on the same n points. A wave of number k along a periodic axis of length L is exp(i q x), q = 2πk/L,
-k = −n/2 … n/2; along a mirror axis cos(q x), q = πk/L, k = 0 … n−1. x = 0 is the edge of the first pixel.
-Symbols: z heights (n1, n2) [m], d spacing [m], q angular wavenumber [rad/m], Sq rms height about the mean [m], C
-spectral density.
-Source of the definitions: ISO 25178-2 (Sq), Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017)
-013001 (spectral densities).
+Conventions: x1 = axis 0 is the leakage direction, x2 = axis 1 runs along the seal. Heights are sampled at pixel
+centres; pixel (i, j) covers [iΔ1, (i+1)Δ1] × [jΔ2, (j+1)Δ2]. All values are in SI.
+
+Waves: a periodic axis is described by a Fourier series. Along any other axis the map continues as its mirror image,
+which for cell-centred samples is the cosine transform DCT-II on the same n points. A wave with the number k along a
+periodic axis of length L is exp(i q x) with q = 2πk/L and k = −n/2 … n/2; along a mirrored axis it is cos(q x) with q =
+πk/L and k = 0 … n−1. x = 0 is the edge of the first pixel.
+
+Symbols: z heights (n1, n2) [m], d spacing [m], q angular wave number [rad/m], Sq rms height about the mean [m],
+C spectral density. Sources of the definitions: ISO 25178-2 (Sq); Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop.
+5 (2017) 013001 (spectral densities).
 """
 
 from __future__ import annotations
@@ -37,69 +39,82 @@ from ..base import (
 )
 from .defects import SPIKES, Form, TooManyUndefined, fill_holes, find_spikes, fit_form
 
-#: A periodic axis has a step at its border where the height changes there by more than this many times the usual change
-#: from point to point, rms.
+#: A periodic axis has a step at its border if the rms change of height there exceeds that between neighbouring points
+#: by this factor.
 _STEP = 2.0
-#: Relative slack on a limit of wavenumber, so that rounding does not decide on the wave exactly at the limit.
+#: Relative tolerance of limits of the wave number, so that rounding errors do not decide about a wave at the limit.
 SLACK = 1e-9
 
 
 def power(z: NDArray, periodic: Periodic) -> NDArray:
-    """Fraction (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
-    mirrored, wrapped = _axes(periodic)
-    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    """Return the contribution (n1, n2) [m²] of each wave to the mean square of `z`.
+
+    The sum of all contributions is the mean square (Parseval's theorem).
+    """
+    mirrored, wrapped = _mirrored_and_periodic_axes(periodic)
+    coefficients = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
     if not wrapped:
-        return c**2 / z.size
-    # the real transform takes half the memory: the waves that it leaves out are conjugates of others
-    half: NDArray[Any] = scipy.fft.rfftn(c, axes=wrapped, norm="ortho")
+        return coefficients**2 / z.size
+    # The real transform takes half the memory. The waves that it leaves out are conjugates of others.
+    half: NDArray[Any] = scipy.fft.rfftn(coefficients, axes=wrapped, norm="ortho")
     powers = np.empty(z.shape)
-    known = powers.swapaxes(-1, wrapped[-1])
-    half = half.swapaxes(-1, wrapped[-1])
+    # In these views the axis of the real transform is the last one.
+    half_view = half.swapaxes(-1, wrapped[-1])
+    powers_view = powers.swapaxes(-1, wrapped[-1])
     n = z.shape[wrapped[-1]]
-    count = n // 2 + 1  # waves of a real transform
-    np.square(half.real, out=known[:, :count])
-    for row, waves in zip(known, half, strict=True):
+    count = n // 2 + 1  # number of waves of the real transform
+    np.square(half_view.real, out=powers_view[:, :count])
+    for row, waves in zip(powers_view, half_view, strict=True):
         row[:count] += waves.imag**2
-    known[:, :count] /= z.size
-    others = known[:, 1 : n - count + 1][:, ::-1]
+    powers_view[:, :count] /= z.size
+    conjugates = powers_view[:, 1 : n - count + 1][:, ::-1]
     if len(wrapped) == 2:
-        known[0, count:] = others[0]
-        known[1:, count:] = others[:0:-1]
+        # the conjugate of wave (k1, k2) is (−k1, −k2)
+        powers_view[0, count:] = conjugates[0]
+        powers_view[1:, count:] = conjugates[:0:-1]
     else:
-        known[:, count:] = others
+        powers_view[:, count:] = conjugates
     return powers
 
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
-    """Wavenumbers q (n,) [rad/m] of an axis in the order of transforms; signed on a periodic axis."""
-    return 2 * np.pi * scipy.fft.fftfreq(n, d) if periodic else np.pi * np.arange(n) / (n * d)
+    """Return the wave numbers (n,) [rad/m] of an axis in the order of the transforms; signed on a periodic axis."""
+    if periodic:
+        return 2 * np.pi * scipy.fft.fftfreq(n, d)
+    return np.pi * np.arange(n) / (n * d)
 
 
 def wavenumber_grids(shape: Shape, spacing: Pair, periodic: Periodic) -> tuple[NDArray, NDArray]:
-    """q1 (n1, 1) and q2 (1, n2) [rad/m]."""
-    q1, q2 = (wavenumbers(*axis) for axis in zip(shape, spacing, periodic, strict=True))
+    """Return the wave numbers along x1 (n1, 1) and along x2 (1, n2) [rad/m]."""
+    q1 = wavenumbers(shape[0], spacing[0], periodic[0])
+    q2 = wavenumbers(shape[1], spacing[1], periodic[1])
     return q1[:, None], q2[None, :]
 
 
 def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDArray:
-    """Waves of `z` with |q| <= `limit` [rad/m]."""
-    mirrored, wrapped = _axes(periodic)
-    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
-    # of the last periodic axis waves k >= 0 alone
-    c = scipy.fft.rfftn(c, axes=wrapped, norm="ortho") if wrapped else c
+    """Return the waves of `z` with |q| <= `limit` [rad/m]."""
+    mirrored, wrapped = _mirrored_and_periodic_axes(periodic)
+    coefficients = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
+    if wrapped:
+        # along the last periodic axis only the waves with k >= 0 are stored
+        coefficients = scipy.fft.rfftn(coefficients, axes=wrapped, norm="ortho")
     q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
-    c[q1[: c.shape[0]] ** 2 + q2[:, : c.shape[1]] ** 2 > (limit * (1 + SLACK)) ** 2] = 0
+    rows, columns = coefficients.shape
+    is_short = q1[:rows] ** 2 + q2[:, :columns] ** 2 > (limit * (1 + SLACK)) ** 2
+    coefficients[is_short] = 0
     if wrapped:
         points = [z.shape[axis] for axis in wrapped]
-        c = scipy.fft.irfftn(c, points, axes=wrapped, norm="ortho", overwrite_x=True)
-    return scipy.fft.idctn(c, axes=mirrored, norm="ortho", overwrite_x=True)
+        coefficients = scipy.fft.irfftn(
+            coefficients, points, axes=wrapped, norm="ortho", overwrite_x=True
+        )
+    return scipy.fft.idctn(coefficients, axes=mirrored, norm="ortho", overwrite_x=True)
 
 
 def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
-    """Interpolant of `z` at the centres of `n` pixels along `axis`, without waves too short for them.
+    """Interpolate `z` at the centres of `n` pixels along an axis, and leave out waves that are too short for them.
 
-    Exact for band-limited data. With m points before and n after, coefficient k turns by the phase
-    exp(iπk(1/n − 1/m)), because the first pixel centre moves from d_m/2 to d_n/2.
+    The result is exact for band-limited data. With m points before and n points after, the phase of coefficient k
+    changes by πk(1/n − 1/m), because the centre of the first pixel moves from d_m/2 to d_n/2.
     """
     m = z.shape[axis]
     if m == n:
@@ -107,38 +122,43 @@ def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
     if not periodic:
         return scipy.fft.idct(scipy.fft.dct(z, axis=axis), n=n, axis=axis) * (n / m)
     k = np.arange(min(m, n) // 2 + 1)
-    weight = np.exp(1j * np.pi * k * (1 / n - 1 / m)) * (n / m)
-    # The sampled Nyquist wave stands for a pair ±k: going up it is shared between both, going down it
-    # collects both.
+    factor = np.exp(1j * np.pi * k * (1 / n - 1 / m)) * (n / m)
+    # The sampled Nyquist wave stands for the pair ±k. On a finer grid it is divided between both; on a coarser grid it
+    # contains both.
     if min(m, n) % 2 == 0:
-        weight[-1] *= 0.5 if m < n else 2.0
-    kept = np.take(scipy.fft.rfft(z, axis=axis), k, axis) * np.expand_dims(weight, 1 - axis)
-    return scipy.fft.irfft(kept, n, axis=axis)
+        factor[-1] *= 0.5 if m < n else 2.0
+    coefficients = np.take(scipy.fft.rfft(z, axis=axis), k, axis)
+    return scipy.fft.irfft(coefficients * np.expand_dims(factor, 1 - axis), n, axis=axis)
 
 
-def _axes(periodic: Periodic) -> tuple[list[int], list[int]]:
-    """Mirror axes and periodic ones."""
-    return [k for k in (0, 1) if not periodic[k]], [k for k in (0, 1) if periodic[k]]
+def _mirrored_and_periodic_axes(periodic: Periodic) -> tuple[list[int], list[int]]:
+    """Return the numbers of the axes that are not periodic, and of those that are."""
+    mirrored = [axis for axis in (0, 1) if not periodic[axis]]
+    wrapped = [axis for axis in (0, 1) if periodic[axis]]
+    return mirrored, wrapped
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Topography(Plotted):
-    """Heights on a regular grid.
+    """Hold heights on a regular grid.
 
-    Along an axis where `periodic` is set the map continues by repeating itself, along the others by its
-    mirror image; this is what every spectral quantity and operation below assumes between and beyond the
-    samples.
+    Along a periodic axis the map repeats itself, along any other axis it continues as its mirror image. All spectral
+    quantities and operations below assume this between and beyond the samples. Most operations raise InputError if the
+    map has undefined points; fill them first.
 
     Parameters
     ----------
-    heights : z (n1, n2) [m], kept as a read-only float64 copy; NaN (or masked) = undefined point.
-    spacing : pixel size (Δ1, Δ2) [m].
-    periodic : whether the map repeats itself along x1 and x2; one truth value stands for both.
+    heights : array_like, (n1, n2)
+        Heights z [m], which are copied. NaN and masked points are undefined.
+    spacing : float or tuple of two float
+        Pixel size (Δ1, Δ2) [m].
+    periodic : bool or tuple of two bool
+        Whether the map is periodic along x1 and x2.
 
     Raises
     ------
-    InputError : heights not two-dimensional, empty, complex or infinite; spacing not two finite numbers > 0;
-        from most operations, if there are undefined points: fill them first.
+    InputError
+        The heights are not two-dimensional, empty, complex or infinite; or the spacing is not two finite numbers > 0.
 
     Examples
     --------
@@ -165,22 +185,22 @@ class Topography(Plotted):
 
     @property
     def size(self) -> Pair:
-        """Side lengths (n1 Δ1, n2 Δ2) [m]."""
+        """Sides (n1 Δ1, n2 Δ2) [m]."""
         return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
 
     @property
     def patches(self) -> tuple[Topography, ...]:
-        """The measured patches of the surface, see `Patches`: this map alone."""
+        """The measured patches of the surface, see `Patches`. A single map is its only patch."""
         return (self,)
 
     @property
     def widths(self) -> tuple[int, ...]:
-        """Points of every measured patch along x2."""
+        """Number of points of every measured patch along x2."""
         return (self.shape[1],)
 
     @property
     def shortest_patch(self) -> Topography:
-        """The shortest measured patch along x2: this map."""
+        """The measured patch that is shortest along x2, which is this map."""
         return self
 
     @property
@@ -192,33 +212,35 @@ class Topography(Plotted):
     def seamless(self) -> Periodic:
         """Whether the map is periodic along each axis and has no step where it repeats itself.
 
-        A map that was measured has such a step even if it is called periodic, and so has a periodic one that was
-        levelled: a plane is not periodic.
+        A measured map has such a step even if it is called periodic. So does a periodic map from which a plane was
+        subtracted, because a plane is not periodic.
         """
         return self._is_seamless(0), self._is_seamless(1)
 
     def _is_seamless(self, axis: int) -> bool:
+        """Return whether the map is periodic along an axis and has no step at its border, see `seamless`."""
         if not self.periodic[axis]:
             return False
         lines = self.heights.swapaxes(0, axis)
-        at_border = _mean_square(lines[0] - lines[-1])
+        border_change = _mean_square(lines[0] - lines[-1])
         changes = [_mean_square(after - before) for before, after in pairwise(lines)]
-        known = [change for change in changes if not isnan(change)]
-        if isnan(at_border) or not known:
+        known_changes = [change for change in changes if not isnan(change)]
+        if isnan(border_change) or not known_changes:
             return True
-        return at_border <= _STEP**2 * sum(known) / len(known)
+        mean_change = sum(known_changes) / len(known_changes)
+        return border_change <= _STEP**2 * mean_change
 
     @property
     def rms_height(self) -> float:
-        """Sq, rms height about the mean [m]."""
+        """Rms height Sq about the mean [m]."""
         return float(self._defined("rms_height").std())
 
     @cached_property
     def rms_slopes(self) -> Pair:
-        """Rms of ∂z/∂x1 and of ∂z/∂x2 [-], each √(Σ q_i² |c|²) over the waves of the map (Parseval).
+        """Rms of ∂z/∂x1 and of ∂z/∂x2 [-], each √(Σ q_i² |c|²) over the waves of the map (Parseval's theorem).
 
-        Exact for band-limited data. An axis that is not periodic goes by the mirrored map, so a tilt counts
-        fully.
+        It is exact for band-limited data. Along an axis that is not periodic the mirrored map is used, so that a tilt
+        counts fully.
         """
         powers = power(self._defined("rms_slope"), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
@@ -228,26 +250,32 @@ class Topography(Plotted):
 
     @property
     def rms_slope(self) -> float:
-        """h′_rms, rms of the modulus of the gradient |∇z| [-]; see `rms_slopes`."""
+        """Rms of the gradient's magnitude |∇z| [-], see `rms_slopes`."""
         return float(np.hypot(*self.rms_slopes))
 
     def detrend(self, order: int | None = 1) -> Topography:
         """Subtract the least-squares form of the map, see `form`.
 
-        Undefined points are left out of the fit and stay undefined.
+        Undefined points are ignored in the fit and stay undefined.
 
-        Raises InputError: another order.
+        Raises
+        ------
+        InputError
+            The order is invalid.
         """
         return self.with_heights(self.heights - self.form(order).heights)
 
     def form(self, order: int | None = None) -> Form:
         """Fit the mean (order 0), mean and tilt (1), or mean, tilt and curvature (2) to the defined points.
 
-        A periodic map has no tilt: a plane fitted to it is a part of its waves, and subtracting it leaves a step where
-        the map repeats itself. The order None therefore fits the mean, and the tilt only along axes on which the map is
-        not `seamless`.
+        A periodic map has no tilt: a plane that is fitted to it is part of its waves, and subtracting it leaves a step
+        where the map repeats itself. Therefore the order None fits the mean, and the tilt only along axes along which
+        the map is not `seamless`.
 
-        Raises InputError: another order, or no defined point.
+        Raises
+        ------
+        InputError
+            The order is invalid, or no point is defined.
         """
         if order is None:
             first, second = self.seamless
@@ -255,79 +283,130 @@ class Topography(Plotted):
         return fit_form(self.heights, self.size, order)
 
     def low_pass(self, wavelength: float) -> Topography:
-        """Waves with |q| <= 2π/`wavelength`, in any direction: truncation in Fourier space.
+        """Keep the waves with |q| <= 2π/`wavelength`, in any direction, by truncation in Fourier space.
 
-        Raises InputError: wavelength [m] not a finite number > 0.
+        Parameters
+        ----------
+        wavelength : float
+            Shortest wave [m].
+
+        Raises
+        ------
+        InputError
+            The wavelength is not a finite number > 0.
         """
         limit = 2 * np.pi / validate.number("wavelength", wavelength, unit="m")
-        return self.with_heights(
-            truncate(self._defined("low_pass"), self.spacing, self.periodic, limit)
-        )
+        heights = self._defined("low_pass")
+        return self.with_heights(truncate(heights, self.spacing, self.periodic, limit))
 
     def high_pass(self, wavelength: float) -> Topography:
-        """Map less its low-pass: the waves that `low_pass` removes."""
+        """Remove the waves that `low_pass` keeps."""
         return self.with_heights(self._defined("high_pass") - self.low_pass(wavelength).heights)
 
     def resample(self, shape: Shape) -> Topography:
-        """Fourier interpolant of the map at the pixel centres of another grid (m1, m2) on the same area.
+        """Interpolate the map by its Fourier series on another grid of the same area.
 
-        Exact for band-limited data, up and down; waves too short for the new grid are left out, never folded.
-        Half-pixel shifts of the centres are accounted for, so the surface does not move.
+        It is exact for band-limited data on finer and coarser grids. Waves that are too short for the new grid are left
+        out, so that there is no aliasing. The shift of the pixel centres is taken into account, so that the surface
+        does not move.
 
-        Raises InputError: shape not two whole numbers >= 1.
+        Parameters
+        ----------
+        shape : tuple of two int
+            Number of points along x1 and x2.
+
+        Raises
+        ------
+        InputError
+            The shape is not two whole numbers >= 1.
         """
-        new = validate.grid("shape", shape)
+        new_shape = validate.grid("shape", shape)
         z = self._defined("resample")
         for axis in (0, 1):
-            z = resample_axis(z, new[axis], axis, self.periodic[axis])
-        return Topography(z, (self.size[0] / new[0], self.size[1] / new[1]), self.periodic)
+            z = resample_axis(z, new_shape[axis], axis, self.periodic[axis])
+        spacing = (self.size[0] / new_shape[0], self.size[1] / new_shape[1])
+        return Topography(z, spacing, self.periodic)
 
     def without_spikes(self, threshold: float = SPIKES) -> Topography:
-        """Map with spikes marked undefined: isolated points `threshold` robust deviations off (`defects.py`).
+        """Mark spikes as undefined points, see `femseal.topography.defects`.
 
-        Raises InputError: threshold not > 0; infinite leaves all points.
+        Parameters
+        ----------
+        threshold : float
+            Deviation of an isolated point from its surroundings, in robust standard deviations, above which it is a
+            spike. If infinite, there are no spikes.
+
+        Raises
+        ------
+        InputError
+            The threshold is not > 0.
         """
-        return self.with_heights(
-            np.where(find_spikes(self.heights, threshold), np.nan, self.heights)
-        )
+        is_spike = find_spikes(self.heights, threshold)
+        return self.with_heights(np.where(is_spike, np.nan, self.heights))
 
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
-        """Map with undefined points filled by the harmonic surface through their rims (`defects.py`).
+        """Fill undefined points by the harmonic surface through the points around them.
 
-        Raises InputError: more than `max_share` (0 to 1) of the points, or all of them, are undefined.
+        Parameters
+        ----------
+        max_share : float
+            Largest fraction of points that may be undefined, from 0 to 1.
+
+        Raises
+        ------
+        InputError
+            More points are undefined, or all of them.
         """
         fraction = self.undefined_fraction
         limit = validate.number("max_share", max_share, inclusive=True)
         if fraction == 1:
             raise InputError("undefined points", "100 %", "a map with defined points")
         if fraction > limit:
-            given, most = (as_text(part, percent=True) for part in (fraction, limit))
+            given = f"{as_text(fraction, percent=True)} undefined points"
+            most = as_text(limit, percent=True)
             expected = f"at most {most}: crop the map to a part with fewer, or raise max_undefined"
-            raise TooManyUndefined("heights", f"{given} undefined points", expected)
+            raise TooManyUndefined("heights", given, expected)
         return self.with_heights(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: Shape, start: Shape = (0, 0)) -> Topography:
-        """Part of `shape` points beginning at pixel `start`; an axis that loses points is periodic no more.
+        """Cut out a part of the map. Along an axis that loses points the result is not periodic.
 
-        Raises InputError: the part reaches beyond the map.
+        Parameters
+        ----------
+        shape : tuple of two int
+            Number of points of the part.
+        start : tuple of two int
+            Index of its first pixel.
+
+        Raises
+        ------
+        InputError
+            The part reaches beyond the map.
         """
-        (m1, m2), (i, j) = validate.grid("shape", shape), validate.grid("start", start, minimum=0)
-        if i + m1 > self.shape[0] or j + m2 > self.shape[1]:
-            raise InputError(
-                "crop",
-                f"shape {(m1, m2)} from {(i, j)}",
-                f"a part of the {self.shape} points of the map",
-            )
+        rows, columns = validate.grid("shape", shape)
+        row, column = validate.grid("start", start, minimum=0)
+        if row + rows > self.shape[0] or column + columns > self.shape[1]:
+            given = f"shape {(rows, columns)} from {(row, column)}"
+            raise InputError("crop", given, f"a part of the {self.shape} points of the map")
         periodic = (
-            self.periodic[0] and m1 == self.shape[0],
-            self.periodic[1] and m2 == self.shape[1],
+            self.periodic[0] and rows == self.shape[0],
+            self.periodic[1] and columns == self.shape[1],
         )
-        return Topography(self.heights[i : i + m1, j : j + m2], self.spacing, periodic)
+        part = self.heights[row : row + rows, column : column + columns]
+        return Topography(part, self.spacing, periodic)
 
     def crop_to(self, part: tuple[float, float, float, float]) -> Topography:
-        """Part from x1 to x1, x2 to x2 [m], to whole pixels; see `crop`.
+        """Cut out a part of the map that is given by lengths, rounded to whole pixels; see `crop`.
 
-        Raises InputError: not four lengths, of no pixel, or beyond the map.
+        Parameters
+        ----------
+        part : tuple of four float
+            x1 from, x1 to, x2 from, x2 to [m].
+
+        Raises
+        ------
+        InputError
+            The lengths are not four, contain no pixel, or reach beyond the map.
         """
         try:
             begin1, end1, begin2, end2 = (
@@ -337,51 +416,61 @@ class Topography(Plotted):
             return self.crop((end1 - begin1, end2 - begin2), (begin1, begin2))
         except (TypeError, ValueError, IndexError):
             sides = " and ".join(to_text(length, "m") for length in self.size)
-            allowed = f"x1 from, x1 to, x2 from, x2 to, each pair rising, within {sides}"
-            raise InputError("crop", f"{part} m", allowed) from None
+            expected = f"x1 from, x1 to, x2 from, x2 to, each pair rising, within {sides}"
+            raise InputError("crop", f"{part} m", expected) from None
 
     def flip(self, axis: int) -> Topography:
-        """Map reversed along an axis, as the upper of two faces must be before they are added."""
+        """Reverse the map along an axis, as the upper of two faces must be before both are added."""
         return self.with_heights(np.flip(self.heights, validate.axis_number(axis)))
 
     def __add__(self, other: Topography) -> Topography:
-        """Sum of two faces on one grid, the roughness to press on a rigid flat; periodic where both are.
+        """Add two faces on the same grid. The sum is periodic where both are.
 
-        Raises InputError: shapes or spacings differ.
+        Raises
+        ------
+        InputError
+            The shapes or spacings differ.
         """
         if not isinstance(other, Topography):
             return NotImplemented
         for name in ("shape", "spacing"):
-            own, its = getattr(self, name), getattr(other, name)
-            if not np.allclose(own, its, rtol=1e-9, atol=0):
-                raise InputError(f"{name} of the second face", its, f"that of the first, {own}")
+            first, second = getattr(self, name), getattr(other, name)
+            if not np.allclose(first, second, rtol=1e-9, atol=0):
+                raise InputError(
+                    f"{name} of the second face", second, f"that of the first, {first}"
+                )
         periodic = (self.periodic[0] and other.periodic[0], self.periodic[1] and other.periodic[1])
-        return Topography(self._defined("a sum") + other._defined("a sum"), self.spacing, periodic)
+        heights = self._defined("a sum") + other._defined("a sum")
+        return Topography(heights, self.spacing, periodic)
 
     def with_form(self, profile: NDArray) -> Topography:
-        """The map with a profile along x1 (n1,) [m] added, along which it is periodic no more."""
+        """Add a profile along x1 (n1,) [m] to the heights. Along x1 the result is not periodic."""
         return Topography(self.heights + profile[:, None], self.spacing, (False, self.periodic[1]))
 
     def gap(self) -> Array:
-        """Undeformed gap h1 = max z − z (n1, n2) [m] to a rigid flat that touches the highest point."""
+        """Return the undeformed gap h1 = max z − z (n1, n2) [m] to a rigid flat that touches the highest point."""
         z = self._defined("gap")
         return z.max() - z
 
     def psd(self, axis: int) -> tuple[Array, Array]:
-        """Spectral density of the profiles along `axis`, averaged over the other axis.
+        """Return the spectral density of the profiles along an axis, averaged over all profiles.
 
-        Two-sided density C(q) = C(−q), given for q >= 0, so that Sq² = (1/2π)∫C dq over all q = (1/π)Σ C Δq
-        with half the weight at q = 0, exactly; C(0) holds the variance of the profile means. Δq = 2π/L on a
-        periodic axis, π/L on a mirror axis.
+        The density is two-sided, C(q) = C(−q), and is given for q >= 0. Then Sq² = (1/2π)∫C dq over all q, which is
+        exactly (1/π)Σ C Δq with half the weight at q = 0. C(0) contains the variance of the means of the profiles. Δq
+        is 2π/L on a periodic axis and π/L on a mirrored one.
 
         Returns
         -------
-        q [rad/m] and C [m³], each (n//2 + 1,) on a periodic axis, (n,) otherwise.
+        q : array, (waves,)
+            Wave numbers [rad/m]: n//2 + 1 on a periodic axis, n on a mirrored one.
+        C : array, (waves,)
+            Spectral density [m³].
         """
         axis = validate.axis_number(axis)
         powers = self._centred_power("psd").sum(axis=1 - axis)
         step = float(self._wave_steps[axis])
-        if self.periodic[axis]:  # waves of both signs together
+        if self.periodic[axis]:
+            # add the waves of negative numbers to those of positive numbers
             n = powers.size
             powers[1 : (n + 1) // 2] += powers[: n // 2 : -1]
             powers = powers[: n // 2 + 1]
@@ -390,72 +479,87 @@ class Topography(Plotted):
         return step * np.arange(density.size, dtype=np.float64), density
 
     def radial_psd(self) -> tuple[Array, Array]:
-        """Spectral density averaged over directions, in rings of |q| one wave step wide (the larger).
+        """Return the spectral density averaged over directions.
 
-        C2D is the two-sided density over the plane, Sq² = (1/4π²)∫C2D d²q; q is the mean |q| in the ring.
-        Rings beyond the Nyquist number of an axis are averaged over the part of the ring that the grid
-        carries.
+        The density is that of the plane of wave vectors, with Sq² = (1/4π²)∫C2D d²q. It is averaged in rings of |q|
+        that are as wide as the larger step between wave numbers. A ring beyond the Nyquist number of an axis is
+        averaged over the part that the grid can represent. Rings without waves are left out.
 
         Returns
         -------
-        q [rad/m] and C2D [m⁴], rings without waves left out.
+        q : array, (rings,)
+            Mean |q| in each ring [rad/m].
+        C2D : array, (rings,)
+            Spectral density [m⁴].
         """
         powers = self._centred_power("radial_psd")
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
-        # A wave along a mirror axis stands for itself and its mirror image in the plane of wave vectors.
-        first, second = (
-            np.where(wraps | (np.arange(n) == 0), 1.0, 2.0)
-            for n, wraps in zip(self.shape, self.periodic, strict=True)
+        # A wave along a mirrored axis represents itself and its mirror image in the plane of wave vectors.
+        row_copies, column_copies = (
+            np.where(is_periodic | (np.arange(n) == 0), 1.0, 2.0)
+            for n, is_periodic in zip(self.shape, self.periodic, strict=True)
         )
         step = max(self._wave_steps)
         rings = int(np.hypot(np.abs(q1).max(), np.abs(q2).max()) / step) + 3
-        count, total_wave, total_power = np.zeros((3, rings))
-        for row in range(self.shape[0]):  # one at a time, as several fields would take more memory
+        count = np.zeros(rings)
+        q_sum = np.zeros(rings)
+        power_sum = np.zeros(rings)
+        for row in range(self.shape[0]):  # one row at a time, to save memory
             q = np.hypot(q1[row], q2[0])
             ring = np.rint(q / step).astype(int) + 1
-            copies = first[row] * second
             if row == 0:
-                ring[0] = 0  # the mean
+                ring[0] = 0  # the mean of the map has a ring of its own, which is left out
+            copies = row_copies[row] * column_copies
             count += np.bincount(ring, copies, rings)
-            total_wave += np.bincount(ring, q * copies, rings)
-            total_power += np.bincount(ring, powers[row], rings)
-        keep = np.flatnonzero(count)[1:]
-        waves = total_wave[keep] / count[keep]
-        mean_power = total_power[keep] / count[keep]
-        return waves, mean_power * (4 * np.pi**2 / (self._wave_steps[0] * self._wave_steps[1]))
+            q_sum += np.bincount(ring, q * copies, rings)
+            power_sum += np.bincount(ring, powers[row], rings)
+        filled = np.flatnonzero(count)[1:]
+        mean_q = q_sum[filled] / count[filled]
+        mean_power = power_sum[filled] / count[filled]
+        area_per_wave = self._wave_steps[0] * self._wave_steps[1]
+        return mean_q, mean_power * (4 * np.pi**2 / area_per_wave)
 
     @property
     def _wave_steps(self) -> Pair:
+        """Steps between the wave numbers along x1 and x2 [rad/m]: 2π/L on a periodic axis, π/L on a mirrored one."""
         first, second = (
-            np.pi * (1 + wraps) / length
-            for length, wraps in zip(self.size, self.periodic, strict=True)
+            np.pi * (1 + is_periodic) / length
+            for length, is_periodic in zip(self.size, self.periodic, strict=True)
         )
         return first, second
 
     def _centred_power(self, purpose: str) -> Array:
+        """Return the contribution of each wave to the mean square of the heights about their mean, see `power`."""
         z = self._defined(purpose)
         return power(z - z.mean(), self.periodic)
 
     def with_heights(self, heights: NDArray) -> Topography:
-        """The map with other heights at the same points."""
+        """Return a map with other heights at the same points."""
         return Topography(heights, self.spacing, self.periodic)
 
     def _defined(self, purpose: str) -> Array:
-        if fraction := self.undefined_fraction:
-            raise InputError(
-                "heights",
-                f"{as_text(fraction, percent=True)} undefined points",
-                f"a map without them for {purpose}: use fill_undefined() first",
-            )
+        """Return the heights; raise InputError if points are undefined.
+
+        purpose : what the heights are needed for, for the message.
+        """
+        fraction = self.undefined_fraction
+        if fraction:
+            given = f"{as_text(fraction, percent=True)} undefined points"
+            expected = f"a map without them for {purpose}: use fill_undefined() first"
+            raise InputError("heights", given, expected)
         return self.heights
 
     def facts(self) -> dict[str, str]:
-        """Points, size, pixel and heights as text."""
-        size, pixel = as_text(self.size, "m"), as_text(self.spacing, "m")
-        facts = {"points": as_text(self.shape), "size": size, "pixel": pixel}
-        facts["periodic"] = str(self.periodic)
-        if fraction := self.undefined_fraction:
-            return facts | {"undefined": as_text(fraction, percent=True)}
+        """Return number of points, size, pixel size and heights as text."""
+        facts = {
+            "points": as_text(self.shape),
+            "size": as_text(self.size, "m"),
+            "pixel": as_text(self.spacing, "m"),
+            "periodic": str(self.periodic),
+        }
+        undefined = self.undefined_fraction
+        if undefined:
+            return facts | {"undefined": as_text(undefined, percent=True)}
         return facts | {"Sq": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
 
     def _repr_html_(self) -> str:
@@ -472,7 +576,7 @@ def _mean_square(values: NDArray) -> float:
 
 
 def _clean(heights: Any) -> Array:
-    """Read-only contiguous copy of heights, masked points as NaN."""
+    """Return a read-only contiguous copy of heights, with masked points as NaN."""
     if isinstance(heights, np.ma.MaskedArray) and heights.dtype.kind in "biuf":
         heights = np.ma.filled(heights.astype(np.float64), np.nan)
     z = validate.field("heights", heights, unit="m", undefined=True)

@@ -1,12 +1,12 @@
-"""Waves of a face that were not measured: shorter ones than an instrument sees, longer ones than a patch holds.
+"""Estimate the waves of a surface that were not measured: too short for the instrument, or longer than the patch.
 
-Shorter ones: the power law of the measured spectrum, continued with random phases. Symbols: C spectral density [m⁴] of
-a wave vector q, L sides of the map; a wave and its conjugate have the amplitude √(C/L1 L2) each, so that
+Shorter waves: the power law of the measured spectrum is continued with random phases. Symbols: C spectral density [m⁴]
+at a wave vector q, L1 and L2 sides of the map. A wave and its conjugate have the amplitude √(C/L1 L2) each, so that
 Sq² = (1/4π²)∫C d²q. Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001 (densities, slope).
 
-Longer ones: how many of its longest waves a patch holds, and whether longer ones exist. The longest wave is that of the
-roll-off, where the spectrum has a plateau; else Sal / 0.27, as measured on self-affine patches with a roll-off, of
-which Sal is 0.25 to 0.30 where they hold 3 to 5 of them.
+Longer waves: it is estimated how many of the longest waves a patch contains, and whether longer ones exist. If the
+spectrum has a plateau, the longest wave is the roll-off wavelength. Otherwise it is Sal/0.27: on self-affine patches
+with a roll-off, Sal is 0.25 to 0.30 of the roll-off wavelength if they contain 3 to 5 of these waves.
 """
 
 from dataclasses import dataclass
@@ -26,10 +26,20 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class Continuation:
-    """Continuation of a spectrum below its power law.
+    """Continue a measured spectrum below its shortest waves.
 
-    law : of the measured spectrum. longest, cut_off : waves that are added [m]. rms_slope : of the waves measured, to
-    `longest`. periodic : borders of the map. seed : whole numbers, of the phases.
+    Parameters
+    ----------
+    law : PowerLaw
+        Power law of the measured spectrum.
+    longest, cut_off : float
+        Longest and shortest wave that is added [m].
+    rms_slope : float
+        Rms slope of the measured waves down to `longest` [-].
+    periodic : tuple of two bool
+        Whether the map is periodic along x1 and x2.
+    seed : tuple of int
+        Seed of the phases.
     """
 
     law: PowerLaw
@@ -40,64 +50,92 @@ class Continuation:
     seed: tuple[int, ...]
 
     def added_to(self, face: Surface, realisation: int = 0, *, factor: float = 1.0) -> Surface:
-        """The face with these waves, times a factor, as far as its pixels carry them.
+        """Add these waves to a surface, as far as its pixels can carry them.
 
-        The seed and the realisation give the same waves on every grid. Along an axis that is not periodic they are
-        even about both borders, as the map is. Realisations but the first also draw the slope of the law by its error.
+        The same seed and realisation give the same waves on every grid. Along an axis that is not periodic the waves
+        are symmetric about both borders, as the map is.
+
+        Parameters
+        ----------
+        face : Topography or Patches
+            The surface.
+        realisation : int
+            Number of the realisation. All except the first also draw the exponent of the power law within its error.
+        factor : float
+            Factor of the heights of the waves.
         """
-        rng = np.random.default_rng(
-            [*self.seed, realisation + 1]
-        )  # zeros at the end change nothing
-        slope = -2 * self.law.hurst_error * rng.standard_normal() * (realisation > 0)
-        # each of several patches has phases of its own
-        patches = zip(face.patches, rng.spawn(len(face.patches)), strict=True)
-        added = np.concatenate(
-            [self._waves_on(patch, slope, phases) for patch, phases in patches], axis=1
-        )
-        return face.with_heights(face.heights + factor * added)
+        # zeros at the end of a seed would have no effect, hence + 1
+        rng = np.random.default_rng([*self.seed, realisation + 1])
+        exponent_change = -2 * self.law.hurst_error * rng.standard_normal() * (realisation > 0)
+        patch_rngs = rng.spawn(len(face.patches))
+        waves = [
+            self._waves_on(patch, exponent_change, patch_rng)
+            for patch, patch_rng in zip(face.patches, patch_rngs, strict=True)
+        ]
+        return face.with_heights(face.heights + factor * np.concatenate(waves, axis=1))
 
-    def _waves_on(self, face: Topography, slope: float, rng: np.random.Generator) -> NDArray:
-        """Heights (n1, n2) [m] of the waves, of a law whose slope differs by so much about the middle of its range."""
-        periods = tuple(
-            n if wraps else 2 * n for n, wraps in zip(face.shape, self.periodic, strict=True)
+    def _waves_on(
+        self, patch: Topography, exponent_change: float, rng: np.random.Generator
+    ) -> NDArray:
+        """Return the heights (n1, n2) [m] of the waves on a patch.
+
+        exponent_change : change of the exponent of the power law, which keeps the density in the middle of its range.
+        """
+        # along an axis that is not periodic, the map and its mirror image form one period
+        n1, n2 = (
+            n if is_periodic else 2 * n
+            for n, is_periodic in zip(patch.shape, self.periodic, strict=True)
         )
-        size = (periods[0] * face.spacing[0], periods[1] * face.spacing[1])
-        k = wave_numbers(size, max(self.cut_off, 2 * max(face.spacing)))
-        q = 2 * pi * np.hypot(k[0] / size[0], k[1] / size[1])
-        middle = 2 * pi / sqrt(self.law.longest * self.law.shortest)
-        density = np.where(q > 2 * pi / self.longest, self.law.at(q) * (q / middle) ** slope, 0.0)
-        z = random_waves((periods[0], periods[1]), k, np.sqrt(density / (size[0] * size[1])), rng)
+        size = (n1 * patch.spacing[0], n2 * patch.spacing[1])
+        k1, k2 = wave_numbers(size, max(self.cut_off, 2 * max(patch.spacing)))
+        q = 2 * pi * np.hypot(k1 / size[0], k2 / size[1])
+        q_middle = 2 * pi / sqrt(self.law.longest * self.law.shortest)
+        density = self.law.at(q) * (q / q_middle) ** exponent_change
+        density = np.where(q > 2 * pi / self.longest, density, 0.0)
+        amplitude = np.sqrt(density / (size[0] * size[1]))
+        z = random_waves((n1, n2), (k1, k2), amplitude, rng)
         for axis in (0, 1):
             if not self.periodic[axis]:
                 z = (z + np.flip(z, axis)) / sqrt(2)
-        return z[: face.shape[0], : face.shape[1]]
+        return z[: patch.shape[0], : patch.shape[1]]
 
     def slope_to(self, wave: float) -> float:
-        """Rms slope [-] of measured and continued waves down to a shortest one [m]."""
+        """Return the rms slope [-] of all measured and continued waves down to a wavelength [m]."""
         return sqrt(self.rms_slope**2 + self.law.slope_power(self.longest, wave))
 
     def last_that_counts(self, hardness: float, modulus: float) -> float:
-        """Wavelength [m] below which hardness [Pa] sets the area in contact; 0 where it never does.
+        """Return the wavelength [m] below which the hardness alone decides the contact area; 0 if there is none.
 
-        By Persson's theory contact carries E*h'/2 of mean pressure, which rises with every wave that is added until it
-        is the hardness: shorter waves are flattened.
+        By Persson's theory, the mean pressure in the contact is E*h'/2, which rises with every wave that is added until
+        it reaches the hardness. Shorter waves are flattened.
+
+        Parameters
+        ----------
+        hardness : float
+            Hardness [Pa].
+        modulus : float
+            Contact modulus E* [Pa].
         """
-        missing = (2 * hardness / modulus) ** 2 - self.rms_slope**2
-        if missing <= 0:
+        missing_square_slope = (2 * hardness / modulus) ** 2 - self.rms_slope**2
+        if missing_square_slope <= 0:
             return self.longest
-        q = 2 * pi / self.longest
-        power = 2 - 2 * self.law.hurst
-        folds = missing * 2 * pi / (q**4 * self.law.at(q))
-        if not -1 < power * folds < inf:
+        # solve ∫ q³ C(q)/2π dq = missing square slope for the upper limit, with C(q) = C₀ (q/q₀)^(−2−2H)
+        q0 = 2 * pi / self.longest
+        exponent = 2 - 2 * self.law.hurst
+        scaled = missing_square_slope * 2 * pi / (q0**4 * self.law.at(q0))
+        if not -1 < exponent * scaled < inf:
             return 0.0
-        return self.longest * exp(-(log1p(power * folds) / power if power else folds))
+        log_ratio = log1p(exponent * scaled) / exponent if exponent else scaled
+        return self.longest * exp(-log_ratio)
 
     def __str__(self) -> str:
-        law, wave = self.law, to_text
+        law = self.law
+        longest, cut_off = to_text(self.longest, "m", 3), to_text(self.cut_off, "m", 3)
+        law_longest, law_shortest = to_text(law.longest, "m", 3), to_text(law.shortest, "m", 3)
+        exponent = f"{-2 - 2 * law.hurst:.2f} ± {2 * law.hurst_error:.2f}"
         return (
-            f"waves from {wave(self.longest, 'm', 3)} to {wave(self.cut_off, 'm', 3)} continue the power law "
-            f"q^({-2 - 2 * law.hurst:.2f} ± {2 * law.hurst_error:.2f}) fitted from {wave(law.longest, 'm', 3)} to "
-            f"{wave(law.shortest, 'm', 3)}; rms slope {self.rms_slope:.3g} of the measured, "
+            f"waves from {longest} to {cut_off} continue the power law q^({exponent}) fitted from "
+            f"{law_longest} to {law_shortest}; rms slope {self.rms_slope:.3g} of the measured, "
             f"{self.slope_to(self.cut_off):.3g} of all waves"
         )
 
@@ -105,26 +143,37 @@ class Continuation:
 def continuation_of(
     flat: Surface, cut_off: float, *, longest: float | None = None, rng: Any = 0
 ) -> Continuation:
-    """How the spectrum of a flat map without undefined points goes on from where its power law ends to a cut-off.
+    """Continue the spectrum of a surface from the end of its power law down to a shorter wave.
 
-    flat : as measured. cut_off : shortest wave [m]. rng : whole number, or several, of the phases.
-    longest : wave from which on measured ones are replaced [m], if not from the end of the law.
+    Parameters
+    ----------
+    flat : Topography or Patches
+        The surface as measured, without its form and without undefined points.
+    cut_off : float
+        Shortest wave [m].
+    longest : float, optional
+        Wavelength below which measured waves are replaced [m]. Default: the end of the power law.
+    rng : int or sequence of int
+        Seed of the phases.
 
-    Raises InputError: no power law in the spectrum; a cut-off no shorter than the waves that are measured.
+    Raises
+    ------
+    InputError
+        The spectrum does not follow a power law, or the waves down to the cut-off are measured.
     """
     shortest = validate.number("continue_spectrum", cut_off, unit="m")
     law = spectrum(flat).law
     if law is None:
+        given = f"{to_text(shortest, 'm')} and a face without such a law"
         expected = "a face whose spectrum follows a power law over a factor of 5 in wavelength, as measured"
-        raise InputError(
-            "continue_spectrum", f"{to_text(shortest, 'm')} and a face without such a law", expected
-        )
+        raise InputError("continue_spectrum", given, expected)
     first = max(law.shortest, longest or 0.0)
     if shortest >= first:
         expected = f"less than {to_text(first, 'm', 3)}: longer waves are measured"
         raise InputError("continue_spectrum", to_text(shortest, "m"), expected)
-    seeds = tuple(int(n) for n in np.atleast_1d(rng))
-    return Continuation(law, first, shortest, flat.low_pass(first).rms_slope, flat.periodic, seeds)
+    seed = tuple(int(n) for n in np.atleast_1d(rng))
+    rms_slope = flat.low_pass(first).rms_slope
+    return Continuation(law, first, shortest, rms_slope, flat.periodic, seed)
 
 
 def continue_spectrum(
@@ -135,22 +184,34 @@ def continue_spectrum(
     rng: Any,
     realisation: int = 0,
 ) -> Surface:
-    """A flat map on a finer grid, with the waves that its instrument does not see, down to a cut-off.
+    """Return a surface on a finer grid, with added waves that its instrument could not see.
 
-    The power law of the spectrum (see `describe_surface`) is continued from its shortest wave on with random phases,
-    alike in all directions; measured waves below that one are left out.
+    The power law of the spectrum (see `describe_surface`) is continued below its shortest wave with random phases, the
+    same in all directions. Measured waves below that wavelength are removed.
 
     Parameters
     ----------
-    topography : levelled, without undefined points.
-    cut_off : shortest wave [m]. shape : points of the grid; 8 pixels to the cut-off unless given.
-    rng : whole number, or several, from which phases are drawn. realisation : number of the draw; all but the first
-        also draw the slope of the law by its error.
+    topography : Topography or Patches
+        The surface, without its form and without undefined points.
+    cut_off : float
+        Shortest wave [m].
+    shape : tuple of two int, optional
+        Number of points of the grid. Default: 8 pixels per shortest wave.
+    rng : int or sequence of int
+        Seed of the phases.
+    realisation : int
+        Number of the realisation. All except the first also draw the exponent of the power law within its error.
+
+    Returns
+    -------
+    Topography or Patches
+        The surface with the added waves.
 
     Raises
     ------
-    InputError : no power law in the spectrum; a cut-off no shorter than the waves that are measured, or of less than 8
-        pixels of the shape.
+    InputError
+        The spectrum does not follow a power law, the waves down to the cut-off are measured, or the grid has fewer than
+        8 pixels per shortest wave.
 
     Examples
     --------
@@ -159,38 +220,45 @@ def continue_spectrum(
     >>> continue_spectrum(face, 1e-6, rng=1).shape
     (512, 512)
     """
-    found = continuation_of(topography, cut_off, rng=rng)
-    grid = (
-        resolving_shape(topography.size, cut_off)
-        if shape is None
-        else validate.grid("shape", shape)
-    )
+    continuation = continuation_of(topography, cut_off, rng=rng)
+    needed_shape = resolving_shape(topography.size, cut_off)
+    grid = needed_shape if shape is None else validate.grid("shape", shape)
     if cut_off < resolved_wave(topography.size, grid) * (1 - 1e-9):
-        raise InputError(
-            "shape", grid, f"8 pixels to the cut-off, {resolving_shape(topography.size, cut_off)}"
-        )
-    return found.added_to(topography.low_pass(found.longest).resample(grid), realisation)
+        raise InputError("shape", grid, f"8 pixels to the cut-off, {needed_shape}")
+    measured = topography.low_pass(continuation.longest).resample(grid)
+    return continuation.added_to(measured, realisation)
 
 
-#: Longest waves that a patch should hold along its shorter side. Measured on patches of self-affine faces: ln(leakage)
-#: scatters by 0.5 with one of them, by 0.3 to 0.5 with three, by 0.15 to 0.25 with five, by 0.1 to 0.15 with eight.
+#: Number of its longest waves that a patch should contain along its shorter side. On patches of self-affine surfaces
+#: the standard deviation of ln(leakage) was 0.5 with one such wave, 0.3 to 0.5 with three, 0.15 to 0.25 with five and
+#: 0.1 to 0.15 with eight.
 LEAST_WAVES = 3
-#: Sal of a face over the wave of its roll-off.
+#: Autocorrelation length Sal of a surface, over its roll-off wavelength.
 _SAL_OF_WAVE = 0.27
-#: Mean density of the octave of waves up to the shorter side over that of the octave below, from which on it rises: a
-#: plateau has 1, a power law 5 to 16.
+#: The spectrum rises towards long waves if the mean density of the octave of the longest waves exceeds that of the next
+#: octave by this factor. It is 1 for a plateau, and 5 to 16 for a power law.
 _RISE = 3.0
 
 
 @dataclass(frozen=True)
 class Representative:
-    """What a patch holds of the longest waves of its face.
+    """Describe how many of the longest waves of a surface a patch contains.
 
-    longest : wave [m], NaN of a flat face; by Sal, unless it is the roll-off. roll_off : where a plateau ends, or None.
-    waves : how many of them the patch holds along x1 and x2.
-    rises : whether the spectrum rises up to the side of the patch, so that longer waves are to be expected.
-    octave, density : middle of the octave of longest waves [m], and C there [m⁴]. hurst : H from that octave and the
-        one below, by which the spectrum goes on to longer waves where it rises, 0 to 1.
+    Parameters
+    ----------
+    longest : float
+        Longest wave [m]: the roll-off wavelength, or an estimate from Sal. NaN for a flat surface.
+    roll_off : float, optional
+        Wavelength where the plateau of the spectrum ends [m], None without a plateau.
+    waves : tuple of two float
+        Number of longest waves in the patch along x1 and x2.
+    rises : bool
+        Whether the spectrum rises up to the size of the patch, so that longer waves are to be expected.
+    octave, density : float
+        Middle of the octave of the longest waves [m], and the spectral density there [m⁴].
+    hurst : float
+        Hurst exponent from that octave and the next one, limited to 0 to 1, by which the spectrum continues to longer
+        waves if it rises.
     """
 
     longest: float
@@ -203,55 +271,62 @@ class Representative:
 
     @property
     def is_enough(self) -> bool:
-        """Whether the patch by itself stands for a larger face: it is flat, or holds several of its longest waves."""
-        return not min(self.waves) < LEAST_WAVES and not self.rises
+        """Whether the patch represents a larger surface: it is flat, or contains several of its longest waves."""
+        has_few_waves = min(self.waves) < LEAST_WAVES
+        return not has_few_waves and not self.rises
 
     def __str__(self) -> str:
         across, along = self.waves
-        rises = "; its spectrum rises up to its side, and longer waves are not in it"
-        return (
-            f"the patch holds {across:.2g} × {along:.2g} of its long waves of "
-            f"{to_text(self.longest, 'm', 3)}{rises if self.rises else ''}"
+        text = (
+            f"the map spans {across:.2g} × {along:.2g} of its longest waves, which are "
+            f"{to_text(self.longest, 'm', 3)} long"
         )
+        if self.rises:
+            text += "; its spectrum rises up to its side, so that longer waves are to be expected"
+        return text
 
     @property
     def doubts(self) -> list[str]:
-        """A sentence where another patch may leak otherwise."""
-        advice = (
-            f"others leak more or less, by a factor of about 2 with {LEAST_WAVES} waves and 1.3 with 8: "
-            "measure a larger patch or several places"
-        )
-        return [] if self.is_enough else [f"{self}; {advice}"]
+        """A sentence that warns if another patch of the surface may leak differently; otherwise an empty list."""
+        if self.is_enough:
+            return []
+        return [
+            f"{self}. Other patches of the same surface may leak more or less, by a factor of about 2 with "
+            f"{LEAST_WAVES} waves and 1.3 with 8: measure a larger area or several patches"
+        ]
 
 
 def representative(patch: Surface) -> Representative:
-    """Find the longest waves of a flat patch without undefined points; of several those of the one that holds fewest.
+    """Find the longest waves of a surface without its form and without undefined points.
 
-    Where the patch is so narrow that one of the two octaves has no waves, its spectrum does not count as rising, and
-    density and middle of the octave are NaN.
+    Of several patches, the one that contains the fewest of its longest waves is described. If a patch is so narrow that
+    one of the two octaves contains no waves, its spectrum does not count as rising, and density and middle of the
+    octave are NaN.
     """
     if not isinstance(patch, Topography):
-        return min(map(representative, patch.patches), key=lambda found: min(found.waves))
+        descriptions = [representative(single) for single in patch.patches]
+        return min(descriptions, key=lambda description: min(description.waves))
     law = spectrum(patch).law
     roll_off = law.roll_off if law and isfinite(law.roll_off) else None
     longest = roll_off or texture(patch).correlation_length / _SAL_OF_WAVE
     q, density = patch.radial_psd()
-    waves = q * min(patch.size) / (2 * pi)
-    longer, shorter = ((low <= waves) & (waves < 2 * low) for low in (1, 2))
-    octave_density, octave_wavenumber = _mean_of(density[longer]), _mean_of(q[longer])
-    shorter_density = _mean_of(density[shorter])
-    rise = octave_density / shorter_density if shorter_density > 0 else nan
+    waves_per_side = q * min(patch.size) / (2 * pi)
+    longest_octave = (waves_per_side >= 1) & (waves_per_side < 2)
+    next_octave = (waves_per_side >= 2) & (waves_per_side < 4)
+    octave_density = _mean_or_nan(density[longest_octave])
+    next_density = _mean_or_nan(density[next_octave])
+    rise = octave_density / next_density if next_density > 0 else nan
     return Representative(
         longest=longest,
         roll_off=roll_off,
         waves=(patch.size[0] / longest, patch.size[1] / longest),
         rises=roll_off is None and rise > _RISE,
-        octave=2 * pi / octave_wavenumber,
+        octave=2 * pi / _mean_or_nan(q[longest_octave]),
         density=octave_density,
         hurst=float(np.clip(0.5 * np.log2(rise) - 1, 0.0, 1.0)),
     )
 
 
-def _mean_of(values: NDArray) -> float:
-    """Return the mean of some values, NaN of none."""
+def _mean_or_nan(values: NDArray) -> float:
+    """Return the mean of an array, NaN if it is empty."""
     return float(values.mean()) if values.size else nan

@@ -23,7 +23,7 @@ NITROGEN = fs.IdealGas(viscosity=17.5e-6, molar_mass=28.0134e-3, temperature=293
 WATER = fs.Liquid(1e-3, 998.0)
 
 
-def test_limits_are_those_published():
+def test_limits_of_classes_agree_with_the_standards():
     """TA Luft tells its limit in both units; the rates of ISO 5208 are mm³/s per mm of nominal diameter."""
     helium, water = leak_basis(HELIUM, 0.5), leak_basis(WATER, 0.5)
     luft = LEAK_CLASSES["TA Luft"].limit(helium) / helium.factor(LEAK_UNITS["mbar·L/(m·s)"])
@@ -48,7 +48,7 @@ def limit(name, basis, diameter=None):
     return LEAK_CLASSES[name].limit(basis, diameter) * basis.length
 
 
-def test_valves_of_api_598_leak_drops_and_bubbles_by_their_nominal_size():
+def test_limits_of_api_598_depend_on_the_nominal_size_of_the_valve():
     """Its table: 5, 6, 8, 12 and 48 drops a minute at DN 65, 80, 100, 150 and 600, 16 of which are 1 mL."""
     water, helium = leak_basis(WATER, 0.5), leak_basis(HELIUM, 0.5)
     for size, drops in ((15, 0), (50, 0), (65, 5), (80, 6), (100, 8), (150, 12), (600, 48)):
@@ -56,7 +56,7 @@ def test_valves_of_api_598_leak_drops_and_bubbles_by_their_nominal_size():
         assert_allclose(found, drops * 1e-6 / 60 / np.array([16, 50]), atol=1e-30)
 
 
-def test_seats_of_control_valves():
+def test_limits_of_fci_70_2_agree_with_its_tables():
     """FCI 70-2 has class V in SI too, rounded: 5e-12 m³/s per mm and bar; class IV is a part of the rated capacity."""
     water = leak_basis(WATER, 0.5, pressure_drop=2e6, capacity=1e-3)
     assert_allclose(limit("FCI 70-2 V", water, 0.1), 5e-12 * 100 * 20, rtol=0.06)
@@ -80,13 +80,13 @@ def test_seats_of_control_valves():
         ("1 mbar·L/s", WATER, None, "for a liquid"),
     ],
 )
-def test_classes_that_do_not_go_with_the_seal_are_refused(written, fluid, diameter, said):
+def test_classes_without_the_quantities_that_they_need_are_refused(written, fluid, diameter, said):
     (one,) = leak_classes([written])
     with pytest.raises(InputError, match=said):
         one.limit(leak_basis(fluid, 0.5), diameter)
 
 
-def test_stems_are_as_tight_as_their_circumference_is_long():
+def test_limits_of_iso_15848_1_are_per_circumference_of_the_stem():
     """AH, BH, CH of ISO 15848-1 are 1e-5, 1e-4 and 1e-2 mg/(m·s) of helium at 0 °C on the circumference of the stem."""
     cold = replace(HELIUM, temperature=273.15)
     for name, amount in (("AH", 1e-5), ("BH", 1e-4), ("CH", 1e-2)):
@@ -111,17 +111,17 @@ def test_stems_are_as_tight_as_their_circumference_is_long():
         ("1e-3 mbar*L/s", ["0.001 mbar·L/s"]),
     ],
 )
-def test_names(written, names):
+def test_classes_are_found_by_their_usual_spellings(written, names):
     assert [one.name for one in leak_classes([written])] == names
 
 
 @each("written", ["L2", "", "ISO 5208 H", "5 furlong", "mL/min", "-1 mL/min", "1e999 mL/min", 3])
-def test_other_names_are_refused(written):
+def test_unknown_names_of_classes_are_refused(written):
     with pytest.raises(InputError, match=r"classes: given .*TA Luft"):
         leak_classes([written])
 
 
-def test_factors_of_the_limits_are_those_published():
+def test_multipliers_of_the_limits_agree_with_the_standards():
     """He → N₂: 1.12 in viscous flow; in molecular flow √(4.0026/28.0134) = 0.378, rounded to 0.374 in tables."""
     factors = limit_factors(FluidState(HELIUM, 2e5, 1e5), FluidState(NITROGEN, 2e5, 1e5))
     assert_allclose(factors.viscous, 1.12, rtol=1e-3)
@@ -142,7 +142,7 @@ def studied():
     return scene, fs.deterministic(scene)
 
 
-def test_another_fluid_leaks_as_a_study_with_it_does(studied):
+def test_leakage_of_a_test_fluid_equals_that_of_a_study_with_this_fluid(studied):
     scene, study = studied
     state = FluidState(HELIUM, 4e6, 1e5)
     again = fs.deterministic(state.in_scene(scene))
@@ -151,7 +151,7 @@ def test_another_fluid_leaks_as_a_study_with_it_does(studied):
     assert again.leakage[0] > 0
 
 
-def test_results_tell_the_classes_that_every_step_reaches(studied):
+def test_results_contain_the_classes_that_each_load_step_meets(studied):
     scene, study = studied
     leak = study.leakage
     middle = np.sqrt(leak[1] * leak[2]) * WATER.density * 1e6
@@ -207,7 +207,7 @@ HELIUM_TABLE = {
 }
 
 
-def test_a_case_asks_for_classes_and_a_test_fluid():
+def test_a_case_can_request_classes_and_a_test_fluid():
     asked = case(classes=["ta-luft", "L1"], test_fluid=HELIUM_TABLE, leakage_unit="mbar·L/s")
     results = fs.run(parse_case(asked), workers=1)
     assert results.leak_unit.per_length
@@ -236,7 +236,7 @@ def test_drops_and_bubbles_have_the_volume_that_the_case_gives():
     assert_allclose(basis.factor(LEAK_UNITS["bubbles/s"]), 0.15e-6)
 
 
-def test_a_gas_with_slip_is_solved_on_the_same_seals():
+def test_a_test_gas_with_slip_is_solved_on_the_same_realisations():
     """Its permeability is another one, so that no ratio of drops converts the leakage."""
     slipping = {"name": "helium", "inlet_pressure": "40 bar"}
     results = fs.run(parse_case(case(classes=["ta-luft"], test_fluid=slipping)), workers=1)
@@ -255,7 +255,7 @@ def seals_left_open(**output):
     return STRIP | changes | {"output": {"budget": False} | output}
 
 
-def test_a_test_fluid_flows_through_as_many_seals_as_the_fluid_in_service():
+def test_a_test_fluid_has_as_many_realisations_as_the_service_fluid():
     """Each has the leakage of helium through the same seal: their number is that which the water asks for."""
     helium = {"name": "helium", "inlet_pressure": "1 bar(g)"}
     results = fs.run(parse_case(seals_left_open(test_fluid=helium)), workers=1)
@@ -292,6 +292,6 @@ def test_a_test_fluid_flows_through_as_many_seals_as_the_fluid_in_service():
         ),
     ],
 )
-def test_a_case_that_asks_for_what_cannot_be_is_refused(output, fault):
+def test_a_case_with_classes_that_its_fluid_cannot_have_is_refused(output, fault):
     with pytest.raises(InputError, match=fault):
         parse_case(case(**output))

@@ -24,7 +24,7 @@ KNOWN = [unit for unit in LEAK_UNITS.values() if unit.kind in SI]
 
 
 @each("unit", KNOWN)
-def test_values_are_those_of_a_library_of_units(unit):
+def test_values_of_units_agree_with_a_library_of_units(unit):
     text = unit.name.replace("·", "*").replace("²", "^2").replace("³", "^3").replace("µ", "u")
     kind = SI[unit.kind] + ("/m" if unit.per_length else "")
     assert_allclose(unit.si, to_si(f"1 {text}", kind), rtol=1e-9)
@@ -76,7 +76,7 @@ def test_values_are_those_of_a_library_of_units(unit):
         ("drops per minute", "drops/min"),
     ],
 )
-def test_spellings(written, name):
+def test_spellings_of_a_unit_are_recognised(written, name):
     assert leak_unit(written).name == name
 
 
@@ -88,24 +88,24 @@ def test_spellings(written, name):
         ("GPM", "gallons of two sizes"),
     ],
 )
-def test_units_of_several_meanings_are_refused_with_what_to_write(written, said):
+def test_ambiguous_units_are_refused_with_advice(written, said):
     with pytest.raises(InputError, match=f"leakage_unit: given '{written}', expected .*{said}"):
         leak_unit(written)
 
 
 @each("stated", [0.0, -26.85, float("nan")])
-def test_a_leakage_is_stated_above_absolute_zero(stated):
+def test_a_temperature_below_absolute_zero_is_refused(stated):
     with pytest.raises(InputError, match=r"^stated: given .*expected a finite number > 0"):
         leak_basis(AIR, 1.0, stated)
 
 
 @each("written", ["furlong", "", "m", "mL", 3, "mL/min/m/m", "mL/(m·m)", "mL?/min", "s/mL"])
-def test_other_units_are_refused(written):
+def test_unknown_units_are_refused(written):
     with pytest.raises(InputError, match=r"leakage_unit: given .*mL/min"):
         leak_unit(written)
 
 
-def test_one_leakage_in_all_units():
+def test_a_leakage_is_the_same_in_all_units():
     """1 mL/(m·min) of a seal of 0.5 m, by hand."""
     basis = LeakBasis(length=0.5, density=800.0)
     q = 1e-6 / 60
@@ -127,12 +127,12 @@ def test_one_leakage_in_all_units():
         (LeakBasis(1.0, float("nan")), "kg/s", "density of the fluid is unknown"),
     ],
 )
-def test_units_that_a_fluid_lacks(basis, unit, said):
+def test_units_of_gases_are_refused_for_liquids_and_vice_versa(basis, unit, said):
     with pytest.raises(InputError, match=said):
         basis.factor(LEAK_UNITS[unit])
 
 
-def test_a_gas_is_told_by_pressure_times_volume():
+def test_leakage_of_a_gas_is_given_as_pressure_times_volume():
     """p V̇ = ṁ R T / M."""
     basis = LeakBasis(1.0, AIR.reference_density, AIR.reference_pressure, AIR.temperature)
     q = basis.factor(LEAK_UNITS["mbar·L/s"])
@@ -158,7 +158,9 @@ PUBLISHED = [
 
 
 @each(("value", "unit", "molar_mass", "stated", "expected", "other", "rtol"), PUBLISHED)
-def test_conversions_are_those_published(value, unit, molar_mass, stated, expected, other, rtol):
+def test_conversions_agree_with_published_values(
+    value, unit, molar_mass, stated, expected, other, rtol
+):
     """At the stated temperature, whatever that of the gas is."""
     for own in (273.15, 293.15, 400.0):
         gas = fs.IdealGas(viscosity=18e-6, molar_mass=molar_mass, temperature=own)
@@ -185,7 +187,7 @@ def studied():
     return {"liquid": (scene, fs.deterministic(scene)), "gas": (gas, fs.deterministic(gas))}
 
 
-def test_results_tell_the_total_everywhere(studied):
+def test_all_results_contain_the_total_leakage(studied):
     scene, study = studied["liquid"]
     results = assemble(scene, study, facts=RunFacts(leakage_unit="ml/min"))
     q, data = study.leakage * 60e-6, results.dataset
@@ -204,7 +206,7 @@ def test_results_tell_the_total_everywhere(studied):
         assemble(scene, study, facts=RunFacts(leakage_unit="mbar*L/s"))
 
 
-def test_results_of_a_gas_tell_pressure_times_volume(studied):
+def test_results_of_a_gas_contain_pressure_times_volume(studied):
     scene, study = studied["gas"]
     results = assemble(scene, study)
     throughput = study.leakage * 60e-6 * 101_325

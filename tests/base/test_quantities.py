@@ -66,7 +66,7 @@ PSI = 6894.757293168361
         (3, "", 3.0),
     ],
 )
-def test_units(text, unit, value):
+def test_texts_with_units_are_converted_to_si(text, unit, value):
     assert_allclose(to_si(text, unit), value, rtol=1e-12)
 
 
@@ -87,7 +87,7 @@ def test_units(text, unit, value):
         ("5 micron", "micron is of another kind, perhaps meant: mTorr$"),
     ],
 )
-def test_what_may_have_been_meant(text, said):
+def test_a_similar_unit_is_suggested(text, said):
     with pytest.raises(InputError, match=rf"^load: given .*{said}"):
         to_si(text, "Pa", "load")
 
@@ -120,7 +120,7 @@ def test_no_temperature_is_below_absolute_zero(text):
         ("1 2 m", "m"),
     ],
 )
-def test_refused(given, unit):
+def test_texts_that_are_no_quantity_are_refused(given, unit):
     with pytest.raises(InputError, match=r"^width: given .*, expected "):
         to_si(given, unit, "width")
 
@@ -147,10 +147,10 @@ def test_text_that_is_no_unit_is_refused(unit):
         (0.0, "m", "0 m"),
     ],
 )
-def test_text(value, unit, text):
+def test_values_are_written_with_a_readable_prefix(value, unit, text):
     assert to_text(value, unit) == text
 
 
 @each("value", [2.5e9, 1.25e-6, 3.0, -4e-3])
-def test_text_is_read_back(value):
+def test_written_values_are_read_back(value):
     assert_allclose(to_si(to_text(value, "m"), "m"), value, rtol=1e-12)

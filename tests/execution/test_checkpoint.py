@@ -77,7 +77,7 @@ class Crash(BaseException):
 # --- runs ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(
+def test_a_resumed_run_gives_the_same_bits_and_leaves_no_checkpoint(
     case, tmp_path, monkeypatch, contacts
 ):
     whole = fs.run(case, workers=1)
@@ -156,7 +156,7 @@ MOMENTS = {
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks")
-def test_kills_besides_the_studies_leave_the_same_numbers(tmp_path):
+def test_a_run_killed_outside_its_studies_resumes_with_the_same_numbers(tmp_path):
     files = {name: case_with(name, tmp_path / f"{name}.toml") for name in BESIDES}
     kills = [[str(file), str(tmp_path / name), MOMENTS[name]] for name, file in files.items()]
     command = [sys.executable, "-c", KILLED, json.dumps(kills)]
@@ -188,7 +188,7 @@ fs.run(sys.argv[1], sys.argv[2], workers=1, progress=progress)
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
 @pytest.mark.parametrize(("method", "workers"), [("deterministic", 1), ("two-scale", 2)])
-def test_states_on_disk_go_on_from_the_last_one_with_the_bits_of_those_in_memory(
+def test_states_on_disk_resume_from_the_last_one_with_the_same_bits(
     case, tmp_path, monkeypatch, method, workers
 ):
     text = ALONE.replace('"stochastic"', f'"{method}"', 1).partition("[stochastic]")[0]
@@ -238,9 +238,7 @@ def test_a_full_disk_in_an_attempt_or_a_budget_stops_the_run(tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("moved", ["files.txt", "table.csv", "leakage.png"])
-def test_a_kill_while_other_files_are_written_again_leaves_the_results(
-    tmp_path, monkeypatch, moved
-):
+def test_a_kill_while_other_files_are_rewritten_leaves_the_results(tmp_path, monkeypatch, moved):
     """There is no checkpoint of complete results, so that they would be lost."""
     file, out = case_with("budget", tmp_path / "small.toml"), tmp_path / "out"
     before = fs.run(file, out, workers=1)
@@ -308,7 +306,7 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     refusal()
 
 
-def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
+def test_results_of_another_surface_file_are_not_reused(case, tmp_path):
     text = measured(case).replace('"stochastic"', '"deterministic"', 1)
     case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
     calls, leakages = [], []
@@ -321,7 +319,7 @@ def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
     assert leakages[0] == leakages[1] != leakages[2]
 
 
-def test_a_run_goes_on_between_batches_of_drawn_seals(case, tmp_path):
+def test_a_run_resumes_between_batches_of_realisations(case, tmp_path):
     """As many seals as the band needs: which, the seals before decide."""
     case.write_text(ALONE.replace("realisations = 24\n", "").replace('"200 um"', '"30 um"'))
     done = fs.run(case, tmp_path / "whole", workers=1).dataset
@@ -400,7 +398,7 @@ def alive(group):
         ),
     ],
 )
-def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, arguments, sent):
+def test_ctrl_c_ends_the_workers_and_says_how_to_resume(case, start, tmp_path, arguments, sent):
     case.write_text(ALONE.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
     process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
@@ -431,7 +429,7 @@ def test_processes_end_with_their_parent(case, start, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
-def test_kills_at_random_moments_leave_the_same_bits(case, start, tmp_path, workers):
+def test_runs_killed_at_random_moments_resume_with_the_same_bits(case, start, tmp_path, workers):
     rng = random.Random(workers)
     case.write_text(CASE.replace("realisations = 24", "realisations = 400"))
     begin = time.perf_counter()

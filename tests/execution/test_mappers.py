@@ -94,7 +94,7 @@ def test_processes_return_results_in_order_and_end_with_a_reason():
         assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
-def test_small_items_of_a_cluster_come_back_in_order(cluster):
+def test_results_of_a_cluster_are_returned_in_order(cluster):
     """Whether their number is known or not."""
     with ordered_map(scheduler=cluster.scheduler_address) as mapping:
         for numbers in (range(100), iter(range(100))):
@@ -122,7 +122,7 @@ if __name__ == "__main__":
 """
 
 
-def test_processes_take_no_package_of_the_working_folder(tmp_path):
+def test_processes_do_not_import_packages_from_the_working_folder(tmp_path):
     for folder in ("scripts", "femseal"):
         (tmp_path / folder).mkdir()
     (script := tmp_path / "scripts" / "outside.py").write_text(OUTSIDE)
@@ -147,7 +147,7 @@ def deaf(n):
 @pytest.mark.parametrize(
     "backend", [{}, pytest.param({"scheduler": "local"}, marks=pytest.mark.slow)]
 )
-def test_ctrl_c_is_heard_here_even_while_processes_start_and_never_there(backend):
+def test_only_the_main_process_receives_ctrl_c_even_while_processes_start(backend):
     def stopped_while_sent():
         yield from range(3)
         os.kill(os.getpid(), signal.SIGINT)
@@ -174,7 +174,7 @@ def waits_for_others(n):
     return n > 0 or enough.wait(HANG)
 
 
-def test_an_item_that_takes_long_holds_up_no_others(cluster):
+def test_a_slow_item_does_not_hold_up_others(cluster):
     """More of them than are under way at once."""
     with ordered_map(scheduler=cluster.scheduler_address) as mapping:
         assert all(mapping(Stage("trial", waits_for_others), range(100)))
@@ -238,7 +238,7 @@ def held():
 
 
 @pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="memory is shared on Linux")
-def test_what_a_process_writes_into_shared_memory_is_written_here():
+def test_values_that_a_process_writes_into_shared_memory_appear_here():
     before = held()
     with ordered_map(workers=2) as mapping:
         whole = shared_empty((3, 40, 50), np.float32)
@@ -258,7 +258,7 @@ def test_what_a_process_writes_into_shared_memory_is_written_here():
     assert not own & held()
 
 
-def test_where_nothing_can_be_shared_views_go_by_value(monkeypatch):
+def test_views_are_sent_by_value_on_systems_without_shared_memory(monkeypatch):
     monkeypatch.delattr(os, "memfd_create", raising=False)
     with ordered_map(workers=2) as mapping:
         whole = shared_empty((4, 10), float)
@@ -275,7 +275,7 @@ def test_a_scheduler_of_its_own_gives_the_same_bits(case):
 
 
 @pytest.mark.slow
-def test_killed_workers_do_not_change_a_bit(case):
+def test_killed_workers_do_not_change_the_results(case):
     """One of two workers in the middle; later all that are left, so that what was sent to them is lost."""
     case.write_text(CASE.replace("realisations = 24", "realisations = 2000"))
     one = fs.run(case, workers=1)
@@ -298,7 +298,7 @@ def test_killed_workers_do_not_change_a_bit(case):
 
 
 @pytest.mark.slow
-def test_a_task_that_ends_its_workers_is_given_up_with_a_reason():
+def test_a_task_that_kills_its_workers_is_given_up_with_a_reason():
     with ordered_map(workers=2, scheduler="local") as mapping:
         with pytest.raises(fs.FemsealError, match=r"workers .*died"):
             list(mapping(Stage("trial", os._exit), [3]))
@@ -306,7 +306,7 @@ def test_a_task_that_ends_its_workers_is_given_up_with_a_reason():
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_is_gone_is_named():
+def test_a_lost_scheduler_is_reported():
     with real_cluster() as (address, start_worker):
         start_worker()
         with ordered_map(scheduler=address) as mapping:
@@ -344,7 +344,7 @@ def running_at_once(folder, expected):
 
 
 @pytest.mark.parametrize(("memory", "most"), [(0.0, 2), (1.0, 2), (6e8, 1), (1e15, 1)])
-def test_no_more_heavy_tasks_at_once_than_fit(tmp_path, monkeypatch, memory, most):
+def test_no_more_heavy_tasks_run_at_once_than_fit_into_memory(tmp_path, monkeypatch, memory, most):
     monkeypatch.setattr(processes, "free_memory", lambda: 1e9)
     (tmp_path / "running").mkdir()
     with ordered_map(workers=2) as mapping:
@@ -354,7 +354,7 @@ def test_no_more_heavy_tasks_at_once_than_fit(tmp_path, monkeypatch, memory, mos
 
 
 @pytest.mark.parametrize("layout", ["Fortran", "four bytes off", "read only"])
-def test_bits_do_not_depend_on_where_a_process_gets_its_arrays(layout):
+def test_results_do_not_depend_on_how_arrays_reach_a_process(layout):
     """Dask lays the arrays that it sends anywhere in its messages, and numpy sums them in another order there."""
     rng = np.random.default_rng(0)
     body = fs.HalfSpace((66, 132), (1e-6, 1e-6), 2.3e11, ("free", "periodic"))
@@ -397,7 +397,7 @@ def stay(n):
 
 
 @pytest.mark.parametrize("end", ["done", "error"])
-def test_processes_that_cannot_end_do_not_keep_the_run(end):
+def test_processes_that_hang_do_not_keep_the_run_alive(end):
     """joblib would wait for them until the threads are through."""
     folder = Path(__file__).parent
     path = os.pathsep.join([str(folder), str(folder.parent), os.environ.get("PYTHONPATH", "")])
@@ -411,7 +411,7 @@ def _threads(item):
     return compiled.number()
 
 
-def test_processes_that_have_no_item_leave_their_cores_to_the_others():
+def test_idle_processes_leave_their_cores_to_the_others():
     with processes.over_processes(2) as mapper:
         alone = list(mapper(Stage("one state", _threads), [1]))
         many = list(mapper(Stage("states", _threads), [1, 2, 3]))

@@ -50,7 +50,7 @@ VALUE = {
 }
 
 
-def test_values_come_back_with_every_bit():
+def test_stored_values_are_restored_exactly():
     """As the digest tells values apart: by type, shape, order and every bit."""
     back = unpacked(packed(VALUE))
     assert digest(back) == digest(VALUE)
@@ -67,7 +67,7 @@ class Foreign:
 @pytest.mark.parametrize(
     "value", [Foreign(), object(), print, np.array([None]), np.array(["a"]), {1}, Path("/")]
 )
-def test_only_plain_data_is_packed(value):
+def test_only_plain_data_are_stored(value):
     with pytest.raises(TypeError, match="no plain data"):
         packed((1, value))
 
@@ -131,7 +131,7 @@ class Trap:
         return os.mkdir, ("sprung",)
 
 
-def test_no_pickle_is_read(tmp_path, monkeypatch, caplog):
+def test_pickles_are_not_read(tmp_path, monkeypatch, caplog):
     """Also where its checksum is right: whoever changes a store can write it anew."""
     monkeypatch.chdir(tmp_path)
     resumed(out := tmp_path / "out")
@@ -325,7 +325,7 @@ fcntl.flock = none
 
 
 @pytest.mark.parametrize("killed", [False, True])
-def test_where_no_locks_are_the_name_of_the_process_counts(tmp_path, monkeypatch, killed):
+def test_without_file_locks_the_process_named_in_the_file_counts(tmp_path, monkeypatch, killed):
     """As on some network file systems: a run that was killed leaves its mark, which holds nobody up."""
 
     def none(*_):

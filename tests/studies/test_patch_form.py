@@ -272,4 +272,4 @@ def test_a_new_case_asks_what_is_form_where_it_matters(femseal, tmp_path):
         assert femseal("new", tmp_path / "new.toml", "--from", tmp_path / "patch.x3p")[0] == 0
         text = (tmp_path / "new.toml").read_text(encoding="utf-8")
         assert ("surface.detrend = 1 keeps the curvature" in text) == asked
-        assert ("of its long waves of" in text) == asked  # the parabola is the longest wave
+        assert ("of its longest waves" in text) == asked  # the parabola is the longest wave

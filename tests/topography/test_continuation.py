@@ -35,7 +35,7 @@ def gaussian_face(hurst, seed, n=128, roll_off=inf):
 
 
 @each("hurst", [0.3, 0.8])
-def test_the_error_of_the_slope_holds_its_truth(hurst):
+def test_the_error_of_the_hurst_exponent_contains_its_true_value(hurst):
     laws = [spectrum(gaussian_face(hurst, seed)).law for seed in range(24)]
     off = np.array([(law.hurst - hurst) / law.hurst_error for law in laws])
     assert np.sum(np.abs(off) < 2) >= stats.binom.ppf(0.01, off.size, 0.954)  # two standard errors
@@ -81,7 +81,7 @@ def test_a_continued_short_band_has_the_right_slope():
     assert_allclose(np.mean(added), 1, atol=0.07)
 
 
-def test_the_continued_face_is_the_one_that_was_made_with_these_waves():
+def test_a_continued_surface_has_the_spectrum_of_one_generated_with_these_waves():
     size, shape = (128e-6, 128e-6), (512, 512)
     made = fs.self_affine(shape, size, hurst=0.8, rms_slope=0.1, cut_off=1e-6, rng=1)
     seen = made.low_pass(2.5e-6).resample((128, 128))
@@ -114,7 +114,7 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
     assert abs(np.mean(first * second)) < 0.1 * first.var()
 
 
-def test_places_are_continued_each_by_itself():
+def test_each_patch_is_continued_separately():
     halves = np.split(MEASURED.heights, 2, axis=1)
     places = fs.Patches([fs.Topography(z, MEASURED.spacing, (False, False)) for z in halves])
     known = continuation_of(places, 1e-6, rng=3)
@@ -128,7 +128,7 @@ def test_places_are_continued_each_by_itself():
     assert_allclose(known.added_to(found, factor=-1.0).heights, fine.heights, atol=1e-15)
 
 
-def test_a_map_that_ends_continues_with_waves_even_at_its_borders():
+def test_added_waves_are_symmetric_at_borders_that_are_not_periodic():
     part = fs.Topography(MEASURED.heights[:100], MEASURED.spacing, (False, True))
     found = fs.continue_spectrum(part, 1e-6, rng=3)
     assert found.periodic == (False, True)
@@ -142,7 +142,7 @@ def test_a_map_that_ends_continues_with_waves_even_at_its_borders():
     ("hurst", "of_slope"),
     [(0.6, 1.05), (0.6, 1.3), (0.9, 1.05)],
 )
-def test_hardness_ends_what_short_waves_do(hurst, of_slope):
+def test_waves_beyond_the_slope_set_by_hardness_do_not_count(hurst, of_slope):
     given = {"hurst": hurst, "rms_slope": 0.05, "cut_off": 2.5e-6, "rng": 1}
     found = continuation_of(fs.self_affine((128, 128), (128e-6, 128e-6), **given), 1e-6)
     slope = of_slope * found.rms_slope
@@ -164,7 +164,7 @@ NOISE = fs.Topography(np.random.default_rng(1).normal(0, 1e-8, (64, 64)), (1e-6,
         (NOISE, 5e-7, None, "continue_spectrum: given .* a face without such a law"),
     ],
 )
-def test_what_cannot_be_continued_is_refused(face, wave, shape, said):
+def test_surfaces_without_a_power_law_are_not_continued(face, wave, shape, said):
     with pytest.raises(fs.InputError, match=said):
         fs.continue_spectrum(face, wave, shape=shape, rng=1)
 
@@ -198,7 +198,7 @@ def case(tmp_path):
     return made
 
 
-def test_a_case_solves_the_continued_face(case):
+def test_a_case_solves_the_continued_surface(case):
     prepared = prepare(case({}))
     path = case({}).folder / "face.npy"
     measured = fs.read_topography(path, size=SIZE, height_unit="m").detrend(0)
@@ -207,7 +207,7 @@ def test_a_case_solves_the_continued_face(case):
     assert_allclose(prepared.scene.surface.heights, face.heights, atol=1e-12)
     assert prepared.conditioning.shortest_wave == 1e-6
     assert_allclose(prepared.conditioning.rms_slope, face.rms_slope)
-    assert [text for text in prepared.warnings if "long waves" not in text] == []
+    assert [text for text in prepared.warnings if "longest waves" not in text] == []
     longer = prepare(case({"shortest_wave": "4 um"}))
     assert longer.continuation.longest == 4e-6
     # three states each: pixels, more and less hardness, three other phases, fewer waves, as measured
@@ -215,7 +215,7 @@ def test_a_case_solves_the_continued_face(case):
     assert "states again, 21 on 128 × 128 points" in text
 
 
-def test_the_budget_solves_other_phases_and_fewer_waves(case):
+def test_the_error_budget_solves_other_phases_and_fewer_waves(case):
     prepared = prepare(case({}))
     *others, shorter = (one.scene.surface for one in continued_versions(prepared))
     face, longest = prepared.scene.surface, prepared.continuation.longest
@@ -241,7 +241,7 @@ def test_a_case_that_cannot_be_continued_is_refused(surface, message, case):
         prepare(case(surface))
 
 
-def test_the_band_of_a_continued_face_holds_the_leakage_of_all_of_its_waves(case):
+def test_the_interval_of_a_continued_surface_contains_the_leakage_with_all_waves(case):
     results = fs.run(case({}), workers=1)
     truth = fs.Topography(TRUTH.heights, TRUTH.spacing, (False, False))
     leakage = fs.deterministic(replace(results.scene, surface=truth)).leakage
@@ -255,7 +255,7 @@ def test_the_band_of_a_continued_face_holds_the_leakage_of_all_of_its_waves(case
     assert "continuation" not in {p.name for p in off.budget.parts}
 
 
-def test_the_part_of_the_continuation_is_scatter_and_trend():
+def test_the_error_of_the_continuation_combines_scatter_and_trend():
     surface = fs.self_affine((16, 16), (16e-6, 16e-6), hurst=0.8, rms_slope=0.1, rng=1)
     scene = steel_scene(surface, loading=(1e7, 2e7, 4e7))
     q, in_contact, kept = np.array([8e-9, 4e-9, 0.0]), np.array([0.02, 0.04, 0.5]), 1.0

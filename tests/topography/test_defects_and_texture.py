@@ -47,7 +47,7 @@ def spikes(z, threshold=6.0):
     return np.isnan(open_map(z).without_spikes(threshold).heights) & ~np.isnan(z)
 
 
-def test_isolated_points_are_found_and_nothing_else():
+def test_isolated_points_are_spikes_and_nothing_else_is():
     """One, two and four points side by side, up and down, at a corner, on a border, beside undefined ones."""
     z = rough().heights.copy()
     z[50:52, 60] = np.nan
@@ -101,11 +101,11 @@ AFFINE = [
         np.full((20, 20), 3.3e-6),
     ],
 )
-def test_faces_have_no_spikes(z):
+def test_generated_surfaces_have_no_spikes(z):
     assert not spikes(z).any()
 
 
-def test_edges_corners_walls_small_summits_and_steps_of_height_stay():
+def test_edges_corners_walls_small_summits_and_quantised_heights_are_no_spikes():
     z = 1e-9 * np.random.default_rng(1).standard_normal((80, 80))
     z[10:30, 10:30] += 5e-6  # a plateau with walls
     z[40, :] += 5e-6  # a burr one point wide
@@ -129,7 +129,7 @@ def test_edges_corners_walls_small_summits_and_steps_of_height_stay():
         ({"max_undefined": -1}, "max_share"),
     ],
 )
-def test_bad_thresholds_and_forms(given, what):
+def test_invalid_thresholds_and_orders_of_the_form_are_refused(given, what):
     """Also of a face with spikes, which have no part in it."""
     z = rough().heights.copy()
     z[5::10, 5::10] += 1e-4
@@ -171,7 +171,7 @@ def grooved(angle=0.0, shape=(200, 160)):
 
 
 @each("angle", [0.0, -1.2])
-def test_spikes_that_follow_the_marks_of_machining_are_told(angle):
+def test_spikes_along_the_marks_of_machining_cause_a_warning(angle):
     z, s, rng = grooved(angle)
     beside = np.abs(s - s.mean()) < 5e-6
     z[beside & (rng.random(z.shape) < 0.06)] += 3e-6
@@ -179,10 +179,10 @@ def test_spikes_that_follow_the_marks_of_machining_are_told(angle):
     assert report.spike_points > 40
     assert report.spikes_extreme > 0.05
     (doubt,) = report.spike_doubts
-    assert f"points of the face hang on spikes ({report.spike_points} points)" in doubt
+    assert f"would be others with them ({report.spike_points} points in spikes)" in doubt
 
 
-def test_extremes_are_those_of_the_face_with_its_spikes():
+def test_exchanged_extremes_agree_with_a_count_on_the_map_with_spikes():
     """Spikes that stay below the summits and above the pits change no extreme; high or deep ones are the extremes."""
     face = rough().low_pass(8e-6)
     z = face.heights
@@ -215,7 +215,7 @@ def test_autocorrelation_is_the_mean_over_pairs():
         assert_allclose(correlation[6 + i, 4 + j], np.nanmean(z * moved) / np.mean(z**2), rtol=1e-9)
 
 
-def test_texture_of_a_wave():
+def test_texture_of_a_cosine_wave_agrees_with_its_closed_form():
     """Its autocorrelation is cos(2πr/λ), which is 0.2 at λ arccos(0.2)/2π; it never decays along the crests."""
     x1 = (np.arange(200) + 0.5) * 1e-6
     face = Topography(np.cos(2 * pi * x1 / 50e-6)[:, None] * np.ones(80) * 1e-7, (1e-6, 2e-6))
@@ -228,7 +228,7 @@ def test_texture_of_a_wave():
 
 @each("degrees", [-80, -35, -3, 0, 20, 45, 90])
 @each("shape", [(200, 160), (120, 240)])
-def test_direction_of_the_lay(degrees, shape):
+def test_the_direction_of_the_lay_is_that_of_rotated_grooves(degrees, shape):
     """On square and on oblong pixels."""
     z, _, _ = grooved(np.deg2rad(degrees), shape)
     found = texture(open_map(z, (200e-6 / shape[0], 160e-6 / shape[1])))
@@ -257,7 +257,7 @@ def test_an_isotropic_face_has_no_lay_and_stretching_gives_it_one():
 
 @each(("hurst", "roll_off"), [(0.3, 2e-4), (0.8, None), (0.8, 2e-4), (1.0, None)])
 @each("cut_off", [1.6e-5, 6e-6])
-def test_power_law_is_recovered(hurst, roll_off, cut_off):
+def test_the_power_law_of_a_generated_surface_is_recovered(hurst, roll_off, cut_off):
     given = LARGE | {"hurst": hurst, "roll_off": roll_off, "cut_off": cut_off}
     found = spectrum(self_affine((512, 400), (1e-3, 0.8e-3), **given))
     assert_allclose(found.shortest_wave, cut_off, rtol=0.04)
@@ -267,7 +267,7 @@ def test_power_law_is_recovered(hurst, roll_off, cut_off):
     assert_allclose(found.law.shortest, cut_off, rtol=0.2)
 
 
-def test_noise_is_told_from_the_face():
+def test_noise_is_distinguished_from_the_surface():
     face = self_affine((512, 512), (1e-3, 1e-3), cut_off=6e-6, **LARGE)
     noise = np.random.default_rng(0).normal(0, 80e-9, face.shape)
     found = spectrum(Topography(face.heights + noise, face.spacing))
@@ -280,7 +280,7 @@ def test_noise_is_told_from_the_face():
     assert_allclose(found.law.hurst, 0.8, atol=0.01)
 
 
-def test_a_part_of_a_face_ends_where_the_face_does():
+def test_a_part_of_a_surface_has_the_same_shortest_wave_as_the_whole():
     """Its borders bring short waves, but no noise: the cut-off shows below the power law."""
     face = self_affine((512, 512), (1e-3, 1e-3), hurst=0.8, rms_slope=0.1, cut_off=1.5e-5, rng=2)
     found = spectrum(face.crop((400, 450)).detrend())
@@ -314,7 +314,7 @@ def test_parallel_grooves_have_the_hurst_exponent_of_their_profile():
 # --- report -----------------------------------------------------------------------------------------------
 
 
-def test_heights_are_those_of_the_standard():
+def test_height_parameters_agree_with_iso_25178():
     z = rough().detrend().heights
     z = z - z.mean()
     tilted = z + 0.01 * np.arange(160)[:, None] * 1e-6
@@ -349,7 +349,7 @@ def test_spikes_and_undefined_points_are_counted():
     assert_allclose(report.rms_slope, describe_surface(rough()).rms_slope, rtol=0.01)
 
 
-def test_the_example_is_described():
+def test_the_example_surface_is_described():
     report = describe_surface(fs.read_topography(EXAMPLE))
     assert report.spike_points < 5
     # as its script says, and so is the noise; from roll-off to resolution is too short for a power law
@@ -414,7 +414,7 @@ def test_the_largest_rectangle_that_both_faces_cover_is_kept(degrees):
     assert_allclose(overlap.fraction, max(areas) / (14 * 17))
 
 
-def test_faces_left_in_place_are_added():
+def test_coinciding_faces_are_added_point_by_point():
     a, b = rough(), rough(rng=5)
     both, overlap = combine(a, b)
     assert_array_equal(both.heights, a.heights + b.heights)
@@ -456,6 +456,6 @@ HOLED = Topography(np.where(np.arange(120) == 7, nan, FACE.heights), FACE.spacin
         ((FACE, HOLED), {"shift": (5e-6, 0)}, "second face: given undefined points"),
     ],
 )
-def test_faces_that_cannot_be_combined(pair, given, said):
+def test_faces_that_do_not_overlap_or_have_undefined_points_are_refused(pair, given, said):
     with pytest.raises(InputError, match=said):
         combine(*pair, **given)

@@ -27,7 +27,7 @@ def test_rms_values_are_met_exactly(shape):
 
 
 @each("cut_off", [None, 5e-5, 2.1 * SIZE[0] / 160])
-def test_spectrum_is_the_target_in_every_realisation(cut_off):
+def test_every_realisation_has_exactly_the_target_spectrum(cut_off):
     roll_off, hurst = 3e-4, 0.7
     surface = face(roll_off=roll_off, hurst=hurst, cut_off=cut_off)
     shares = np.abs(np.fft.fft2(surface.heights)) ** 2
@@ -40,7 +40,7 @@ def test_spectrum_is_the_target_in_every_realisation(cut_off):
     assert shares[~inside].max() < 1e-20 * shares.max()
 
 
-def test_seed_decides_the_face():
+def test_the_seed_determines_the_surface():
     assert_allclose(face().heights, face().heights, rtol=0)
     assert_allclose(face(rng=np.random.default_rng(3)).heights, face().heights, rtol=0)
     assert abs(np.corrcoef(face(rng=4).heights.ravel(), face().heights.ravel())[0, 1]) < 0.9
@@ -62,7 +62,7 @@ def test_heights_of_many_waves_are_gaussian():
     assert_allclose((z**4).mean(), 3, atol=0.2)
 
 
-def test_isotropic_on_pixels_that_are_not_square():
+def test_the_surface_is_isotropic_on_rectangular_pixels():
     surface = face((128, 512), (1e-3, 1e-3), rms_height=None, rms_slope=0.1)
     assert_allclose(surface.rms_slopes, 0.1 / np.sqrt(2), rtol=1e-9)
 
@@ -133,7 +133,7 @@ def test_spectrum_peaks_at_the_pitch():
     assert_allclose(q[1:][np.argmax(density[1:])], 2 * np.pi / 1e-4)
 
 
-def test_closed_along_the_seal_and_along_whole_pitches():
+def test_turned_surfaces_are_periodic_along_the_seal_and_over_whole_pitches():
     given = {"feed_error": 0.1, "depth_error": 0.2, "waviness": 1e-7, "roughness": 1e-8}
     surface = groove((400, 64), cut_off=2e-5, **given)
     assert surface.periodic == (True, True)
@@ -147,13 +147,13 @@ def test_closed_along_the_seal_and_along_whole_pitches():
     assert groove(waviness_length=3e-4).periodic == (True, True)
 
 
-def test_perfect_grooves_are_an_extrusion_and_errors_are_not():
+def test_grooves_without_errors_are_constant_along_the_seal():
     assert np.ptp(groove().heights, axis=1).max() < 1e-18
     assert np.ptp(groove(feed_error=0.05).heights, axis=1).max() > 1e-8
     assert np.ptp(groove(depth_error=0.05).heights, axis=1).max() > 1e-8
 
 
-def test_errors_have_the_rms_asked_for():
+def test_errors_of_grooves_have_the_given_rms_values():
     # Bottoms of many grooves, where their neighbours do not reach: lowest value and its place in each pitch.
     count, per = 400, 64
     given = {"feed_error": 0.05, "depth_error": 0.04, "cut_off": 1.3e-5, "rng": 7}
@@ -163,7 +163,7 @@ def test_errors_have_the_rms_asked_for():
     assert_allclose(pitches.argmin(axis=1).std() / per, 0.05, rtol=0.15)
 
 
-def test_every_pass_that_matters_is_found():
+def test_the_lowest_of_all_passes_is_found_with_large_errors():
     # Reference: all passes of a closed face by brute force, with errors so large that distant ones matter.
     from femseal.topography import generate
 

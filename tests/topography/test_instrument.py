@@ -44,7 +44,7 @@ def conditioned(face, resolution, **given):
     return condition(face, detrend=0, instrument=instrument, **given)
 
 
-def test_the_tip_of_a_self_affine_face_by_its_spectrum():
+def test_the_shortest_wave_that_a_tip_follows_agrees_with_the_spectrum():
     """C = C0 q^(−2−2H) has profiles of C0 Γ(H + 1/2)/(2√π Γ(1 + H)) q^(−1−2H), whose curvature is (1/π)∫q⁴C dq."""
     face = affine(512, 1e-3 / 512, rms_slope=0.3, roll_off=2.5e-4, cut_off=5e-6)
     radius = 40e-6
@@ -56,7 +56,7 @@ def test_the_tip_of_a_self_affine_face_by_its_spectrum():
     assert_allclose(Instrument(tip_radius=radius).shortest_wave(face), 2 * pi / end, rtol=0.05)
 
 
-def test_the_worse_of_tip_and_resolution_and_of_places_counts():
+def test_the_worse_of_tip_and_resolution_and_of_several_patches_counts():
     sharp, blunt = wave(1.5 * LIMIT), wave(0.8 * LIMIT)
     assert Instrument(resolution=3e-6).shortest_wave(sharp) == 3e-6
     assert Instrument().shortest_wave(sharp) == 0
@@ -80,7 +80,7 @@ def test_the_low_pass_is_no_shorter_than_what_the_instrument_sees():
     assert_allclose(asked.heights, MEASURED.low_pass(8e-6).heights, atol=1e-18)
 
 
-def test_the_slope_beyond_is_that_of_the_face_that_the_instrument_does_not_see():
+def test_the_unseen_slope_is_that_of_the_waves_that_the_instrument_does_not_see():
     """Of a face with waves down to a tenth of those seen: the slope of its own waves."""
     whole = affine(1024, 2.56e-4 / 1024, cut_off=2e-6)
     _, report = conditioned(whole, 20e-6, shape=(256, 256))
@@ -93,7 +93,7 @@ def test_the_slope_beyond_is_that_of_the_face_that_the_instrument_does_not_see()
         assert_allclose(found.kept_slope, kept, rtol=0.03)
 
 
-def test_without_a_power_law_what_the_map_has_of_unseen_waves_counts_as_removed():
+def test_without_a_power_law_the_slope_of_unseen_waves_in_the_map_counts_as_removed():
     longer = wave(1e-4)
     x = (np.arange(longer.shape[0]) + 0.5) * longer.spacing[0]
     short = AMPLITUDE / 8 * np.cos(2 * pi * x / 2.5e-5)[:, None]

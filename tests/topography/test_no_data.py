@@ -30,7 +30,7 @@ def holed(value, heights=FACE, hole=HOLE):
 
 
 @each("value", [-9999, 9999, 32767, -32768, -99999.9999, 65535, 1000001, 1.70141e38, -3.40282e38])
-def test_marks_of_programs_are_undefined_and_named(tmp_path, value):
+def test_marks_that_programs_write_are_undefined_and_noted(tmp_path, value):
     found = look(tmp_path, holed(value))
     assert not found.doubts
     assert_array_equal(np.isnan(found.topography.heights), HOLE.T)
@@ -43,7 +43,7 @@ def test_marks_of_programs_are_undefined_and_named(tmp_path, value):
 
 
 @each("value, offset", [(0, 12), (0, -12), (-50, 0), (100, 0)])
-def test_other_numbers_far_from_all_others_are_for_the_caller_to_decide(tmp_path, value, offset):
+def test_other_numbers_far_from_all_heights_are_refused_with_a_question(tmp_path, value, offset):
     """Such as 0, whose points may be a stop as well; a tilt of the face, of 5 µm here, changes nothing."""
     tilt = 5e-6 * np.arange(N) / N
     heights = holed(value, FACE + tilt + 1e-6 * offset)
@@ -58,7 +58,7 @@ def test_other_numbers_far_from_all_others_are_for_the_caller_to_decide(tmp_path
     assert not kept.topography.undefined_fraction
 
 
-def test_arrays_are_looked_at_too(tmp_path):
+def test_marks_are_found_in_arrays_as_well(tmp_path):
     np.savez(tmp_path / "face.npz", z=np.where(HOLE, 32767, FACE), spacing=(2e-6, 2e-6))
     found = read_for_a_look(tmp_path / "face.npz")
     assert not found.doubts
@@ -85,20 +85,20 @@ def quantised(heights, levels):
         np.where(HOLE & (np.arange(N) == 0), 1000.0, 1e6 * FACE),  # a spike
     ],
 )
-def test_faces_as_they_are(tmp_path, heights):
+def test_measured_surfaces_without_marks_stay_unchanged(tmp_path, heights):
     found = look(tmp_path, heights)
     assert not found.doubts
     assert not found.notes
     assert not found.topography.undefined_fraction
 
 
-def test_no_data_is_a_number(tmp_path):
+def test_no_data_must_be_a_number_or_none(tmp_path):
     for wrong in ("no", np.nan, []):
         with pytest.raises(InputError, match=r"no_data: given .*, expected a number, or 'none'"):
             look(tmp_path, holed(0), no_data=wrong)
 
 
-def test_a_case_takes_them_for_undefined_and_warns(tmp_path):
+def test_a_case_takes_marks_for_undefined_points_and_warns(tmp_path):
     np.savetxt(tmp_path / "face.txt", holed(-9999), "%.6g")
     face = {"kind": "file", "path": "face.txt", "spacing": ["2 um", "2 um"], "height_unit": "um"}
     case = {

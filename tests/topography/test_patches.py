@@ -41,7 +41,7 @@ def scene(surface, **given):
 
 
 @pytest.mark.parametrize("fluid_pressure", ["ignored", "acts"])
-def test_each_place_is_in_contact_by_itself(fluid_pressure):
+def test_contact_is_solved_in_each_patch_separately(fluid_pressure):
     """Gap and pressure are those of each place alone; the leakage is that of the flow through all of them."""
     places = patches(3)
     every = fs.deterministic(scene(places, fluid_pressure=fluid_pressure))
@@ -56,7 +56,7 @@ def test_each_place_is_in_contact_by_itself(fluid_pressure):
     assert_allclose(every.leakage[0], flow * 1e6 / 1e-3 / (48 * PIXEL), rtol=2e-3)
 
 
-def test_equal_flow_through_each_place_is_that_of_all():
+def test_equal_patches_leak_as_much_as_each_of_them():
     """Mirror images of one place that are mirror images of themselves leak as it does, joined in any order."""
     z = patches(1)[0].heights
     one = fs.Topography(np.concatenate([z, z[:, ::-1]], axis=1), (PIXEL, PIXEL))
@@ -65,7 +65,7 @@ def test_equal_flow_through_each_place_is_that_of_all():
     assert_allclose(both, alone, rtol=1e-3)
 
 
-def test_places_are_made_alike():
+def test_patches_of_different_size_and_pixels_are_made_alike():
     """Cut to the least breadth, resampled to the coarsest pixel; waves are those of each place."""
     a, b, c = patches(3)
     fine = b.resample((96, 96))
@@ -127,7 +127,7 @@ def test_properties_of_patches_do_not_see_their_seam():
         both.heights[0, 0] = 0.0
 
 
-def test_what_is_wrong_for_patches_is_not_offered():
+def test_operations_that_are_wrong_for_patches_do_not_exist():
     both = fs.Patches(numbered())
     for name in ("crop", "crop_to", "psd", "radial_psd", "gap", "__add__"):
         assert not hasattr(both, name)
@@ -141,7 +141,7 @@ def test_what_is_wrong_for_patches_is_not_offered():
             use()
 
 
-def test_patches_are_conditioned_each_by_itself():
+def test_each_patch_is_conditioned_separately():
     """Tilt, spikes and waves are those of each patch: the slope is that of the patches, not of a step between them."""
     tilted = [
         p.with_heights(p.heights + slope * np.arange(48)[:, None] * PIXEL)
@@ -157,7 +157,7 @@ def test_patches_are_conditioned_each_by_itself():
         fs.condition(fs.Patches(tilted), shortest_wave=60e-6)
 
 
-def test_the_former_name_of_patches_is_answered_with_the_new_one():
+def test_the_former_name_of_patches_warns_of_the_new_one():
     with pytest.warns(DeprecationWarning, match="Patches"):
         old = fs.Places(patches(2))
     assert isinstance(old, fs.Patches)
@@ -177,7 +177,7 @@ def test_grooves_of_patches_are_found_in_each():
     assert groove_pitch(fs.Patches([maps[0], flat])) is None
 
 
-def test_the_former_key_of_a_case_is_answered_with_the_new_one(tmp_path, files):
+def test_the_former_key_of_a_case_warns_of_the_new_one(tmp_path, files):
     names = files["face"]["patches"]
     former = parse_case(files | {"face": {"kind": "file", "places": names}}, tmp_path)
     assert [str(patch.path) for patch in former.face[0].patches] == names
@@ -185,7 +185,7 @@ def test_the_former_key_of_a_case_is_answered_with_the_new_one(tmp_path, files):
     assert not parse_case(files, tmp_path).named_warnings
 
 
-def test_bad_places_are_refused():
+def test_maps_of_different_surfaces_are_refused_as_patches():
     a, b = patches(2)
     for given, reason in (
         ([a], "at least two"),
@@ -200,7 +200,7 @@ def test_bad_places_are_refused():
                 use(given)
 
 
-def test_leakage_by_places():
+def test_leakage_of_each_patch_alone_and_of_all_others_is_known():
     """Each alone is the place by itself; all but one are the others side by side."""
     places = patches(3)
     found = fs.deterministic(scene(places)).places
@@ -244,7 +244,7 @@ def test_the_jackknife_of_a_mean_is_its_interval():
     assert places_to_halve(3) < places_to_halve(4) < places_to_halve(8)
 
 
-def test_drawn_seals_scatter_as_the_face_of_their_places_does():
+def test_realisations_scatter_like_the_surface_of_their_patches():
     """In their rows seals leak what the face leaks; by place they are in the ratio of the face of the places alone."""
     places = patches(3)
     found = fs.stochastic(scene(places), (2, 12), fs.Sampling(2e-3, 12, seed=1))
@@ -257,7 +257,7 @@ def test_drawn_seals_scatter_as_the_face_of_their_places_does():
     assert fs.stochastic(scene(places[0]), (2, 4), fs.Sampling(2e-3, 4, seed=1)).places is None
 
 
-def test_broad_seals_draw_from_all_places():
+def test_broad_seals_take_cells_from_all_patches():
     """Twice as broad as the face they take pieces of every place; by place they are in the ratio of the faces."""
     places = patches(3)
     dry = {"fluid_pressure": "ignored", "boundary": ("periodic", "periodic")}
@@ -284,7 +284,7 @@ def files(tmp_path):
     }
 
 
-def test_places_of_a_case(tmp_path, files):
+def test_a_case_with_several_patches_is_run(tmp_path, files):
     """Paths, a pattern and tables are one thing; pieces are those of each place, each in the cells of the case."""
     prepared = prepare(parse_case(files, tmp_path))
     surface = prepared.scene.surface
@@ -303,7 +303,7 @@ def test_places_of_a_case(tmp_path, files):
     assert cut.cells == (2, 4)
 
 
-def test_points_and_pieces_of_a_case_are_those_of_one_place(tmp_path, files):
+def test_points_and_cells_of_a_case_are_those_of_one_patch(tmp_path, files):
     """Also in messages; of places of unlike length, of the shortest."""
 
     def prepared(points=None, face=files["face"], cells=(2, 2), wave="8 um"):
@@ -327,7 +327,7 @@ def test_points_and_pieces_of_a_case_are_those_of_one_place(tmp_path, files):
             prepared(**given)
 
 
-def test_results_tell_of_places(tmp_path, files):
+def test_results_contain_the_leakage_of_each_patch(tmp_path, files):
     """Resumed and run by two processes they are the same; the band is by the scatter between places."""
     case = parse_case(files | {"seed": 3}, tmp_path)
     results = fs.run(case, tmp_path / "out", workers=1)
@@ -346,7 +346,7 @@ def test_results_tell_of_places(tmp_path, files):
         assert_allclose(other.dataset["leakage_of_places"], data["leakage_of_places"], rtol=0)
 
 
-def test_the_place_that_leaks_most_is_stored_with_its_gap(tmp_path, files):
+def test_the_gap_of_the_patch_that_leaks_most_is_stored(tmp_path, files):
     results = fs.run(parse_case(files | {"method": "deterministic"}, tmp_path), workers=1)
     data, gap = results.dataset, results.deterministic.gap
     most = data["place_height"].attrs["place"] - 1
@@ -354,7 +354,7 @@ def test_the_place_that_leaks_most_is_stored_with_its_gap(tmp_path, files):
     assert_allclose(data["place_gap"], gap[:, :, 48 * most : 48 * (most + 1)], rtol=1e-6)
 
 
-def test_both_faces_may_have_several_places(tmp_path, files):
+def test_both_faces_may_have_several_patches(tmp_path, files):
     """Place n of one face lies on place n of the other."""
     first, second = (
         {"kind": "file", "patches": [f"place{n}.npz" for n in of]} for of in ((0, 1, 2), (3, 2))
@@ -367,7 +367,7 @@ def test_both_faces_may_have_several_places(tmp_path, files):
     assert np.corrcoef(surface.heights.ravel(), sums.ravel())[0, 1] > 0.98
 
 
-def test_bad_places_of_a_case_are_refused(tmp_path, files):
+def test_invalid_patches_of_a_case_are_refused(tmp_path, files):
     place = patches()[1]
     np.savez(tmp_path / "copy.npz", z=place.heights, spacing=place.spacing)
     wave = 1e-6 * np.cos(2 * np.pi * np.arange(48) / 48)[:, None] * np.ones(48)

@@ -52,7 +52,7 @@ def stored(folder, z=Z, spacing=PIXEL, **more):
     return path
 
 
-def test_npy(tmp_path):
+def test_npy_files_are_read_with_the_spacing_of_the_caller(tmp_path):
     path = tmp_path / "face.npy"
     np.save(path, Z)
     same(read_topography(path, spacing=PIXEL))
@@ -68,7 +68,7 @@ def test_npy(tmp_path):
     same(read_topography(path, spacing=PIXEL, height_unit="m"), Z * 1e6)
 
 
-def test_npz(tmp_path):
+def test_npz_files_are_read_with_their_spacing_and_mask(tmp_path):
     path = tmp_path / "face.npz"
     np.savez(path, only=Z)
     same(read_topography(path, spacing=PIXEL))
@@ -102,7 +102,7 @@ def test_a_part_of_a_map_and_its_transposed_refer_to_the_result(tmp_path):
 @pytest.mark.parametrize(
     "array", [np.zeros(4), np.zeros((2, 2, 2)), np.zeros((0, 2)), np.full((2, 2), "a")]
 )
-def test_arrays_that_are_no_map(tmp_path, array):
+def test_arrays_that_are_not_a_map_are_refused(tmp_path, array):
     np.save(tmp_path / "face.npy", array)
     said = r"face\.npy: given an array of .* real numbers of shape \(n1, n2\)"
     refused(said, tmp_path / "face.npy", spacing=PIXEL)
@@ -119,7 +119,7 @@ def test_text_delimiters_are_found(tmp_path, delimiter, suffix):
     same(read_topography(path, spacing=PIXEL), Z.T)
 
 
-def test_given_delimiter(tmp_path):
+def test_a_given_delimiter_is_used(tmp_path):
     path = write(tmp_path, "face.txt", "1e-6|2e-6\n3e-6|4e-6\n")
     same(read_topography(path, spacing=PIXEL, delimiter="|"), [[1e-6, 3e-6], [2e-6, 4e-6]])
 
@@ -135,11 +135,11 @@ def test_given_delimiter(tmp_path):
         "\ufeff1e-6,2e-6,---\n4e-6,-5e-6,6.5e-6\n".replace("---", "--"),
     ],
 )
-def test_undefined_points_of_text(tmp_path, text):
+def test_words_for_undefined_points_in_texts_are_recognised(tmp_path, text):
     same(read_topography(write(tmp_path, "face.csv", text), spacing=PIXEL), Z.T)
 
 
-def test_text_header_with_sides_and_unit(tmp_path):
+def test_sides_and_unit_are_read_from_the_header_of_a_text(tmp_path):
     """x of the file is x1: one line for each y."""
     text = "# Channel: height\n# Width: 9 um\n# Height: 4 µm\n# Value units: nm\n1 2 3\n4 5 6\n"
     path = write(tmp_path, "face.txt", text)
@@ -150,14 +150,14 @@ def test_text_header_with_sides_and_unit(tmp_path):
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t", " "])
-def test_decimal_commas(tmp_path, delimiter):
+def test_decimal_commas_are_recognised(tmp_path, delimiter):
     text = "# Width: 9,0 um\n# Height: 4,0 µm\n# Value units: nm\n"
     text += "\n".join(delimiter.join(f"{v},5" for v in line) for line in ((1, 2, 3), (4, 5, 6)))
     heights = (np.arange(1, 7) + 0.5).reshape(2, 3).T * 1e-9
     same(read_topography(write(tmp_path, "face.txt", text)), heights, (3e-6, 2e-6))
 
 
-def test_triplets_are_a_grid_in_any_order(tmp_path):
+def test_coordinates_in_any_order_form_a_grid(tmp_path):
     rng = np.random.default_rng(0)
     z = rng.standard_normal((4, 5)) * 1e-6
     z[1, 2] = np.nan
@@ -182,14 +182,14 @@ def test_triplets_are_a_grid_in_any_order(tmp_path):
         ("a = 1 mm\n1 2\n3 4\nend\n", "given 'end' in line 4, .* put # before lines that are none"),
     ],
 )
-def test_bad_text(tmp_path, text, message):
+def test_faulty_texts_are_refused_with_the_line(tmp_path, text, message):
     refused(message, write(tmp_path, "face.asc", text), spacing=PIXEL)
 
 
 # --- instrument formats -----------------------------------------------------------------------------------
 
 
-def test_x3p(tmp_path):
+def test_x3p_files_are_read_as_they_were_written(tmp_path):
     path = tmp_path / "face.x3p"
     x3pio.write(path, Z.T, x_scale=PIXEL[0], y_scale=PIXEL[1])  # rows of the format are y
     same(read_topography(path))
@@ -210,7 +210,7 @@ def test_x3p_agrees_with_an_independent_reader(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
-def test_sdf(tmp_path, kind):
+def test_sdf_files_are_read_as_they_were_written(tmp_path, kind):
     path = tmp_path / "face.sdf"
     sdfio.write(path, Z.T, x_scale=PIXEL[0], y_scale=PIXEL[1], format=sdfio.FileFormat[kind])
     same(read_topography(path))
@@ -232,7 +232,7 @@ def test_sdf_written_by_hand_in_micrometres_is_refused_and_corrected(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["npy", "npz", "packed.npz", "csv", "x3p", "a.sdf", "b.sdf"])
-def test_one_damaged_byte_is_no_error_of_a_library(tmp_path, kind):
+def test_a_damaged_file_raises_an_input_error_and_no_other(tmp_path, kind):
     """A file with a wrong byte is read, or refused with its name."""
     path, z = tmp_path / f"face.{kind}", np.arange(20.0).reshape(4, 5) * 1e-7
     pixel = {"x_scale": 1e-6, "y_scale": 1e-6}
@@ -257,13 +257,13 @@ def test_one_damaged_byte_is_no_error_of_a_library(tmp_path, kind):
     assert refused > 0
 
 
-def test_other_formats_need_the_extra(tmp_path, monkeypatch):
+def test_formats_of_instruments_need_an_optional_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
     said = r"a file of kind '\.opd', .* pip install 'femseal\[surface\]'"
     refused(said, write(tmp_path, "face.opd", b"x"))
 
 
-def test_what_readers_print_of_damaged_files_is_not_seen(tmp_path, monkeypatch, capfd):
+def test_output_of_readers_about_damaged_files_is_suppressed(tmp_path, monkeypatch, capfd):
     def printing(path):
         print("bytes of the file")
         print("and more of them", file=sys.stderr)
@@ -279,7 +279,7 @@ def test_what_readers_print_of_damaged_files_is_not_seen(tmp_path, monkeypatch, 
     assert capfd.readouterr() == ("later\n", "later too")
 
 
-def test_unknown_format(tmp_path):
+def test_an_unknown_format_is_refused(tmp_path):
     pytest.importorskip("SurfaceTopography")
     said = r"face\.xyw: given .*, expected a file of one of the formats .* \.plu .* export \.x3p"
     refused(said, write(tmp_path, "face.xyw", b"\x00\x01no such format"))
@@ -299,15 +299,13 @@ def test_unknown_format(tmp_path):
         (Z * 100, PIXEL, "a slope of", SPACED | {"height_unit": "m"}),
     ],
 )
-def test_what_only_a_wrong_unit_explains_is_refused_with_the_way_to_correct_it(
-    tmp_path, heights, spacing, message, correction
-):
+def test_implausible_units_are_refused_with_advice(tmp_path, heights, spacing, message, correction):
     path = stored(tmp_path, heights, spacing)
     refused(message, path)
     read_topography(path, **correction)
 
 
-def test_large_pixels_and_spikes_are_no_wrong_unit(tmp_path):
+def test_large_pixels_and_spikes_are_not_taken_for_a_wrong_unit(tmp_path):
     assert read_topography(stored(tmp_path, spacing=(0.25, 0.2))).spacing == (0.25, 0.2)
     z = np.zeros((50, 50))
     z[::5, ::5] = 1e-3
@@ -345,7 +343,7 @@ def test_images_of_every_kind_mask_where_they_are_not_black(tmp_path, mode):
     same(read_topography(stored(tmp_path), mask=tmp_path / "mask.png"), masked())
 
 
-def test_masks_that_do_not_fit(tmp_path):
+def test_masks_of_another_size_are_refused(tmp_path):
     path = stored(tmp_path)
     for name in ("mask.jpg", "bad.png", "bad.npy"):
         write(tmp_path, name, "no mask")
@@ -360,7 +358,7 @@ def test_masks_that_do_not_fit(tmp_path):
         refused(said, path, mask=tmp_path / name)
 
 
-def test_the_mask_of_a_gwyddion_file(tmp_path):
+def test_the_mask_of_a_gwyddion_file_is_applied(tmp_path):
     """Its points are undefined, or have their heights; a second mask comes on top."""
     surfaces = pytest.importorskip("SurfaceTopography")
     z = np.nan_to_num(Z) * 1e6 + 1
@@ -379,7 +377,7 @@ def test_the_mask_of_a_gwyddion_file(tmp_path):
     refused(said, tmp_path / "mask.npy", file_mask=False)
 
 
-def test_channels_by_name(tmp_path, monkeypatch):
+def test_channels_are_selected_by_name(tmp_path, monkeypatch):
     surfaces = pytest.importorskip("SurfaceTopography")
     z = np.nan_to_num(Z)
 
@@ -413,7 +411,7 @@ def test_channels_by_name(tmp_path, monkeypatch):
         ({"channel": 1, "spacing": PIXEL}, "channel: given .* only, not face.npy"),
     ],
 )
-def test_options_that_do_not_do_are_refused(tmp_path, given, said):
+def test_options_that_do_not_apply_to_the_file_are_refused(tmp_path, given, said):
     np.save(tmp_path / "face.npy", Z)
     refused(said, tmp_path / "face.npy", **given)
 
@@ -421,7 +419,7 @@ def test_options_that_do_not_do_are_refused(tmp_path, given, said):
 # --- what the caller gets wrong ---------------------------------------------------------------------------
 
 
-def test_no_file(tmp_path):
+def test_a_missing_file_is_refused(tmp_path):
     refused(r"none\.npy: given no such file, expected a file with he", tmp_path / "none.npy")
     refused("given a folder", tmp_path)
 
@@ -430,7 +428,7 @@ def test_no_file(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-def test_files_of_instruments(tmp_path, suffix):
+def test_files_of_instruments_are_read(tmp_path, suffix):
     """Heights, pixel, orientation and undefined points, by formats whose units differ."""
     path = write(tmp_path, f"face{suffix}", WRITERS[suffix](Z, PIXEL))
     same(read_topography(path))
@@ -471,7 +469,7 @@ def test_files_are_read_in_three_times_their_memory(tmp_path, kind):
 
 
 @pytest.mark.parametrize("micron", ["µm".encode(), b"\xe6m", b"\xb5m", b"um"])
-def test_a_micrometre_in_another_encoding(tmp_path, micron):
+def test_micrometres_in_another_encoding_are_recognised(tmp_path, micron):
     """Programs write it in UTF-8, in the code page of DOS, or in latin-1."""
     pytest.importorskip("SurfaceTopography")
     content = WRITERS[".sur"](Z, PIXEL).replace(b"\xb5m".ljust(16), micron.ljust(16))
@@ -482,7 +480,7 @@ def test_a_micrometre_in_another_encoding(tmp_path, micron):
     assert "height_unit nm is taken; the file says 1 µm per number" in found.notes
 
 
-def test_an_unknown_unit_of_a_file_is_that_of_the_caller(tmp_path):
+def test_an_unknown_unit_of_a_file_is_replaced_by_that_of_the_caller(tmp_path):
     pytest.importorskip("SurfaceTopography")
     content = WRITERS[".sur"](Z, PIXEL)
     for unit in (b"mm", b"\xb5m"):
@@ -508,7 +506,7 @@ def gwyddion(folder, heights, mask=None):
     return path
 
 
-def test_a_gwyddion_file_without_units(tmp_path):
+def test_a_gwyddion_file_without_units_needs_the_unit_of_the_caller(tmp_path):
     z = np.nan_to_num(Z) * 1e6 + 1
     path = gwyddion(tmp_path, z)
     refused("1 field whose unit is no length .1., expected a map of heights; .*--height-unit", path)

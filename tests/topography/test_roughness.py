@@ -37,7 +37,7 @@ def test_the_core_of_a_gaussian_face():
     assert_allclose(found["smr"], norm.cdf([-1, 0, 1]), atol=1e-4)
 
 
-def test_a_plateau_with_valleys():
+def test_plateau_and_valleys_have_their_core_parameters():
     """60 % of the area at one height and even valleys below: no core, and the triangle of the valleys is theirs."""
     z = np.concatenate([np.zeros(6000), -np.linspace(0, 1e-6, 4001)[1:]]).reshape(100, 100)
     found = material_ratios(z)
@@ -74,7 +74,7 @@ def test_the_height_of_profiles_is_the_mean_of_their_sections():
     assert np.isnan(report.ra[1])
 
 
-def test_flat_faces_and_such_without_a_cut_off():
+def test_flat_surfaces_and_surfaces_without_a_cut_off_are_described():
     flat = material_ratios(np.zeros((3, 3)))
     assert flat["sk"] == flat["spk"] == flat["svk"] == 0
     assert np.isnan(material_ratios(np.full((3, 3), np.nan))["sk"])
@@ -95,7 +95,7 @@ def test_the_area_of_a_wave_is_an_elliptic_integral(slope, axis):
 
 
 @pytest.mark.parametrize("cut_off", [10e-6, 20e-6])
-def test_they_agree_with_another_program(cut_off):
+def test_parameters_agree_with_another_program(cut_off):
     size, given = (1.2e-3, 1.2e-3), {"hurst": 0.7, "rms_height": 0.5e-6, "cut_off": cut_off}
     face = fs.self_affine((600, 600), size, **given, rng=5)
     report = fs.describe_surface(face, detrend=0, spikes=np.inf)

@@ -47,7 +47,7 @@ def hertz(forces, radius):
 
 
 @pytest.mark.parametrize(("radius", "force"), [(0.05, 50e3), (0.05, 200e3), (0.02, 200e3)])
-def test_a_smooth_crown_is_hertz_s_line_contact(radius, force):
+def test_a_smooth_crown_has_the_pressure_of_a_hertz_line_contact(radius, force):
     """a² = 4 W R/(π E*), p₀ = 2 W/(π a)."""
     found = solved(CrownedSeat(radius).on(smooth()), [force], rtol=1e-8)
     half, peak = hertz(force, radius)
@@ -60,14 +60,14 @@ def test_a_smooth_crown_is_hertz_s_line_contact(radius, force):
     assert_allclose(found.row_pressure[0].sum() * D, force, rtol=1e-6)
 
 
-def test_the_peak_converges_to_hertz_s():
+def test_the_peak_pressure_converges_to_that_of_hertz():
     seats = [CrownedSeat(0.02).on(smooth(n, 1.024e-3 / n)) for n in (128, 512)]
     peaks = [solved(seat, [100e3], rtol=1e-8).largest_row_pressure[0] for seat in seats]
     errors = np.abs(np.array(peaks) / hertz(100e3, 0.02)[1] - 1)
     assert errors[1] < min(0.5 * errors[0], 2e-3)
 
 
-def test_a_soft_crown_yields_all_over_its_band():
+def test_a_soft_crown_yields_over_its_whole_contact_width():
     """Far beyond first yield the band is about W/H broad."""
     hardness = 0.2e9
     found = solved(CrownedSeat(0.01).on(smooth()), [100e3], hardness)
@@ -75,7 +75,7 @@ def test_a_soft_crown_yields_all_over_its_band():
     assert_allclose(found.band_breadth[0], 100e3 / hardness, rtol=0.02)
 
 
-def test_a_ball_on_a_cone_is_a_crown_of_its_radius_under_the_normal_force():
+def test_a_ball_on_a_cone_equals_a_crown_under_the_normal_force():
     """Its normal force per length is the axial one over the sine of half the angle."""
     ball, crown = BallOnCone(0.02, np.radians(30)), CrownedSeat(0.02)
     assert ball.load_factor == pytest.approx(2)
@@ -83,7 +83,7 @@ def test_a_ball_on_a_cone_is_a_crown_of_its_radius_under_the_normal_force():
     assert_allclose(one.row_pressure, other.row_pressure, atol=2e-3 * other.row_pressure.max())
 
 
-def test_roughness_makes_the_band_broader_than_hertz_s():
+def test_roughness_makes_the_contact_wider_than_that_of_hertz():
     """Greenwood & Tripp's trend: the less, the higher the load."""
     forces = np.array([20e3, 50e3, 100e3, 200e3])
     found = solved(CrownedSeat(0.05).on(rough(1024, 64)), forces)
@@ -104,14 +104,14 @@ TRIAL = {
 @pytest.mark.parametrize(
     "radius", [0.05, *(pytest.param(r, marks=pytest.mark.slow) for r in (None, 0.2, 0.01))]
 )
-def test_form_decides_on_leakage_as_in_a_published_trial(radius):
+def test_the_form_changes_the_leakage_as_in_a_published_experiment(radius):
     face = rough()
     forces = np.array([20e3, 50e3, 100e3, 200e3])[: len(TRIAL[radius])]
     found = solved((FlatSeat() if radius is None else CrownedSeat(radius)).on(face), forces, 2.8e9)
     assert_allclose(found.leakage * 1e-3 / 1e6 * 1e18, TRIAL[radius], rtol=0.03)
 
 
-def test_other_forms():
+def test_depths_of_all_forms_agree_with_their_equations():
     x = np.linspace(-5e-4, 5e-4, 11)
     assert (FlatSeat().depth(x, 1e-3) == 0).all()
     land = RoundedSeat(4e-4, 1e-2)
@@ -213,12 +213,12 @@ UNEVEN = {"map": {"kind": "profile", "fractions": [1, 2]}}
         ),
     ],
 )
-def test_bad_seats(case, change, text):
+def test_invalid_seats_are_refused(case, change, text):
     with pytest.raises(fs.InputError, match=text):
         prepare(parse_case(case | change))
 
 
-def test_a_measured_face_has_no_form_of_its_own(tmp_path):
+def test_the_form_of_a_measured_surface_is_removed_before_a_seat_is_added(tmp_path):
     path = tmp_path / "face.csv"
     np.savetxt(path, rough(64, 64).heights * 1e6)
     face = {"kind": "file", "path": str(path), "height_unit": "um", "size": ["64 um", "64 um"]}
@@ -236,7 +236,7 @@ def test_a_measured_face_has_no_form_of_its_own(tmp_path):
             parse_case(file | {"seat": seat, "surface": {"detrend": detrend}})
 
 
-def test_results_have_band_and_profile():
+def test_results_contain_contact_width_and_pressure_profile():
     case = parse_case(CASE | {"seat": crowned("2 mm"), "output": {"budget": False}})
     data = fs.run(case, workers=1).dataset
     assert data["row_pressure"].dims == ("step", "row")
@@ -245,7 +245,7 @@ def test_results_have_band_and_profile():
     assert (np.diff(data["band_breadth"].values) > 0).all()
 
 
-def test_all_methods_take_a_seat():
+def test_all_methods_accept_a_seat():
     more = {
         "method": "stochastic",
         "compare": ["deterministic", "two-scale"],
@@ -285,7 +285,7 @@ def rows_of(face, seat, forces, hardness=np.inf, breadth=1.024e-3, **given):
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.02])
-def test_a_broad_seat_that_is_nearly_smooth_is_hertz_s_line_contact(radius):
+def test_a_broad_and_nearly_smooth_seat_is_a_hertz_line_contact(radius):
     forces = np.array([50e3, 200e3])
     found = rows_of(patch(n=64, rms_slope=1e-4), CrownedSeat(radius), forces)
     half, peak = hertz(forces, radius)
@@ -303,7 +303,7 @@ def test_a_broad_seat_of_soft_metal_carries_no_more_than_its_hardness():
     assert_allclose(broad, force / hardness, rtol=0.05)
 
 
-def test_a_broad_seat_comes_back_to_its_peak_and_keeps_its_band_on_the_way_down():
+def test_a_broad_seat_returns_to_its_peak_and_keeps_its_contact_width_on_unloading():
     """Elastic: loading again; plastic: a band that is smoother on the way down, so that it is narrower."""
     breadth, forces = 1.024e-3, [50e3, 100e3, 200e3]
     peak, stops = 200e3 / breadth, (200e3 / breadth, 100e3 / breadth, 50e3 / breadth)
@@ -317,7 +317,7 @@ def test_a_broad_seat_comes_back_to_its_peak_and_keeps_its_band_on_the_way_down(
 
 
 @pytest.mark.parametrize("radius", [0.2, 0.05, 0.01])
-def test_both_ways_of_a_seat_spread_the_load_alike(radius):
+def test_both_calculations_of_a_seat_distribute_the_load_alike(radius):
     """The form on the heights of a broad face, and rows of a seat that a narrower face covers."""
     forces = np.array([50e3, 100e3, 200e3])
     whole = solved(CrownedSeat(radius).on(rough(1024, 128)), forces, 2.8e9).row_pressure
@@ -331,7 +331,7 @@ def test_both_ways_of_a_seat_spread_the_load_alike(radius):
 
 
 @pytest.mark.slow
-def test_both_ways_of_a_seat_leak_alike():
+def test_both_calculations_of_a_seat_give_the_same_leakage():
     """Drawn seals over deterministic faces, as a fraction of the same for flat seats: 1 within 10 %.
 
     Under the sharpest crown whole faces scatter by a third: there it is 1 within three standard errors of their mean.
@@ -367,7 +367,7 @@ def test_a_broad_seat_runs_from_a_case():
     assert not any("the body below" in text for text in results.warnings)
 
 
-def test_a_body_that_yields_below_a_seat_is_warned_of():
+def test_a_warning_says_that_the_body_below_a_seat_yields():
     """Hertz: 0.3 GPa under 50 N/mm, more than 1.79 × 120 MPa."""
     soft = {"material": BROAD["material"] | {"yield_stress": "120 MPa"}}
     results = fs.run(parse_case(BROAD | soft | {"output": {"budget": False}}), workers=1)

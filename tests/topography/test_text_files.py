@@ -59,17 +59,17 @@ HEAD = "# Width: 30 µm\n# Height: 24 µm\n# Value units: µm\n"
 @pytest.mark.parametrize(
     "encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16", "utf-16-le", "utf-16-be"]
 )
-def test_encodings(tmp_path, encoding):
+def test_texts_in_all_usual_encodings_are_read(tmp_path, encoding):
     same(look(tmp_path, (HEAD + matrix()).encode(encoding)))
 
 
 @each("delimiter", [",", ";", "\t", " ", ", "])
-def test_quoted_numbers(tmp_path, delimiter):
+def test_quoted_numbers_are_read(tmp_path, delimiter):
     same(look(tmp_path, matrix(delimiter, '"'), **MICRONS))
 
 
 @each("delimiter", [",", ";", "\t", " "])
-def test_quoted_decimal_commas(tmp_path, delimiter):
+def test_quoted_decimal_commas_are_read(tmp_path, delimiter):
     same(look(tmp_path, matrix(delimiter, '"').replace(".", "\0").replace("\0", ","), **MICRONS))
 
 
@@ -92,13 +92,13 @@ def test_quoted_decimal_commas(tmp_path, delimiter):
     ],
 )
 @each("delimiter", [",", ";", "\t"])
-def test_words_for_an_undefined_point(tmp_path, word, delimiter):
+def test_words_for_an_undefined_point_are_recognised(tmp_path, word, delimiter):
     first, later = (f"{LINES[j, i]:.3f}" for i, j in ((0, 0), (4, 7)))
     text = matrix(delimiter).replace(first, word, 1).replace(later, word, 1)
     same(look(tmp_path, text, **MICRONS), without((0, 0), (4, 7)))
 
 
-def test_undefined_points_between_blanks(tmp_path):
+def test_words_for_undefined_points_between_blanks_are_recognised(tmp_path):
     text = matrix(" ").replace(f"{LINES[7, 4]:.3f}", "No Data")
     same(look(tmp_path, text, **MICRONS), without((4, 7)))
 
@@ -150,16 +150,16 @@ Start of Data :
         (HEAD.replace("#", "//"), ","),
     ],
 )
-def test_headers_say_pixel_and_unit(tmp_path, head, delimiter):
+def test_pixel_size_and_unit_are_read_from_headers(tmp_path, head, delimiter):
     same(look(tmp_path, head + matrix(delimiter)))
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
-def test_the_export_of_keyence(tmp_path, encoding):
+def test_an_export_of_keyence_is_read(tmp_path, encoding):
     same(look(tmp_path, (KEYENCE + matrix(",", '"')).encode(encoding)))
 
 
-def test_a_german_export_of_keyence(tmp_path):
+def test_a_german_export_of_keyence_is_read(tmp_path):
     names = {"XY Calibration": "XY-Justierung", "Unit": "Einheit", "Horizontal": "Horizont."}
     text = KEYENCE + matrix(";", '"')
     for english, german in names.items():
@@ -178,7 +178,7 @@ def zygo(resolution):
     return head + "\n".join(lines) + "\n#\n"
 
 
-def test_the_export_of_zygo(tmp_path):
+def test_an_export_of_zygo_is_read(tmp_path):
     """Coordinates count pixels, whose size the head says unless the camera was not calibrated; heights are in µm."""
     same(look(tmp_path, zygo("2e-06"), "face.xyz"), without((3, 4)))
     open_pixel = look(tmp_path, zygo("0"), "face.xyz")
@@ -187,7 +187,7 @@ def test_the_export_of_zygo(tmp_path):
     refused(tmp_path, "Zygo ASCII Data File - Format 2\n" + matrix(), "a Zygo ASCII file")
 
 
-def test_the_export_of_wyko(tmp_path):
+def test_an_export_of_wyko_is_read(tmp_path):
     """A line of it runs along y; blocks have names and types."""
     pytest.importorskip("SurfaceTopography")
     head = "Wyko ASCII Data File Format 0\t1\t1\nX Size\t15\nY Size\t12\nBlock Name\tType\tLength\tValue\n"
@@ -203,7 +203,7 @@ ESRI = "ncols 15\nnrows 12\nxllcorner 0\nyllcorner 0\ncellsize 2\nNODATA_value -
 
 
 @pytest.mark.parametrize("mark", ["", "# "])
-def test_a_raster_with_no_data(tmp_path, mark):
+def test_an_esri_raster_with_undefined_points_is_read(tmp_path, mark):
     """The value of its header is undefined, behind a comment mark too; the cell has no unit, which is asked for."""
     head = "".join(f"{mark}{line}\n" for line in ESRI.splitlines())
     text = head + matrix(" ").replace(f"{LINES[7, 4]:.3f}", "-9999")
@@ -222,7 +222,7 @@ def test_a_raster_with_no_data(tmp_path, mark):
     refused(tmp_path, "\n".join(lines[:-1]), said)
 
 
-def test_units_of_the_caller_come_before_those_that_cannot_be_read(tmp_path):
+def test_units_of_the_caller_replace_those_that_cannot_be_read(tmp_path):
     text = HEAD.replace("units: µm", "units: V").replace("30 µm", "9 apples") + matrix()
     first, second = look(tmp_path, text).doubts
     assert "no pixel size in the file (15 × 12 points; it says " in str(first)
@@ -248,21 +248,21 @@ def test_units_of_the_caller_come_before_those_that_cannot_be_read(tmp_path):
         matrix().replace(f"{LINES[9, 2]:.3f}", "over"),
     ],
 )
-def test_no_line_with_an_unknown_word_is_taken_for_a_header(tmp_path, text):
+def test_a_row_with_an_unknown_word_is_not_taken_for_a_header(tmp_path, text):
     refused(tmp_path, text, r"given 'over' in line \d+, .* put # before lines that are none")
 
 
-def test_lines_that_lack_numbers_are_no_header(tmp_path):
+def test_rows_with_missing_numbers_are_not_taken_for_a_header(tmp_path):
     lines = matrix().splitlines(keepends=True)
     cut = lines[0].rsplit("\t", 3)[0] + "\n"
     refused(tmp_path, cut + "".join(lines[1:]), "given 15 numbers in line 2 after 12 in line 1")
 
 
-def test_a_file_with_two_maps(tmp_path):
+def test_a_file_with_two_maps_is_refused(tmp_path):
     refused(tmp_path, 2 * (HEAD + matrix()), "a second map, which begins in line 16")
 
 
-def test_axes_beside_a_map(tmp_path):
+def test_axes_in_the_first_line_and_column_are_removed(tmp_path):
     """A column of counts, as Olympus exports it, and a line of places are no heights."""
     lines = [f"{n}\t{line}" for n, line in enumerate(matrix().splitlines())]
     names = "DataLine\t" + "\t".join(f"POS = {n}" for n in range(15))
@@ -295,7 +295,7 @@ MISSING = ((0, 0), (4, 7), (14, 11), *((9, j) for j in range(12)))
 
 @pytest.mark.parametrize("index", [False, True])
 @pytest.mark.parametrize("shuffled", [False, True])
-def test_points_that_a_table_does_not_name_are_undefined(tmp_path, index, shuffled):
+def test_grid_points_that_are_missing_in_a_table_are_undefined(tmp_path, index, shuffled):
     order = np.random.default_rng(1) if shuffled else None
     text = table(missing=MISSING, index=index, order=order)
     found = look(tmp_path, text, "face.xyz", **MICRONS)
@@ -304,7 +304,7 @@ def test_points_that_a_table_does_not_name_are_undefined(tmp_path, index, shuffl
     assert note in found.notes[0]
 
 
-def test_a_few_points_of_a_small_grid(tmp_path):
+def test_a_small_grid_with_few_points_is_recognised(tmp_path):
     lines = [f"{2 * i} {2 * j} {i * j}" for i in range(5) for j in range(4) if (i, j) != (2, 1)]
     found = look(tmp_path, "\n".join(lines), **MICRONS)
     heights = 1e-6 * np.outer(np.arange(5), np.arange(4))
@@ -315,13 +315,13 @@ def test_a_few_points_of_a_small_grid(tmp_path):
 
 
 @pytest.mark.parametrize("step", [1.38, 1 / 3, 0.0138])
-def test_coordinates_are_rounded_as_they_are_written(tmp_path, step):
+def test_rounded_coordinates_form_a_grid(tmp_path, step):
     text = table(step, MISSING[:3], form="{:.3f} {:.3f} {:.3f}")
     found = look(tmp_path, text, size=(30e-6, 24e-6), height_unit="um")
     same(found, without(*MISSING[:3]))
 
 
-def test_names_of_columns_say_units_and_order(tmp_path):
+def test_units_and_order_of_columns_follow_from_their_names(tmp_path):
     text = "Y [mm];X [mm];Z [µm];I\n" + table(
         0.002, form="{1:.3f};{0:.3f};{2:.3f};7", missing=MISSING
     )
@@ -332,7 +332,7 @@ def test_names_of_columns_say_units_and_order(tmp_path):
     same(look(tmp_path, names), 1e-3 * HEIGHTS)
 
 
-def test_coordinates_without_a_unit(tmp_path):
+def test_coordinates_without_a_unit_need_that_of_the_caller(tmp_path):
     """Metres, unless heights have another unit: then that of the coordinates is asked for."""
     same(look(tmp_path, table(2e-6, form="{:.7f} {:.7f} {:.3e}").replace("e+00", "e-06").replace(
         "e-01", "e-07").replace("e-02", "e-08").replace("e-03", "e-09")))  # fmt: skip
@@ -340,14 +340,14 @@ def test_coordinates_without_a_unit(tmp_path):
     assert "it says 'coordinates in steps of 2 and 2, without a unit" in doubt
 
 
-def test_coordinates_as_an_array(tmp_path):
+def test_an_array_of_coordinates_is_read(tmp_path):
     rows = np.array([[2 * i, 2 * j, LINES[j, i]] for i in range(15) for j in range(12)])
     np.save(tmp_path / "face.npy", rows[5:])
     found = read_for_a_look(tmp_path / "face.npy", **MICRONS)
     same(found, without(*((0, j) for j in range(5))))
 
 
-def test_points_on_no_grid(tmp_path):
+def test_points_that_are_not_on_a_grid_are_refused(tmp_path):
     scattered = np.random.default_rng(2).random((200, 3))
     said = r"200 lines x y z, whose points lie on no regular grid .*griddata"
     refused(tmp_path, matrix(" ", lines=scattered), said, **MICRONS)
@@ -355,7 +355,7 @@ def test_points_on_no_grid(tmp_path):
     same(look(tmp_path, 2 * (table() + "\n"), **MICRONS))  # the same ones
 
 
-def test_lattice():
+def test_the_lattice_of_rounded_values_is_found():
     values = np.repeat([0.0, 1.4, 2.8, 4.1, 5.5, 13.8, 15.2], 2)  # of 1.38, in one digit
     found = find_lattice(values)
     assert found.points == 12
@@ -381,7 +381,7 @@ def test_lattice():
         (lambda x, z: np.array([x, 0 * x, z]).T, "200 points .coordinates x y z along one line"),
     ],
 )
-def test_profiles(tmp_path, text, found):
+def test_profiles_in_texts_are_refused_with_advice(tmp_path, text, found):
     """A map is needed; a profile says what makes a face. Of a sine Ra is 2/π and Rq √½ of the amplitude."""
     n = np.arange(200)
     lines = text(0.5 * n, np.sin(2 * np.pi * (n + 0.5) / 20))
@@ -392,7 +392,7 @@ def test_profiles(tmp_path, text, found):
     refused(tmp_path, "x [mm] z [um]\n" + matrix(" ", lines=lines), match, **MICRONS)
 
 
-def test_profiles_of_other_files(tmp_path):
+def test_profiles_in_other_files_are_refused(tmp_path):
     np.save(tmp_path / "face.npy", np.zeros((1, 50)))
     with pytest.raises(InputError, match="a profile of 50 points"):
         read_topography(tmp_path / "face.npy", **MICRONS)

@@ -129,7 +129,7 @@ WHOLE = [
         (lambda face: face + Topography(face.heights, (1, 1)), GRID, "spacing of the second face"),
     ],
 )
-def test_what_cannot_be_done_is_refused(use, face, message):
+def test_invalid_arguments_of_operations_are_refused(use, face, message):
     with pytest.raises(InputError, match=message):
         use(face)
 
@@ -147,7 +147,7 @@ def test_slope_and_height_of_a_wave(periodic, shape):
     assert_allclose(face.rms_slope, np.hypot(*slopes), rtol=1e-12)
 
 
-def test_slope_of_a_tilted_open_map_is_its_tilt():
+def test_slope_of_a_tilted_map_that_is_not_periodic_is_its_tilt():
     x1, _ = centres((400, 8))
     z = np.tile(0.01 * x1[:, None], (1, 8))
     face = Topography(z, (SIZE[0] / 400, SIZE[1] / 8), (False, True))
@@ -181,7 +181,7 @@ def test_radial_psd_of_white_noise_is_its_pixel_area_times_variance():
     assert_allclose(density[inside].mean(), np.prod(face.spacing), rtol=0.02)
 
 
-def test_gap_touches_at_the_highest_point():
+def test_the_gap_is_zero_at_the_highest_point():
     face = noise((6, 5))
     assert face.gap().min() == 0
     assert_allclose(face.gap() + face.heights, face.heights.max())
@@ -191,7 +191,7 @@ def test_gap_touches_at_the_highest_point():
 
 
 @each("order", [0, 1, 2])
-def test_detrend_removes_its_form_and_is_idempotent(order):
+def test_detrend_removes_the_form_and_changes_nothing_the_second_time(order):
     shape, spacing = (30, 20), (SIZE[0] / 30, SIZE[1] / 20)
     x1, x2 = np.meshgrid(*centres(shape), indexing="ij")
     terms = [np.ones(shape), 1e-3 * x1 - 2e-3 * x2, 5.0 * x1**2 + 3.0 * x1 * x2 - x2**2]
@@ -259,7 +259,7 @@ def test_detrend_is_the_least_squares_plane_of_the_defined_points():
 
 
 @each("periodic", PERIODS)
-def test_low_pass_keeps_and_removes_exactly(periodic):
+def test_low_pass_keeps_long_waves_and_removes_short_ones_exactly(periodic):
     shape = (48, 40)
     long, short = wave(shape, (3, 2), periodic), wave(shape, (9, 8), periodic)
     both = long.with_heights(long.heights + short.heights + 4.0)
@@ -306,7 +306,7 @@ def test_resample_up_and_down_again_is_the_identity(shape, more, periodic):
 # --- holes ------------------------------------------------------------------------------------------------
 
 
-def test_holes_in_a_plane_are_filled_exactly():
+def test_undefined_points_of_a_plane_are_filled_exactly():
     x1, x2 = np.meshgrid(*centres((30, 24)), indexing="ij")
     plane = 1e-3 * x1 - 2e-3 * x2 + 1.0
     z = plane.copy()
@@ -316,7 +316,7 @@ def test_holes_in_a_plane_are_filled_exactly():
     assert_allclose(filled.heights, plane, rtol=1e-12)
 
 
-def test_holes_fill_across_a_periodic_border_only():
+def test_undefined_points_are_filled_across_periodic_borders_only():
     x = np.arange(40.0)
     z = np.tile(np.minimum(x, 40 - x), (30, 1))  # a ridge; lowest at the border x2 = 0
     z[:, 0] = np.nan
@@ -350,7 +350,7 @@ def test_crop_keeps_periodicity_of_whole_axes_only():
     assert_allclose(same.heights, part.heights)
 
 
-def test_flip_and_sum():
+def test_flipping_and_adding_act_on_the_heights():
     face = noise((8, 6), (False, True), seed=1)
     assert_allclose(face.flip(0).heights, face.heights[::-1])
     assert_allclose(face.flip(1).flip(1).heights, face.heights)
@@ -396,7 +396,7 @@ def test_condition_recovers_tilt_and_curvature():
     assert report.rms_height < 1e-15
 
 
-def test_condition_on_another_grid():
+def test_conditioning_on_another_grid_keeps_the_long_waves():
     face, report = condition(measured(), shape=(240, 200), shortest_wave=1.1e-4)
     assert face.shape == (240, 200)
     assert report.shape_before == (96, 80)
@@ -438,13 +438,13 @@ def test_resolving_shape_gives_8_pixels_or_what_the_limit_allows(wavelength):
         ({"max_undefined": 1e-4}, "undefined points"),
     ],
 )
-def test_what_cannot_be_conditioned_is_refused(given, message):
+def test_maps_that_cannot_be_conditioned_are_refused(given, message):
     with pytest.raises(InputError, match=f"(?s){message}"):
         condition(measured(), **given)
     assert condition(measured(), shortest_wave=1e-4, shape=(240, 160))[0].shape == (240, 160)
 
 
-def test_one_number_is_the_spacing_along_both_axes():
+def test_a_single_spacing_holds_for_both_axes():
     assert Topography(np.zeros((4, 6)), 1e-6).spacing == (1e-6, 1e-6)
     gap = np.full((4, 6), 1e-6)
     assert cell_permeability(gap, 1e-6).value == cell_permeability(gap, (1e-6, 1e-6)).value
