@@ -21,10 +21,11 @@ from femseal.case.template import (
 
 _HEAD = """# All keys of a case file
 
-A quantity is text with any unit of its kind: `"0.2 mm"` where the column *unit* has m. *Needed* says
-when a key must stand in the file, and of which kinds it is; *since* is its first version. A key without
-a default is off, or its meaning says how it is chosen. A key that is gone is refused with what does its
-work now. `femseal schema` writes the same for editors, [Case files](case.md) explains it.
+A quantity is a text with any unit of its kind, for example `"0.2 mm"` where the column *unit* contains m. The column
+*needed, of kind* states when a key must be given, and for which kinds of the table it is valid. The column *since*
+states the first version with this key. If a key has no default, it is switched off unless given, or its meaning
+states how its value is chosen. If a file contains a key that has been removed, a message names its replacement.
+`femseal schema` writes the same information for editors, and [Case files](case.md) explains how to use it.
 """
 _COLUMNS = (
     "| key | type | unit | default | needed, of kind | since | meaning |\n" + 7 * "|---" + "|"

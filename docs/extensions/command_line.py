@@ -8,8 +8,9 @@ from femseal.cli import app
 
 _HEAD = """# Command line
 
-`femseal --help` and `femseal COMMAND --help` say this. The exit code is 0 when all is done, 2 for bad input (nothing
-is written), and 1 for anything else, also for a run that Ctrl-C stops.
+This page contains the output of `femseal --help` and of `femseal COMMAND --help`. The exit code is 0 if the command
+has succeeded, 2 if the input is wrong (then nothing is written), and 1 in all other cases, for example if a run is
+stopped with Ctrl-C.
 """
 
 
