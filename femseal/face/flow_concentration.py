@@ -8,8 +8,6 @@ the coefficient of variation of the permeability of four strips of the surface, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..base import Floats, Pair, Shape
@@ -27,36 +25,13 @@ _NO_STRIP = 2.0
 _FLAT_BLOCK = 8
 
 
-@dataclass(frozen=True)
-class FlowConcentration:
-    """Where a surface carries its flow in one contact state; NaN where nothing flows.
-
-    carriers : participation number N of the dissipation, the number of blocks that effectively carry the flow.
-    strip_scatter : coefficient of variation S of the permeability of four strips.
-    """
-
-    carriers: float = np.nan
-    strip_scatter: float = np.nan
-
-    @classmethod
-    def of(
-        cls, gap: Floats, spacing: Pair, drop_fraction: Floats, flow: FlowSettings, blocks: Shape
-    ) -> FlowConcentration:
-        """Describe the flow along x1 through a gap (n1, n2) [m].
-
-        drop_fraction : dissipation of every pixel over that of all (n1, n2), NaN where nothing flows.
-        blocks : numbers of blocks along x1 and x2, see `blocks_of_one_wave`.
-        """
-        carriers = participation_number(drop_fraction, blocks)
-        if np.isnan(carriers):
-            return cls()
-        return cls(carriers, strip_scatter(gap, spacing, flow))
-
-
 def participation_number(dissipation: Floats, blocks: Shape) -> float:
     """Count the blocks that effectively carry the flow: (Σd)²/Σd² of the dissipation d of the blocks.
 
     It is the number of all blocks in a uniform flow, and 1 where all is dissipated in one of them; NaN without flow.
+
+    dissipation : of every pixel (n1, n2), up to a factor, NaN where nothing flows. blocks : numbers of blocks along x1
+    and x2, see `blocks_of_one_wave`.
 
     >>> participation_number(np.ones((8, 16)), (2, 4))
     8.0
@@ -73,13 +48,14 @@ def strip_scatter(gap: Floats, spacing: Pair, flow: FlowSettings) -> float:
 
     Strips have closed sides. NaN where the flow through a strip failed.
     """
-    strips = np.array_split(gap, min(STRIPS, gap.shape[1]), axis=1)
-    found = [attempt(strip_permeability, np.array(strip, float), spacing, flow) for strip in strips]
-    if any(isinstance(k, Failed) for k in found):
-        return float("nan")
-    k = np.array(found, float)
-    mean = float(k.mean())
-    return float(k.std()) / mean if mean > 0 else _NO_STRIP
+    permeabilities = []
+    for strip in np.array_split(gap, min(STRIPS, gap.shape[1]), axis=1):
+        permeability = attempt(strip_permeability, np.array(strip, float), spacing, flow)
+        if isinstance(permeability, Failed):
+            return float("nan")
+        permeabilities.append(permeability)
+    mean = float(np.mean(permeabilities))
+    return float(np.std(permeabilities)) / mean if mean > 0 else _NO_STRIP
 
 
 def blocks_of_one_wave(surface: Surface) -> Shape:

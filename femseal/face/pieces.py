@@ -222,7 +222,7 @@ class PieceState:
     dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean pressure of the rows of points
     (n1,) [Pa]. counts : flows through pieces, solved or known without solving. failures : reasons of NaN.
     face, places : permeability of the whole face, and by its places [m³]. failed : why the flow through it is unknown.
-    carriers, strip_scatter : of the flow through the whole face, see `FlowConcentration`.
+    carriers : number of blocks that effectively carry the flow through the whole surface, see `participation_number`.
     surface_k2 : permeability of the whole surface along x2 [m³], mean over its measured patches; NaN if not solved.
     """
 
@@ -240,7 +240,6 @@ class PieceState:
     places: Array | None = None
     failed: str = ""
     carriers: float = np.nan
-    strip_scatter: float = np.nan
 
     @classmethod
     def of(

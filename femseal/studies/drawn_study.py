@@ -230,7 +230,7 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
     if tiles.in_place:
         # grooves that wind are those of the seal
         flat = scene if scene.flow.spiral is None else replace(scene, layout=RectangularLayout())
-        pieces = cut_into_pieces(flat, cut, mapper).pieces
+        pieces = cut_into_pieces(flat, cut, mapper, with_strips=True).pieces
         assert pieces is not None
         k = pieces.k.reshape(*pieces.k.shape[:3], 1, -1)
         fluid = TileFluid(tuple(drop.pressures))

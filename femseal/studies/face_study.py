@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, Shape, Shown, Singles, Stage
+from ..base import Array, InputError, Mapper, Pair, Shape, Shown, Singles, Stage
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact import LoadState
 from ..contact.workspace import KEPT_POINTS
-from ..face.flow_concentration import FlowConcentration, blocks_of_one_wave
+from ..face.flow_concentration import blocks_of_one_wave, participation_number, strip_scatter
 from ..face.piece_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
 from ..face.pieces import Cut, PieceState
 from ..loads import LoadProgramme
@@ -298,14 +298,24 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
     return replace(face, warnings=result_warnings(scene, face.leakage, face.mean_gap))
 
 
-def cut_into_pieces(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
-    """Solve a surface with the pieces of a cut, without plausibility checks; see `two_scale`."""
+def cut_into_pieces(
+    scene: Scene, cut: Cut, mapper: Mapper, *, with_strips: bool = False
+) -> FaceResult:
+    """Solve a surface and the cells of a cut, without plausibility checks; see `two_scale`.
+
+    with_strips : also solve the flow through four strips of the surface, whose scatter the interval of cells in order
+    needs.
+    """
     face = solve_face(scene, mapper)
     blocks = blocks_of_one_wave(scene.surface)
     solve = partial(_pieces, cut=cut, flow=scene.flow, blocks=blocks)
     found = list(mapper(Stage("pieces of the face", solve), face.states))
     pieces = joined(scene, cut, scene.steps, found)
     pieces = replace(pieces, face=face.leakage, places=face.places)
+    if with_strips:
+        solve_strips = partial(_strip_scatter, spacing=cut.spacing, flow=scene.flow)
+        scatter = list(mapper(Stage("strips of the surface", solve_strips), face.states))
+        pieces = replace(pieces, strip_scatter=np.array(scatter))
     return replace(face, pieces=pieces, failures=(*face.failures, *pieces.failures))
 
 
@@ -318,10 +328,12 @@ def _pieces(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) ->
     # grooves that wind are those of the seal
     flow = replace(flow, spiral=None)
     pieces = PieceState.of(gap, state.pressure, cut, flow, plastic, fractions)
-    found = FlowConcentration.of(gap, cut.spacing, fractions, flow, blocks)
-    return replace(
-        pieces,
-        failed=state.failed,
-        carriers=found.carriers,
-        strip_scatter=found.strip_scatter,
-    )
+    carriers = participation_number(fractions, blocks)
+    return replace(pieces, failed=state.failed, carriers=carriers)
+
+
+def _strip_scatter(state: FaceState, *, spacing: Pair, flow: FlowSettings) -> float:
+    """Compute the scatter of the permeability of four strips of a state; NaN where nothing flows."""
+    if not state.permeability > 0:
+        return float("nan")
+    return strip_scatter(state.gap.astype(float), spacing, replace(flow, spiral=None))

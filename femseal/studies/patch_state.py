@@ -25,8 +25,8 @@ class PatchState:
     Each depends on the state alone, not on the other loads of the programme. At the steps of an unloading all but
     `open_leakage` are those of the peak, because one patch tells as little of the one as of the other.
 
-    carriers : number of blocks that effectively carry the flow, see `FlowConcentration`; NaN of a sealed state.
-    strip_scatter : coefficient of variation of the leakage of four strips; NaN of a sealed state.
+    carriers : number of blocks that effectively carry the flow, see `participation_number`; NaN of a sealed state.
+    strip_scatter : coefficient of variation of the leakage of four strips; NaN where sealed and of cells at random.
     contact_fraction : fraction of the patch in contact.
     detours : ln of the leakage of the patch over that of its cells in their own order, from 0 to ln 3: how much flows
     through channels that cross the sides of cells, which cells at random do not have. NaN of a sealed state.

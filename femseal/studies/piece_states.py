@@ -13,7 +13,7 @@ from ..base import Array, Floats, Mapper, Pair, Shape, Shown
 from ..base.fields import PIECE, PLACE, STATE, STEP, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
-from ..face.flow_concentration import FlowConcentration, blocks_of_one_wave
+from ..face.flow_concentration import blocks_of_one_wave, participation_number
 from ..face.piece_flow import (
     FaceFlow,
     Failed,
@@ -129,7 +129,9 @@ class FacePieces:
     surface_k2, cells_k2 : permeability along x2 of the whole surface and of the cells in their own order (steps,) [m³],
     means over the measured patches; NaN where cells stay in order, which needs neither.
     places : leakage by measured places; None of one.
-    carriers, strip_scatter : of the flow through the whole face (steps,), see `FlowConcentration`; NaN where it is 0.
+    carriers : number of blocks that effectively carry the flow through the whole surface (steps,), see
+    `participation_number`. strip_scatter : of its four strips (steps,), see `face.flow_concentration.strip_scatter`;
+    NaN where cells are put together at random, which does not need it. Both are NaN where nothing flows.
     counts : flows through pieces. failures : one line each. unsolved : steps without leakage by number, and why.
     """
 
@@ -267,10 +269,10 @@ def _of_state(
     several = len(widths) > 1
     of_places = permeabilities_of_places(widths, cut.spacing, flow, gap) if several else None
     through = attempt(resolved_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
-    found = FlowConcentration()
+    carriers = np.nan
     if isinstance(through, FaceFlow):
-        fractions = drop_fractions(gap, cut.spacing, through.potential, flow)
-        found = FlowConcentration.of(gap, cut.spacing, fractions, flow, blocks)
+        dissipation = drop_fractions(gap, cut.spacing, through.potential, flow)
+        carriers = participation_number(dissipation, blocks)
     along_x2 = attempt(
         permeability_along_x2, gap, widths, cut.spacing, flow, flow_sides(boundary[0])
     )
@@ -284,8 +286,7 @@ def _of_state(
         places=of_places,
         failures=failures,
         failed=getattr(through, "reason", ""),
-        carriers=found.carriers,
-        strip_scatter=found.strip_scatter,
+        carriers=carriers,
     )
 
 
@@ -321,7 +322,6 @@ def joined(
         "drop_fraction",
         "rows",
         "carriers",
-        "strip_scatter",
         "surface_k2",
     )
     return FacePieces(
@@ -333,6 +333,7 @@ def joined(
         own=own,
         cells_k2=cells_k2,
         places=places,
+        strip_scatter=np.full(len(steps), np.nan),
         counts=SolveCounts.total(state.counts for state in taken),
         failures=tuple(failures),
         unsolved=tuple((s, state.failed) for s, state in enumerate(taken) if state.failed),

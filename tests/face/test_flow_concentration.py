@@ -9,13 +9,13 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.face.flow_concentration import (
-    FlowConcentration,
     blocks_of_one_wave,
     participation_number,
     short_wave,
     strip_scatter,
 )
 from femseal.face.piece_flow import FlowSettings, drop_fractions, resolved_flow
+from femseal.studies import face_study
 from femseal.studies.patch_state import PatchState
 from femseal.topography import Patches
 
@@ -23,16 +23,15 @@ SPACING = (1e-6, 1e-6)
 FLOW = FlowSettings()
 
 
-def concentration_of(gap, spacing, blocks):
-    through = resolved_flow(gap, spacing, FLOW)
-    fractions = drop_fractions(gap, spacing, through.potential, FLOW)
-    return FlowConcentration.of(gap, spacing, fractions, FLOW, blocks)
+def carriers_of(gap, blocks):
+    through = resolved_flow(gap, SPACING, FLOW)
+    return participation_number(drop_fractions(gap, SPACING, through.potential, FLOW), blocks)
 
 
 def test_a_uniform_gap_is_carried_by_all_blocks_alike():
-    found = concentration_of(np.full((32, 64), 1e-6), SPACING, (4, 8))
-    assert_allclose(found.carriers, 32)
-    assert_allclose(found.strip_scatter, 0, atol=1e-12)
+    gap = np.full((32, 64), 1e-6)
+    assert_allclose(carriers_of(gap, (4, 8)), 32)
+    assert_allclose(strip_scatter(gap, SPACING, FLOW), 0, atol=1e-12)
 
 
 @pytest.mark.parametrize("channels", [1, 2, 4])
@@ -41,25 +40,24 @@ def test_separate_channels_along_the_flow_are_counted_by_their_blocks(channels):
     gap = np.zeros((32, 64))
     for n in range(channels):
         gap[:, 16 * n + 1 : 16 * n + 7] = 1e-6
-    found = concentration_of(gap, SPACING, (4, 8))
-    assert_allclose(found.carriers, 4 * channels)
+    assert_allclose(carriers_of(gap, (4, 8)), 4 * channels)
     # of four strips as many are open as there are channels, one in each
     open_strips = np.repeat([1.0, 0.0], [channels, 4 - channels])
-    assert_allclose(found.strip_scatter, open_strips.std() / open_strips.mean(), rtol=1e-9)
+    scatter = strip_scatter(gap, SPACING, FLOW)
+    assert_allclose(scatter, open_strips.std() / open_strips.mean(), rtol=1e-9)
 
 
 def test_a_constriction_carries_the_whole_drop():
     gap = np.full((32, 64), 1e-5)
     gap[16:18] = 0.0
     gap[16:18, 20:24] = 1e-7
-    assert 1 <= concentration_of(gap, SPACING, (4, 8)).carriers < 1.05
+    assert 1 <= carriers_of(gap, (4, 8)) < 1.05
 
 
-def test_a_sealed_surface_has_neither():
+def test_no_block_of_a_sealed_surface_carries_flow():
     gap = np.full((32, 64), 1e-6)
     gap[10] = 0.0
-    found = concentration_of(gap, SPACING, (4, 8))
-    assert np.isnan([found.carriers, found.strip_scatter]).all()
+    assert np.isnan(carriers_of(gap, (4, 8)))
 
 
 def test_a_path_across_all_strips_leaves_each_of_them_closed():
@@ -114,6 +112,23 @@ def test_the_state_of_a_patch_is_the_same_on_twice_the_points():
     assert_allclose(fine.carriers, coarse.carriers, rtol=0.1)
     assert_allclose(fine.strip_scatter, coarse.strip_scatter, rtol=0.2)
     assert_allclose(fine.contact_fraction, coarse.contact_fraction, rtol=0.1)
+
+
+def test_strips_are_solved_only_where_cells_stay_in_order(monkeypatch):
+    """Neither a two-scale study nor cells at random need their scatter."""
+    solved = []
+    real = face_study.strip_scatter
+    monkeypatch.setattr(
+        face_study, "strip_scatter", lambda *given: solved.append(1) or real(*given)
+    )
+    scene = steel_scene(rough(64), loading=(1e8, 4e8))
+    assert np.isnan(fs.two_scale(scene, (2, 2)).pieces.strip_scatter).all()
+    at_random = fs.Sampling(256e-6, realisations=1, seed=1, breadth=128e-6)
+    assert np.isnan(fs.stochastic(scene, None, at_random).patch_state.strip_scatter).all()
+    assert not solved
+    in_order = fs.stochastic(scene, None, fs.Sampling(256e-6, realisations=1, seed=1))
+    assert np.isfinite(in_order.patch_state.strip_scatter).all()
+    assert len(solved) == 2
 
 
 def test_the_state_of_a_patch_does_not_depend_on_other_loads():
