@@ -1,7 +1,7 @@
-"""Errors of the model and its input that a changed scene shows: hardness, an ignored fluid pressure, the form.
+"""Estimate errors of the model and its input by solving a changed scene: hardness, ignored fluid pressure, form.
 
-A change that may go either way has an opposite, such as less hardness beside more. Leakage does not change alike on
-both sides, so the opposite is solved as well wherever it matters for the whole interval.
+A change that may go either way has an opposite, such as less hardness beside more. The leakage does not change by the
+same factor on both sides, so the opposite is solved as well wherever it matters for the whole interval.
 """
 
 from __future__ import annotations
@@ -27,18 +27,22 @@ from .error_parts import (
     scale_of_changes,
 )
 
-#: Half-width of a part by one of two opposite changes, over that of all other parts together, from which on the other
-#: change is solved as well. Below, a side that is twice as long as its mirror image makes the interval 9 % longer.
+#: The opposite change is solved where the half-width of the part exceeds this fraction of that of all other parts
+#: together. Below it, an end that is twice as far away as its mirror image makes the interval only 9 % longer.
 _MATTERS = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class ModelChange:
-    """A scene with another model or input, whose leakage shows how much that matters.
+    """A scene with a changed model or input, whose leakage shows how much the change matters.
 
-    name : of the part, one of `MODEL_PARTS`. scene : the changed one. note : a sentence.
+    Parameters
+    ----------
+    name : of the part, one of `MODEL_PARTS`.
+    scene : the changed scene.
+    note : a sentence that says what was changed.
     forms : the changed forms of a seal that has any, see `Sampling`.
-    opposite : the change by as much to the other side; None where the truth cannot lie there.
+    opposite : the change by the same amount to the other side; None where the truth cannot lie there.
     """
 
     name: str
@@ -52,8 +56,12 @@ class ModelChange:
 class FormTolerance:
     """Relative errors of the heights of forms.
 
-    forms : of the seal, see `Sampling`. tolerances : of each. seat : a form that is on the heights of the face instead,
-    which is as broad as the seal; None where there is none. tolerance : of that.
+    Parameters
+    ----------
+    forms : forms of the seal, see `Sampling`.
+    tolerances : relative error of each of them.
+    seat : a form that is part of the heights of the surface, which is then as broad as the seal; None without one.
+    tolerance : relative error of the seat.
     """
 
     forms: tuple[SealForm, ...] = ()
@@ -62,7 +70,7 @@ class FormTolerance:
     tolerance: float = 0.0
 
     def on_seat(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """The scene with a seat that is deeper by its tolerance, or shallower where the sign is -1."""
+        """Change a scene to a seat that is deeper by its tolerance, or shallower where the sign is -1."""
         assert self.seat is not None
         below = self.seat.rows_below(scene.surface.shape[0], scene.surface.spacing[0])
         changed = scene.surface.with_form(-sign * self.tolerance * below)
@@ -70,7 +78,7 @@ class FormTolerance:
         return ModelChange("form", replace(scene, surface=changed), note, opposite=opposite)
 
     def of_seal(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """The scene under forms that are higher by their tolerances, or lower where the sign is -1."""
+        """Change a scene to forms that are higher by their tolerances, or lower where the sign is -1."""
         forms = tuple(
             ScaledForm(form, 1 + sign * tolerance)
             for form, tolerance in zip(self.forms, self.tolerances, strict=True)
@@ -85,31 +93,35 @@ def model_changes(
     hardness: float = 0.1,
     form: FormTolerance | None = None,
 ) -> list[ModelChange]:
-    """List the changes of a scene that its model and its input may be wrong by.
+    """List the changes of a scene by which its model and its input may be wrong.
 
-    names : of the parts that are wanted. hardness : relative error of the hardness. form : errors of
-    the forms of seal and seat.
+    Parameters
+    ----------
+    scene : input of the study.
+    names : of the parts that are wanted.
+    hardness : relative error of the hardness.
+    form : errors of the forms of seal and seat; None without any.
     """
-    found = []
+    changes = []
     if "hardness" in names and hardness > 0 and not scene.law.is_elastic:
         note = f"change of ln(leakage) with {hardness:.0%} more and less hardness"
         softer = replace(scene, hardness=scene.law.times(1 - hardness))
         harder = replace(scene, hardness=scene.law.times(1 + hardness))
         opposite = ModelChange("hardness", softer, note)
-        found.append(ModelChange("hardness", harder, note, opposite=opposite))
+        changes.append(ModelChange("hardness", harder, note, opposite=opposite))
     acting = replace(scene, fluid_pressure="acts")
     if "fluid pressure" in names and scene.is_dry and acting.acting_fluid is not None:
         note = (
             "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
         )
-        found.append(ModelChange("fluid pressure", acting, note))
+        changes.append(ModelChange("fluid pressure", acting, note))
     if form is None or "form" not in names:
-        return found
+        return changes
     if form.seat is not None and form.tolerance > 0:
-        found.append(form.on_seat(scene, 1, form.on_seat(scene, -1, None)))
+        changes.append(form.on_seat(scene, 1, form.on_seat(scene, -1, None)))
     elif any(form.tolerances):
-        found.append(form.of_seal(scene, 1, form.of_seal(scene, -1, None)))
-    return found
+        changes.append(form.of_seal(scene, 1, form.of_seal(scene, -1, None)))
+    return changes
 
 
 def model_part(
@@ -119,32 +131,37 @@ def model_part(
     solution: CoarserSolution,
     opposite: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """Estimate the part of a change of the model, on both sides where it has an opposite.
+    """Make the part of a change of the model, with both ends where the change has an opposite.
 
-    solution : leakage of the changed scene against that of the scene itself, both on the same points.
-    opposite : the same of the opposite change; without it that side is the mirror image of the other one.
+    Parameters
+    ----------
+    change : what was changed.
+    steps : the load programme.
+    leakage : array (steps,), m²/s.
+    solution : leakage of the changed scene, compared with that of the scene itself on the same points.
+    opposite : the same for the opposite change. Without it that end is the mirror image of the other one.
     """
     note = change.note
-    sides = _signed(steps, leakage, solution.change(leakage))
+    effect = _signed(steps, leakage, solution.change(leakage))
     solutions = [solution]
     if change.opposite is not None:
         if opposite is None:
-            other = -sides
+            opposite_effect = -effect
             note = f"{note}, the latter as the mirror image of the former"
         else:
-            other = _signed(steps, leakage, opposite.change(leakage))
+            opposite_effect = _signed(steps, leakage, opposite.change(leakage))
             solutions.append(opposite)
-        both = np.array([sides, other])
-        # where both changes go one way, the lesser one tells how far the other way may be
+        both = np.array([effect, opposite_effect])
+        # where both changes have the same sign, the smaller one is the distance to the other end
         least = np.abs(both).min(axis=0)
         above = np.maximum(both.max(axis=0), least)
         below = np.maximum(-both.min(axis=0), least)
     else:
-        above = np.maximum(sides, 0.0)
-        below = np.maximum(-sides, 0.0)
-    # what is sealed and opens by a change leaks as much as the changed scene does
-    opens = np.array([np.isposinf(one.change(leakage)) for one in solutions])
-    leaks = np.where(opens, [np.abs(one.leakage) for one in solutions], 0.0).max(axis=0)
+        above = np.maximum(effect, 0.0)
+        below = np.maximum(-effect, 0.0)
+    # a sealed step that the change opens may leak as much as the changed scene does
+    opens = np.array([np.isposinf(changed.change(leakage)) for changed in solutions])
+    leaks = np.where(opens, [np.abs(changed.leakage) for changed in solutions], 0.0).max(axis=0)
     return part_of_changes(
         change.name,
         steps,
@@ -158,7 +175,7 @@ def model_part(
 
 
 def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
-    """Whether the mirror image of one side is too much of an estimate for a part, at any load that counts.
+    """Return whether the opposite change should be solved, because the part is wide beside all others.
 
     others : the budget without the part.
     """
@@ -170,9 +187,9 @@ def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
 
 
 def _signed(steps: LoadProgramme, leakage: Array, moved: Array) -> Array:
-    """Changes of ln(leakage) (steps,), those that are unknown as large as those of the nearest steps.
+    """Complete the changes of ln(leakage) (steps,): an unknown change is as large as those of the nearest steps.
 
-    -inf where the changed scene is sealed.
+    It is −inf where the changed scene is sealed.
     """
     slope = np.maximum(load_sensitivity(steps, leakage), LEAST_SLOPE)
     finite = np.isfinite(moved)

@@ -1,9 +1,13 @@
-"""The error budget of a leakage: the band of each source of error, their combination, and the widest band of all.
+"""Combine the error sources of a leakage to one 95 % interval.
 
-Also coarser solutions of a scene, and the changes of ln(leakage) between solutions, which tell how much pixels and
-removed waves matter. They are smooth functions of neither load nor pixel: where contacts open and close they have
-either sign, and near closing they are a shift of the load at which the seal closes, times the slope of ln(leakage) over
-ln(load). So the change at a step is that of its neighbours too, and of the typical shift over the whole cycle.
+The module holds the part of each source of error, the budget that combines them, and the comparison of a scene with a
+coarser solution of it, which shows how much pixels and removed waves matter.
+
+The change of ln(leakage) from a coarser solution is not a smooth function of the load: where contacts open and close,
+it has either sign. Near closing it acts like a shift of the load at which the seal closes, times the slope of
+ln(leakage) over ln(load). The change at one load is therefore estimated from this load, its neighbours, and the typical
+shift over the whole cycle.
+
 Source: Celik, Ghia, Roache, Freitas, Coleman & Raad, J. Fluids Eng. 130, 2008, 078001.
 """
 
@@ -23,7 +27,7 @@ from ..loads import LoadProgramme, least_counted, load_sensitivity, neighbouring
 if TYPE_CHECKING:
     from ..studies import Scene
 
-#: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
+#: Sources of error of the model and its input, in the order in which they are shown. All others are numerical.
 MODEL_PARTS = (
     "hardness",
     "fluid pressure",
@@ -34,43 +38,46 @@ MODEL_PARTS = (
     "continuation",
     "thin gap",
 )
-#: Factor between a leakage and an end of its band from which on the number of that end says nothing.
+#: An end of the interval that is further from the leakage than this factor is not worth stating as a number.
 VAGUE = 1000.0
-#: Ratio by which a leakage may rise under a higher load by the errors of its solution.
+#: Ratio by which the leakage may rise under a higher load because of errors of the solution.
 _RISE = 1.001
 #: Least slope of ln(leakage) over ln(load) that is counted.
 LEAST_SLOPE = 0.3
-#: Order of the leakage in the size of pixels. Measured on 320 faces of 64² to 256² points: 1.9 in the median.
+#: Order of convergence of the leakage in the pixel size. Measured on 320 surfaces of 64² to 256² points: the median is
+#: 1.9.
 ORDER = 2.0
-#: Error over the scale of the changes to half the points a side, see `scale_of_changes`. Measured on 154 faces of six
-#: kinds, at the loads that leak more than 1e-3 of the first: 0.28 holds 95 of 100 errors, 0.31 96.5, and 0.43 98, which
-#: on other faces held 97.
+#: Half-width of the interval over the scale of the changes to half the points a side, see `scale_of_changes`. Measured
+#: on 154 surfaces of six kinds, at loads that leak more than 1e-3 of the first: an interval with 0.28 contains 95 % of
+#: the errors, with 0.31 96.5 %, and with 0.43 98 %, of which 97 % were found again on other surfaces.
 PER_CHANGE = 0.43
-#: The factor besides where few loads were solved on both grids, by their number; measured as above.
+#: Factor on the half-width where only a few loads were solved on both grids, by their number. Measured as above.
 FEW_LOADS = {0: 3.0, 1: 3.0, 2: 1.45, 3: 1.15}
-#: The least shift of the load, that of all faces, and the least slope of ln(leakage) over ln(load) that it is counted
-#: with. Measured as above: with a third of the shift and a fifth of the slope as wide bands hold 94.5 in place of 97.
+#: Least shift of ln(load) that is assumed for any surface, and least slope of ln(leakage) over ln(load) by which it is
+#: multiplied. Measured as above: with a third of the shift and a fifth of the slope, equally wide intervals contain
+#: 94.5 % instead of 97 %.
 _LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
-#: Slope of ln(leakage) over ln(load) over that which is expected, see `expected_sensitivity`, of nine in ten states.
+#: Nine in ten states have at most this many times the slope that `expected_sensitivity` gives.
 STEEPEST = 2.0
-#: Pixels to the shortest wave of the faces on which that was measured.
+#: Pixels in the shortest wave of the surfaces on which these constants were measured.
 USUAL_PIXELS = 8.0
-#: Leakage over that of an open seal, one whose gap is the mean gap everywhere, below which a seal is near closing.
-#: Measured on 20 faces of ten kinds: about where they leak 1e-3 of what they leak under the least load.
+#: A seal is near closing where it leaks less than this fraction of what it would leak if its mean gap were everywhere.
+#: Measured on 20 surfaces of ten kinds: they then leak about 1e-3 of what they leak under the least load.
 _CLOSING_LEAKAGE = 1e-2
-#: Error of ln(leakage) from which on a step near closing may be sealed.
+#: A step near closing may be sealed if the error of ln(leakage) is larger than this.
 _MAY_CLOSE = 1.5
 
 
 @dataclass(frozen=True)
 class ErrorPart:
-    """One source of error of a leakage, with the band that holds its truth in about 95 of 100 cases.
+    """One source of error of a leakage, with its own 95 % interval.
 
-    name : "solver", "pixels", "filter", "realisations", "patch", "places", "blocks", or one of
-        `MODEL_PARTS`.
-    lower, upper : leakage at every step if only this source erred (steps,) [m²/s]. A lower end of 0: may be sealed; an
-        upper end of inf: no bound is known; NaN: unknown.
-    note : how it was estimated, a sentence.
+    Parameters
+    ----------
+    name : "solver", "pixels", "filter", "realisations", "patch", "places", "blocks", or one of `MODEL_PARTS`.
+    lower, upper : ends of the interval if this were the only source of error, array (steps,), m²/s. A lower end of 0
+        means that the seal may be sealed. An upper end of inf means that no bound is known. NaN means unknown.
+    note : a sentence that says how the interval was estimated.
     """
 
     name: str
@@ -80,9 +87,12 @@ class ErrorPart:
 
     @classmethod
     def of(cls, name: str, leakage: Array, below: Array, above: Array, note: str) -> ErrorPart:
-        """A part by its distances of ln(leakage) on both sides (steps,), inf below where it may be sealed.
+        """Make a part from the distances of ln(leakage) to both ends of its interval.
 
-        A sealed step stays sealed.
+        Parameters
+        ----------
+        leakage : array (steps,), m²/s. A step without leakage keeps an interval of 0 to 0.
+        below, above : distances, arrays (steps,). A distance of inf below means that the seal may be sealed.
         """
         q = np.asarray(leakage, dtype=float)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -93,7 +103,7 @@ class ErrorPart:
         return cls(name, low, high, note)
 
     def widened(self, leakage: Array, factor: Array) -> ErrorPart:
-        """The part with the distances of ln(leakage) at the open steps times a factor (steps,)."""
+        """Return the part with its distances of ln(leakage) multiplied by a factor (steps,) where the seal leaks."""
         q = np.asarray(leakage, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             lower, upper = (
@@ -106,10 +116,14 @@ class ErrorPart:
 class ErrorBudget:
     """The error budget of the leakage of one study of one scene.
 
-    method : name of the study. leakage : at every step (steps,) [m²/s]. parts : sources of error. steps : the load
-    programme, by which no load leaks more than a lower one: the band of a load ends where those of others do, see
-    `within_others`. Without it each load has its own band. parted : steps of which the fluid carries all: they have no
-    leakage.
+    Parameters
+    ----------
+    method : name of the study.
+    leakage : array (steps,), m²/s.
+    parts : the sources of error.
+    steps : the load programme. No load leaks more than a lower load of the same branch, and the intervals of different
+        loads are made consistent with that, see `within_others`. Without it every load keeps its own interval.
+    parted : numbers of the steps at which the fluid carries the whole load. They have no leakage.
     """
 
     method: str
@@ -124,22 +138,22 @@ class ErrorBudget:
 
     @property
     def numerical(self) -> ErrorBudget:
-        """The budget without the parts of the model and its input: what a finer solution makes smaller."""
+        """The budget of numerical errors alone, which a finer solution would make smaller."""
         return replace(
             self, parts=tuple(part for part in self.parts if part.name not in MODEL_PARTS)
         )
 
     @property
     def lower(self) -> Array:
-        """Lower end of the band at every step (steps,) [m²/s], 0 where it may be sealed, NaN where a part is unknown.
+        """Lower end of the 95 % interval (steps,) [m²/s]: 0 where the seal may be sealed, NaN where a part is unknown.
 
-        It is that of the root of the sum of squares of the parts' distances of ln(leakage); 0 of a sealed step.
+        The distances of ln(leakage) of all parts are combined as the root of the sum of their squares.
         """
         return self._ends[0]
 
     @property
     def upper(self) -> Array:
-        """Upper end of the band (steps,) [m²/s], see `lower`; of a sealed step the largest of the parts' upper ends."""
+        """Upper end of the 95 % interval (steps,) [m²/s]; where the seal is sealed, the largest end of any part."""
         return self._ends[1]
 
     @cached_property
@@ -152,22 +166,22 @@ class ErrorBudget:
         return (low, high) if self.steps is None else within_others(self.steps, q, low, high)
 
     def half_width(self, step: int | None = None) -> Array | float:
-        """Larger distance of ln(leakage) to an end of the band: at every step (steps,), or at one.
+        """Return the larger distance of ln(leakage) to an end of the interval: an array (steps,), or that of one step.
 
-        It is inf where the band has an end at 0 and the leakage is not 0, or the reverse.
+        It is inf where the leakage is not 0 but an end is, or the reverse.
         """
         widths = _width(np.abs(self.leakage), self.lower, self.upper)
         return widths if step is None else float(widths[step])
 
     def widths(self) -> dict[str, Array]:
-        """Half-width of every part at every step (steps,), by its name, see `half_width`."""
+        """Return the half-width of every part at every step (steps,) by its name, see `half_width`."""
         q = np.abs(self.leakage)
         return {part.name: _width(q, np.abs(part.lower), np.abs(part.upper)) for part in self.parts}
 
     def limiting(self, step: int | None = None) -> str:
-        """Name of the widest part at a step; unless given, over all steps that leak more than 1e-3 of the first.
+        """Name the part with the widest interval: at a step, or at all steps that leak more than 1e-3 of the first.
 
-        "" without parts.
+        It is "" where the budget has no parts.
         """
         widths = self.widths()
         if not widths:
@@ -178,7 +192,7 @@ class ErrorBudget:
         return max(widths, key=lambda name: _largest(widths[name][chosen]))
 
     def _distance(self, end: str) -> Array:
-        """Root of the sum of squares of the parts' distances of ln(leakage) to an end (steps,)."""
+        """Combine the parts' distances of ln(leakage) to an end (steps,): the root of the sum of their squares."""
         total = np.zeros(np.shape(self.leakage))
         for part in self.parts:
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -190,11 +204,13 @@ class ErrorBudget:
 def within_others(
     steps: LoadProgramme, leakage: Array, lower: Array, upper: Array
 ) -> tuple[Array, Array]:
-    """Ends of bands (steps,) that do not go beyond those of other loads.
+    """Limit the interval of each load by those of other loads.
 
-    A seal leaks no more under a higher load of the same branch, and no more on unloading than it did on loading under
-    the same load. Bands of leakages that do not fall so, as under maps of the pressure that change with the load, are
-    left as they are. Ends that are unknown stay so, and the leakage itself stays within its band.
+    A seal leaks no more under a higher load of the same branch, and no more on unloading than on loading under the same
+    load. Leakages that do not follow this rule, as under pressure maps that change with the load, keep their intervals.
+    Unknown ends stay unknown, and the leakage itself stays inside its interval.
+
+    Returns the lower and the upper ends (steps,).
     """
     rising = np.flatnonzero(steps.on_loading)
     (high, low), (least, most) = (
@@ -208,9 +224,9 @@ def within_others(
 
 
 def near_closing(leakage: Array, open_leakage: Array) -> Flags:
-    """Whether a surface is near closing at each step (steps,): it leaks far less than its mean gap would.
+    """Return whether the surface is near closing at each step (steps,): it leaks far less than its mean gap would.
 
-    open_leakage : of a uniform gap as large as the mean gap of the state (steps,) [m²/s]; NaN where it is unknown.
+    open_leakage : leakage of a uniform gap as large as the mean gap of the state (steps,) [m²/s]; NaN where unknown.
     """
     with np.errstate(invalid="ignore"):
         return np.abs(leakage) < _CLOSING_LEAKAGE * np.abs(open_leakage)
@@ -219,7 +235,11 @@ def near_closing(leakage: Array, open_leakage: Array) -> Flags:
 def _from_others(
     steps: LoadProgramme, rising: Indices, upper: Array, lower: Array
 ) -> tuple[Array, Array]:
-    """The least upper end of the loads that leak no less, and the largest lower end of those that leak no more."""
+    """Find the tightest ends that other loads imply.
+
+    Returns the least upper end of all loads that leak at least as much, and the largest lower end of all loads that
+    leak at most as much.
+    """
     low, high, pressure = lower.copy(), upper.copy(), steps.pressures
     high[rising] = np.fmin.accumulate(high[rising])
     low[rising] = np.fmax.accumulate(low[rising][::-1])[::-1]
@@ -240,6 +260,7 @@ def _from_others(
 
 
 def _width(leakage: Array, lower: Array, upper: Array) -> Array:
+    """Compute the larger distance of ln(leakage) to an end; of a sealed step inf if its upper end is above 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         width = np.maximum(np.log(leakage / lower), np.log(upper / leakage))
     sealed = np.where(np.isnan(upper), np.nan, np.where(upper > 0, np.inf, 0.0))
@@ -248,11 +269,14 @@ def _width(leakage: Array, lower: Array, upper: Array) -> Array:
 
 @dataclass(frozen=True)
 class WidestBand:
-    """The widest band of a budget at the loads that count, see `counting_steps`.
+    """The widest interval of a budget at the loads that count, see `counting_steps`.
 
-    half_width : of ln(leakage), see `ErrorBudget.half_width`; inf where it is unknown or has no end. step : index of
-    the load where it is widest. limit : the widest part at any of the loads. parts : half-width of every part, the
-    widest at any of the loads.
+    Parameters
+    ----------
+    half_width : of ln(leakage), see `ErrorBudget.half_width`; inf where it is unknown or has no end.
+    step : number of the load with the widest interval.
+    limit : name of the widest part at any of the loads.
+    parts : half-width of every part, the largest at any of the loads.
     """
 
     half_width: float
@@ -262,10 +286,11 @@ class WidestBand:
 
 
 def counting_steps(budget: ErrorBudget) -> np.ndarray:
-    """Indices of the loads at which the leakage is more than 1e-3 of the first, or unknown.
+    """Return the numbers of the loads whose leakage is more than 1e-3 of the first one, or unknown.
 
-    Where nothing leaks at the first load, all count that leak or may do so. Others that are found sealed do not count:
-    the wide bands at the loads before them tell if they may be open. Nor do those of which the fluid carries all.
+    Where nothing leaks at the first load, all loads count that leak or may leak. Other sealed loads do not count,
+    because the intervals of the loads before them show whether they may be open. Loads that the fluid carries alone do
+    not count either.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
     least = np.nan_to_num(least_counted(q))
@@ -275,7 +300,7 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
 
 
 def vague_steps(budget: ErrorBudget) -> Indices:
-    """Indices of the loads that may leak more than `VAGUE` times as much as found, or, where they count, as little."""
+    """Return the numbers of the loads whose leakage may be `VAGUE` times larger, or, where they count, smaller."""
     q = np.abs(budget.leakage)
     counts = np.zeros(len(budget.leakage), bool)
     counts[counting_steps(budget)] = True
@@ -285,7 +310,7 @@ def vague_steps(budget: ErrorBudget) -> Indices:
 
 
 def widest_band(budget: ErrorBudget) -> WidestBand:
-    """Judge a budget. Pixels of which nothing is known have no end."""
+    """Find the widest interval of a budget. Where nothing is known about the pixels, its half-width is inf."""
     steps = counting_steps(budget)
     widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
     parts = {"pixels": inf} | {
@@ -300,16 +325,20 @@ def widest_band(budget: ErrorBudget) -> WidestBand:
 
 
 def _largest(widths: Array) -> float:
+    """Return the largest of some half-widths, inf if one of them is unknown."""
     return float(np.max(np.nan_to_num(widths, nan=inf, posinf=inf), initial=0.0))
 
 
 @dataclass(frozen=True)
 class CoarserSolution:
-    """Leakage of a scene that was solved otherwise: on fewer points, or without its shortest waves.
+    """Leakage of a scene that was solved in another way: on fewer points, or without its shortest waves.
 
-    points : of the face. leakage : at every step of the scene [m²/s].
-    against : leakage of the same study on the points of the scene; None: that of which the budget is.
-    rms_slope : of the face; None where it is not known.
+    Parameters
+    ----------
+    points : numbers of points of the surface along x1 and x2.
+    leakage : at every step of the scene (steps,), m²/s.
+    against : leakage (steps,) with which it is compared, of the same study; None for that of the budget.
+    rms_slope : of the surface; None where it is unknown.
     """
 
     points: Shape
@@ -318,9 +347,11 @@ class CoarserSolution:
     rms_slope: float | None = None
 
     def change(self, leakage: Array) -> Array:
-        """Change of ln(leakage) to this solution at every step (steps,), unless `against` says otherwise.
+        """Compute the change of ln(leakage) to this solution at every step (steps,).
 
-        It is inf or -inf where one of the two is sealed, 0 where both are, NaN where one is unknown.
+        It is inf or −inf where one of the two is sealed, 0 where both are, and NaN where one is unknown.
+
+        leakage : of the budget (steps,) [m²/s], used unless `against` is given.
         """
         own = np.abs(np.asarray(leakage if self.against is None else self.against, float))
         other = np.abs(np.asarray(self.leakage, float))
@@ -329,21 +360,22 @@ class CoarserSolution:
 
 
 def expected_sensitivity(in_contact: Array) -> Array:
-    """Slope |d ln(leakage) / d ln(load)| that the fraction in contact lets expect (steps,), whatever other loads say.
+    """Estimate the slope |d ln(leakage) / d ln(load)| from the contact fraction alone (steps,).
 
-    Measured on 25 faces of five kinds at up to 16 loads each: the median is 0.6 below 2 % of contact, 1.0 at 5 %, 2.0
-    at 17 %, 4.0 at 32 % and 4.9 at 45 %; nine in ten states have at most about twice as much.
+    Measured on 25 surfaces of five kinds at up to 16 loads each. The median slope is 0.6 below 2 % of contact, 1.0 at 5
+    %, 2.0 at 17 %, 4.0 at 32 % and 4.9 at 45 %; nine in ten states have at most about twice as much.
     """
     return 0.5 + 9.0 * np.nan_to_num(np.asarray(in_contact, float))
 
 
 def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Array:
-    """Slope |d ln(leakage) / d ln(load)| at every step (steps,), no less than its contact lets expect.
+    """Estimate the slope |d ln(leakage) / d ln(load)| at every step (steps,).
 
-    It is that to the loads beside a step. A load that is solved alone has the largest slope of nine in ten states, so
-    that what follows from it is no narrower than among other loads.
+    It is the slope to the neighbouring loads, but no less than `expected_sensitivity`. A load without neighbours takes
+    the slope that nine in ten states do not exceed, so that its interval is no narrower than it would be among other
+    loads.
 
-    in_contact : fraction in contact at every step (steps,), NaN where it is unknown.
+    in_contact : contact fraction (steps,), NaN where it is unknown.
     """
     expected = expected_sensitivity(in_contact)
     found = load_sensitivity(steps, leakage)
@@ -351,11 +383,11 @@ def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Arra
 
 
 def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array:
-    """Size of the changes of ln(leakage) at every step (steps,), from those of the steps near it and of all of them.
+    """Estimate the size of the changes of ln(leakage) at every step (steps,).
 
-    It is made of the rms change of the nearest two or more steps, and of the mean shift of the load over the cycle.
+    It combines the rms change of the nearest two or more steps with the mean shift of the load over the cycle.
 
-    change : of ln(leakage) at every step. slope : see `load_sensitivity`, > 0.
+    change : of ln(leakage) at every step (steps,). slope : |d ln(leakage) / d ln(load)| (steps,), above 0.
     """
     finite = np.flatnonzero(np.isfinite(change))
     if not finite.size:
@@ -371,7 +403,7 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
 
 
 def mean_shift(change: Array, slope: Array) -> float:
-    """Mean shift of ln(load) of changes of ln(leakage) over its slope, 0 without any."""
+    """Compute the mean shift of ln(load) that explains changes of ln(leakage), from their slopes; 0 without any."""
     return float(np.mean(np.abs(change / slope))) if change.size else 0.0
 
 
@@ -382,12 +414,17 @@ def sealed_upper(
     change: Array | None = None,
     coarse: CoarserSolution | None = None,
 ) -> Array:
-    """Upper end at the sealed steps (steps,) [m²/s], 0 elsewhere.
+    """Find the upper end of the interval at the sealed steps (steps,) [m²/s]; it is 0 elsewhere.
 
-    It is the upper end of the next open step, where that is within the shift of the load at which the error would open
-    the seal; and what the other solution leaks there, if there is one.
+    A sealed step may leak as much as the upper end of the next open step, if the error can shift the load that far. It
+    may also leak what the other solution leaks there.
 
-    q : leakage. distance : of ln(leakage) to the upper end. change : of ln(leakage) to the other solution.
+    Parameters
+    ----------
+    q : leakage (steps,), m²/s.
+    distance : of ln(leakage) to the upper end (steps,).
+    change : of ln(leakage) to the other solution (steps,); None without one.
+    coarse : the other solution; None without one.
     """
     found = np.zeros(q.size)
     slope = load_sensitivity(steps, q)
@@ -424,9 +461,13 @@ def part_of_changes(
     change: Array | None = None,
     coarse: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """A part by its distances of ln(leakage) on both sides (steps,), its upper end at sealed steps by `sealed_upper`.
+    """Make a part from distances of ln(leakage), with the upper ends of sealed steps from `sealed_upper`.
 
-    change, coarse : of ln(leakage) to the other solution, where the part comes from one; unknown where it is NaN.
+    Parameters
+    ----------
+    below, above : distances to the lower and the upper end, arrays (steps,).
+    change, coarse : change of ln(leakage) to another solution (steps,), and that solution, where the part comes from
+        one. Where the change is NaN, the part is unknown.
     """
     q = np.abs(np.asarray(leakage, float))
     part = ErrorPart.of(name, leakage, below, above, note)
@@ -444,18 +485,23 @@ def pixels_part(
     closing: Flags | bool = False,
     in_contact: Array | float = np.nan,
 ) -> ErrorPart:
-    """Part of the pixels, from the solution on a coarser grid.
+    """Estimate the error of the pixels from a solution on a coarser grid.
 
-    A step that is open on one grid and sealed on the other may be either. wave_pixels : to the shortest wave; where
-    they are more than usual, the least shift of the load is in proportion to the size of the pixels.
-    closing : whether the surface is near closing at each step, see `near_closing`. in_contact : fraction in contact at
-    every step (steps,).
+    A step that is open on one grid and sealed on the other may be either.
+
+    Parameters
+    ----------
+    coarse : the solution on the coarser grid.
+    wave_pixels : pixels in the shortest wave. With more than usual, the least shift of the load is smaller in
+        proportion.
+    closing : whether the surface is near closing at each step (steps,), see `near_closing`.
+    in_contact : contact fraction (steps,).
     """
     steps = scene.steps
     coarsening = float(np.sqrt(np.prod(scene.surface.shape) / np.prod(coarse.points)))
     change = coarse.change(leakage)
     slope = np.maximum(sensitivity(steps, leakage, np.asarray(in_contact)), _LEAST_SLOPE)
-    # as if the change were that to half the points a side, by the order of the leakage
+    # the change that a grid with half the points a side would show, by the order of convergence
     scaled = change * (2.0**ORDER - 1) / (coarsening**ORDER - 1)
     least = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)
     scale = np.hypot(scale_of_changes(steps, scaled, slope), least * slope)

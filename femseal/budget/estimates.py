@@ -1,17 +1,18 @@
-"""The error budget of a study of a scene: estimates of the single sources of error of its leakage, each a part.
+"""Estimate single sources of error of the leakage of a study, each as a part of its error budget.
 
-Also for what a method leaves out of a face, by the calibration set, and for what the model does.
+The module also has what a method leaves out of a surface, by the calibration set, and what the model leaves out.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from math import sqrt
 from typing import Any
 
 import numpy as np
 from scipy.special import bdtr, ndtri, stdtrit
 
-from ..base import Array, Pair, counted
+from ..base import Array, Flags, Pair, counted
 from ..loads import LoadProgramme
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
 from ..studies.doubts import FormEffect
@@ -30,33 +31,36 @@ from .error_parts import (
 )
 from .resolution import filter_part, one_grid_part, raised_by_slope
 
-#: Change of ln(leakage) by the residual of the contact, over this and the slope of ln(leakage) over ln(load), at least
-#: 1. Measured on 24 faces at residuals of 1e-2 to 1e-6: 0.04 holds 95 of 100 changes, and 0.5 all of them.
+#: Change of ln(leakage) over the residual of the contact and over the slope of ln(leakage) over ln(load), which counts
+#: as at least 1. Measured on 24 surfaces at residuals of 1e-2 to 1e-6: 0.04 covers 95 of 100 changes, 0.5 all of them.
 _RESIDUAL = 0.5
-#: Change of ln(leakage) by the residual of the flow, which is solved to 1e-6 of its energy.
+#: Change of ln(leakage) by the residual of the flow, whose energy is solved to 1e-6.
 _FLOW = 1e-6
 
-#: Change of ln(leakage) from which on slopes are a part: an rms slope of 0.14.
+#: Least error of ln(leakage) by steep slopes that makes a part. It corresponds to an rms slope of 0.14.
 _LEAST_SLOPE_ERROR = 0.02
 
-#: Degrees of freedom of the scatter that the state of the patches lets expect, beside that of the patches themselves.
+#: Degrees of freedom of the scatter that the contact state suggests, when it is pooled with that of several patches.
 _PLACE_FREEDOM = 2
-#: Distance to an end of a 95 % interval of a normal number, in standard deviations.
+#: Half-width of the 95 % interval of a normal distribution, in standard deviations.
 _NORMAL = float(ndtri((1 + COVERAGE) / 2))
-#: What is solved, by its kind.
+#: What the calibration set compares with a whole surface, for the note of a part.
 _WHAT = {
-    "in place": "seals as broad as the face, drawn from one patch",
-    "anywhere": "seals of another breadth or shape than the face, drawn from one patch",
-    "with form": "seals whose form is known at points, drawn from one patch",
-    "by blocks": "a face by blocks",
+    "in place": "seals as broad as the patch, with its cells in order",
+    "anywhere": "seals of another breadth or shape than the patch, with its cells at random",
+    "with form": "seals whose form is known at points, with the cells of one patch at random",
+    "by blocks": "a surface that was solved by blocks",
 }
-#: Factor of the distances of all parts but those of draws near closing, see `near_closing`, where curves are steep.
-#: Measured on 216 faces of six kinds: with it the bands held 93 of 100 there, without it 83.
+#: Factor on the distances of numerical parts near closing, where the leakage falls steeply, see `near_closing`.
+#: Measured on 216 surfaces of six kinds: with it the intervals contained 93 of 100 truths there, without it 83.
 _NEAR_CLOSING = 3.0
 
 
 def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
-    """Residuals of contact and flow: that of the contact acts as a change of the load."""
+    """Estimate the error by the residuals of contact and flow.
+
+    A residual of the contact acts as a change of the load.
+    """
     slope = sensitivity(scene.steps, leakage, in_contact)
     distance = _RESIDUAL * scene.rtol * np.maximum(slope, 1.0) + _FLOW
     note = f"contact residual {scene.rtol:.0e} as a change of the load, by the slope of ln(leakage) over ln(load)"
@@ -64,14 +68,18 @@ def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
 
 
 def places_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
-    """Several measured patches: interval of ln(leakage) by the jackknife over patches, those left joined.
+    """Estimate from several measured patches how far other patches of the surface may leak from their mean.
 
-    Its variance is pooled with that which the contact state lets expect, by their degrees of freedom, and the interval
-    is Student's. Where all but one patch do not leak the seal may be sealed; then the upper end is by the jackknife of
-    the leakage itself.
+    The interval of ln(leakage) is found by the jackknife: the leakage of all patches but one, for each of them. The
+    variance is pooled with the variance that the contact state suggests, weighted by their degrees of freedom, and the
+    interval is Student's. Where all patches but one are sealed, the seal may be sealed; its upper end then follows from
+    the jackknife of the leakage itself.
 
-    leakage : (steps,). without : of all patches but one (patches, steps) [m²/s]. usual : the part of so many patches by
-    their state, see `calibrated_part`.
+    Parameters
+    ----------
+    leakage : array (steps,), m²/s.
+    without : leakage of all patches but each one, array (patches, steps), m²/s.
+    usual : part of the same number of patches by their contact state, see `calibrated_part`.
 
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
     """
@@ -103,7 +111,7 @@ def places_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
 
 
 def places_to_halve(count: int) -> int:
-    """How many more measured places are expected to halve the band of three or more.
+    """Return how many more measured patches are expected to halve the interval of three or more.
 
     >>> places_to_halve(3), places_to_halve(4), places_to_halve(8)
     (5, 8, 19)
@@ -119,17 +127,17 @@ def places_to_halve(count: int) -> int:
 
 
 def realisations_part(study: StochasticResult) -> ErrorPart:
-    """Finite number of realisations: interval of their median, by its ranks."""
+    """Estimate the error by the finite number of realisations: the interval of their median, by its ranks."""
     note = f"interval of the median of {counted(len(study.leakage), 'realisation')} by its ranks"
     ends = np.array([median_interval(column) for column in study.leakage.T])
     return ErrorPart("realisations", ends[:, 0], ends[:, 1], note)
 
 
 def median_interval(values: Array) -> Pair:
-    """Two values that hold the median of the population in at least 95 of 100 samples.
+    """Find two values that contain the median of the population in at least 95 % of all samples.
 
-    They are order statistics, whatever the distribution; fewer than 6 values, of which no two do, are taken as
-    lognormal.
+    They are order statistics, and valid for any distribution. Fewer than 6 values have no such pair; they are assumed
+    to be lognormal.
 
     >>> median_interval(np.arange(1.0, 11.0))
     (2.0, 9.0)
@@ -153,10 +161,12 @@ def median_interval(values: Array) -> Pair:
 
 
 def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
-    """What pieces under their effective pressure differ by from the coupled face.
+    """Estimate the error of solving cells under their effective pressure instead of coupling the whole surface.
 
-    Measured on seven faces four long waves broad, p_in/p̄ .1 to 1: drawn seals leak at most by half of what the fluid
-    does to ln(leakage) too much, and by a fifth too little, less on broader seals. None of other studies.
+    Only seals with cells at random that a fluid presses apart have this error; other studies get None. Measured on
+    seven surfaces that are four long waves broad, with inlet pressures of 0.1 to 1 of the nominal pressure: seals leak
+    at most by half of the effect of the fluid on ln(leakage) too much, and by a fifth of it too little. On broader
+    seals the error is smaller.
     """
     fluid = scene.acting_fluid
     if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_place:
@@ -172,13 +182,16 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
 def patch_form_part(
     effect: FormEffect, steps: LoadProgramme, leakage: Array, *, rises: bool = False
 ) -> ErrorPart | None:
-    """What is form in a measured patch, where nothing says it: its curvature counts, or more of it, or none.
+    """Estimate the error by form in a measured patch, where no input says what is form.
 
-    rises : whether longer waves than those of the patch are to be expected: then so are more of its longest ones.
+    The curvature of the patch may be real, or there may be more of it, or none. Measured on 140 loads of quarters of
+    eight maps against the whole map: an interval of a factor of 2 contained 61 of 100 truths with this distance on both
+    sides, 56 with the distance on the side of the change alone, and 49 without it. After unloading the distance is no
+    less than at the peak.
 
-    Measured on 140 loads of quarters of eight maps against the whole: with the distance on both sides the band of a
-    factor of 2 held 61 of 100, on the side of the change alone 56, without it 49. After unloading it is no less than
-    at the peak. None where the change is unknown.
+    rises : whether longer waves than those of the patch are to be expected; then its longest waves count as well.
+
+    Returns None where the change is unknown.
     """
     distance = effect.distance(steps.pressures, rises)
     if distance is None:
@@ -190,24 +203,31 @@ def patch_form_part(
 
 
 def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
-    """What Reynolds' equation leaks too much through a gap that is not thin: at most 1 + h'², h' the rms slope.
+    """Estimate how much too large Reynolds' equation makes the flow through a gap that is not thin: at most 1 + h'².
 
-    Next order of lubrication between a plane and a wall h: 1/12k = ⟨(1 + 4h'²/5)/h³⟩ across its ridges, and along them
-    12k = ⟨h³(1 − h'²)⟩. None below `_LEAST_SLOPE_ERROR`.
+    Here h' is the rms slope. The next order of lubrication theory between a plane and a wall h gives 1/12k = ⟨(1 +
+    4h'²/5)/h³⟩ across ridges and 12k = ⟨h³(1 − h'²)⟩ along them.
+
+    Returns None where the error of ln(leakage) is below `_LEAST_SLOPE_ERROR`.
     """
     distance = np.full(np.shape(leakage), np.log1p(scene.surface.rms_slope**2))
     if distance[0] < _LEAST_SLOPE_ERROR:
         return None
-    note = "Stokes flow in place of Reynolds' at the rms slope of the face, by the next order of lubrication"
+    note = "Stokes flow instead of Reynolds flow at this rms slope, by the next order of lubrication theory"
     return ErrorPart.of("thin gap", leakage, distance, np.zeros_like(distance), note)
 
 
 def longer_waves_part(
     changes: Array, flatness: bool, steps: LoadProgramme, leakage: Array
 ) -> ErrorPart:
-    """Waves longer than the patch: Student's interval of a draw of them more, on the side of either end.
+    """Estimate the error by waves that are longer than the patch: Student's prediction interval of one more sample.
 
-    changes : of ln(leakage) by drawn waves (draws, steps). flatness : whether a tolerance limits them.
+    Parameters
+    ----------
+    changes : of ln(leakage) by random longer waves, array (samples, steps).
+    flatness : whether a flatness tolerance limits these waves.
+    steps : the load programme.
+    leakage : array (steps,), m²/s.
     """
     count = len(changes)
     with np.errstate(invalid="ignore"):
@@ -216,26 +236,33 @@ def longer_waves_part(
     # where draws seal, or nothing is known, neither end is
     ends = (np.maximum(sign * middle + distance, 0.0) for sign in (-1, 1))
     below, above = (np.where(np.isfinite(end), end, np.inf) for end in ends)
-    until = (
-        "up to the flatness of the seal" if flatness else "with no `flatness` in [seal] to end it"
+    limit = (
+        "limited by the flatness of the seal"
+        if flatness
+        else "as no `flatness` in [seal] limits it"
     )
-    note = (
-        f"{count} draws of longer waves, the spectrum carried on to the breadth of the seal {until}"
-    )
+    note = f"{count} samples of longer waves; the spectrum is continued to the breadth of the seal, {limit}"
     return part_of_changes("longer waves", steps, leakage, below, above, note)
 
 
 def calibrated_part(name: str, kind: str, leakage: Array, state: PatchState) -> ErrorPart:
-    """What one measured patch does not know of a drawn seal, or blocks of a surface, by the scenes of a calibration.
+    """Estimate how far one measured patch, or a surface by blocks, may be from the truth, by the calibration set.
 
-    It depends on the contact state alone, not on other loads.
+    The estimate depends on the contact state alone, not on other loads.
 
-    kind : one of `KINDS`. state : of the patch at every step.
+    Parameters
+    ----------
+    name : of the part.
+    kind : one of `drawn_error.KINDS`.
+    leakage : array (steps,), m²/s.
+    state : contact state of the patch at every step.
     """
     widths = interval_widths(kind)
     sign = np.where(np.asarray(leakage) < 0, -1.0, 1.0)
     lower, upper = (sign * end for end in widths.ends(leakage, state))
-    note = f"{_WHAT[kind]}: by split conformal prediction from {widths.scenes} whole faces"
+    note = (
+        f"{_WHAT[kind]}: calibrated by split conformal prediction on {widths.scenes} whole surfaces"
+    )
     return ErrorPart(name, lower, upper, note)
 
 
@@ -248,22 +275,24 @@ def error_budget(
     kept_slope: float = 1.0,
     wave_pixels: float = USUAL_PIXELS,
 ) -> ErrorBudget:
-    """What is known of the error of a leakage: a band for each source, and all of them together.
+    """Estimate the error of the leakage of a study: an interval for each source of error, and one for all together.
 
     Parameters
     ----------
-    scene : input of the study. study : its result; of a stochastic study the budget is that of the median.
-    coarse : the same scene solved on fewer points; of several the first counts. Without any the pixels have no part.
-    filtered : the scene solved without waves up to twice the shortest one.
-    kept_slope : rms slope over that with the waves that were removed; without any, as of a generated face, it is 1, and
-        the filter has no part. Where these may open what is sealed, and no load shows what it then leaks, the upper end
-        is inf: unknown. So it is of what is sealed where no coarser solution is given.
-    wave_pixels : pixels to the shortest wave of the scene: with more than 8 the least error of the pixels is less.
+    scene : input of the study.
+    study : its result. The budget of a stochastic study is that of its median.
+    coarse : solutions of the same scene on fewer points, of which the first counts. Without any, the budget has no part
+        of the pixels, and a sealed step has an unknown upper end, inf, unless it is sealed for certain.
+    filtered : solution of the scene without waves up to twice the shortest one.
+    kept_slope : rms slope of the surface over its rms slope with the waves that were removed. It is 1 where none were
+        removed, as of a generated surface; then the budget has no part of the filter. Where the removed waves may open
+        what is sealed, and no load shows how much it then leaks, the upper end is inf.
+    wave_pixels : pixels in the shortest wave of the scene. More than 8 make the least error of the pixels smaller.
 
     Returns
     -------
-    Bands that hold the truth in about 95 of 100 cases; that of the whole is the root of the sum of squares of the
-    distances of ln(leakage).
+    The budget. Its interval contains the truth in about 95 of 100 cases. The distances of ln(leakage) of all parts are
+    combined as the root of the sum of their squares.
 
     Examples
     --------
@@ -274,33 +303,88 @@ def error_budget(
     >>> [part.name for part in budget.parts]
     ['solver']
     """
-    own = study_of_result(study)
-    leakage = own.leakage(study)
-    in_contact = contact_fraction_of(study, scene.steps)
-    parts: list[ErrorPart] = [solver_part(scene, leakage, in_contact)]
-    closing = near_closing(leakage, open_leakage_of(study, scene))
-    if coarse:
-        parts.append(pixels_part(scene, leakage, coarse[0], wave_pixels, closing, in_contact))
-    else:
-        parts += one_grid_part(leakage, in_contact)
-    if filtered is not None and kept_slope < 1:
-        parts.append(filter_part(scene, leakage, in_contact, filtered, kept_slope))
-    elif kept_slope < 1:
-        parts.append(
-            ErrorPart("filter", leakage, leakage, "no solution without the shortest waves")
-        )
-    steeper = np.where(closing, _NEAR_CLOSING, 1.0)
-    parts = [part.widened(leakage, steeper) for part in parts]
-    if kept_slope < 1:
-        parts[-1] = raised_by_slope(parts[-1], scene.steps, leakage, in_contact, kept_slope)
-    if isinstance(study, StochasticResult):
-        parts.append(realisations_part(study))
-        if study.patch_state is not None:
-            patch = calibrated_part("patch", study.kind, leakage, study.patch_state)
-            # the scatter of several patches shows what one cannot
-            without = None if study.places is None else study.places.without
-            parts.append(patch if without is None else places_part(leakage, without, patch))
-    elif isinstance(study, BlocksResult) and study.patch_state is not None:
-        parts.append(calibrated_part("blocks", study.kind, leakage, study.patch_state))
-    parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
-    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, parted)
+    errors = NumericalErrors(scene, study)
+    parts = [
+        *errors.solver(),
+        *errors.pixels(coarse[0] if coarse else None, wave_pixels),
+        *errors.filter(filtered, kept_slope),
+        *errors.realisations(),
+        *errors.patch(),
+    ]
+    return errors.budget_of(parts)
+
+
+class NumericalErrors:
+    """Estimates of the numerical errors of one study, and of what one patch of a surface may be off.
+
+    Each method returns the parts of one source of error, none where the study does not have this error.
+    """
+
+    def __init__(self, scene: Scene, study: StudyResult) -> None:
+        self.scene = scene
+        self.study = study
+        self.leakage = study_of_result(study).leakage(study)
+        self.in_contact = contact_fraction_of(study, scene.steps)
+
+    @cached_property
+    def closing(self) -> Flags:
+        """Whether the surface is near closing at each step (steps,)."""
+        return near_closing(self.leakage, open_leakage_of(self.study, self.scene))
+
+    def _wider_near_closing(self, part: ErrorPart) -> ErrorPart:
+        """Widen a part near closing, where the leakage falls steeply."""
+        return part.widened(self.leakage, np.where(self.closing, _NEAR_CLOSING, 1.0))
+
+    def solver(self) -> list[ErrorPart]:
+        """Estimate the error by the residuals of contact and flow."""
+        part = solver_part(self.scene, self.leakage, self.in_contact)
+        return [self._wider_near_closing(part)]
+
+    def pixels(
+        self, coarse: CoarserSolution | None, wave_pixels: float = USUAL_PIXELS
+    ) -> list[ErrorPart]:
+        """Estimate the error of the pixels from a solution on fewer points; None: there is no such solution."""
+        if coarse is None:
+            parts = one_grid_part(self.leakage, self.in_contact)
+        else:
+            part = pixels_part(
+                self.scene, self.leakage, coarse, wave_pixels, self.closing, self.in_contact
+            )
+            parts = [part]
+        return [self._wider_near_closing(part) for part in parts]
+
+    def filter(self, filtered: CoarserSolution | None, kept_slope: float) -> list[ErrorPart]:
+        """Estimate the error by removed waves; see `error_budget` for the arguments."""
+        if kept_slope >= 1:
+            return []
+        if filtered is None:
+            note = "no solution without the shortest waves"
+            part = ErrorPart("filter", self.leakage, self.leakage, note)
+        else:
+            part = filter_part(self.scene, self.leakage, self.in_contact, filtered, kept_slope)
+        part = self._wider_near_closing(part)
+        steps = self.scene.steps
+        return [raised_by_slope(part, steps, self.leakage, self.in_contact, kept_slope)]
+
+    def realisations(self) -> list[ErrorPart]:
+        """Estimate the error by the finite number of realisations."""
+        return [realisations_part(self.study)] if isinstance(self.study, StochasticResult) else []
+
+    def patch(self) -> list[ErrorPart]:
+        """Estimate how far measured patches, or blocks, may be from the whole surface."""
+        study = self.study
+        if not isinstance(study, BlocksResult | StochasticResult) or study.patch_state is None:
+            return []
+        name = "blocks" if isinstance(study, BlocksResult) else "patch"
+        part = calibrated_part(name, study.kind, self.leakage, study.patch_state)
+        if isinstance(study, StochasticResult) and study.places is not None:
+            without = study.places.without
+            if without is not None:  # the scatter of several patches shows more than one patch can
+                part = places_part(self.leakage, without, part)
+        return [part]
+
+    def budget_of(self, parts: Sequence[ErrorPart]) -> ErrorBudget:
+        """Return the budget of the study with these parts."""
+        parted = tuple(s for s, _ in self.scene.parted_steps if np.isnan(self.leakage[s]))
+        name = study_of_result(self.study).name
+        return ErrorBudget(name, self.leakage, tuple(parts), self.scene.steps, parted)

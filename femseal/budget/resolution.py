@@ -1,10 +1,12 @@
-"""Errors of a leakage by waves that the face does not have, and of one that was solved on one grid.
+"""Estimate the errors of a leakage by waves that the surface lacks, and of one that was solved on a single grid.
 
-Waves that the face does not have are those a low-pass removed, and those nobody measured. Of waves that continue a
-spectrum the phases count, and those beyond. Waves that a low-pass took lie below an upper end: put back they keep the
-faces apart as a lower load would: by Persson's theory the fraction in contact is erf(c p / (E* h')), with the rms slope
-h', so that a face of κ times its slope has at κ p the contact of the whole one at p. The same was measured of leakage,
-see `LOAD_POWER`.
+A surface lacks the waves that a low-pass filter removed and those that nobody measured. Where a spectrum is continued,
+the phases of the continued waves are arbitrary, and waves beyond its cut-off are missing.
+
+The removed waves have an upper bound. If they were put back, they would hold the surfaces apart as a lower load does.
+By Persson's theory the contact fraction is erf(c p/(E* h')) with the rms slope h'. A surface with κ times the slope
+therefore has at the pressure κ p the contact fraction of the complete surface at p. The same was measured for the
+leakage, see `LOAD_POWER`.
 """
 
 from collections.abc import Sequence
@@ -26,33 +28,32 @@ from .error_parts import (
     part_of_changes,
 )
 
-#: Error of ln(leakage) by removed waves: with their slope² over that of the waves that are kept, to this power,
-_POWER = 0.4
-#: times the slope of ln(leakage) over ln(load) that the contact state lets expect and this factor,
-_BY_STATE = 0.4
-#: and times the change without the shortest octave that is kept; both as a root of squares, times this factor.
-#: Measured on 90 files of three kinds, with all, a tenth and none of the slope² of the removed waves, see
-#: docs/evidence/error_budget.md.
-_ERROR = 0.8
-#: Error of ln(leakage) by the contact state from which on the surface may be sealed: of 1739 loads 30 of 38 that the
-#: removed waves seal are above, and one in eleven of all.
+#: The error of ln(leakage) by removed waves is _ERROR √(s² + o²), with two estimates of the error. Let r be the mean
+#: square slope of the removed waves over that of the kept ones. Then s = _BY_STATE r^_POWER times the slope of
+#: ln(leakage) over ln(load) that the contact fraction suggests, and o is the change of ln(leakage) without the shortest
+#: octave, scaled by the same power. Measured on 90 files of three kinds, see docs/evidence/error_budget.md.
+_POWER, _BY_STATE, _ERROR = 0.4, 0.4, 0.8
+#: The surface may be sealed if the error by the contact state is larger than this. Of 1739 loads, 38 were sealed by the
+#: removed waves; 30 of these lie above the limit, and one in eleven of all loads.
 _MAY_CLOSE = 1.5
-#: Largest change of ln(leakage) that counts: without the octave the surface may be sealed.
+#: Largest change of ln(leakage) that counts, because the surface may be sealed without the octave.
 _MOST_CHANGE = float(np.log(VAGUE))
-#: Power of the fraction of the slope that is kept, by which the load is taken as lower. Measured on 96 faces of four
-#: kinds, see docs/evidence/error_budget.md: with 1 one load of 106 leaks more than the upper end, with 1.25
-#: one of 425.
+#: The removed waves act as a load that is lower by this power of the kept fraction of the slope. Measured on 96
+#: surfaces of four kinds, see docs/evidence/error_budget.md: with a power of 1 one load of 106 leaks more than the
+#: upper end, with 1.25 one of 425.
 LOAD_POWER = 1.25
-#: Fraction of the slope that must be kept where the leakage is known at one load only.
+#: Least kept fraction of the slope for an estimate from a single load.
 _LEAST_KEPT = 0.5
-#: Fraction in contact with all waves from which on a face is sealed for certain: the largest of an open one was 0.58.
+#: Contact fraction with all waves above which a surface is sealed for certain. The largest of an open surface was 0.58.
 SEALED_CONTACT = 0.6
 
 
 def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
-    """Part of the pixels of a scene that was solved on one grid: what is sealed there may be open, unless by far.
+    """Estimate the error of the pixels of a scene that was solved on one grid only.
 
-    in_contact : fraction in contact at every step (steps,). Empty where nothing is sealed but for certain.
+    A step that is sealed on one grid may be open, unless its contact fraction rules that out.
+
+    in_contact : contact fraction at every step (steps,). The list is empty where no step may be open.
     """
     q = np.abs(np.asarray(leakage, float))
     may_open = (q == 0) & ~sealed_for_certain(in_contact)
@@ -68,13 +69,19 @@ def filter_part(
     kept: float,
     name: str = "filter",
 ) -> ErrorPart:
-    """Estimate what removed waves do to the leakage, from their slope and from the shortest octave that is kept.
+    """Estimate the error by removed waves, from their slope and from the effect of the shortest octave that is kept.
 
-    It depends on the contact state alone, not on other loads; after unloading it is no less than at the peak. Where by
-    far the most of the slope was removed, the removed waves may also seal the surface.
+    The estimate depends on the contact state alone, not on other loads. After unloading it is no less than at the peak.
+    Where most of the slope was removed, the removed waves may also seal the surface.
 
-    in_contact : fraction in contact at every step (steps,). filtered : without the shortest octave of waves.
-    kept : rms slope over that with the removed waves.
+    Parameters
+    ----------
+    scene : input of the study.
+    leakage : array (steps,), m²/s.
+    in_contact : contact fraction, array (steps,).
+    filtered : solution without the shortest octave of waves.
+    kept : rms slope of the surface over its rms slope with the removed waves.
+    name : of the part.
     """
     steps = scene.steps
     change = filtered.change(leakage)
@@ -105,13 +112,20 @@ def continuation_part(
     shorter: CoarserSolution,
     kept: float,
 ) -> ErrorPart:
-    """Part of the continued waves: scatter between realisations and trend with the cut-off, as a root of squares.
+    """Estimate the error of continued waves.
 
-    The scatter is Student's interval of one more realisation: the face has phases of its own. The trend is what waves
-    beyond the cut-off do, see `filter_part`.
+    It combines the scatter between phases and the trend with the cut-off as the root of the sum of their squares. The
+    scatter is Student's prediction interval of one more realisation, because the true surface has phases of its own.
+    The trend is the effect of waves beyond the cut-off, see `filter_part`.
 
-    in_contact : fraction in contact at every step (steps,). others : with other phases. shorter : without the shortest
-    octave of waves. kept : rms slope over that with the waves beyond the cut-off that count.
+    Parameters
+    ----------
+    scene : input of the study.
+    leakage : array (steps,), m²/s.
+    in_contact : contact fraction, array (steps,).
+    others : solutions with other phases.
+    shorter : solution without the shortest octave of waves.
+    kept : rms slope of the surface over its rms slope with those waves beyond the cut-off that count.
     """
     steps, n = scene.steps, len(others) + 1
     changes = np.array([other.change(leakage) for other in others])
@@ -144,10 +158,14 @@ def continuation_part(
 def raised_by_slope(
     part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, kept: float
 ) -> ErrorPart:
-    """The part with upper ends that are at least the leakage under the load of the removed waves.
+    """Raise the upper ends of a part to at least the leakage under the load that the removed waves would relieve.
 
-    leakage, in_contact : leakage and fraction in contact at every step (steps,). kept : rms slope over that with the
-        removed waves; 1: none were removed. The upper end is inf at sealed steps where no load says what they leak.
+    Parameters
+    ----------
+    leakage, in_contact : leakage [m²/s] and contact fraction at every step, arrays (steps,).
+    kept : rms slope of the surface over its rms slope with the removed waves; 1 where none were removed.
+
+    The upper end of a sealed step is inf where no load shows how much it would leak.
     """
     least = under_less_load(steps, np.abs(np.asarray(leakage, float)), in_contact, kept)
     raised = least > part.upper  # an unknown end stays so
@@ -158,38 +176,45 @@ def raised_by_slope(
 
 
 def sealed_for_certain(in_contact: Array, kept: float = 1.0) -> Flags:
-    """Whether the face with its removed waves has too much contact to be open (steps,); False where it is unknown."""
+    """Return whether the surface would be sealed even with its removed waves (steps,).
+
+    It is, if too much of it is in contact. The answer is False where the contact fraction is unknown.
+    """
     with np.errstate(invalid="ignore"):
         return erf(kept * erfinv(np.clip(in_contact, 0.0, 1.0))) >= SEALED_CONTACT
 
 
 def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, kept: float) -> Array:
-    """Leakage at every step under kept**LOAD_POWER times its load (steps,), 0 where it is sealed there too.
+    """Estimate the leakage at every step under kept**LOAD_POWER times its load (steps,).
 
-    Loads of unloading are taken on their own branch, and leak more by as much as their peak does, but no more than on
-    loading.
+    It is 0 where the seal is sealed there too.
+    Loads of unloading are evaluated on their own branch. They leak more by the same factor as their peak does, but no
+    more than on loading.
     """
-    found, p = np.array(q, float), steps.pressures
+    relieved, p = np.array(q, float), steps.pressures
     if kept == 1:
-        return found
+        return relieved
     rising, *ways = steps.branches
-    found[rising] = _on_branch(p[rising], q[rising], kept, p[rising], in_contact[rising])
-    for down in ways:
-        top = int(steps.peak_indices[down[0]])
-        way = np.append(down, top)
-        rise, lower = (found[top] / q[top], 0.0) if q[top] > 0 else (1.0, found[top])
-        own = np.maximum(rise * _on_branch(p[way], q[way], kept, p[down], in_contact[way]), lower)
-        on_loading = _on_branch(p[rising], q[rising], kept, p[down], in_contact[rising])
-        found[down] = np.minimum(own, on_loading)
-    found[(q == 0) & sealed_for_certain(in_contact, kept)] = 0.0
-    return np.where(np.isnan(q), np.nan, np.maximum(found, q))
+    relieved[rising] = _on_branch(p[rising], q[rising], kept, p[rising], in_contact[rising])
+    for unloading in ways:
+        peak = int(steps.peak_indices[unloading[0]])
+        branch = np.append(unloading, peak)
+        on_branch = _on_branch(p[branch], q[branch], kept, p[unloading], in_contact[branch])
+        if q[peak] > 0:
+            on_branch = on_branch * (relieved[peak] / q[peak])
+        else:
+            on_branch = np.maximum(on_branch, relieved[peak])
+        on_loading = _on_branch(p[rising], q[rising], kept, p[unloading], in_contact[rising])
+        relieved[unloading] = np.minimum(on_branch, on_loading)
+    relieved[(q == 0) & sealed_for_certain(in_contact, kept)] = 0.0
+    return np.where(np.isnan(q), np.nan, np.maximum(relieved, q))
 
 
 def _on_branch(pressure: Array, q: Array, kept: float, at: Array, in_contact: Array) -> Array:
-    """Leakage under kept**LOAD_POWER times the loads `at`, from that of a branch; inf where nothing gives it.
+    """Interpolate the leakage under kept**LOAD_POWER times the loads `at` on one branch; inf where nothing gives it.
 
-    It is straight in logarithms, and carried on below the lowest load; from a single load by the largest slope that
-    its contact lets expect.
+    The interpolation is linear in logarithms. It is extrapolated below the lowest load; from a single load with the
+    largest slope that its contact fraction suggests.
     """
     opened = (q > 0) & (pressure > 0)
     order = np.argsort(pressure[opened])

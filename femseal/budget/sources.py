@@ -1,7 +1,7 @@
-"""The sources of error of the leakage of a run: a list, which the run and its forecast iterate alike.
+"""List the sources of error of the leakage of a run. The run and its forecast iterate the same list.
 
-Each source has the versions of the input that are solved for it, and its evaluation for the result of one study. To add
-one, write both as functions, and enter it into `SOURCES`; one of the model also into `MODEL_PARTS`.
+Each source has the versions of the input that are solved for it, and an evaluation for the result of one study. To add
+a source, write both as functions and enter them into `SOURCES`. A source of the model also goes into `MODEL_PARTS`.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from ..topography.conditioning import UNSEEN
 from .changed_models import ModelChange, model_changes, model_part, opposite_matters
 from .error_parts import CoarserSolution, ErrorBudget, ErrorPart
 from .estimates import (
+    NumericalErrors,
     effective_pressure_part,
-    error_budget,
     longer_waves_part,
     patch_form_part,
     thin_gap_part,
@@ -44,9 +44,12 @@ from .versions import (
 
 @dataclass(frozen=True)
 class BudgetRequest:
-    """What an error budget is made of.
+    """What is needed to make an error budget.
 
-    version : the input of the run. model_parts : names of the parts of the model that are wanted.
+    Parameters
+    ----------
+    version : the input of the run.
+    model_parts : names of the parts of the model that are wanted.
     hardness : relative error of the hardness.
     """
 
@@ -56,7 +59,9 @@ class BudgetRequest:
 
     @cached_property
     def coarser(self) -> Version | None:
-        """The version on fewer points; None where that shows nothing, as of cells of too few pixels to be halved."""
+        """The version on fewer points; None where that shows nothing, as when the cells have too few pixels to be
+        halved.
+        """
         return coarser_grid(self.version)
 
     @cached_property
@@ -66,17 +71,17 @@ class BudgetRequest:
 
     @property
     def grid(self) -> Version:
-        """The version on which changes of the model are solved."""
+        """The version on whose points changes of the model are solved."""
         return self.coarser or self.version
 
     @cached_property
     def continued(self) -> list[Version]:
-        """Versions with other continued waves."""
+        """The versions with other continued waves."""
         return continued_versions(self.grid)
 
     @cached_property
     def changes(self) -> list[tuple[ModelChange, Version, Version | None]]:
-        """Changes of the model and the input, each with its version and that of its opposite."""
+        """The changes of the model and the input, each with its version and that of its opposite."""
         grid, found = self.grid, []
         for change in model_changes(grid.scene, self.model_parts, self.hardness, grid.form):
             opposite = change.opposite
@@ -86,7 +91,7 @@ class BudgetRequest:
 
 
 class Evaluation:
-    """What sources are evaluated with: the request, and the leakage of versions, each of which is solved once."""
+    """Solve the versions that sources of error need, each version once."""
 
     def __init__(self, request: BudgetRequest, mapper: Mapper) -> None:
         self.request = request
@@ -94,13 +99,13 @@ class Evaluation:
         self._solved: dict[int, tuple[Version, dict[str, VersionLeakage]]] = {}
 
     def solve(self, version: Version) -> dict[str, VersionLeakage]:
-        """Leakage of the studies of a version, by key."""
+        """Return the leakage of the studies of a version, by the key of the study."""
         if id(version) not in self._solved:
             self._solved[id(version)] = version, solved_version(version, self.mapper)
         return self._solved[id(version)][1]
 
     def on_grid(self, version: Version, result: Any) -> CoarserSolution | None:
-        """Leakage of a version against that of the grid which it changes; None where one of them failed."""
+        """Compare the leakage of a version with that of the grid that it changes; None where one of them failed."""
         key = route(study_of_result(result)).key
         plain = self.solve(self.request.grid).get(key)
         found = self.solve(version).get(key)
@@ -117,8 +122,12 @@ Parts = Callable[[Evaluation, Any, ErrorBudget], Sequence[ErrorPart | None]]
 class ErrorSource:
     """A source of error.
 
-    name : of its row in the budget. versions : all that may be solved for it. parts : see `Parts`.
-    of_model : whether it is of the model and its input, and chosen by its name.
+    Parameters
+    ----------
+    name : of its row in the budget.
+    versions : function that lists all versions that may be solved for it.
+    parts : function that makes its parts, see `Parts`.
+    of_model : whether it belongs to the model and its input, and is chosen by its name.
     """
 
     name: str
@@ -127,7 +136,7 @@ class ErrorSource:
     of_model: bool = True
 
     def is_wanted(self, request: BudgetRequest) -> bool:
-        """Whether a budget has it."""
+        """Return whether a budget has this source."""
         return not self.of_model or self.name in request.model_parts
 
 
@@ -135,68 +144,86 @@ def _no_versions(request: BudgetRequest) -> list[Version | None]:
     return []
 
 
-def _numbers_of(made: Evaluation, result: Any, budget: ErrorBudget) -> tuple[ErrorPart, ...]:
-    """Parts of the numbers, by the solutions on fewer points and without the shortest waves."""
-    request, version = made.request, made.request.version
-    coarser, smoother = request.coarser, request.smoother
-    coarse = {} if coarser is None else made.solve(coarser)
+def _errors_of(evaluation: Evaluation, result: Any) -> NumericalErrors:
+    """Return the estimates of the numerical errors of a result."""
+    return NumericalErrors(evaluation.request.version.scene, result)
+
+
+def _solver(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    return _errors_of(evaluation, result).solver()
+
+
+def _pixels(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    request = evaluation.request
+    solved = {} if request.coarser is None else evaluation.solve(request.coarser)
+    coarse = against(result, request.grid, solved)
+    version = request.version
+    wave_pixels = version.conditioning.shortest_wave / max(version.scene.surface.spacing)
+    return _errors_of(evaluation, result).pixels(coarse, wave_pixels)
+
+
+def _filter(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    smoother = evaluation.request.smoother
     filtered = None
     if smoother is not None:
-        filtered = against(result, smoother, made.solve(smoother))
-    surface = version.scene.surface
-    found = error_budget(
-        version.scene,
-        result,
-        coarse=[against(result, request.grid, coarse)],
-        filtered=filtered,
-        kept_slope=kept_slope(version),
-        wave_pixels=version.conditioning.shortest_wave / max(surface.spacing),
-    )
-    return found.parts
+        filtered = against(result, smoother, evaluation.solve(smoother))
+    return _errors_of(evaluation, result).filter(filtered, kept_slope(evaluation.request.version))
+
+
+def _realisations(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    return _errors_of(evaluation, result).realisations()
+
+
+def _patch(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    return _errors_of(evaluation, result).patch()
 
 
 def _effective_pressure(
-    made: Evaluation, result: Any, budget: ErrorBudget
+    evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    return [effective_pressure_part(made.request.version.scene, result)]
+    return [effective_pressure_part(evaluation.request.version.scene, result)]
 
 
-def _thin_gap(made: Evaluation, result: Any, budget: ErrorBudget) -> list[ErrorPart | None]:
-    return [thin_gap_part(made.request.version.scene, leakage_of(result))]
+def _thin_gap(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> list[ErrorPart | None]:
+    return [thin_gap_part(evaluation.request.version.scene, leakage_of(result))]
 
 
 def _form_of_the_patch(
-    made: Evaluation, result: Any, budget: ErrorBudget
+    evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    version = made.request.version
+    version = evaluation.request.version
     if version.form_effect is None:
         return []
     rises = bool(version.holds and version.holds.rises)
     return [patch_form_part(version.form_effect, result.steps, leakage_of(result), rises=rises)]
 
 
-def _longer_waves(made: Evaluation, result: Any, budget: ErrorBudget) -> list[ErrorPart | None]:
-    version = made.request.version
+def _longer_waves(
+    evaluation: Evaluation, result: Any, budget: ErrorBudget
+) -> list[ErrorPart | None]:
+    version = evaluation.request.version
     if not isinstance(result, StochasticResult):
         return []
-    changes = version.longer_waves(made.request.grid.scene.surface, made.mapper)
+    changes = version.longer_waves(evaluation.request.grid.scene.surface, evaluation.mapper)
     if changes is None:
         return []
     flat = version.flatness is not None
     return [longer_waves_part(changes, flat, result.steps, leakage_of(result))]
 
 
-def _continuation(made: Evaluation, result: Any, budget: ErrorBudget) -> list[ErrorPart | None]:
-    """Part of the continued waves; where a version of them failed its leakage is unknown."""
-    version, grid = made.request.version, made.request.grid
+def _continuation(
+    evaluation: Evaluation, result: Any, budget: ErrorBudget
+) -> list[ErrorPart | None]:
+    """Make the part of the continued waves. Where a version of them failed, its leakage is unknown."""
+    version, grid = evaluation.request.version, evaluation.request.grid
     continued = version.continuation
-    plain = made.solve(grid).get(route(study_of_result(result)).key)
+    plain = evaluation.solve(grid).get(route(study_of_result(result)).key)
     if continued is None or plain is None:
         return []
     shape, unknown = grid.scene.surface.shape, np.full(len(grid.scene.steps), np.nan)
     solutions = [
-        made.on_grid(one, result) or CoarserSolution(shape, unknown, plain.leakage)
-        for one in made.request.continued
+        evaluation.on_grid(one, result) or CoarserSolution(shape, unknown, plain.leakage)
+        for one in evaluation.request.continued
     ]
     surface, cut_off = version.scene.surface, continued.cut_off
     *others, last = solutions
@@ -213,7 +240,7 @@ def _continuation(made: Evaluation, result: Any, budget: ErrorBudget) -> list[Er
 
 
 def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]:
-    """Versions with a change of the model; its opposite is solved where that matters for the whole interval."""
+    """List the versions with a change of the model, and with its opposite."""
     versions: list[Version | None] = []
     for change, there, back in request.changes:
         if change.name == name:
@@ -222,20 +249,20 @@ def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]
 
 
 def _changed_model(
-    made: Evaluation, result: Any, budget: ErrorBudget, name: str
+    evaluation: Evaluation, result: Any, budget: ErrorBudget, name: str
 ) -> list[ErrorPart | None]:
-    """Part of a change of the model, its opposite being solved where the mirror image would matter."""
+    """Make the part of a change of the model. Its opposite is solved where the mirror image would matter."""
     parts: list[ErrorPart | None] = []
     leakage = leakage_of(result)
-    for change, there, back in made.request.changes:
+    for change, there, back in evaluation.request.changes:
         if change.name != name:
             continue
-        solution = made.on_grid(there, result)
+        solution = evaluation.on_grid(there, result)
         if solution is None:
             continue
         part = model_part(change, result.steps, leakage, solution)
         if back is not None and opposite_matters(part, budget):
-            opposite = made.on_grid(back, result)
+            opposite = evaluation.on_grid(back, result)
             part = model_part(change, result.steps, leakage, solution, opposite)
         parts.append(part)
     return parts
@@ -247,12 +274,14 @@ def _source_of_changes(name: str) -> ErrorSource:
     )
 
 
-#: All sources of error, in the order in which they are evaluated and shown. The first has several rows: solver, pixels,
-#: filter, realisations, and patch, places or blocks.
+#: All sources of error, in the order in which they are evaluated and shown. The row of the source "patch" is called
+#: "places" for three or more patches, and "blocks" for a surface by blocks.
 SOURCES = (
-    ErrorSource(
-        "numbers", lambda request: [request.coarser, request.smoother], _numbers_of, of_model=False
-    ),
+    ErrorSource("solver", _no_versions, _solver, of_model=False),
+    ErrorSource("pixels", lambda request: [request.coarser], _pixels, of_model=False),
+    ErrorSource("filter", lambda request: [request.smoother], _filter, of_model=False),
+    ErrorSource("realisations", _no_versions, _realisations, of_model=False),
+    ErrorSource("patch", _no_versions, _patch, of_model=False),
     ErrorSource("effective pressure", _no_versions, _effective_pressure),
     ErrorSource("thin gap", _no_versions, _thin_gap),
     ErrorSource("form of the patch", _no_versions, _form_of_the_patch),
@@ -265,7 +294,7 @@ SOURCES = (
 
 
 def versions_of_budget(request: BudgetRequest) -> list[Version]:
-    """All versions of the input that an error budget may solve besides."""
+    """List all versions of the input that an error budget may solve in addition to the run."""
     wanted = [source for source in SOURCES if source.is_wanted(request)]
     versions = [version for source in wanted for version in source.versions(request)]
     return [version for version in versions if version is not None]
@@ -277,25 +306,28 @@ def budgets_of(
     mapper: Mapper,
     known: Mapping[str, ErrorBudget] | None = None,
 ) -> dict[str, ErrorBudget]:
-    """Make the error budget of every study of a run, by its key.
+    """Make the error budget of every study of a run.
 
-    studies : results by key. known : budgets that are there already, without parts of the model.
+    Parameters
+    ----------
+    request : what the budget is made of.
+    studies : results of the studies, by their key.
+    mapper : computes the items of a stage.
+    known : budgets that exist already, without parts of the model; None without any.
+
+    Returns the budgets by the key of the study.
     """
-    made, budgets = Evaluation(request, mapper), dict(known or {})
+    evaluation = Evaluation(request, mapper)
+    budgets = dict(known or {})
     for source in SOURCES:
         for key, result in studies.items():
             if not source.of_model and key in (known or {}):
                 continue
             if not source.is_wanted(request):
                 continue
-            budget = budgets.get(key) or _empty(request.version, result)
-            parts = [part for part in source.parts(made, result, budget) if part is not None]
+            budget = budgets.get(key) or NumericalErrors(request.version.scene, result).budget_of(
+                []
+            )
+            parts = [part for part in source.parts(evaluation, result, budget) if part is not None]
             budgets[key] = replace(budget, parts=(*budget.parts, *parts))
     return budgets
-
-
-def _empty(version: Version, result: Any) -> ErrorBudget:
-    """The budget of a study without any part."""
-    scene, leakage = version.scene, leakage_of(result)
-    parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
-    return ErrorBudget(study_of_result(result).name, leakage, (), scene.steps, parted)

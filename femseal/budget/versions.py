@@ -1,4 +1,4 @@
-"""Versions of the input of a run that its error budget solves besides: coarser, without waves, with another model."""
+"""Make the versions of the input of a run that its error budget needs: coarser, without waves, with another model."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class Version(Protocol):
 
 
 def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 1)) -> Shape | None:
-    """Half the points a side, or as few more as cells ask for; None where that shows nothing."""
+    """Return half the points along each side, or as few more as the cells need; None where that shows nothing."""
     wanted = [
         ceil(max(ceil(COARSENING * n), few) / m) * m
         for n, few, m in zip(points, least, divide_by, strict=True)
@@ -129,19 +129,19 @@ def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 
 
 
 def route(study: Study) -> Study:
-    """The study with the contact and flow of another one on a coarser grid: that of the face for two scales."""
+    """Return the study whose contact and flow stand for a study on a coarser grid: the whole surface for two scales."""
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 
 
 def coarser_grid(version: Version) -> Version | None:
-    """The version on half of the points a side; None where that shows nothing."""
+    """Make the version on half of the points along each side; None where that shows nothing."""
     surface = version.scene.surface
     points = coarser_points(surface.shape, version.least_points, version.points_divide_by)
     return None if points is None else _reduced(version, surface.resample(points))
 
 
 def without_filtered_waves(version: Version) -> Version | None:
-    """The version without waves up to twice the shortest one; None where none were removed."""
+    """Make the version without waves up to twice the shortest one; None where no waves were removed."""
     if not _lacks_waves(version):
         return None
     surface, wave = version.scene.surface, 2 * version.conditioning.shortest_wave
@@ -158,9 +158,9 @@ def without_filtered_waves(version: Version) -> Version | None:
 
 
 def continued_versions(grid: Version) -> list[Version]:
-    """Versions with other phases of the continued waves, `OTHER_PHASES` of them, and one without the shortest octave.
+    """Make the versions with other phases of the continued waves, and one without the shortest octave.
 
-    None where nothing is continued.
+    There are `OTHER_PHASES` versions with other phases. The list is empty where no spectrum is continued.
     """
     continued = grid.continuation
     if continued is None:
@@ -173,17 +173,17 @@ def continued_versions(grid: Version) -> list[Version]:
 
 
 def kept_slope(version: Version) -> float:
-    """Rms slope of the face over that with the waves that it lacks; 1 where none matter."""
+    """Return the rms slope of the surface over its rms slope with the waves that it lacks; 1 where none matter."""
     return version.conditioning.kept_slope if _lacks_waves(version) else 1.0
 
 
 def _lacks_waves(version: Version) -> bool:
-    """Whether the face lacks waves that matter, removed by the low-pass or not seen by its instrument."""
+    """Return whether the surface lacks waves that matter: removed by the low-pass, or not seen by the instrument."""
     return 1 - version.conditioning.kept_slope >= LEAST_REMOVED
 
 
 def _reduced(version: Version, surface: Surface) -> Version:
-    """The version for a coarser face: each study by its route, with the same cells and few of the same seals."""
+    """Make the version for a coarser surface: the same cells, and a few of the same realisations."""
     sampling = version.sampling
     if sampling is not None:
         cut, tiles = version.cut_and_tiles
@@ -198,15 +198,15 @@ def _reduced(version: Version, surface: Surface) -> Version:
 
 @dataclass(frozen=True, eq=False)
 class VersionLeakage:
-    """Leakage of a study of a version at every step (steps,) [m²/s]; seals : that were drawn, None of others."""
+    """Leakage of a study of a version at every step (steps,) [m²/s], and its number of realisations, None of others."""
 
     leakage: Array
     seals: int | None
 
 
 def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage]:
-    """Solve the studies of a version, and keep their leakage by key; studies that fail are left out."""
-    found: dict[str, VersionLeakage] = {}
+    """Solve the studies of a version, and return their leakage by key. Studies that fail are left out."""
+    leakages: dict[str, VersionLeakage] = {}
     for study in version.solved_studies:
         try:
             result = version.solve(study, mapper)
@@ -216,23 +216,23 @@ def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage
             log.warning("error budget: %s on a coarser grid failed: %s", study.name, error)
             continue
         seals = len(result.leakage) if isinstance(result, StochasticResult) else None
-        found[study.key] = VersionLeakage(leakage_of(result), seals)
-    return found
+        leakages[study.key] = VersionLeakage(leakage_of(result), seals)
+    return leakages
 
 
 def leakage_of(result: Any) -> Array:
-    """Leakage of a study at every step (steps,) [m²/s]: the one that answers."""
+    """Return the leakage of a study at every step (steps,) [m²/s]: the median of realisations."""
     return study_of_result(result).leakage(result)
 
 
 def against(result: Any, version: Version, solved: Mapping[str, VersionLeakage]) -> CoarserSolution:
-    """The leakage of a coarser version beside the result of a study; unknown where it failed."""
+    """Compare the leakage of a coarser version with the result of a study; unknown where the version failed."""
     points, slope = version.scene.surface.shape, version.scene.surface.rms_slope
-    found = solved.get(route(study_of_result(result)).key)
-    if found is None:
+    solution = solved.get(route(study_of_result(result)).key)
+    if solution is None:
         return CoarserSolution(points, np.full(len(version.scene.steps), np.nan))
     if not isinstance(result, StochasticResult):
-        return CoarserSolution(points, found.leakage, rms_slope=slope)
-    # the same cells in the same tiles: the first seals of both are compared
-    own = replace(result, leakage=result.leakage[: found.seals])
-    return CoarserSolution(points, found.leakage, leakage_of(own), slope)
+        return CoarserSolution(points, solution.leakage, rms_slope=slope)
+    # the first realisations of both have the same cells in the same tiles
+    same_seals = replace(result, leakage=result.leakage[: solution.seals])
+    return CoarserSolution(points, solution.leakage, leakage_of(same_seals), slope)

@@ -1,9 +1,9 @@
-"""A face too large to be pressed as a whole: blocks in their own contact, and that of their coarse heights.
+"""Solve a surface that is too large to be pressed as a whole: blocks in their own contact, and their coarse heights.
 
-Each block is a patch in its own place, without waves longer than two pieces. The waves that it has lost are a form of
-the whole face, on one cell for each piece, whose contact has the block as its layer. A piece takes its permeability in
-the state of its block under its own pressure, less what a fluid carries there. The pieces in their own order leak.
-Contact and flow take the memory of one block.
+Each block is a patch in its own place, without the waves that are longer than two cells. These longer waves are a form
+of the whole surface, with one point for each cell, whose contact has the blocks as its rough layer. A cell takes its
+permeability from the state of its block under its own pressure, less what a fluid carries there. The leakage is that of
+the cells in their own order. Contact and flow need the memory of one block.
 """
 
 from __future__ import annotations
@@ -30,25 +30,33 @@ from .sampling import TileFluid
 from .scene import Scene
 from .seal_contact import Cells, RoughLayer, opened, solved_steps
 
-#: Pieces of a block along each axis. Measured on 10 faces of 2 × 2 blocks: with 4 quartiles of leakage over that of the
-#: whole face are .90 and 1.43, with 2 they are .79 and 1.33 and an end of 95 % is 4.6 in place of 2.2.
+#: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the leakage
+#: over that of the whole surface are 0.90 and 1.43. With 2 cells they are 0.79 and 1.33, and the end of a 95 % interval
+#: is at a factor of 4.6 instead of 2.2.
 PIECES = 4
-#: Longest wave that a block keeps, in pieces.
+#: Longest wave that a block keeps, in sides of a cell.
 _LONGEST = 2.0
-#: Distance of the rungs of a block's ladder over the usual one. With 1, leakage of four faces differs by less than 2 %
-#: on loading, to a hundredth of the first, and by less than 8 % on unloading, and takes 1.9 times the time.
+#: Spacing of the tabulated pressures of a block over the usual one. With 1, the leakage of four surfaces differs by
+#: less than 2 % on loading, down to a hundredth of the first, and by less than 8 % on unloading, and takes 1.9 times as
+#: long.
 _RUNGS_APART = 2
-#: Points along a side of a block unless given, at most.
+#: Most points along a side of a block, unless the numbers of blocks are given.
 _USUAL_POINTS = 1024
 
 
 @dataclass(frozen=True, repr=False)
 class BlocksResult(Shown):
-    """Leakage of a face solved by blocks, and its pieces in their own order; arrays (steps, rows, columns) of pieces.
+    """Leakage of a surface that was solved by blocks, and its cells in their own order.
 
-    leakage : (steps,) [m²/s], NaN where a flow failed. counts : flows through pieces of the blocks in their states.
-    patch_state : contact states of the whole face, from which the width of the interval follows.
-    failures : reasons of values that are NaN. warnings : reasons to doubt the result.
+    Fields of cells are arrays (steps, rows, columns).
+
+    Parameters
+    ----------
+    leakage : array (steps,), m²/s, NaN where a flow failed.
+    counts : flows through cells of the blocks in their states.
+    patch_state : contact states of the whole surface, from which the width of the interval follows.
+    failures : reasons of values that are NaN.
+    warnings : reasons to doubt the result.
     """
 
     steps: LoadProgramme
@@ -85,14 +93,17 @@ class BlocksResult(Shown):
 
 
 def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksResult:
-    """Solve a face by blocks along x1 and x2.
+    """Solve a surface by blocks along x1 and x2.
 
-    blocks : their numbers, which divide those of the points into multiples of 4 pieces.
+    Parameters
+    ----------
+    scene : the surface, its load and its fluid.
+    blocks : numbers of blocks. Each divides the number of points into a multiple of 4 cells.
     mapper : computes a stage for all blocks, such as the builtin `map`; it may use several processes or a cluster.
 
     Raises
     ------
-    InputError : blocks that do not suit the points, several places, trapped liquid, grooves that wind.
+    InputError : blocks that do not suit the points; several patches; trapped liquid; a spiral lay.
     NotConverged : a contact failed.
 
     Examples
@@ -149,7 +160,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
 
 
 def check_blocks(scene: Scene, blocks: Shape) -> None:
-    """Refuse what blocks cannot do."""
+    """Raise InputError if a scene cannot be solved by these blocks."""
     for points, count in zip(scene.surface.shape, blocks, strict=True):
         if count < 1 or points % (count * PIECES) or points // (count * PIECES) < FEWEST_POINTS:
             expected = f"numbers of which {PIECES} times divide the points into parts of at least {FEWEST_POINTS}"
@@ -164,9 +175,9 @@ def check_blocks(scene: Scene, blocks: Shape) -> None:
 
 
 def blocks_of(cells: Shape | None) -> Shape:
-    """Numbers of blocks that have so many pieces together.
+    """Return the numbers of blocks that have so many cells together.
 
-    Raises InputError: no multiples of the pieces of a block.
+    Raises InputError: numbers that are not multiples of the cells of a block.
     """
     if cells is None or any(m % PIECES for m in cells):
         raise InputError("cells", cells, f"multiples of {PIECES}, the pieces of a block")
@@ -174,7 +185,7 @@ def blocks_of(cells: Shape | None) -> Shape:
 
 
 def usual_blocks(points: Shape) -> Shape:
-    """The fewest blocks of at most 1024 points a side, whose pieces have equal numbers of points."""
+    """Return the fewest blocks of at most 1024 points a side, whose cells have equal numbers of points."""
     found = []
     for n in points:
         suiting = (m for m in range(max(2, -(-n // _USUAL_POINTS)), n) if n % (m * PIECES) == 0)
@@ -183,7 +194,11 @@ def usual_blocks(points: Shape) -> Shape:
 
 
 def _split(scene: Scene, blocks: Shape, at: tuple[int, ...]) -> tuple[Scene, Array]:
-    """A block by itself, mirrored at its sides, without its long waves; and these as means over its pieces [m]."""
+    """Cut a block out of the surface, and split it into short and long waves.
+
+    Returns the scene of the block with its short waves and mirrored sides, and the means of its long waves over its
+    cells [m].
+    """
     surface = scene.surface
     n1, n2 = (n // count for n, count in zip(surface.shape, blocks, strict=True))
     rows, columns = (slice(i * n, (i + 1) * n) for i, n in zip(at, (n1, n2), strict=True))
@@ -198,18 +213,22 @@ def _split(scene: Scene, blocks: Shape, at: tuple[int, ...]) -> tuple[Scene, Arr
 
 
 def _of_block(values: Array, at: tuple[int, ...]) -> Array:
-    """Values (…, PIECES, PIECES) of a block from those of all pieces (…, rows, columns)."""
+    """Select the values (…, PIECES, PIECES) of a block from those of all cells (…, rows, columns)."""
     rows, columns = (slice(i * PIECES, (i + 1) * PIECES) for i in at)
     return values[..., rows, columns]
 
 
 def _layer(block: Scene) -> RoughLayer:
-    """The layer that a block is."""
+    """Solve the block as a rough layer."""
     return RoughLayer.of(block, map, block.boundary)
 
 
 def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[RoughLayer]) -> Array:
-    """Pressure [Pa], distance of the mean planes and opening [m] of every piece (3, steps, rows, columns)."""
+    """Solve the contact of the coarse heights.
+
+    Returns the pressure [Pa], the distance of the mean planes [m] and the opening [m] of every cell, an array (3,
+    steps, rows, columns).
+    """
     size = scene.surface.size
     spacing = size[0] / depth.shape[0], size[1] / depth.shape[1]
     body = HalfSpace(depth.shape, spacing, scene.modulus, scene.boundary)
@@ -226,7 +245,10 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
 
 
 def _pieces(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts, PatchState]:
-    """Permeabilities (pressures, 2, steps, pieces) of pieces of a block along their own pressures, and its states."""
+    """Solve the cells of a block along their own pressures.
+
+    Returns their permeabilities (pressures, 2, steps, cells), the numbers of solutions, and the states of the block.
+    """
     block, pressure = given
     steps, cut, fluid = block.steps, Cut.of(block.surface, (PIECES, PIECES)), TileFluid.of(block)
     paths = fluid.effective(pressure.reshape(len(steps), -1))
@@ -239,9 +261,14 @@ def _pieces(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts, PatchState]
 
 
 def _state_of(scene: Scene, blocks: list[PatchState], k: Array, gap: Array) -> PatchState:
-    """The states of a whole face from those of its blocks, which each dissipate about as much.
+    """Combine the states of blocks to those of the whole surface, assuming that each dissipates about as much.
 
-    k : permeabilities (pressures, 2, steps, rows, columns) [m³]. gap : mean gap of the pieces (steps, rows, columns).
+    Parameters
+    ----------
+    scene : the whole surface.
+    blocks : states of the blocks.
+    k : permeabilities, array (pressures, 2, steps, rows, columns), m³.
+    gap : mean gap of the cells, array (steps, rows, columns), m.
     """
     columns = k.shape[-1] // STRIPS
     tiles = face_tiles(scene.surface.size, (k.shape[-2], columns))

@@ -1,4 +1,4 @@
-"""The stochastic study: seals of any size and shape, whose tiles draw pieces of a measured face."""
+"""Run the stochastic study: seals of any size and shape, whose tiles take random cells of a measured surface."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from .scene import Scene
 from .seal_contact import SealContact, seal_contact, without_waves_of
 from .stochastic_result import MedianSeal, StochasticResult, at_every_step, nearest_to_median
 
-#: Standard error of ln(median leakage) that is wanted, in parts of the band of what one patch does not know.
+#: Wanted standard error of ln(median leakage), as a fraction of the half-width of the interval of a single patch.
 PART_OF_BAND = 1 / 20
-#: Standard error of the median of n normal numbers in standard deviations, times √n.
+#: Standard error of the median of n normal numbers, in standard deviations and times √n.
 _MEDIAN_ERROR = 1.2533
-#: Values of one field, parts times load steps, above which no fields are kept.
+#: Fields of the median seal are kept up to this number of values: elements times load steps.
 MOST_VALUES = 4_000_000
-#: Relative error, as estimated, at which the leakage of a drawn seal has settled where permeabilities depend on the
-#: pressure; it was within 1e-3 up to a fluid pressure of .95 of the load.
+#: Estimated relative error at which the leakage of a realisation has converged, where permeabilities depend on the
+#: pressure. The true error was below 1e-3 up to a fluid pressure of 0.95 of the load.
 DRAWN_RTOL = 3e-4
 
 
@@ -54,26 +54,27 @@ def stochastic(
     *,
     mapper: Mapper = map,
 ) -> StochasticResult:
-    """Cut the contact of a face into pieces, draw seals whose tiles take them, and solve the flow over each seal.
+    """Cut the contact of a surface into cells, let the tiles of seals take them at random, and solve each seal.
 
-    Pieces lie in the contact of the whole face: at the loads of the scene where a seal is as broad as the face and is
-    pressed evenly; else along a ladder of nominal pressures, from which each tile takes that of its own pressure, less
-    that of the fluid. One factor for every state makes the pieces in their own order leak what the face leaks.
+    The cells lie in the contact of the whole surface. Where a seal is as broad as the surface and is pressed evenly,
+    they are those of the load steps of the scene. Elsewhere the contact is solved at tabulated nominal pressures, from
+    which each tile takes its own pressure, less that of the fluid. One correction factor for every axis and state makes
+    the cells in their own order leak what the whole surface leaks.
 
     Parameters
     ----------
-    scene : the face, its load and its fluid.
-    cells : number of pieces of the face along x1 and x2; None: two or four on its shorter side.
-    sampling : how seals are drawn. Without a number of realisations seals are drawn until the standard error of
-        their median is a twentieth of the band of what one patch does not know, at least three.
+    scene : the surface, its load and its fluid.
+    cells : numbers of cells along x1 and x2; None: two or four on the shorter side of the surface.
+    sampling : the seal, and how its tiles take cells. Without a number of realisations, seals are solved until the
+        standard error of their median is a twentieth of the interval of a single patch, at least three.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
     ------
-    InputError : pieces that are too small, a size of the seal that is missing or given twice, a map that does not
-        cover it, trapped liquid where pieces do not stay in the rows of the face.
+    InputError : cells that are too small; a size of the seal that is missing or given twice; a pressure map that does
+        not cover it; trapped liquid where cells do not stay in order.
     NotConverged : a contact failed.
-    FemsealError : the flow through every piece failed.
+    FemsealError : the flow through every cell failed.
 
     Examples
     --------
@@ -140,7 +141,7 @@ def stochastic(
 
 
 def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tuple[Cut, SealTiles]:
-    """The cut of the face, and the tiles of the seal, each as large as a piece.
+    """Cut the surface into cells, and cover the seal with tiles that are each as large as a cell.
 
     Raises InputError: see `stochastic`.
     """
@@ -154,13 +155,15 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
 
 @dataclass(frozen=True, eq=False)
 class _Supply:
-    """Permeabilities of pieces from which the tiles of a seal draw.
+    """Permeabilities of cells, from which the tiles of a seal take one each.
 
-    k : (pressures, 2, steps, paths, pieces) [m³], at each of the pressures of the fluid.
-    path : number of the path of the pressure of every tile (tiles,).
-    paths : nominal pressure along each path (steps, paths) [Pa]. unsolved : steps without a gap by number, and why.
-    opened : permeability of the gap that the form of the seal opens beyond that at which faces just touch
-    (steps, tiles) [m³].
+    Parameters
+    ----------
+    k : at each of the pressures of the fluid, array (pressures, 2, steps, paths, cells), m³.
+    path : number of the pressure path of every tile, array (tiles,).
+    paths : nominal pressure along each path, array (steps, paths), Pa.
+    unsolved : steps without a gap by number, and why.
+    opened : permeability of the gap that the form of the seal opens beyond first touch, array (steps, tiles), m³.
     """
 
     scene: Scene
@@ -180,30 +183,34 @@ class _Supply:
         return np.setdiff1d(known, [s for s, _ in self.unsolved]).tolist()
 
     def draw(self, seed: int, realisation: int) -> Indices:
-        """Numbers of the pieces of the tiles (tiles,) in a realisation, whoever draws it."""
+        """Take a cell for every tile (tiles,). The same seed and realisation always give the same cells."""
         stream = np.random.SeedSequence(seed, spawn_key=(realisation,))
         return self.tiles.draw(self.pieces.cut.shape, np.random.default_rng(stream))
 
     def flow(self, piece: Indices, step: int) -> tuple[Any, Any]:
-        """Permeabilities of a seal whose tiles have drawn pieces (tiles,), and its leakage, or why there is none."""
+        """Solve a seal whose tiles have taken cells (tiles,) at a step.
+
+        Returns the permeabilities of the seal, and its leakage or the reason why it failed.
+        """
         k = self.k[:, :, step, self.path, piece]
         if self.opened is not None:
             k = k + self.opened[step]
-        of_parts = list(self.tiles.permeability(k[:, 0], k[:, 1]))
-        given = tabulated(self.fluid.pressures, of_parts, self.fluid.piecewise)
-        return given, attempt(self.scene.leakage, self.tiles.seal, given, DRAWN_RTOL)
+        of_elements = list(self.tiles.permeability(k[:, 0], k[:, 1]))
+        permeability = tabulated(self.fluid.pressures, of_elements, self.fluid.piecewise)
+        flow = attempt(self.scene.leakage, self.tiles.seal, permeability, DRAWN_RTOL)
+        return permeability, flow
 
     def over_tiles(self, values: Array) -> Array:
-        """Means over the tiles, each at its own pressure, of values of the states, which fall with the pressure."""
+        """Average values of the states over the tiles, each at its own pressure; they fall with the pressure."""
         weights = np.bincount(self.path, minlength=self.paths.shape[1]) / self.path.size
         return self._along(values, self.paths, weights)
 
     def at_nominal(self, values: Array) -> Array:
-        """Values of the states, which fall with the pressure, at the loads of the scene less the mean of its fluid."""
+        """Interpolate values of the states, which fall with the pressure, at the loads less the mean fluid pressure."""
         return self._along(values, self.scene.steps.pressures[:, None], np.ones(1))
 
     def _along(self, values: Array, paths: Array, weights: Array) -> Array:
-        """Mean of values of the states along paths of the nominal pressure [Pa], less the mean of the fluid."""
+        """Average values of the states along paths of the nominal pressure [Pa], less the mean fluid pressure."""
         if self.pieces.steps == self.scene.steps:
             return values
         fluid = self.scene.acting_fluid
@@ -213,9 +220,9 @@ class _Supply:
 
 
 def _patch_state(supply: _Supply, open_leakage: Array) -> PatchState:
-    """Take the contact states of the patch under the nominal pressures less the mean of the fluid.
+    """Return the contact states of the patch under the nominal pressures less the mean fluid pressure.
 
-    open_leakage : array (steps,) of the leakage if the mean gap of the states were the gap everywhere [m²/s].
+    open_leakage : leakage if the mean gap of the states were the gap everywhere, array (steps,), m²/s.
     """
     scene = supply.scene
     fluid = scene.acting_fluid
@@ -225,7 +232,7 @@ def _patch_state(supply: _Supply, open_leakage: Array) -> PatchState:
 
 
 def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:
-    """Pieces at the loads of the scene, or along a ladder of the pressures that tiles have."""
+    """Solve the cells at the loads of the scene where they stay in order, else at tabulated pressures."""
     steps, drop = scene.steps, scene.flow.drop
     if tiles.in_place:
         # grooves that wind are those of the seal
@@ -256,7 +263,7 @@ _Drawn = tuple[Array, list[str], SolveCounts]
 
 
 def _drawn(supply: _Supply, sampling: Sampling, state: PatchState, mapper: Mapper) -> list[_Drawn]:
-    """The given number of seals, or as many as the interval needs."""
+    """Solve the given number of realisations, or as many as the interval needs."""
     stage = Stage("drawn seals", partial(_realise, supply=supply, seed=sampling.seed))
     kind, count = _kind(supply.tiles, sampling), sampling.realisations or FEWEST_SEALS
     drawn = list(mapper(stage, range(count)))
@@ -270,7 +277,9 @@ def _drawn(supply: _Supply, sampling: Sampling, state: PatchState, mapper: Mappe
 
 
 def _kind(tiles: SealTiles, sampling: Sampling) -> str:
-    """Kind of the drawn seals, see `drawn_error`; a form that is known exactly, such as of a seat, is none."""
+    """Return the kind of the realisations, see `drawn_error`. A form that is known exactly, as of a seat, does not
+    count.
+    """
     if any(isfinite(form.shortest_wave) for form in sampling.form):
         return "with form"
     return "in place" if tiles.in_place else "anywhere"
@@ -294,42 +303,44 @@ def _needed(leakage: Array, kind: str, state: PatchState) -> int:
 
 
 def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Drawn:
-    """Draw one seal and solve its flow at every step that has one.
+    """Solve one realisation at every step that has a gap.
 
-    Where pieces stay in their rows, the seal leaks what the face leaks, times the ratio of its tiles to the pieces in
-    their own order, at most twice or half.
+    Where cells stay in order, the seal leaks what the surface leaks, times the ratio of its tiles to the cells in their
+    own order. This ratio is limited to the range from 1/2 to 2.
     """
     piece, steps = supply.draw(seed, realisation), supply.scene.steps
     leakage, failures, solvers = np.full(len(steps), np.nan), [], []
-    face, own = supply.pieces.face, supply.pieces.own
+    of_surface, in_order = supply.pieces.face, supply.pieces.own
     for s in supply.solved:
-        if supply.tiles.in_place and own[s] == 0:
-            leakage[s] = face[s]
+        if supply.tiles.in_place and in_order[s] == 0:
+            leakage[s] = of_surface[s]
             continue
-        _, found = supply.flow(piece, s)
-        if isinstance(found, Failed):
-            failures.append(f"realisation {realisation}, {steps[s].name}: {found.reason}")
+        _, flow = supply.flow(piece, s)
+        if isinstance(flow, Failed):
+            failures.append(f"realisation {realisation}, {steps[s].name}: {flow.reason}")
             continue
-        leakage[s] = found.per_length
-        solvers.append(SolveCounts.of(found))
+        leakage[s] = flow.per_length
+        solvers.append(SolveCounts.of(flow))
         if supply.tiles.in_place:
-            leakage[s] = face[s] * np.clip(leakage[s] / own[s], 1 / MOST_RATIO, MOST_RATIO)
+            ratio = np.clip(leakage[s] / in_order[s], 1 / MOST_RATIO, MOST_RATIO)
+            leakage[s] = of_surface[s] * ratio
     return leakage, failures, SolveCounts.total(solvers)
 
 
 def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
-    """Draw a realisation again and keep its fields."""
+    """Solve a realisation again and keep its fields."""
     scene, tiles, piece = supply.scene, supply.tiles, supply.draw(seed, realisation)
     shape = len(scene.steps), len(tiles.outlines)
     k, p, flux = (np.full((*shape, *plane), np.nan) for plane in ((), (), (2,)))
     for s in supply.solved:
-        given, found = supply.flow(piece, s)
-        if isinstance(found, Failed):
+        permeability, flow = supply.flow(piece, s)
+        if isinstance(flow, Failed):
             continue
-        at_solution = given if found.permeability is None else found.permeability
-        k[s], p[s] = tiles.shown(at_solution, found.fluid_pressure)
-        potential = scene.fluid.potential(found.fluid_pressure) / scene.fluid.reference_density
-        flux[s] = tiles.flux(at_solution, potential, found.volume_rate)
+        if flow.permeability is not None:  # that of the solution, where it depends on the pressure
+            permeability = flow.permeability
+        k[s], p[s] = tiles.shown(permeability, flow.fluid_pressure)
+        potential = scene.fluid.potential(flow.fluid_pressure) / scene.fluid.reference_density
+        flux[s] = tiles.flux(permeability, potential, flow.volume_rate)
     if supply.tiles.in_place:
         pressure = supply.pieces.pressure.reshape(len(scene.steps), -1)[:, piece[tiles.tile]]
     else:
@@ -343,7 +354,7 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
 
 
 def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> MedianSeal:
-    """The median seal with the fields of the contact under its form."""
+    """Add the fields of the contact under the form of the seal to the median seal."""
     of_parts = tiles.tile[tiles.once]
     form = formed.grid.means(-formed.depth)[of_parts]
     separation, pressure = (
@@ -353,7 +364,7 @@ def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> Med
 
 
 def _places(supply: _Supply, leakage: Array) -> PlaceLeakage | None:
-    """Leakage by measured places: that of the seals, times the ratio of the face of those places to the whole one."""
+    """Estimate the leakage by measured patches: that of the seals, times the ratio of each patch to all of them."""
     pieces = supply.pieces
     if pieces.places is None:
         return None

@@ -58,7 +58,7 @@ class FaceState:
 
     @classmethod
     def of(cls, state: LoadState, flow: FlowSettings) -> FaceState:
-        """Solve the flow through the gap of a step."""
+        """Solve the flow through the gap of a load step."""
         contact, carried = state.contact, 0.0
         found: Any
         if isinstance(contact, CoupledContact):
@@ -84,9 +84,11 @@ class FaceState:
 
 
 def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
-    """Fields of a result by their name, from the mean pressure of rows (steps, n1) [Pa], a spacing apart [m].
+    """Compute the fields of a result that follow from the mean pressure of rows (steps, n1) [Pa].
 
-    The breadth of the band is the distance of the first row in contact from the last, both included.
+    The breadth of the contact band is the distance from the first row in contact to the last, both included.
+
+    spacing : of the rows [m].
     """
     touching = row_pressure > 0
     n1 = touching.shape[1]
@@ -100,14 +102,21 @@ def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
 
 @dataclass(frozen=True, repr=False)
 class FaceResult(Shown):
-    """Contact and flow of a whole face on its own pixels, and of its pieces; arrays over the steps.
+    """Contact and flow of a whole surface on its own pixels, and of its cells; arrays over the load steps.
 
-    gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision; the fluid pressure is NaN in
-    contact and in pockets.
-    leakage : per length of seal [m²/s], NaN where the flow failed. row_pressure : (steps, n1).
-    pieces : of the face, None unless it was cut. places : leakage by measured places, None of one.
-    states : of the face at every step. residual : largest residual of the contacts. failures : reasons of values that
-    are NaN. warnings : reasons to doubt the result. face_solvers : number of systems by solver, of the whole face.
+    Parameters
+    ----------
+    gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision. The fluid pressure is NaN in
+        contact and in pockets.
+    leakage : per length of seal, array (steps,), m²/s, NaN where the flow failed.
+    row_pressure : mean contact pressure of rows, array (steps, n1), Pa.
+    pieces : cells of the surface; None unless it was cut.
+    places : leakage by measured patches; None of one patch.
+    states : of the surface at every step.
+    residual : largest residual of the contacts.
+    failures : reasons of values that are NaN.
+    warnings : reasons to doubt the result.
+    face_solvers : number of systems by solver, of the whole surface.
     """
 
     steps: LoadProgramme
@@ -155,17 +164,17 @@ class FaceResult(Shown):
 
     @property
     def solvers(self) -> SolveCounts:
-        """Number of systems by solver, of the face and of its pieces."""
+        """Number of systems by solver, of the surface and of its cells."""
         return self.face_solvers if self.pieces is None else self.face_solvers + self.pieces.counts
 
     @property
     def method(self) -> str:
-        """Name of the study: "two-scale" with pieces, else "deterministic"."""
+        """Name of the study: "two-scale" with cells, else "deterministic"."""
         return "deterministic" if self.pieces is None else "two-scale"
 
     @property
     def uncut(self) -> FaceResult:
-        """The result without the pieces, which is that of the deterministic study."""
+        """The result without the cells, which is that of the deterministic study."""
         if self.pieces is None:
             return self
         failures = tuple(text for text in self.failures if text not in self.pieces.failures)
@@ -173,12 +182,12 @@ class FaceResult(Shown):
 
     @property
     def k1(self) -> Array:
-        """Permeability of pieces along x1 (steps, m1, m2) [m³], of a face that was cut."""
+        """Permeability of the cells along x1 (steps, m1, m2) [m³], of a surface that was cut."""
         return self._cut.k1
 
     @property
     def k2(self) -> Array:
-        """Permeability of pieces along x2 (steps, m1, m2) [m³], of a face that was cut."""
+        """Permeability of the cells along x2 (steps, m1, m2) [m³], of a surface that was cut."""
         return self._cut.k2
 
     @property
@@ -189,18 +198,18 @@ class FaceResult(Shown):
 
 
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
-    """Solve contact and flow of the whole face at full resolution, at every step of the load programme.
+    """Solve contact and flow of the whole surface at full resolution, at every step of the load programme.
 
-    Where the states are large they lie on disk, see `shared_empty`, and one takes memory.
+    Large states are kept on disk, see `shared_empty`, so that only one of them takes memory at a time.
 
     Parameters
     ----------
-    scene : the face, its load and its fluid.
+    scene : the surface, its load and its fluid.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
     ------
-    InputError : a spiral lay that does not suit the face, see `Scene.check_spiral`.
+    InputError : a spiral lay that does not suit the surface, see `Scene.check_spiral`.
     NotConverged : a contact failed. A flow that fails is NaN, and listed in `failures`.
 
     Examples
@@ -263,22 +272,25 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
 
 
 def state_memory(pixels: float) -> float:
-    """Memory that contact and flow of one step take [byte]; elimination, where multigrid fails, may take more."""
+    """Estimate the memory that contact and flow of one step take [byte].
+
+    Elimination takes more, where multigrid fails.
+    """
     return pixels * (_STATE_BYTES + (_KEPT_BYTES if pixels <= KEPT_POINTS else 0.0))
 
 
 def states_memory(pixels: int, steps: int) -> float:
-    """Memory that so many steps of a result take [byte]: none where they lie on disk."""
+    """Estimate the memory that so many steps of a result take [byte]: none where they are kept on disk."""
     return 0.0 if lies_on_disk(4.0 * pixels * steps) else RESULT_BYTES * pixels * steps
 
 
 def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult:
-    """Solve contact and flow of the whole face, and the permeability of each of the pieces into which it is cut.
+    """Solve contact and flow of the whole surface, and the permeability of each of its cells.
 
     Parameters
     ----------
-    scene : the face, its load and its fluid.
-    cells : number of pieces along x1 and x2.
+    scene : the surface, its load and its fluid.
+    cells : numbers of cells along x1 and x2.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
@@ -320,7 +332,7 @@ def cut_into_pieces(
 
 
 def _pieces(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) -> PieceState:
-    """Cut the fields of a state into pieces, and solve the flow through each."""
+    """Cut the fields of a state into cells, and solve the flow through each."""
     gap, fractions = state.gap.astype(float), state.potential.astype(float)
     plastic = np.unpackbits(state.plastic, count=gap.size).view(bool).reshape(gap.shape)
     if np.isfinite(fractions).any():

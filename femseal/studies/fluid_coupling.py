@@ -10,6 +10,8 @@ Several measured places of a face are in contact each by itself, and joined.
 Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -142,70 +144,109 @@ class FluidPressure:
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
-        together = self.nominal == "total"
-        p_f = self.even_drop(half_space.shape)
         law = contact_law(settings.get("hardness", np.inf))
-        most = _MOST_OF_HARDNESS * float(np.min(law.yield_pressure()))
-        if former is not None:  # a load moves pockets as if they carried all of it
-            p_f = np.minimum(former.on(p_f, pressure - former.load), most)
-        trapped, last, error, closed, part = None, np.nan, np.inf, 0, 1.0
-        scale, given, gave = max(abs(self.inlet), abs(self.outlet)), p_f, p_f
-        for n in range(1, MOST_ROUNDS + 1):
-            carried = float(p_f.mean())
-            if n == 1 and together and carried > _FIRST_CARRIED * pressure:
-                p_f = given = gave = p_f * (_FIRST_CARRIED * pressure / carried)
-                carried = float(p_f.mean())
-            room = pressure - carried if together else np.inf
-            load = pressure if together else max(pressure + carried, 0.0)
-            contact = solve_contact(gap0, half_space, pressure=load, fluid_pressure=p_f, **settings)
-            flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings)
-            if isinstance(flow, Failed):
-                break
-            found, is_open = self._pressure(flow, p_f), contact.gap > 0
+        most_trapped = _MOST_OF_HARDNESS * float(np.min(law.yield_pressure()))
+        applied = self._first_pressure(half_space.shape, pressure, former, most_trapped)
+        previous: _Round | None = None
+        step = change = 1.0
+        for number in range(1, MOST_ROUNDS + 1):
+            solved = self._round(gap0, half_space, pressure, applied, settings)
+            if isinstance(solved.flow, Failed):
+                return solved.coupled_contact(number)
             if self.trapped:
-                trapped = liquid_in_pockets(
-                    former,
-                    half_space,
-                    contact.gap,
-                    np.isnan(flow.potential) & is_open,
-                    given=p_f,
-                    around=found,
-                    bulk_modulus=getattr(self.fluid, "bulk_modulus", None) or np.inf,
-                    most=most,
-                    load=pressure,
-                    leaves=n > _RELEASE_ROUNDS,
+                leaves = number > _RELEASE_ROUNDS
+                solved = self._with_trapped_liquid(
+                    solved, previous, former, pressure, most=most_trapped, leaves=leaves
                 )
-                in_contact = np.nan if is_open.any() else found
-                found = harmonic_fill(np.where(is_open, trapped.on(found), in_contact))
-                scale = max(scale, float(np.abs(found).max()))
-            p_f, given, gave = _mixed(p_f, found, given, gave), p_f, found
-            if trapped is not None:
-                p_f = trapped.on(p_f)
-            taken, part = part, 1.0
-            if (more := float(p_f.mean()) - carried) >= room:
-                part = 0.5 * room / more  # half of the way to where the contact carries nothing
-                p_f = given + part * (p_f - given)
-            k = flow.permeability
-            if last:
-                error = abs(k / last - 1) / taken
-            else:  # closed faces have to stay as they are
-                moved = float(np.abs((found - given).mean(axis=1)).max()) / scale
-                error = moved if k == 0 else np.inf
-            if trapped is not None:  # of closed faces only the volumes have to stay
-                closed = closed + 1 if k == 0 else 0
-                error = max(error if closed < _CLOSED_ROUNDS else 0.0, trapped.error)
-            if error <= share * RTOL:
-                return CoupledContact(
-                    **vars(contact), flow=flow, carried=carried, rounds=n, trapped=trapped
-                )
-            if room <= _LEAST_ROOM * pressure:
+            change = solved.change(previous, step, max(abs(self.inlet), abs(self.outlet)))
+            if change <= share * RTOL:
+                return solved.coupled_contact(number)
+            left_to_contact = self._left_to_contact(pressure, applied)
+            if left_to_contact <= _LEAST_ROOM * pressure:
                 return self._near_opening(gap0, half_space, pressure, settings)
-            last = k
-        if not isinstance(flow, Failed):
-            flow = Failed(
-                f"contact and fluid pressure: after {n} rounds the permeability still changes by {error:.1e}"
-            )
-        return CoupledContact(**vars(contact), flow=flow, carried=carried, rounds=n)
+            applied, step = _next_pressure(solved, previous, left_to_contact)
+            previous = solved
+        reason = f"contact and fluid pressure: after {number} rounds the permeability still changes by {change:.1e}"
+        return replace(solved, flow=Failed(reason), trapped=None).coupled_contact(number)
+
+    def _first_pressure(
+        self, shape: Shape, pressure: float, former: TrappedLiquid | None, most_trapped: float
+    ) -> Array:
+        """Choose the fluid pressure (n1, n2) [Pa] of the first round: that of a viscous potential that falls evenly.
+
+        Where it would carry nearly the whole nominal pressure [Pa], it is reduced, and the contact carries the rest.
+
+        former : liquid in the pockets of the load before. most_trapped : most pressure of trapped liquid [Pa].
+        """
+        applied = self.even_drop(shape)
+        if former is not None:  # a load moves pockets as if they carried all of it
+            applied = np.minimum(former.on(applied, pressure - former.load), most_trapped)
+        carried = float(applied.mean())
+        if self.nominal == "total" and carried > _FIRST_CARRIED * pressure:
+            applied = applied * (_FIRST_CARRIED * pressure / carried)
+        return applied
+
+    def _left_to_contact(self, pressure: float, applied: Array) -> float:
+        """Compute what a fluid pressure leaves of the nominal pressure to the contact [Pa]; inf if both add up."""
+        return pressure - float(applied.mean()) if self.nominal == "total" else np.inf
+
+    def _round(
+        self,
+        gap0: Array,
+        half_space: HalfSpace,
+        pressure: float,
+        applied: Array,
+        settings: Mapping[str, Any],
+    ) -> _Round:
+        """Solve the contact under a fluid pressure (n1, n2) [Pa], and the flow through the gap that it leaves."""
+        load = pressure
+        if self.nominal == "contact":
+            load = max(pressure + float(applied.mean()), 0.0)
+        contact = solve_contact(gap0, half_space, pressure=load, fluid_pressure=applied, **settings)
+        flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings)
+        resulting = applied if isinstance(flow, Failed) else self._pressure(flow, applied)
+        return _Round(applied, contact, flow, resulting)
+
+    def _with_trapped_liquid(
+        self,
+        solved: _Round,
+        previous: _Round | None,
+        former: TrappedLiquid | None,
+        pressure: float,
+        *,
+        most: float,
+        leaves: bool,
+    ) -> _Round:
+        """Add the pressure of the liquid in pockets that no flow reaches to the result of a round.
+
+        former : liquid in the pockets of the load before. most : most pressure of trapped liquid [Pa]. leaves : liquid
+        only leaves pockets, so that the rounds end.
+        """
+        assert isinstance(solved.flow, FaceFlow)
+        is_open = solved.contact.gap > 0
+        trapped = liquid_in_pockets(
+            former,
+            solved.contact.half_space,
+            solved.contact.gap,
+            np.isnan(solved.flow.potential) & is_open,
+            given=solved.applied,
+            around=solved.resulting,
+            bulk_modulus=getattr(self.fluid, "bulk_modulus", None) or np.inf,
+            most=most,
+            load=pressure,
+            leaves=leaves,
+        )
+        in_contact = np.nan if is_open.any() else solved.resulting
+        resulting = harmonic_fill(np.where(is_open, trapped.on(solved.resulting), in_contact))
+        rounds_before = 0 if previous is None else previous.closed_rounds
+        highest_before = 0.0 if previous is None else previous.highest
+        return replace(
+            solved,
+            resulting=resulting,
+            trapped=trapped,
+            closed_rounds=rounds_before + 1 if solved.flow.permeability == 0 else 0,
+            highest=max(highest_before, float(np.abs(resulting).max())),
+        )
 
     def _near_opening(
         self, gap0: Array, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
@@ -269,18 +310,93 @@ class FluidPressure:
         )
 
 
-def _mixed(given: Array, gave: Array, former: Array, former_gave: Array) -> Array:
-    """The next fluid pressure, from the last two and what they gave: Anderson's mixing of depth one, over rows.
+@dataclass(frozen=True, eq=False)
+class _Round:
+    """A solution of the contact under a fluid pressure, and of the flow through its gap.
+
+    applied : fluid pressure of the contact (n1, n2) [Pa]. resulting : that which the flow gives (n1, n2) [Pa].
+    trapped : liquid in pockets, None where none keeps its volume. closed_rounds : rounds in a row, this one included,
+    in which trapped liquid lies in a surface without flow. highest : highest pressure with trapped liquid so far [Pa].
+    """
+
+    applied: Array
+    contact: Contact
+    flow: FaceFlow | Failed
+    resulting: Array
+    trapped: TrappedLiquid | None = None
+    closed_rounds: int = 0
+    highest: float = 0.0
+
+    def coupled_contact(self, rounds: int) -> CoupledContact:
+        """Return the contact with its flow, after so many rounds."""
+        return CoupledContact(
+            **vars(self.contact),
+            flow=self.flow,
+            carried=float(self.applied.mean()),
+            rounds=rounds,
+            trapped=self.trapped,
+        )
+
+    def change(self, previous: _Round | None, step: float, scale: float) -> float:
+        """Compute the relative change of the permeability since the previous round; inf in the first round.
+
+        Of closed faces it is the change of the fluid pressure over the highest pressure; of faces that stay closed over
+        trapped liquid, that of the volumes of the liquid alone.
+
+        step : part of the change of the fluid pressure that was taken. scale : pressure of the fluid's ends [Pa].
+        """
+        if previous is None:
+            return np.inf
+        assert isinstance(self.flow, FaceFlow)
+        assert isinstance(previous.flow, FaceFlow)
+        before, now = previous.flow.permeability, self.flow.permeability
+        if before:
+            change = abs(now / before - 1) / step
+        elif now:
+            change = np.inf
+        else:
+            moved = float(np.abs((self.resulting - self.applied).mean(axis=1)).max())
+            change = moved / max(scale, self.highest)
+        if self.trapped is None:
+            return change
+        if self.closed_rounds >= _CLOSED_ROUNDS:
+            change = 0.0
+        return max(change, self.trapped.error)
+
+
+def _next_pressure(
+    solved: _Round, previous: _Round | None, left_to_contact: float
+) -> tuple[Array, float]:
+    """Choose the fluid pressure (n1, n2) [Pa] of the next round, and the part of the change that it takes.
+
+    left_to_contact : nominal pressure that the contact carried [Pa]. Where the fluid would carry all of it, half of the
+    way to there is taken.
+    """
+    proposed = _mixed_pressure(solved, previous)
+    if solved.trapped is not None:
+        proposed = solved.trapped.on(proposed)
+    more = float(proposed.mean()) - float(solved.applied.mean())
+    if more < left_to_contact:
+        return proposed, 1.0
+    step = 0.5 * left_to_contact / more
+    return solved.applied + step * (proposed - solved.applied), step
+
+
+def _mixed_pressure(solved: _Round, previous: _Round | None) -> Array:
+    """Mix the fluid pressures that the last two rounds gave: Anderson's mixing of depth one, over means of rows.
 
     Where every round overshoots the other way, as near closing, it takes part of both.
     """
-    now, before = ((b - a).mean(axis=1) for a, b in ((given, gave), (former, former_gave)))
-    change = now - before
-    size = float(change @ change)
-    if size == 0 or not before.any():
-        return gave
-    weight = float(np.clip(now @ change / size, 0.0, 0.5))
-    return (1 - weight) * gave + weight * former_gave
+    if previous is None:
+        return solved.resulting
+    residual = (solved.resulting - solved.applied).mean(axis=1)
+    former_residual = (previous.resulting - previous.applied).mean(axis=1)
+    difference = residual - former_residual
+    squared = float(difference @ difference)
+    if squared == 0 or not former_residual.any():
+        return solved.resulting
+    weight = float(np.clip(residual @ difference / squared, 0.0, 0.5))
+    return (1 - weight) * solved.resulting + weight * previous.resulting
 
 
 def contact_of_places(

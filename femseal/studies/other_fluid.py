@@ -1,4 +1,4 @@
-"""Another fluid on the same seals, such as the gas of a leak test beside the fluid in service."""
+"""Compute the leakage of another fluid through the same seals, such as the gas of a leak test."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from .scene import FluidState, Scene
 
 @dataclass(frozen=True, eq=False)
 class OtherLeakage:
-    """Leakage of another fluid through the same seals, per length at its own reference density [m²/s].
+    """Leakage of another fluid through the same seals, per length at its own reference density.
 
-    leakage : (steps,), of the median seal where there are realisations. realisations : (realisation, step); None
-    without.
+    Parameters
+    ----------
+    state : the fluid and its pressures.
+    leakage : array (steps,), m²/s; of the median seal where there are realisations.
+    realisations : array (realisation, step), m²/s; None without any.
     """
 
     state: FluidState
@@ -25,30 +28,36 @@ class OtherLeakage:
 
     @classmethod
     def of_study(cls, state: FluidState, study: Any, ratio: float = 1.0) -> OtherLeakage:
-        """From a study of the same seals, whose leakage is multiplied by a ratio."""
+        """Take the leakage of a study of the same seals, multiplied by a ratio."""
         if hasattr(study, "quantile"):
             return cls(state, ratio * study.quantile(0.5), ratio * study.leakage)
         return cls(state, ratio * study.leakage)
 
 
 def drop_ratio(state: FluidState, scene: Scene) -> float | None:
-    """Ratio of the leakage of a fluid to that of the scene's own; None where it has to be solved for.
+    """Return the ratio of the leakage of a fluid to that of the scene's fluid; None where it has to be solved.
 
-    The conductance of a seal [m³] is the same for fluids of one law that does not depend on the pressure, if neither
-    presses the faces apart: the drops of their potentials then have the ratio of their leakages, exactly.
+    The conductance of a seal [m³] is the same for all fluids with one flow law that does not depend on the pressure, if
+    no fluid presses the bodies apart. Their leakages then have exactly the ratio of the drops of their potentials.
     """
     if scene.acting_fluid is not None or state.in_scene(scene).acting_fluid is not None:
         return None
-    own = FluidState.of(scene)
-    return None if state.law != own.law or state.law.depends_on_pressure else state.drop / own.drop
+    in_service = FluidState.of(scene)
+    if state.law != in_service.law or state.law.depends_on_pressure:
+        return None
+    return state.drop / in_service.drop
 
 
 @dataclass(frozen=True)
 class LimitFactors:
-    """Factors from the leakage of a test gas to that of the fluid in service that the two limits of flow would give.
+    """Factors from the leakage of a test gas to that of the fluid in service, at the two limits of gas flow.
 
-    viscous : ratio of the leakages as a continuum, in pressure × volume of two gases, else in volume at the reference
-    density. molecular : that of free molecules, of two gases with molar mass and temperature; NaN otherwise.
+    Parameters
+    ----------
+    viscous : ratio of the leakages in viscous flow, in pressure × volume of two gases, else in volume at the reference
+        density.
+    molecular : ratio of the leakages in free molecular flow, of two gases with molar mass and temperature; NaN
+        otherwise.
     """
 
     viscous: float
@@ -56,10 +65,10 @@ class LimitFactors:
 
 
 def limit_factors(test: FluidState, service: FluidState) -> LimitFactors:
-    """Factors of both limits, with the pressures of both fluids.
+    """Compute the factors of both limits of gas flow, at the pressures of both fluids.
 
-    Viscous flow of gases goes with (p1² − p2²)/η in pressure × volume, molecular flow with (p1 − p2)/√(M/T). At equal
-    pressures and temperature they are η/η' and √(M/M'): of helium to nitrogen 1.12 and 0.378.
+    Viscous flow of gases is proportional to (p1² − p2²)/η in pressure × volume, molecular flow to (p1 − p2)/√(M/T). At
+    equal pressures and temperature the factors are η/η' and √(M/M'): from helium to nitrogen 1.12 and 0.378.
     """
 
     def free_flow(state: FluidState) -> float:

@@ -1,4 +1,4 @@
-"""The contact state of a measured patch at every load step, from which the width of the 95 % interval follows."""
+"""Describe the contact state of a measured patch at every load step, from which the width of its interval follows."""
 
 from __future__ import annotations
 
@@ -23,14 +23,18 @@ class PatchState:
     """Quantities of a patch in its contact states; arrays (steps,).
 
     Each depends on the state alone, not on the other loads of the programme. At the steps of an unloading all but
-    `open_leakage` are those of the peak, because one patch tells as little of the one as of the other.
+    `open_leakage` are those of the peak, because one patch shows as little of the unloaded state as of the peak.
 
+    Parameters
+    ----------
     carriers : number of blocks that effectively carry the flow, see `participation_number`; NaN of a sealed state.
-    strip_scatter : coefficient of variation of the leakage of four strips; NaN where sealed and of cells at random.
+    strip_scatter : coefficient of variation of the leakage of four strips; NaN of a sealed state, and of cells at
+        random.
     contact_fraction : fraction of the patch in contact.
-    detours : ln of the leakage of the patch over that of its cells in their own order, from 0 to ln 3: how much flows
-    through channels that cross the sides of cells, which cells at random do not have. NaN of a sealed state.
-    open_leakage : leakage of the seal if the mean gap of the state were the gap everywhere [m²/s].
+    detours : ln of the leakage of the patch over that of its cells in their own order, from 0 to ln 3. It measures how
+        much flows through channels that cross the sides of cells, which cells at random do not have. NaN of a sealed
+        state.
+    open_leakage : leakage of the seal if the mean gap of the state were the gap everywhere, m²/s.
     """
 
     carriers: Array
@@ -45,8 +49,12 @@ class PatchState:
     ) -> PatchState:
         """Take the quantities of a patch at the steps of a seal.
 
-        steps : of the seal; those of the pieces may be others, between which states are interpolated.
-        pressures : nominal pressure of the dry patch at every step of the seal (steps,) [Pa].
+        Parameters
+        ----------
+        steps : load programme of the seal. The cells may have another one, whose states are interpolated.
+        pieces : cells of the surface.
+        pressures : nominal pressure of the dry patch at every step of the seal, array (steps,), Pa.
+        open_leakage : see the class.
         """
         contact = pieces.contact_fraction.mean(axis=(1, 2))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -62,14 +70,14 @@ class PatchState:
 
 
 def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
-    """Solve the leakage of a seal per length for a uniform permeability of 1 m³ [1/(m s)]; NaN if the flow failed."""
+    """Solve the leakage of a seal per length for a uniform permeability of 1 m³ [1/(m s)]; NaN if it failed."""
     return attempt(scene.leakage, seal, _OPEN_PERMEABILITY).per_length / _OPEN_PERMEABILITY
 
 
 def _on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
-    """Interpolate a quantity of states on loading at other pressures [Pa], straight in the cube root of the pressure.
+    """Interpolate a quantity of states on loading at other pressures [Pa], linearly in the cube root of the pressure.
 
-    Where the nearest state is sealed the quantity is NaN.
+    The quantity is NaN where the nearest state is sealed.
     """
     loading = np.flatnonzero(steps.on_loading)
     values, known_at = values[loading], np.cbrt(steps.pressures[loading])
@@ -77,6 +85,6 @@ def _on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
     known = np.isfinite(values)
     if not known.any():
         return np.full(wanted.shape, np.nan)
-    found = np.interp(wanted, known_at[known], values[known])
+    interpolated = np.interp(wanted, known_at[known], values[known])
     nearest = np.abs(wanted[:, None] - known_at).argmin(axis=1)
-    return np.where(known[nearest], found, np.nan)
+    return np.where(known[nearest], interpolated, np.nan)

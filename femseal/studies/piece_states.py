@@ -1,4 +1,4 @@
-"""States of a face cut into pieces along a ladder of nominal pressures, and leakage of its measured places."""
+"""Solve the states of a surface that is cut into cells, at tabulated nominal pressures, and its measured patches."""
 
 from __future__ import annotations
 
@@ -31,27 +31,30 @@ from ..topography.patches import divided
 from .cells_in_order import cells_in_order, cells_permeability_along_x2
 from .scene import Scene
 
-#: Places from which on their scatter tells how far the leakage of more of them may lie.
+#: Fewest measured patches whose scatter shows how far the leakage of more of them may differ.
 FEWEST = 3
-#: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
-#: straight in it: on four faces under a map of ± 40 % and fluids that act, leakage on loading is within 1.2 % of that
-#: of states of its own, down to a hundredth of the first; with 1/16 within 2.5 %.
-_RUNG = 1 / 20
-#: Stops on the way down in fractions of a peak; distance of neighbouring peaks in the cube root, over that of the
-#: highest one, and most of them. On the same faces leakage on unloading is within 0.7 % from peaks that leave a seal
-#: open, and from those near closing within 1.2 % in the median and 15 % at worst, whatever the number of peaks.
+#: Distance of tabulated pressures in the cube root, over the cube root of the highest one. ln k is nearly straight in
+#: the cube root of the pressure. On four surfaces under pressure maps of ± 40 % and with fluid pressure, the
+#: interpolated leakage on loading is within 1.2 % of states that were solved at the wanted pressures, down to a
+#: hundredth of the first leakage; with 1/16 it is within 2.5 %.
+_SPACING = 1 / 20
+#: Tabulated pressures of unloading, in fractions of a peak; distance of neighbouring peaks in the cube root, over that
+#: of the highest one; most peaks. On the same surfaces the leakage on unloading is within 0.7 % from peaks that leave
+#: the seal open. From peaks near closing it is within 1.2 % in the median and 15 % at worst, whatever the number of
+#: peaks.
 _STOPS, _PEAK_STEP, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1 / 12, 6
-#: Relative distance to a peak, or to the lowest or highest pressure, within which there is no rung; and to a peak
-#: within which these need no state of their own: a slope between closer states is that of their errors.
+#: No pressure is tabulated within the relative distance _NEAR of a peak, or of the lowest or highest pressure. The
+#: latter need no state of their own within the distance _SAME of a peak: a slope between closer states would be that of
+#: their errors.
 _NEAR, _SAME = 0.02, 1e-3
 
 
 @dataclass(frozen=True, repr=False)
 class PlaceLeakage(Shown):
-    """Leakage by places, NaN where the flow failed.
+    """Leakage by measured patches, NaN where the flow failed.
 
-    kept : of each place by itself, continued periodically, and from three on of all but each, side by side
-        (2 places, steps) [m²/s].
+    kept : of each patch by itself, continued periodically; and from three patches on, of all patches but each one, side
+        by side; array (2 × patches, steps), m²/s.
     """
 
     kept: Array = field(metadata={"unit": "m^2/s"})
@@ -77,25 +80,27 @@ class PlaceLeakage(Shown):
 
     @property
     def alone(self) -> Array:
-        """Leakage of each place by itself (places, steps)."""
+        """Leakage of each patch by itself (patches, steps) [m²/s]."""
         return self.kept if self.without is None else self.kept[: len(self.without)]
 
     @property
     def without(self) -> Array | None:
-        """Leakage of all places but each (places, steps); None of two."""
+        """Leakage of all patches but each one (patches, steps) [m²/s]; None of two patches."""
         places = len(self.kept) // 2
         return self.kept[places:] if places >= FEWEST else None
 
     @property
     def relative(self) -> Array:
-        """Leakage of each place over that of their mean (places,), mean over the loads that count; 0 if none leaks."""
+        """Leakage of each patch over that of their mean (patches,), averaged over the loads that count; 0 if none
+        leaks.
+        """
         mean = self.alone.mean(axis=0)
         counts = mean > least_counted(mean)
         return (self.alone[:, counts] / mean[counts]).sum(axis=1) / max(1, counts.sum())
 
     @property
     def scatter(self) -> Array:
-        """Standard deviation of the leakage of single places over its mean (steps,); NaN where none leaks."""
+        """Standard deviation of the leakage of single patches over its mean (steps,); NaN where none leaks."""
         mean = self.alone.mean(axis=0)
         return np.divide(
             self.alone.std(axis=0, ddof=1), mean, out=np.full(mean.shape, np.nan), where=mean > 0
@@ -105,34 +110,48 @@ class PlaceLeakage(Shown):
 def permeabilities_of_places(
     widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, gap: Floats
 ) -> Array:
-    """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed.
+    """Solve the permeability of each measured patch, and from three patches on that of all but each one.
 
-    gap : of all places beside each other (n1, n2) [m]. widths : of each, in points.
+    Parameters
+    ----------
+    widths : points of each patch along x2.
+    spacing : of the points, m.
+    settings : how the flow is solved.
+    gap : of all patches side by side, array (n1, n2), m.
+
+    Returns an array (patches,) or (2 × patches,) [m³], NaN where the flow failed.
     """
-    pieces = divided(gap, widths)
-    chosen = [[piece] for piece in pieces]
-    if len(pieces) >= FEWEST:
-        chosen += [[*pieces[:n], *pieces[n + 1 :]] for n in range(len(pieces))]
-    gaps = (np.concatenate(some, axis=1) for some in chosen)
+    patches = divided(gap, widths)
+    selections = [[patch] for patch in patches]
+    if len(patches) >= FEWEST:
+        selections += [[*patches[:n], *patches[n + 1 :]] for n in range(len(patches))]
+    gaps = (np.concatenate(selection, axis=1) for selection in selections)
     return np.array([attempt(resolved_flow, gap, spacing, settings).permeability for gap in gaps])
 
 
 @dataclass(frozen=True, eq=False)
 class FacePieces:
-    """Pieces of a face at every step of a load programme, NaN where a flow failed.
+    """Cells of a surface at every step of a load programme, NaN where a flow failed.
 
-    k : at each pressure of the drop, along x1 and x2 (pressures, 2, steps, m1, m2) [m³].
-    pressure [Pa], mean_gap [m], contact_fraction, plastic_fraction : means of the pieces (steps, m1, m2).
-    drop_fraction : the dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean contact
-    pressure of the rows of points (steps, n1) [Pa].
-    face : leakage of the face at full resolution (steps,) [m²/s]. own : that of the pieces in their own order.
-    surface_k2, cells_k2 : permeability along x2 of the whole surface and of the cells in their own order (steps,) [m³],
-    means over the measured patches; NaN where cells stay in order, which needs neither.
-    places : leakage by measured places; None of one.
-    carriers : number of blocks that effectively carry the flow through the whole surface (steps,), see
-    `participation_number`. strip_scatter : of its four strips (steps,), see `face.flow_concentration.strip_scatter`;
-    NaN where cells are put together at random, which does not need it. Both are NaN where nothing flows.
-    counts : flows through pieces. failures : one line each. unsolved : steps without leakage by number, and why.
+    Parameters
+    ----------
+    k : permeability at each pressure of the fluid, along x1 and x2, array (pressures, 2, steps, m1, m2), m³.
+    pressure, mean_gap, contact_fraction, plastic_fraction : means over the cells, arrays (steps, m1, m2), Pa, m, 1, 1.
+    drop_fraction : fraction of the dissipation in each cell, array (steps, m1, m2); NaN where nothing flows.
+    rows : mean contact pressure of the rows of points, array (steps, n1), Pa.
+    face : leakage of the surface at full resolution, array (steps,), m²/s.
+    own : leakage of the cells in their own order, array (steps,), m²/s.
+    surface_k2, cells_k2 : permeability along x2 of the whole surface and of the cells in their own order, arrays
+        (steps,), m³. They are means over the measured patches, and NaN where the cells of a seal stay in order, which
+        needs neither.
+    places : leakage by measured patches; None of one patch.
+    carriers : number of blocks that effectively carry the flow through the surface, array (steps,), see
+        `participation_number`; NaN where nothing flows.
+    strip_scatter : scatter of the permeability of four strips, array (steps,), see `flow_concentration.strip_scatter`.
+        It is NaN where nothing flows, and where cells are put together at random, which does not need it.
+    counts : numbers of flows through cells.
+    failures : one line for each flow that failed.
+    unsolved : numbers of the steps without leakage, and why.
     """
 
     steps: LoadProgramme
@@ -205,22 +224,22 @@ class FacePieces:
 
     @property
     def k1(self) -> Array:
-        """Permeability along x1, mean over the pressures of the drop (steps, m1, m2) [m³]."""
+        """Permeability along x1, mean over the pressures of the fluid (steps, m1, m2) [m³]."""
         return self.k[:, 0].mean(axis=0)
 
     @property
     def k2(self) -> Array:
-        """Permeability along x2, mean over the pressures of the drop (steps, m1, m2) [m³]."""
+        """Permeability along x2, mean over the pressures of the fluid (steps, m1, m2) [m³]."""
         return self.k[:, 1].mean(axis=0)
 
     @property
     def factor(self) -> Array:
-        """Correction factor of k1 in every state, see `face.pieces.factors` (steps,)."""
+        """Correction factor of k1 in every state (steps,), see `factors`."""
         return factors(self.face, self.own, self.steps)
 
     @property
     def factor_k2(self) -> Array:
-        """Correction factor of k2 in every state (steps,), 1 where the flow along x2 was not solved."""
+        """Correction factor of k2 in every state (steps,); 1 where the flow along x2 was not solved."""
         return factors(self.surface_k2, self.cells_k2, self.steps)
 
     @property
@@ -237,7 +256,16 @@ def pieces_on_ladder(
     mapper: Mapper,
     boundary: tuple[str, str] = ("periodic", "periodic"),
 ) -> FacePieces:
-    """The pieces along a programme of nominal pressures, without fluid, the face going on by its boundary."""
+    """Solve the cells at tabulated nominal pressures, without fluid.
+
+    Parameters
+    ----------
+    scene : the surface.
+    cut : of the surface into cells.
+    steps : the tabulated pressures, on loading and on unloading.
+    mapper : computes the items of a stage.
+    boundary : how the surface continues along x1 and x2.
+    """
     dry = scene.dry(boundary=boundary)
     # flow along x1 is periodic along x2 in every study
     continues = "periodic" if boundary[0] == "periodic" else "free", "periodic"
@@ -263,7 +291,7 @@ def _of_state(
     boundary: tuple[str, str],
     blocks: Shape,
 ) -> PieceState:
-    """Cut the contact of a state into pieces, and solve the flow through the face and its places."""
+    """Cut the contact of a state into cells, and solve the flow through the cells, the surface and its patches."""
     gap = state.contact.gap
     pieces = PieceState.of(gap, state.contact.pressure, cut, flow, boundary=boundary)
     several = len(widths) > 1
@@ -297,9 +325,9 @@ def joined(
     taken: Sequence[PieceState],
     boundary: tuple[str, str] = ("free", "periodic"),
 ) -> FacePieces:
-    """Join the states, and solve the flow over the pieces in their own order.
+    """Join the states, and solve the flow over the cells in their own order.
 
-    boundary : how the surface continues; the flow along x2 is solved in states whose whole surface has one.
+    boundary : how the surface continues. The flow along x2 is solved in states whose whole surface has a permeability.
     """
     k = np.stack([state.k for state in taken], axis=2)
     own, cells_k2, failures = np.full(len(steps), np.nan), np.full(len(steps), np.nan), []
@@ -341,40 +369,47 @@ def joined(
 
 
 def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1) -> LoadProgramme:
-    """A programme of nominal pressures from which the pieces of all paths (steps, paths) [Pa] are interpolated.
+    """Choose the tabulated pressures from which the cells of all pressure paths are interpolated.
 
-    Its loading steps are equidistant in the cube root of the pressure, from the lowest to the highest of the paths;
-    its peaks are among those of the paths. apart : how many times as far apart as usual rungs and peaks are.
+    Pressures on loading are equidistant in their cube root, from the lowest to the highest of the paths. Peaks are some
+    of the peaks of the paths.
+
+    Parameters
+    ----------
+    paths : nominal pressures, array (steps, paths), Pa.
+    steps : the load programme of the paths.
+    elastic : whether nothing yields, so that unloading is the same as loading.
+    apart : factor on the usual distance of tabulated pressures and peaks.
     """
     peak = local_peaks(paths, steps)
-    down = (paths < peak) & (not elastic)
+    unloads = (paths < peak) & (not elastic)
     highest = float(paths.max())
     lowest = max(float(paths.min()), 0.0)
-    peaks = _chosen_peaks(peak[down], apart)
-    first = np.cbrt(lowest / highest) if highest > 0 else 0.0
-    count = int(np.ceil((1 - first) / (apart * _RUNG))) + 1
-    kept = np.array(peaks)
+    peaks = _chosen_peaks(peak[unloads], apart)
+    fixed = np.array(peaks)  # pressures on loading that are solved in any case
     for end in (lowest, highest):
-        if (np.abs(end - kept) > _SAME * kept).all():
-            kept = np.append(kept, end)
-    rungs = highest * np.linspace(first, 1.0, count)[:-1, None] ** 3
-    apart_from = (np.abs(rungs - kept) > _NEAR * kept).all(axis=1)
-    loading = np.union1d(rungs[apart_from], kept).tolist()
-    deepest = (paths[down] / peak[down]).min(initial=1.0)
-    stops = _STOPS[: sum(f > deepest for f in _STOPS) + 1]
-    unloading = [LoadStep(f * p, p) for p in peaks for f in stops]
+        if (np.abs(end - fixed) > _SAME * fixed).all():
+            fixed = np.append(fixed, end)
+    first_root = np.cbrt(lowest / highest) if highest > 0 else 0.0
+    count = int(np.ceil((1 - first_root) / (apart * _SPACING))) + 1
+    between = highest * np.linspace(first_root, 1.0, count)[:-1, None] ** 3
+    is_apart = (np.abs(between - fixed) > _NEAR * fixed).all(axis=1)
+    loading = np.union1d(between[is_apart], fixed).tolist()
+    deepest = (paths[unloads] / peak[unloads]).min(initial=1.0)
+    fractions = _STOPS[: sum(fraction > deepest for fraction in _STOPS) + 1]
+    unloading = [LoadStep(fraction * peak, peak) for peak in peaks for fraction in fractions]
     return LoadProgramme([*map(LoadStep, loading), *unloading])
 
 
 def _chosen_peaks(peaks: Array, times: int) -> list[float]:
-    """Some of the peaks, rising: the highest, the lowest, and those nearest to equal distances in the cube root."""
-    apart: list[float] = []
+    """Choose the highest and the lowest peak, and those nearest to equal distances in the cube root, rising."""
+    distinct: list[float] = []
     for peak in np.unique(peaks)[::-1].tolist():
-        if not apart or peak * (1 + _NEAR) < apart[-1]:
-            apart.append(peak)
-    if len(apart) < 2:
-        return apart
-    values = np.array(apart[::-1])
+        if not distinct or peak * (1 + _NEAR) < distinct[-1]:
+            distinct.append(peak)
+    if len(distinct) < 2:
+        return distinct
+    values = np.array(distinct[::-1])
     roots = np.cbrt(values / values[-1])
     count = min(int(np.ceil((1 - roots[0]) / (times * _PEAK_STEP))) + 1, _MOST_PEAKS // times)
     wanted = np.linspace(roots[0], 1.0, count)
@@ -382,9 +417,11 @@ def _chosen_peaks(peaks: Array, times: int) -> list[float]:
 
 
 def along_paths(pieces: FacePieces, paths: Array, steps: LoadProgramme) -> Array:
-    """Permeability of the cells, times the factors of each state, along paths of the pressure (steps, paths) [Pa].
+    """Interpolate the permeability of the cells, times the correction factors, along paths of the pressure.
 
-    Returns (pressures, 2, steps, paths, pieces) [m³].
+    paths : nominal pressures of the steps along each path, array (steps, paths), Pa.
+
+    Returns an array (pressures, 2, steps, paths, cells) [m³].
     """
     k = pieces.corrected_k.reshape(*pieces.k.shape[:3], -1)
     out = np.empty((*k.shape[:2], *paths.shape, k.shape[-1]))

@@ -1,4 +1,4 @@
-"""Result of the stochastic study: leakage of the drawn seals, and the one nearest to the median, with its fields."""
+"""Hold the result of the stochastic study: the leakage of all realisations, and the fields of the median one."""
 
 from __future__ import annotations
 
@@ -31,15 +31,20 @@ from .piece_states import FacePieces, PlaceLeakage
 
 @dataclass(frozen=True, repr=False)
 class MedianSeal(Shown):
-    """Fields of the realisation whose leakage is nearest to the median, over the parts of the seal.
+    """Fields of the realisation whose leakage is nearest to the median, over the elements of the seal.
 
+    Parameters
+    ----------
     realisation : its number.
-    outlines : corners of the parts (parts, corners, 2) [m]. permeability, fluid_pressure : (steps, parts), NaN at steps
-        that failed, and the fluid pressure also in pockets.
-    flux : volume rate per width at the fluid's reference density, in the plane of the seal (steps, parts, 2).
-    pressure : mean contact pressure of the tile of every part (steps, parts).
-    form : height of a seal that has a form (parts,). separation : distance of its mean planes, nominal : pressure that
-    it gives to the tiles (steps, parts); None of others.
+    outlines : corners of the elements, array (elements, corners, 2), m.
+    permeability, fluid_pressure : arrays (steps, elements), m³ and Pa, NaN at steps that failed; the fluid pressure is
+        also NaN in pockets.
+    flux : volume rate per width at the reference density of the fluid, in the plane of the seal, array (steps,
+        elements, 2), m²/s.
+    pressure : mean contact pressure of the tile of every element, array (steps, elements), Pa.
+    form : height of a seal that has a form, array (elements,), m; None of others.
+    separation : distance of the mean planes of such a seal, array (steps, elements), m.
+    nominal : pressure that the form gives to the tiles, array (steps, elements), Pa.
     """
 
     realisation: int
@@ -78,9 +83,11 @@ class MedianSeal(Shown):
 
 
 def nearest_to_median(leakage: Array) -> int | None:
-    """Realisation whose ln(leakage) (realisations, steps) is nearest to the median of all; None where none leaks.
+    """Return the realisation whose ln(leakage) is nearest to the median of all; None where none leaks.
 
-    Steps at which all failed do not count.
+    Steps at which all realisations failed do not count.
+
+    leakage : array (realisations, steps).
     """
     size = np.abs(leakage[:, np.isfinite(leakage).any(axis=0)])
     whole = np.isfinite(size).all(axis=1)
@@ -97,19 +104,23 @@ def nearest_to_median(leakage: Array) -> int | None:
 
 @dataclass(frozen=True, repr=False)
 class StochasticResult(Shown):
-    """Realisations of a seal drawn from the pieces of a face. A realisation is a curve over the steps.
+    """Realisations of a seal whose tiles take the cells of a surface. A realisation is a curve over the load steps.
 
-    leakage : of each realisation (realisations, steps).
-    kind : of seals by what one patch does not know of them, see `drawn_error`.
+    Parameters
+    ----------
+    leakage : of each realisation, array (realisations, steps), m²/s.
+    kind : of the realisations, by what one patch does not show of them, see `drawn_error`.
     patch_state : contact states of the patch, from which the width of the interval follows; None of results made by
-    hand.
-    contact_fraction : of the face at every step (steps,).
-    tiles : of the seal. pieces : of the face, at the loads of the scene or along a ladder.
-    row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the face, or of a seat; None of others.
-    places : leakage by measured places; None of one.
+        hand.
+    contact_fraction : of the surface, array (steps,).
+    tiles : of the seal.
+    pieces : cells of the surface, at the loads of the scene or at tabulated pressures.
+    row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the surface, or of a seat; None of others.
+    places : leakage by measured patches; None of one patch.
     median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
-    failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
-    solvers : number of systems by solver, of pieces and of drawn seals.
+    failures : reasons of values that are NaN or left out.
+    warnings : reasons to doubt the result.
+    solvers : number of systems by solver, of cells and seals.
     """
 
     steps: LoadProgramme
@@ -163,13 +174,13 @@ class StochasticResult(Shown):
 
     @property
     def seal(self) -> ElementSeal:
-        """The drawn seal, with the size of the whole where a part of it stands for it."""
+        """The solved seal, with the size of the whole seal where a part stands for it."""
         return replace(self.tiles.seal, size=self.tiles.size)
 
     def quantile(self, q: float) -> Array:
-        """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
+        """Return the quantile q of the realisations that did not fail (steps,) [m²/s]; NaN where all failed.
 
-        Between two values it is interpolated in log space; beside a 0, or two signs, it is 0.
+        Between two values it is interpolated in log space; beside a 0, or between two signs, it is 0.
         """
         return at_every_step(self.leakage, partial(_quantile, q=q))
 
@@ -189,18 +200,22 @@ class StochasticResult(Shown):
         return at_every_step(self.leakage, _log_deviation)
 
     def too_few(self, *quantiles: float) -> bool:
-        """Whether there are fewer realisations than the quantiles need: one in each tail."""
+        """Return whether there are fewer realisations than the quantiles need, which is one in each tail."""
         tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
         return len(self.leakage) < max((1 / tail for tail in tails), default=1) - 1e-9
 
 
 def at_every_step(leakage: Array, statistic: Callable[[Array], Any]) -> Array:
-    """Statistic (steps,) of the realisations that did not fail, NaN where all failed; leakage (realisations, steps)."""
+    """Apply a statistic to the realisations that did not fail (steps,); NaN where all failed.
+
+    leakage : array (realisations, steps).
+    """
     finite = [column[np.isfinite(column)] for column in leakage.T]
     return np.array([statistic(column) if column.size else np.nan for column in finite])
 
 
 def _quantile(values: Array, q: float) -> float:
+    """Return the quantile q of values, interpolated in log space."""
     low, high = (float(np.quantile(values, q, method=end)) for end in ("lower", "higher"))
     weight = (values.size - 1) * q % 1
     if low == high or low * high <= 0:
@@ -209,5 +224,6 @@ def _quantile(values: Array, q: float) -> float:
 
 
 def _log_deviation(values: Array) -> float:
+    """Return the standard deviation of ln|values|, without zeros; NaN of fewer than two."""
     size = np.abs(values[values != 0])
     return float(np.std(np.log(size), ddof=1)) if size.size > 1 else np.nan
