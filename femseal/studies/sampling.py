@@ -1,4 +1,4 @@
-"""Options of a drawn seal, its tiles, and their pressure: under a map, less that of a fluid that acts."""
+"""Describe the seal of the stochastic study, and the pressure of its tiles: under a map, less the fluid pressure."""
 
 from __future__ import annotations
 
@@ -18,42 +18,42 @@ from ..seal.tiles import PieceSize, SealTiles
 from ..topography import Surface
 from .scene import Scene
 
-#: Fewest seals that are drawn, and most, where their number is not given.
+#: Fewest and most realisations, where their number is not given.
 FEWEST_SEALS, MOST_SEALS = 3, 200
-#: Tiles of a seal that is alike all along from which on a part of it stands for the whole: seals of so many scatter by
-#: less than a percent but near closing.
+#: Of a seal with more tiles, which is alike all along, only a part with so many tiles is solved: the leakage of such a
+#: part scatters by less than 1 %, except near closing.
 MOST_TILES = 4000
-#: Most paths of pressure that every piece is interpolated along, under one map and under several at different
-#: loads; more are rounded, see `distinct_paths`.
+#: Most pressure paths along which every cell is interpolated, under one map and under several maps at different loads.
+#: More paths are rounded, see `distinct_paths`.
 MOST_PATHS, MOST_OF_SEVERAL = 512, 4096
-#: Difference of the mean of a field from the load at which it holds from which on a warning says so.
+#: A warning says so if the mean of a pressure field differs from the load at which it holds by this fraction.
 _OFF_LOAD = 0.1
-#: How many times above the highest or below the lowest load the mean of a field is warned of.
+#: A warning says so if the mean of a pressure field is this many times above the highest or below the lowest load.
 _FAR_LOAD = 10.0
-#: Fluid pressures at which the permeability of pieces is known that the fluid presses apart. Measured against 129:
-#: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
+#: Number of fluid pressures at which cells are solved that the fluid presses apart. Compared with 129 pressures, the
+#: leakage is within 1.1e-3 for inlet pressures up to 0.3 of the lowest load, and within 9e-3 where both are equal.
 FLUID_PRESSURES = 9
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Options of a drawn seal.
+    """Options of the seals of the stochastic study.
 
     Parameters
     ----------
-    length : of a straight seal along x2 [m], rounded to whole tiles; None where the layout has its own size.
-    realisations : number of seals that are drawn; None draws as many as the band needs, see `stochastic`.
+    length : of a straight seal along x2, m, rounded to whole tiles; None where the layout has its own size.
+    realisations : number of seals; None solves as many as the interval needs, see `stochastic`.
     seed : of all random numbers.
-    breadth : of a straight seal from inlet to outlet [m]; that of the face unless given.
-    pressure_map : contact pressure over the seal in fractions of the nominal one, see `seal.pressure_map`.
-    form : of the whole seal, which gives the pressure of its tiles instead: a form of `seal.form`, or a seat such as
-        `CrownedSeat`; forms of both faces add up.
-    median_fields : also keep the fields of the seal whose leakage is nearest to the median.
+    breadth : of a straight seal from inlet to outlet, m; None is that of the surface.
+    pressure_map : contact pressure over the seal in fractions of the nominal pressure, see `seal.pressure_map`.
+    form : of the whole seal, which then gives the pressure of its tiles: a form of `seal.form`, or a seat such as
+        `CrownedSeat`; forms of both bodies add up.
+    median_fields : whether to keep the fields of the seal whose leakage is nearest to the median.
 
     Raises
     ------
-    InputError : a number of realisations below 1, a seed that is no whole number from 0, a length or breadth that is
-        not > 0, both a map and a form.
+    InputError : a number of realisations below 1; a seed that is not a whole number from 0; a length or breadth that is
+        not above 0; both a map and a form.
 
     Examples
     --------
@@ -94,12 +94,13 @@ class Sampling:
 def laid_out(
     surface: Surface, layout: Layout, pieces: Shape | None, sampling: Sampling
 ) -> tuple[Cut, SealTiles]:
-    """The cut of a face into pieces along x1 and x2, and the tiles of the seal, each as large as a piece.
+    """Cut a surface into cells along x1 and x2, and cover the seal with tiles that are each as large as a cell.
 
-    pieces : None: as many as suit the seal, see `face.pieces.usual_pieces`. They stay in the rows of the face where the
-    seal is as broad and pressed evenly.
+    Cells stay in order where the seal is as broad as the surface and is pressed evenly.
 
-    Raises InputError: pieces that are too small; see `seal.layouts.Layout.lay_out`.
+    pieces : numbers of cells; None: as many as suit the seal, see `usual_pieces`.
+
+    Raises InputError: cells that are too small; see `seal.layouts.Layout.lay_out`.
     """
     even = sampling.presses_evenly
     most = MOST_TILES if even else None
@@ -115,12 +116,12 @@ def laid_out(
 
 
 def seal_for_maps(layout: Layout, tiles: SealTiles) -> PressedSeal:
-    """The seal in the coordinates of maps."""
+    """Return the seal in the coordinates of pressure maps."""
     return PressedSeal(layout.frame(tiles.size), tiles.outlines[tiles.once])
 
 
 def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Array:
-    """Pressure of the tiles in fractions of the nominal one (steps, tiles).
+    """Return the pressure of the tiles in fractions of the nominal pressure (steps, tiles).
 
     Raises InputError: the map does not cover the seal.
     """
@@ -132,11 +133,11 @@ def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> 
 
 
 def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
-    """Distinct paths (steps, paths) of fractions (steps, n), and the number of the path of each (n,).
+    """Find the distinct pressure paths (steps, paths) of fractions (steps, n), and the path number of each (n,).
 
-    If there are more than `MOST_PATHS`, or `MOST_OF_SEVERAL`, fractions are rounded in their cube root, in which ln k
-    is nearly straight, to steps of 1/512 of the largest or larger ones; the mean of those that share a path stays.
-    Measured under two maps with 512 paths: leakage within 3e-4.
+    If there are more than `MOST_PATHS`, or `MOST_OF_SEVERAL`, the fractions are rounded in their cube root, in which ln
+    k is nearly straight, to steps of 1/512 of the largest or more. A path is the mean of the fractions that share it.
+    Under two maps with 512 paths the leakage changed by less than 3e-4.
     """
     most = MOST_OF_SEVERAL if np.ptp(fractions, axis=0).any() else MOST_PATHS
     keys, levels = fractions, float(MOST_PATHS)
@@ -151,9 +152,9 @@ def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
 
 
 def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str, ...]:
-    """Warnings on a map before a run.
+    """Check a pressure map before a run, and return warnings.
 
-    Raises InputError: it does not cover the seal, or a tile has more than the faces can carry.
+    Raises InputError: the map does not cover the seal, or a tile has more pressure than the bodies can carry.
     """
     if is_uniform(pressure_map):
         return ()
@@ -178,7 +179,7 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
 def _field_means(
     scene: Scene, tiles: SealTiles, pressure_map: AnyMap
 ) -> list[tuple[float | None, float]]:
-    """Mean of every field of pressure over the seal, with the load at which it holds, None: at all [Pa]."""
+    """Return the load of every pressure field, None for all loads, and its mean over the seal [Pa]."""
     seal = seal_for_maps(scene.layout, tiles)
     each: Iterable[tuple[float | None, Any]] = [(None, pressure_map)]
     if isinstance(pressure_map, MapsAtLoads):
@@ -187,7 +188,7 @@ def _field_means(
 
 
 def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Iterator[str]:
-    """Fields whose mean is far from the loads."""
+    """Warn of pressure fields whose mean is far from the loads."""
     loads = scene.steps.pressures[scene.steps.pressures > 0]
     for load, mean in _field_means(scene, tiles, pressure_map):
         text = f"has the mean {to_text(mean, 'Pa', 3)} over the seal"
@@ -199,7 +200,7 @@ def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Ite
 
 
 def describe_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> str:
-    """The map as a text: its range in fractions of the nominal pressure, and the mean of a field; "" if uniform."""
+    """Describe a pressure map as a text: its range over the seal, and the mean of a field; "" if it is uniform."""
     if is_uniform(pressure_map):
         return ""
     fractions = pressure_fractions(scene, tiles, pressure_map)
@@ -212,10 +213,13 @@ def describe_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> str:
 
 @dataclass(frozen=True, eq=False)
 class TileFluid:
-    """Pressures of the fluid at which permeabilities of pieces are wanted.
+    """Pressures of the fluid at which the permeabilities of cells are needed.
 
-    pressures : [Pa]. piecewise : see `flow.PermeabilityTable`. relief : what the fluid takes off the pressure of a
-    piece at each of them, or one for all [Pa].
+    Parameters
+    ----------
+    pressures : of the fluid, Pa.
+    piecewise : see `flow.PermeabilityTable`.
+    relief : by how much the fluid reduces the contact pressure of a cell, at each of the pressures or one for all, Pa.
     """
 
     pressures: tuple[float, ...]
@@ -224,7 +228,9 @@ class TileFluid:
 
     @classmethod
     def of(cls, scene: Scene) -> TileFluid:
-        """The pressures of a scene: those of the law of its fluid, and several where the fluid acts."""
+        """Choose the pressures for a scene: those of the flow law, and several where the fluid presses the bodies
+        apart.
+        """
         drop, fluid = scene.flow.drop, scene.acting_fluid
         pressures, piecewise = tuple(drop.pressures), False
         if fluid is None:
@@ -240,14 +246,21 @@ class TileFluid:
         return cls(pressures, piecewise, relief)
 
     def effective(self, paths: Array) -> Array:
-        """Pressures that are left along paths (steps, paths), of each fluid pressure after the other [Pa]."""
+        """Return the pressures [Pa] that the fluid leaves to the contact along paths (steps, paths).
+
+        Returns an array (steps, fluid pressures × paths).
+        """
         left = np.maximum(paths[None] - self.relief[:, None, None], 0.0)
         return np.concatenate(list(left), axis=1)
 
     def own(self, k: Array) -> Array:
-        """Of permeabilities (pressures, …, steps, reliefs × paths, pieces) those at the relief of each fluid pressure.
+        """Select from permeabilities at all reliefs those at the relief of each fluid pressure.
 
-        Without slip one permeability is that of all fluid pressures.
+        Without slip, one permeability serves all fluid pressures.
+
+        k : array (pressures, axis, steps, reliefs × paths, cells), m³.
+
+        Returns an array (pressures, axis, steps, paths, cells) [m³].
         """
         if self.relief.size == 1:
             return k
