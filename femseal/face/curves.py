@@ -1,8 +1,8 @@
-"""Permeability of a piece at any pressure of any load cycle, interpolated between the states of a ladder.
+"""Interpolate the permeability of a cell at any pressure of any load cycle between tabulated pressures.
 
 ln k is interpolated monotonically (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238) in the cube root of
 the pressure, in which it is nearly straight from first touch to closing. Unloading curves are interpolated between the
-peaks of the ladder, at equal fractions of the pressure at which the piece opens again; so every unloading curve starts
+tabulated peaks, at equal fractions of the pressure at which the cell opens again, so that every unloading curve starts
 on the loading curve. Below the lowest peak it tends to the loading curve, as without yielding.
 """
 
@@ -18,7 +18,10 @@ from ..loads import LoadProgramme
 
 
 class LogCurve:
-    """ln k as a function of a rising x. Where k falls to 0 the curve ends, halfway between open and closed."""
+    """ln k as a function of a rising x.
+
+    Where k falls to 0 the curve ends, halfway between the open and the closed state.
+    """
 
     def __init__(self, x: Array, k: Array) -> None:
         """Take values k at rising x; the curve ends where k is 0 for the first time."""
@@ -28,9 +31,9 @@ class LogCurve:
         self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
 
     def __call__(self, x: Array) -> Array:
-        """ln k at x, −inf where the piece is closed.
+        """Evaluate ln k at x; it is −inf where the cell is closed.
 
-        Below the first point the curve is constant; beyond the last open point it keeps its last slope to its end.
+        Below the first point the curve is constant. Beyond the last open point it keeps its last slope until it ends.
         """
         x = np.asarray(x, float)
         if not self._x.size:
@@ -44,15 +47,17 @@ class LogCurve:
 
 
 class PieceCurves:
-    """Permeability of a piece along one axis, on loading and on unloading from any peak.
+    """Permeability of a cell along one axis, on loading and on unloading from any peak.
 
-    steps : of the ladder, whose unloadings stop at equal fractions of their peaks. k : at every step (steps,) [m³];
-    where it is NaN the curves go on from the states beside it. Without any state on loading, or on unloading where the
-    ladder unloads, k is NaN there.
+    Parameters
+    ----------
+    steps : tabulated pressures, whose unloadings stop at equal fractions of their peaks.
+    k : at every tabulated pressure, array (steps,), m³. Where it is NaN, the curves are interpolated from the states
+        beside it. Without any state on loading, or on unloading where there should be some, k is NaN there.
     """
 
     def __init__(self, steps: LoadProgramme, k: Array) -> None:
-        """Sort the states of a ladder into curves."""
+        """Sort the tabulated states into curves."""
         known = np.isfinite(k)
         on_loading = steps.on_loading & known
         self._pressure, self._k = steps.pressures[on_loading], k[on_loading]
@@ -71,23 +76,23 @@ class PieceCurves:
 
     @cached_property
     def loading(self) -> LogCurve:
-        """ln k as a function of the cube root of the loading pressure."""
+        """ln k as a function of the cube root of the pressure on loading."""
         return LogCurve(np.cbrt(self._pressure), self._k)
 
     def loaded(self, pressure: Array) -> Array:
-        """k on loading [m³]."""
+        """Evaluate k on loading [m³]."""
         if not self._k.size:
             return np.full(np.shape(pressure), np.nan)
         return np.exp(self.loading(np.cbrt(pressure)))
 
     def unloaded(self, pressure: Array, peak: Array) -> Array:
-        """k on unloading from any peak to any pressure below it, both > 0 [m³]."""
+        """Evaluate k on unloading from any peaks to any pressures below them, both above 0 [m³]."""
         if not self._peaks.size:
             return np.full(np.shape(pressure), np.nan) if self._unloads else self.loaded(pressure)
         fraction = np.clip(pressure / peak, 0.0, 1.0)
         knots = np.r_[0.0, self._peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
-        # below the closing pressure a peak leaves the piece open: the fraction at which it reopens falls from 1 there
+        # a peak below the closing pressure leaves the cell open; above it the reopening fraction falls from 1
         closing = max(self.loading.end, 0.0) ** 3
         above = self._peaks > closing
         opens = np.array([_reopening(curve) for curve in self._unloading])
@@ -104,8 +109,9 @@ class PieceCurves:
         )
         ceiling = self.loading(np.cbrt(pressure))
         floor = self.loading(np.cbrt(peak))
-        # from a peak at which the piece is open, k starts at its value on loading, which the mean of two peaks misses
-        # there, and less the more the piece has been released; below all peaks it misses the same everywhere
+        # From a peak at which the cell is open, k starts at its value on loading. The mean of two tabulated peaks
+        # misses this value, less so the more the cell has been released; below all peaks it misses by the same
+        # everywhere.
         is_open = np.isfinite(floor) & np.isfinite(top)
         missed = floor[is_open] - top[is_open]
         mean = value[is_open] - top[is_open]
@@ -118,7 +124,7 @@ class PieceCurves:
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
 
     def _at(self, knot: Indices, inside: Array, peak: Array) -> Array:
-        """ln k of the peak at each knot, at fractions of the pressure at which the piece reopens; knot 0 is loading."""
+        """Evaluate ln k of the tabulated peak `knot`, at fractions of its reopening pressure; knot 0 is loading."""
         out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), max(self.loading.end, 0.0)))
         for m, curve in enumerate(self._unloading):
             chosen = knot == m + 1
@@ -127,9 +133,9 @@ class PieceCurves:
         return out
 
     def along(self, paths: Array, steps: LoadProgramme) -> Array:
-        """k (steps, paths) [m³] along paths of the pressure, those of a piece at every step (steps, paths) [Pa]."""
+        """Evaluate k (steps, paths) [m³] along paths of the pressure of a cell (steps, paths) [Pa]."""
         peak = local_peaks(paths, steps)
-        # at its own peak a piece is on the loading curve, also where the seal is unloaded
+        # at its own peak a cell is on the loading curve, even where the seal is being unloaded
         down = paths < peak
         k = self.loaded(np.maximum(paths, 0.0))
         k[down] = self.unloaded(np.maximum(paths[down], 0.0), peak[down])
@@ -137,23 +143,27 @@ class PieceCurves:
 
 
 def _reopening(unloading: LogCurve) -> float:
-    """Fraction of the peak below which a piece is open on unloading; 0 if it never is."""
+    """Return the fraction of the peak below which a cell is open on unloading; 0 if it never is."""
     return min(max(unloading.end, 0.0), 1.0)
 
 
 def _between(weight: Array, a: Array, b: Array) -> Array:
-    """(1 − weight) a + weight b of ln k; a curve that is never open, −inf, has no shape, and the other's is taken."""
-    shut_a, shut_b = np.isneginf(a), np.isneginf(b)
-    weight = np.where(shut_a, 1.0, np.where(shut_b, 0.0, weight))
-    mean = (1 - weight) * np.where(shut_a, 0.0, a) + weight * np.where(shut_b, 0.0, b)
-    return np.where(shut_a & shut_b, -np.inf, mean)
+    """Interpolate ln k: (1 − weight) a + weight b.
+
+    A curve that is never open, −inf, takes the shape of the other one.
+    """
+    closed_a = np.isneginf(a)
+    closed_b = np.isneginf(b)
+    weight = np.where(closed_a, 1.0, np.where(closed_b, 0.0, weight))
+    mean = (1 - weight) * np.where(closed_a, 0.0, a) + weight * np.where(closed_b, 0.0, b)
+    return np.where(closed_a & closed_b, -np.inf, mean)
 
 
 def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
-    """Highest pressure that a piece has had up to each step on its way there (steps, paths) [Pa].
+    """Return the highest pressure that a cell has had up to each step on its way there (steps, paths) [Pa].
 
     The way to an unloading step is the loading up to its peak and the unloading from there. Where the pressure of a
-    piece falls while that of the seal rises, or the other way round, its own peak is not at the peak of the seal.
+    cell falls while that of the seal rises, or the other way round, its own peak is not at the peak of the seal.
     """
     highest = paths.copy()
     for branch in steps.branches:

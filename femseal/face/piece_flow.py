@@ -1,6 +1,6 @@
-"""Flow through a whole face at full resolution, and through one piece of it: its permeability along an axis.
+"""Solve the flow through a whole surface at full resolution, and through a cell of it along one axis.
 
-Of an ensemble of solutions: failures with their reason, and numbers of solutions by solver.
+The module also counts the solutions of an ensemble by solver, and keeps the reasons of those that failed.
 """
 
 from __future__ import annotations
@@ -21,17 +21,21 @@ from ..flow.spiral import spiral_flow
 from ..topography.patches import divided
 
 Result = TypeVar("Result")
-#: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
+#: Relative error at which the iteration ends of flows that depend on the pressure. The slip factor of a gas is known to
+#: 0.9 %.
 PRESSURE_RTOL = 1e-4
-#: Points of the largest face whose flow is solved as a whole: with contact it takes 9 GB.
+#: Points of the largest surface whose flow is solved as a whole. With its contact it takes 9 GB.
 LARGEST_FLOW = 2**26
 
 
 @dataclass(frozen=True)
 class Failed:
-    """The outcome of a solution that failed, in the place of its result; the other solutions of the ensemble go on.
+    """The outcome of a solution that failed, in the place of its result. The other solutions of the ensemble go on.
 
-    reason : message of the error. permeability, per_length : NaN, where others have theirs.
+    Parameters
+    ----------
+    reason : message of the error.
+    permeability, per_length : NaN, where other results have theirs.
     """
 
     reason: str
@@ -49,11 +53,14 @@ def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Re
 
 @dataclass(frozen=True)
 class SolveCounts:
-    """How many linear systems each solver solved, and numbers of flows through pieces.
+    """Numbers of linear systems by solver, and numbers of flows through cells.
 
-    systems : name of each solver that solved any, and their number.
+    Parameters
+    ----------
+    systems : name of each solver, and how many systems it solved.
     worst_imbalance : largest relative difference of inlet and outlet flow of all systems.
-    solved : flows through pieces with an open path, which a linear solver solved. closed : flows without one, 0.
+    solved : number of cells with an open path, whose flow a linear solver solved.
+    closed : number of cells without an open path, whose flow is 0.
 
     >>> SolveCounts((("elimination", 2),), 1e-15) + SolveCounts((("amg", 1), ("elimination", 1)), 1e-9, solved=2)
     SolveCounts(systems=(('amg', 1), ('elimination', 3)), worst_imbalance=1e-09, solved=2, closed=0)
@@ -66,7 +73,7 @@ class SolveCounts:
 
     @classmethod
     def of(cls, flow: Any) -> SolveCounts:
-        """The count of one flow, by its `solver` and `imbalance`; empty if there was no system to solve."""
+        """Count one flow by its `solver` and `imbalance`; the count is empty if there was no system to solve."""
         return cls() if flow.solver == "none" else cls(((flow.solver, 1),), flow.imbalance)
 
     def __add__(self, other: SolveCounts) -> SolveCounts:
@@ -74,21 +81,25 @@ class SolveCounts:
 
     @classmethod
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
-        """Add them all up."""
+        """Add up several counts."""
         counts, systems = list(counts), Counter[str]()
-        for one in counts:
-            systems.update(dict(one.systems))
-        worst = max((one.worst_imbalance for one in counts), default=0.0)
-        solved = sum(one.solved for one in counts)
-        closed = sum(one.closed for one in counts)
+        for count in counts:
+            systems.update(dict(count.systems))
+        worst = max((count.worst_imbalance for count in counts), default=0.0)
+        solved = sum(count.solved for count in counts)
+        closed = sum(count.closed for count in counts)
         return cls(tuple(sorted(systems.items())), worst, solved, closed)
 
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """How the flow through a face and its pieces is solved, see `cell_permeability`, and of what fluid.
+    """How the flow through a surface and its cells is solved, see `cell_permeability`, and of which fluid.
 
-    spiral : how the grooves of a whole face wind, see `femseal.flow.spiral`; None for rings.
+    Parameters
+    ----------
+    solver : of the linear systems.
+    drop : fluid, and its pressures at both ends.
+    spiral : how the grooves of a whole surface wind, see `femseal.flow.spiral`; None of rings.
 
     Raises InputError: an unknown solver.
     """
@@ -101,13 +112,19 @@ class FlowSettings:
         check_solver(self.solver)
 
 
-#: Settings unless given.
+#: Default settings.
 _PLAIN = FlowSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class PiecePermeability:
-    """Permeability k of a piece at every pressure of the drop [m³]; the one flow, counted as solved or closed."""
+    """Permeability of a cell.
+
+    Parameters
+    ----------
+    k : at every pressure of the fluid, array (pressures,), m³.
+    counts : the one flow, counted as solved or closed.
+    """
 
     k: Array
     counts: SolveCounts
@@ -120,9 +137,15 @@ def piece_permeability(
     settings: FlowSettings = _PLAIN,
     core: tuple[int, int] | None = None,
 ) -> PiecePermeability:
-    """Permeability along `axis` of a piece (n1, n2) [m] with closed sides.
+    """Solve the permeability along an axis of a cell with closed sides, at every pressure of the fluid.
 
-    core : the part of the piece across the flow whose permeability is wanted, see `cell_flow`; None for all of it.
+    Parameters
+    ----------
+    gap : array (n1, n2), m.
+    spacing : of the points, m.
+    axis : direction of the flow, 0 or 1.
+    settings : how the flow is solved.
+    core : part of the cell across the flow whose permeability is wanted, see `cell_flow`; None for all of it.
 
     Raises NotConverged: the linear solver failed.
     """
@@ -143,7 +166,7 @@ def piece_permeability(
 
 
 def strip_permeability(gap: Array, spacing: Pair, settings: FlowSettings = _PLAIN) -> float:
-    """Permeability [m³] along x1 of a strip (n1, n2) [m] with closed sides, at the mean pressure of its ends.
+    """Solve the permeability [m³] along x1 of a strip (n1, n2) [m] with closed sides, at the mean pressure of its ends.
 
     Raises NotConverged: the linear solver failed.
     """
@@ -156,10 +179,13 @@ def strip_permeability(gap: Array, spacing: Pair, settings: FlowSettings = _PLAI
 
 @dataclass(frozen=True, eq=False)
 class FaceFlow:
-    """Flow along x1 through a whole face.
+    """Flow along x1 through a whole surface.
 
-    permeability : that which the drop of the viscous potential sees [m³]. solvers : of its systems.
-    potential : between 1 at the inlet and 0 at the outlet (n1, n2), NaN in contact and in pockets.
+    Parameters
+    ----------
+    permeability : for the drop of the viscous potential, m³.
+    solvers : numbers of systems by solver.
+    potential : between 1 at the inlet and 0 at the outlet, array (n1, n2); NaN in contact and in pockets.
     """
 
     permeability: float
@@ -173,12 +199,17 @@ def resolved_flow(
     settings: FlowSettings = _PLAIN,
     sides: str = "periodic",
 ) -> FaceFlow:
-    """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face.
+    """Solve the flow along x1 through the gap of a whole surface.
 
-    A face of more than `LARGEST_FLOW` points is solved in parts along x2, each continued periodically by itself.
-    Grooves that wind carry fluid past closed lands where the settings have a spiral.
+    A surface of more than `LARGEST_FLOW` points is solved in parts along x2, each continued periodically by itself.
+    Where the settings have a spiral, its grooves carry fluid past closed lands.
 
-    sides : "periodic" where the face continues along x2, "mirror" where nothing flows across its sides.
+    Parameters
+    ----------
+    gap : array (n1, n2), m.
+    spacing : of the points, m.
+    settings : how the flow is solved.
+    sides : "periodic" where the surface continues along x2, "mirror" where nothing flows across its sides.
 
     Raises NotConverged: see `cell_permeability` and `PressureDrop.solve_face`.
     """
@@ -195,10 +226,11 @@ def resolved_flow(
         nonlocal counts
         flow = cell_permeability(gap, spacing, sides=sides, solver=settings.solver)
         counts += SolveCounts.of(flow)
-        if settings.spiral and (
-            wound := spiral_flow(gap, spacing, settings.spiral, flow.fluid_pressure)
-        ):
-            flow = replace(flow, value=wound[0], fluid_pressure=wound[1], percolates=wound[0] > 0)
+        if settings.spiral:
+            along_grooves = spiral_flow(gap, spacing, settings.spiral, flow.fluid_pressure)
+            if along_grooves:
+                value, pressure = along_grooves
+                flow = replace(flow, value=value, fluid_pressure=pressure, percolates=value > 0)
         return flow.value, flow.fluid_pressure, flow
 
     flow, drop = settings.drop.solve_face(np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
@@ -208,7 +240,7 @@ def resolved_flow(
 
 
 def flow_sides(boundary: str) -> str:
-    """Return the sides of a flow along which the surface has a boundary: closed ("mirror") unless it is periodic."""
+    """Return the kind of sides of a flow along which the surface has a boundary: "mirror" (closed) unless periodic."""
     return "periodic" if boundary == "periodic" else "mirror"
 
 
@@ -243,9 +275,14 @@ def drop_fractions(
     potential: Floats,
     settings: FlowSettings,
 ) -> Array:
-    """Fraction of the pressure drop at each pixel (n1, n2): of the dissipation of the flow; NaN where nothing flows.
+    """Return the fraction of the dissipation at each pixel (n1, n2); NaN where nothing flows.
 
-    gap : (n1, n2) [m]. potential : see `FaceFlow`.
+    Parameters
+    ----------
+    gap : array (n1, n2), m.
+    spacing : of the points, m.
+    potential : see `FaceFlow`.
+    settings : how the flow was solved.
     """
     drop = settings.drop
     pressure: Array | float = 0.0
@@ -255,6 +292,6 @@ def drop_fractions(
         pressure = np.maximum(pressure, drop.least_pressure)
     equivalent = drop.law.equivalent_gap(gap, pressure)
     # grooves that wind leave the last column for another row of the first one
-    found = pixel_dissipation(equivalent, spacing, potential, seam=settings.spiral is None)
-    whole = found.sum()
-    return found / whole if whole > 0 else np.full(found.shape, np.nan)
+    dissipation = pixel_dissipation(equivalent, spacing, potential, seam=settings.spiral is None)
+    total = dissipation.sum()
+    return dissipation / total if total > 0 else np.full(dissipation.shape, np.nan)

@@ -1,8 +1,8 @@
-"""Pieces of a face: rectangles cut out of its contact, each with two permeabilities by closed sides.
+"""Cut a surface into cells: rectangles of its contact, each with two permeabilities between closed sides.
 
-A piece lies in the contact of the whole face, whose long waves hold its valleys open; pressed by itself, a piece of a
-few waves flattens them. Closed sides cut detours off, so that the pieces in their own order leak less than the face:
-a correction factor for each axis in every state makes up for that.
+A cell lies in the contact of the whole surface, whose long waves hold its valleys open; pressed by itself, a cell of a
+few waves would flatten them. Closed sides cut off detours, so that the cells in their own order leak less than the
+surface. A correction factor for each axis in every state makes up for that.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from ..loads import LoadProgramme
 from ..topography import Surface
 from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
 
-#: Pieces along the shorter side of a face from which seals are drawn, and where a seal is as broad as the face: in
-#: their own rows two keep the channels that cross from row to row. Measured in docs/evidence/drawn_seals.md.
+#: Cells along the shorter side of a surface where they are put together at random, and where they stay in order. There,
+#: two cells keep the channels that cross from row to row. Measured in docs/evidence/drawn_seals.md.
 PIECES, PIECES_IN_PLACE = 4, 2
-#: Fewest points of a piece along a side.
+#: Fewest points of a cell along a side.
 FEWEST_POINTS = 8
 #: Overlap of a cell with each neighbour beside the flow, as a fraction of the cell. Channels that leave the cell and
 #: come back are kept; only the flux in the cell itself counts, see `flow.core_flux`.
 OVERLAP = 0.125
-#: Most by which the factor of a state may differ from 1 where pieces are drawn from the whole face, and the leakage of
-#: a seal from that of the face where they stay in their rows. Beyond, both are those of single constrictions.
+#: Largest correction factor, and largest ratio of the leakage of a seal to that of the surface where cells stay in
+#: order. Beyond these limits both would be those of single constrictions.
 MOST_FACTOR, MOST_RATIO = 3.0, 2.0
 
 
 def usual_pieces(surface: Surface, in_place: bool = False) -> Shape:
-    """Numbers of about square pieces along x1 and x2, four on the shorter side of a place.
+    """Return the usual numbers of about square cells along x1 and x2: four on the shorter side of a patch.
 
-    in_place : pieces stay in their rows, as where a seal is as broad as the face: two.
+    in_place : whether cells stay in order, because the seal is as broad as the surface; then two.
     """
     widths = _widths(surface)
     (d1, d2), n1 = surface.spacing, surface.shape[0]
@@ -48,7 +48,7 @@ def usual_pieces(surface: Surface, in_place: bool = False) -> Shape:
 
 
 def _widths(surface: Surface) -> tuple[int, ...]:
-    """Points along x2 of every measured place."""
+    """Return the points along x2 of every measured patch."""
     return surface.widths
 
 
@@ -60,8 +60,10 @@ Boundary = tuple[str, str]
 class WidenedCell:
     """A cell with parts of its neighbours on both sides of the flow.
 
-    field : values at its points (n1, n2). core : first number of the points across the flow that belong to the cell
-    itself, and the number after the last one.
+    Parameters
+    ----------
+    field : values at its points, array (n1, n2).
+    core : first number of the points across the flow that belong to the cell itself, and the number after the last one.
     """
 
     field: NDArray[Any]
@@ -70,11 +72,13 @@ class WidenedCell:
 
 @dataclass(frozen=True)
 class Cut:
-    """The lines at which a face is cut into pieces, between points.
+    """The lines between points at which a surface is cut into cells.
 
-    rows, columns : numbers of the first point of each piece along x1 and x2, and the number of all points.
-    place : number of the measured place of every column of pieces, from 0.
-    spacing : of the points [m].
+    Parameters
+    ----------
+    rows, columns : number of the first point of each cell along x1 and x2, and the number of all points.
+    place : number of the measured patch of every column of cells, from 0.
+    spacing : of the points, m.
     """
 
     rows: tuple[int, ...]
@@ -84,9 +88,9 @@ class Cut:
 
     @classmethod
     def of(cls, surface: Surface, pieces: Shape) -> Cut:
-        """Cut a face into pieces along x1 and x2, in each of several places by itself.
+        """Cut a surface into cells along x1 and x2; several patches are cut separately.
 
-        Raises InputError: pieces of fewer than 8 points a side, fewer columns than places.
+        Raises InputError: cells of fewer than 8 points a side; fewer columns than patches.
         """
         widths, (m1, m2) = _widths(surface), validate.grid("cells", pieces)
         if m2 < len(widths):
@@ -108,18 +112,18 @@ class Cut:
 
     @property
     def shape(self) -> Shape:
-        """Number of pieces along x1 and x2."""
+        """Numbers of cells along x1 and x2."""
         return len(self.rows) - 1, len(self.columns) - 1
 
     @property
     def size(self) -> Pair:
-        """Mean sides of the pieces [m]."""
+        """Mean sides of the cells [m]."""
         (m1, m2), (d1, d2) = self.shape, self.spacing
         return self.rows[-1] * d1 / m1, self.columns[-1] * d2 / m2
 
     @property
     def centres(self) -> tuple[Array, Array]:
-        """x1 and x2 of the centres of the pieces [m]."""
+        """Coordinates x1 and x2 of the centres of the cells [m]."""
         rows, columns = (
             np.array(of) * d for of, d in zip((self.rows, self.columns), self.spacing, strict=True)
         )
@@ -133,7 +137,7 @@ class Cut:
         return [slice(int(a), int(b)) for a, b in pairwise([0, *ends])]
 
     def pieces(self, fields: NDArray[Any]) -> list[NDArray[Any]]:
-        """The pieces of fields (…, n1, n2), row by row."""
+        """Cut fields (…, n1, n2) into cells, row by row."""
         return [
             fields[..., a:b, c:d] for a, b in pairwise(self.rows) for c, d in pairwise(self.columns)
         ]
@@ -159,39 +163,42 @@ class Cut:
         return cells
 
     def _place(self, column: int) -> tuple[int, int]:
-        """First point, and that after the last, of the measured place of a column of pieces."""
+        """Return the first point, and the one after the last, of the measured patch of a column of cells."""
         first = self.place.index(self.place[column])
         return self.columns[first], self.columns[first + self.place.count(self.place[column])]
 
     def sums(self, field: NDArray[Any]) -> Array:
-        """Sum over each piece (m1, m2) of a field (n1, n2)."""
+        """Sum a field (n1, n2) over each cell (m1, m2)."""
         return np.array([piece.sum(dtype=float) for piece in self.pieces(field)]).reshape(
             self.shape
         )
 
     def means(self, field: NDArray[Any]) -> Array:
-        """Mean over each piece (m1, m2) of a field (n1, n2)."""
+        """Average a field (n1, n2) over each cell (m1, m2)."""
         return self.sums(field) / np.outer(np.diff(self.rows), np.diff(self.columns))
 
 
 def _shares(widths: Sequence[int], columns: int) -> list[int]:
-    """Columns of each place, in proportion to its width; those left over go to the largest remainders."""
+    """Distribute columns over patches in proportion to their widths; those left over go to the largest remainders."""
     wanted = np.array(widths) * (columns / sum(widths))
-    found = np.maximum(wanted.astype(int), 1)
-    while found.sum() != columns:
-        if found.sum() < columns:
-            found[np.argmax(wanted - found)] += 1
+    shares = np.maximum(wanted.astype(int), 1)
+    while shares.sum() != columns:
+        if shares.sum() < columns:
+            shares[np.argmax(wanted - shares)] += 1
         else:
-            found[np.argmin(np.where(found > 1, wanted - found, np.inf))] -= 1
-    return [int(n) for n in found]
+            shares[np.argmin(np.where(shares > 1, wanted - shares, np.inf))] -= 1
+    return [int(share) for share in shares]
 
 
 def _overlapping(
     cell: tuple[int, int], patch: tuple[int, int], boundary: str
 ) -> tuple[Indices, tuple[int, int]]:
-    """Find the points across the flow of a cell and its overlaps, and which of them are its core.
+    """Find the points across the flow of a cell with its overlaps, and which of them are its core.
 
-    cell, patch : first point, and that after the last, of the cell and of the measured patch that it belongs to.
+    Parameters
+    ----------
+    cell, patch : first point, and the one after the last, of the cell and of the measured patch that it belongs to.
+    boundary : how the patch continues, see `Cut.widened`.
     """
     first, end = patch
     overlap = round(OVERLAP * (cell[1] - cell[0]))
@@ -209,21 +216,26 @@ def _overlapping(
 
 
 def _lines(first: int, points: int, count: int) -> list[int]:
-    """Numbers of points at which so many points are cut into equal parts, to a point."""
+    """Return the numbers of points at which so many points are cut into equal parts, to a point."""
     return [first + round(n * points / count) for n in range(count + 1)]
 
 
 @dataclass(frozen=True, eq=False)
 class PieceState:
-    """The pieces of a face in one state.
+    """The cells of a surface in one state.
 
-    k : permeability at each pressure of the drop, along x1 and x2 (pressures, 2, m1, m2) [m³].
-    pressure [Pa], mean_gap [m], contact_fraction, plastic_fraction : means of the pieces (m1, m2). drop_fraction : the
-    dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean pressure of the rows of points
-    (n1,) [Pa]. counts : flows through pieces, solved or known without solving. failures : reasons of NaN.
-    face, places : permeability of the whole face, and by its places [m³]. failed : why the flow through it is unknown.
+    Parameters
+    ----------
+    k : permeability at each pressure of the fluid, along x1 and x2, array (pressures, 2, m1, m2), m³.
+    pressure, mean_gap, contact_fraction, plastic_fraction : means over the cells, arrays (m1, m2), Pa, m, 1, 1.
+    drop_fraction : fraction of the dissipation in each cell, array (m1, m2); NaN where nothing flows.
+    rows : mean pressure of the rows of points, array (n1,), Pa.
+    counts : numbers of flows through cells that were solved, or known without solving.
+    failures : reasons of NaN.
+    face, places : permeability of the whole surface, and of its patches, m³.
+    surface_k2 : permeability of the whole surface along x2, m³, mean over its patches; NaN if it was not solved.
+    failed : why the flow through the whole surface is unknown; "" if it is known.
     carriers : number of blocks that effectively carry the flow through the whole surface, see `participation_number`.
-    surface_k2 : permeability of the whole surface along x2 [m³], mean over its measured patches; NaN if not solved.
     """
 
     k: Array
@@ -252,10 +264,16 @@ class PieceState:
         fractions: Floats | float = np.nan,
         boundary: Boundary = ("free", "periodic"),
     ) -> PieceState:
-        """Cut gap [m] and contact pressure [Pa] of a face (n1, n2) into pieces, and solve the flow through each.
+        """Cut gap and contact pressure of a surface into cells, and solve the flow through each.
 
-        plastic : whether a point is at the hardness. fractions : of the pressure drop at every point. Their means and
-        sums are NaN without them. boundary : how the surface continues, see `Cut.widened`.
+        Parameters
+        ----------
+        gap, pressure : arrays (n1, n2), m and Pa.
+        cut : of the surface into cells.
+        flow : how the flow is solved.
+        plastic : whether a point is at the hardness, array (n1, n2); its mean is NaN without it.
+        fractions : of the pressure drop at every point, array (n1, n2); its sum is NaN without it.
+        boundary : how the surface continues, see `Cut.widened`.
         """
         k = np.full((flow.drop.pressures.size, 2, *cut.shape), np.nan)
         counts, failures = [], []
@@ -265,12 +283,12 @@ class PieceState:
                 if not np.isfinite(cell.field).all():
                     continue
                 wide = np.array(cell.field, float)
-                found = attempt(piece_permeability, wide, cut.spacing, axis, flow, cell.core)
-                if isinstance(found, Failed):
-                    failures.append(f"piece {place}, x{axis + 1}: {found.reason}")
+                solution = attempt(piece_permeability, wide, cut.spacing, axis, flow, cell.core)
+                if isinstance(solution, Failed):
+                    failures.append(f"piece {place}, x{axis + 1}: {solution.reason}")
                     continue
-                k[:, axis, *place] = found.k
-                counts.append(found.counts)
+                k[:, axis, *place] = solution.k
+                counts.append(solution.counts)
         return cls(
             k=k,
             pressure=cut.means(pressure),
@@ -285,23 +303,28 @@ class PieceState:
 
 
 def factors(face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FACTOR) -> Array:
-    """Compute the correction factor of every state by which the cells in their own order leak what the face leaks.
+    """Compute the correction factor of one axis in every state, by which the cells leak what the surface leaks.
 
-    It is that of one axis. Where one of both is sealed, or unknown, that of the nearest state of the same branch that
-    has one; 1 without any.
-    At most `most` times larger or smaller than 1: near closing single constrictions decide, which no seal repeats.
+    Where the surface or its cells are sealed, or unknown, the factor is that of the nearest state of the same branch
+    that has one; it is 1 without any. It is limited to `most` times larger or smaller than 1: near closing it is that
+    of single constrictions, which no other seal repeats.
 
-    face, own : leakage or permeability of the face along the axis, and of its cells in their own order (steps,).
+    Parameters
+    ----------
+    face, own : leakage or permeability of the surface along the axis, and of its cells in their own order, arrays
+        (steps,).
+    steps : the load programme.
+    most : limit of the factor.
 
-    Returns the factors (steps,).
+    Returns an array (steps,).
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(face / own)
-    found = np.zeros(len(steps))
+    log_factor = np.zeros(len(steps))
     for branch in steps.branches:
         known = np.flatnonzero(np.isfinite(logs[branch]))
         if known.size:
-            at = np.arange(len(branch))
-            nearest = known[np.abs(at[:, None] - known).argmin(axis=1)]
-            found[branch] = logs[branch[nearest]]
-    return np.exp(np.clip(found, -np.log(most), np.log(most)))
+            position = np.arange(len(branch))
+            nearest = known[np.abs(position[:, None] - known).argmin(axis=1)]
+            log_factor[branch] = logs[branch[nearest]]
+    return np.exp(np.clip(log_factor, -np.log(most), np.log(most)))
