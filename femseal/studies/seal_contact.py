@@ -1,14 +1,16 @@
-"""Contact of a whole seal that has a form: the nominal pressure of its tiles at every step.
+"""Solve the contact of a whole seal that has a form: the nominal pressure of its tiles at every step.
 
-The roughness is a layer between two half-spaces: under the pressure p its mean planes stand s(p) apart, which the
-contact of the measured face gives at every pressure, on unloading from every peak by a curve of its own. Cells of the
-seal that lie h below the highest one have h + K (p − p₀) − δ = s(p) where they touch, and more than s(0) where they do
-not: the least of ½ (p − p₀)·K (p − p₀) + h·p − Σ∫s dp under the load. Where the roughness is all but flat the bodies
-yield at the same pressure, and sink for good. A form that is the same all along is solved in plane strain.
+The roughness is a layer between two half-spaces. Under the pressure p its mean planes stand s(p) apart. The contact of
+the measured surface gives s(p), on loading and on unloading from every peak. Points of the seal that lie h below the
+highest one satisfy h + K (p − p₀) − δ = s(p) where they touch, and more than s(0) where they do not. This is the
+minimum of ½ (p − p₀)·K (p − p₀) + h·p − Σ∫s dp under the load. Where the roughness is nearly flat, the bodies yield at
+one pressure and sink permanently. A form that is the same all along the seal is solved in plane strain.
 
-The even part p₀ of the pressure is what every row of the seal carries. It does not deform the bodies, because a seal
-without a form is pressed evenly: the edges of a flat punch, which have up to three times its pressure, are no effect
-of a form. A form of no height leaves the pressure even, and a band that does not reach the edges is as on half-spaces.
+The uniform part p₀ of the pressure is the part that every row of the seal carries. It does not deform the bodies,
+because a seal without form is pressed evenly: the edges of a flat punch, with up to three times the mean pressure, are
+no effect of a form. A form of no height therefore leaves the pressure even, and a contact band that does not reach the
+edges is that on half-spaces.
+
 Source: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (a rough layer on smooth bodies).
 """
 
@@ -36,20 +38,21 @@ from ..seal.tiles import SealTiles
 from ..topography.seat import check_form
 from .scene import Scene
 
-#: Pressures at which the layer is solved, in fractions of the highest, numbers of those from which it is unloaded, and
-#: fractions of them from which and down to which; the last is not solved.
+#: Pressures at which the layer is solved, in fractions of the highest; numbers of those from which it is unloaded; and
+#: the fractions of these peaks at which unloading is known, of which the last, 0, is extrapolated.
 _PRESSURES = np.geomspace(1e-3, 1.0, 13)
 _PEAKS, _RELEASED = np.array([4, 8, 12]), np.array([1.0, 0.7, 0.4, 0.15, 0.03, 0.0])
-#: Fraction of what the faces can carry up to which the layer is solved, and at which the bodies themselves yield.
+#: The layer is solved up to this fraction of what the surface can carry, and there the bodies themselves yield.
 _HIGHEST = 0.97
-#: Relative change of the pressures at which they have settled, and most iterations; how much of the slope of the energy
-#: may be left beyond its least along a direction, and how near to that a shorter step ends.
+#: Relative change of the pressures at which the iteration has converged; most iterations; and the fraction of the slope
+#: of the energy that may be left, with the opposite sign, at the end of a step, which is also the accuracy of a shorter
+#: step.
 _RTOL, _MOST_ITERATIONS, _OVERSHOT = 1e-5, 5000, 0.1
-#: Error of the even part of the pressure, over the pressure.
+#: Error of the uniform part of the pressure, over the pressure.
 _EVEN_TOLERANCE = 1e-3
-#: Difference of the pressure of a tile from that of the seal, over it, which is none: ten times that of the pressures.
+#: Relative difference of the pressure of a tile from that of the seal that counts as none: ten times the tolerance.
 _SAME_PRESSURE = 1e-4
-#: Depth of a form along the seal, over its whole depth, that is the same all along.
+#: A form counts as the same all along if its depth varies by less than this fraction along the seal.
 _SAME = 1e-9
 
 
@@ -57,10 +60,14 @@ _SAME = 1e-9
 class SealContact:
     """Contact of a seal with a form.
 
-    depth : of cells below the highest one (n1, n2), or (n1, 1) where it is the same all along [m].
-    nominal : pressure of the whole seal (steps,) [Pa]. pressure : of cells (steps, n1, n2) [Pa].
-    separation : distance of their mean planes, and opening : how far it is beyond that at which the faces just touch
-    (steps, n1, n2) [m].
+    Parameters
+    ----------
+    grid : points over the seal.
+    depth : of the points below the highest one, array (n1, n2), or (n1, 1) where the form is the same all along, m.
+    nominal : pressure of the whole seal, array (steps,), Pa.
+    pressure : at the points, array (steps, n1, n2), Pa.
+    separation : distance of the mean planes, array (steps, n1, n2), m.
+    opening : how far this distance exceeds that of first touch, array (steps, n1, n2), m.
     """
 
     grid: ContactGrid
@@ -72,12 +79,12 @@ class SealContact:
 
     @property
     def rows(self) -> Array:
-        """Mean pressure along rows of cells at every step (steps, n1) [Pa]."""
+        """Mean pressure of the rows of points (steps, n1) [Pa]."""
         return self.pressure.mean(axis=2)
 
     @property
     def fractions(self) -> Array:
-        """Pressure of tiles over that of the whole seal (steps, tiles); 1 where there is none."""
+        """Pressure of the tiles over that of the whole seal (steps, tiles); 1 at steps without pressure."""
         means = self.grid.means(self.pressure)
         nominal = self.nominal[:, None]
         # of tiles of one area a cell may cover several
@@ -87,17 +94,22 @@ class SealContact:
 
     @property
     def opened(self) -> Array:
-        """Permeability of the gap beyond that at which the faces just touch (steps, tiles) [m³]."""
+        """Permeability of the gap beyond first touch (steps, tiles) [m³]."""
         return self.grid.means(opened(self.separation, self.opening))
 
 
 @dataclass(frozen=True, eq=False)
 class RoughLayer:
-    """Distance s of the mean planes of rough faces [m] over the pressure, on loading and on unloading.
+    """Distance s of the mean planes of rough surfaces as a function of the pressure, on loading and on unloading.
 
-    pressure : rising from 0 to the highest (n,) [Pa]. gap : falling (faces, n) [m]. peaks (m,) [Pa], recovered
-    (faces, m, k) : how far the planes come apart again [m] at the fractions `_RELEASED` of peaks;
-    none where the faces are elastic. face : number of the face of every cell, or of all.
+    Parameters
+    ----------
+    pressure : rising from 0 to the highest, array (n,), Pa.
+    gap : distance of the mean planes, falling, array (surfaces, n), m.
+    peaks : from which it is unloaded, array (m,), Pa; empty where the surfaces are elastic.
+    recovered : how far the planes come apart again at the fractions `_RELEASED` of the peaks, array (surfaces, m, k),
+        m.
+    face : number of the surface at every point, or of all points.
     """
 
     pressure: Array
@@ -110,14 +122,14 @@ class RoughLayer:
     def of(
         cls, scene: Scene, mapper: Mapper, boundary: tuple[str, str] = ("periodic", "periodic")
     ) -> RoughLayer:
-        """Solve the contact of the face of a scene alone under uniform pressures."""
+        """Solve the contact of the surface of a scene alone under uniform pressures."""
         return cls.of_gaps(
             scene, *layer_states(scene, attrgetter("contact.mean_gap"), mapper, boundary)
         )
 
     @classmethod
     def of_gaps(cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]) -> RoughLayer:
-        """The layer by mean gaps (steps,) [m] along the programme of `layer_states`."""
+        """Make the layer from mean gaps (steps,) [m] of the load programme of `layer_states`."""
         loading, peaks = programme.pressures[programme.on_loading], np.array(programme.unload_from)
         gap, after = np.split(np.array(gaps), [loading.size])
         recovered = np.zeros((peaks.size, _RELEASED.size))
@@ -131,14 +143,14 @@ class RoughLayer:
         return cls(np.array([0.0, *loading]), np.array([[apart, *gap]]), peaks, recovered[None])
 
     def loaded(self, p: Array) -> tuple[Array, Array]:
-        """s and ds/dp at pressures p (n,) on loading, linear between the pressures."""
+        """Evaluate s and ds/dp at pressures (n,) on loading, linear between the solved pressures."""
         part = np.searchsorted(self.pressure, p, side="right") - 1
         part = np.clip(part, 0, self.pressure.size - 2)
         slope = (np.diff(self.gap) / np.diff(self.pressure))[self.face, part]
         return self.gap[self.face, part] + slope * (p - self.pressure[part]), slope
 
     def unloaded(self, p: Array, peak: Array) -> tuple[Array, Array]:
-        """s and ds/dp at pressures p (n,) after peaks (n,); beyond them as on loading."""
+        """Evaluate s and ds/dp at pressures (n,) after peaks (n,); above the peaks as on loading."""
         if not self.peaks.size:
             return self.loaded(p)
         safe = np.maximum(peak, 1e-9 * self.peaks[0])
@@ -153,8 +165,8 @@ class RoughLayer:
         start, _ = self.loaded(peak)
         gap = start + from_end + slope * (p - _RELEASED[part] * safe)
         above = p >= peak
-        own, own_slope = self.loaded(p)
-        return np.where(above, own, gap), np.where(above, own_slope, slope)
+        loaded_gap, loaded_slope = self.loaded(p)
+        return np.where(above, loaded_gap, gap), np.where(above, loaded_slope, slope)
 
 
 def layer_states(
@@ -163,7 +175,10 @@ def layer_states(
     mapper: Mapper,
     boundary: tuple[str, str] = ("periodic", "periodic"),
 ) -> tuple[LoadProgramme, list[Any]]:
-    """What is taken of the states of a dry face by itself from light loads to all that it carries, and on unloading."""
+    """Solve the states of a dry surface alone from light loads to nearly all that it can carry, and on unloading.
+
+    Returns the load programme, and what `take` takes of every state.
+    """
     law = scene.law
     loading = _HIGHEST * min(law.capacity, 0.1 * scene.modulus) * _PRESSURES
     unloads = not law.is_elastic and any(step.unloaded_from is not None for step in scene.steps)
@@ -181,12 +196,21 @@ def seal_contact(
     mapper: Mapper = map,
     layer: RoughLayer | None = None,
 ) -> SealContact:
-    """Contact of a seal at every step, the face of the scene being its layer, under the sum of forms.
+    """Solve the contact of a seal under the sum of forms at every step, with the surface of the scene as its rough
+    layer.
 
-    layer : of the face, where it is known.
+    Parameters
+    ----------
+    scene : the surface and its load.
+    tiles : of the seal.
+    forms : of the seal; their heights add up.
+    mapper : computes the items of a stage.
+    layer : of the surface, where it is known already.
 
-    Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal; more pressure than
-    the bodies carry.
+    Raises
+    ------
+    InputError : a form that is too steep for a half-space, or does not cover the seal; more pressure than the bodies
+        carry.
     NotConverged : a contact failed.
     """
     grid, depth = form_on_grid(scene, tiles, forms)
@@ -210,31 +234,39 @@ def seal_contact(
 
 
 def solved_steps(cells: Cells, steps: LoadProgramme, layer: RoughLayer) -> Array:
-    """Pressures [Pa], separations and openings [m] of cells (3, steps, n) with their layer."""
-    found: dict[tuple[float, float | None], tuple[Array, ...]] = {}
-    p = sunk = np.zeros(cells.depth.size)
-    peaks = {step.unloaded_from for step in steps if step.unloaded_from is not None}
-    for load in sorted({*(s.pressure for s in steps if s.unloaded_from is None), *peaks}):
-        p, *_ = found[load, None] = cells.solved(layer.loaded, load, p, sunk)
+    """Solve points with their layer at all steps.
+
+    Returns pressures [Pa], separations and openings [m], an array (3, steps, n).
+    """
+    solutions: dict[tuple[float, float | None], tuple[Array, Array, Array, Array]] = {}
+    pressure = np.zeros(cells.depth.size)
+    unsunk = np.zeros(cells.depth.size)
+    loads = {step.pressure for step in steps if step.unloaded_from is None}
+    loads |= {step.unloaded_from for step in steps if step.unloaded_from is not None}
+    for load in sorted(loads):
+        solutions[load, None] = cells.solved(layer.loaded, load, pressure, unsunk)
+        pressure = solutions[load, None][0]
     for step in steps:
         if step.unloaded_from is not None:
-            peak, *_, sunk = found[step.unloaded_from, None]
-            start = peak * (step.pressure / step.unloaded_from)
-            law = partial(layer.unloaded, peak=peak)
-            found[step.pressure, step.unloaded_from] = cells.solved(law, step.pressure, start, sunk)
-    return np.array([found[step.pressure, step.unloaded_from][:3] for step in steps]).swapaxes(0, 1)
+            at_peak, _, _, sunk = solutions[step.unloaded_from, None]
+            start = at_peak * (step.pressure / step.unloaded_from)
+            law = partial(layer.unloaded, peak=at_peak)
+            solution = cells.solved(law, step.pressure, start, sunk)
+            solutions[step.pressure, step.unloaded_from] = solution
+    of_steps = [solutions[step.pressure, step.unloaded_from][:3] for step in steps]
+    return np.array(of_steps).swapaxes(0, 1)
 
 
 def opened(separation: Array, opening: Array) -> Array:
-    """Permeability of an opening e of a gap of s between mean planes [m³], (s³ − (s − e)³)/12.
+    """Return the permeability [m³] that an opening e adds to a gap of s between mean planes, (s³ − (s − e)³)/12.
 
-    It is right for a small opening, and for one that is large beside the roughness.
+    It is right for a small opening, and for one that is large compared with the roughness.
     """
     return cubic_law(separation) - cubic_law(separation - opening)
 
 
 def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
-    """The scene whose face has lost the waves that forms of the seal have too: those longer than two tiles."""
+    """Remove the waves from the surface of a scene that the forms of the seal have too: those longer than two tiles."""
     shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
     if shortest >= 2 * max(scene.surface.shortest_patch.size):
         return scene
@@ -244,11 +276,11 @@ def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene
 def form_on_grid(
     scene: Scene, tiles: SealTiles, forms: Sequence[SealForm]
 ) -> tuple[ContactGrid, Array]:
-    """Cells over the seal, and how deep they lie below the highest one (n1, n2) [m]; (n1, 1) if alike all along.
+    """Lay points over the seal, and find how deep they lie below the highest one.
 
-    NaN outside of the seal.
+    Returns the points, and the depths (n1, n2) [m], (n1, 1) if the form is the same all along; NaN outside of the seal.
 
-    Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal.
+    Raises InputError: a form that is too steep for a half-space, or does not cover the seal.
     """
     frame = scene.layout.frame(tiles.seal.size)
 
@@ -271,10 +303,16 @@ def form_on_grid(
 
 
 class Cells:
-    """The cells that may touch, a depth below the highest one (n,) [m], on a body that yields at a pressure.
+    """Points that may touch, on a body that yields at a given pressure.
 
-    row : number of the row of every cell (n,), whose even part of the pressure does not deform the body; None where all
-    of the pressure does.
+    Parameters
+    ----------
+    body : elastic half-space.
+    inside : whether a point of the half-space belongs to the seal.
+    depth : of the points below the highest one, array (n,), m.
+    most : pressure at which the body yields, Pa.
+    row : row number of every point, array (n,). The uniform part of the pressure of all rows does not deform the body.
+        None where all of the pressure deforms it.
     """
 
     def __init__(
@@ -293,13 +331,13 @@ class Cells:
         single = np.zeros(body.shape)
         middle = body.shape[0] // 2, body.shape[1] // 2
         single[middle] = 1.0
-        own = body.displacement(single)
-        # what one cell does to itself beyond its farthest neighbours: the level of plane strain is arbitrary
-        self._own = float(own[middle] - own.min())
+        around = body.displacement(single)
+        # displacement of a point by its own pressure, beyond the farthest point: the level of plane strain is arbitrary
+        self._own = float(around[middle] - around.min())
         self._even = self.displacement(np.ones(depth.size))
 
     def displacement(self, p: Array) -> Array:
-        """Of the cells by their pressures (n,) [m]."""
+        """Compute the displacement of the points (n,) [m] under their pressures (n,) [Pa]."""
         self._product.pressure[self._inside] = p
         self._product.apply()
         return self._product.displacement[self._inside]
@@ -307,21 +345,30 @@ class Cells:
     def solved(
         self, layer: Callable[[Array], tuple[Array, Array]], load: float, start: Array, sunk: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Pressures (n,) [Pa] of the mean `load`, from a start near them; separations, openings, sunk depths [m].
+        """Solve the points under a mean pressure.
 
-        The even part of the pressure is as large as the least mean pressure of a row.
+        The uniform part of the pressure is as large as the least mean pressure of a row.
+
+        Parameters
+        ----------
+        layer : evaluates s and ds/dp at pressures.
+        load : mean pressure, Pa.
+        start : pressures near the solution, array (n,), Pa.
+        sunk : permanent depths of the points, array (n,), m.
+
+        Returns pressures [Pa], separations, openings and permanent depths [m], arrays (n,).
         """
         if self._row is None or load == 0:
             return self.solved_beyond(0.0, layer, load, start, sunk)
         row, cells_of_row = self._row, np.bincount(self._row)
-        found: dict[float, tuple[Array, Array, Array, Array]] = {}
+        solutions: dict[float, tuple[Array, Array, Array, Array]] = {}
 
         def least_beyond(part: float) -> float:
-            """Least mean pressure of a row beyond the even part of the load, over the load."""
-            nearest = min(found, key=lambda other: abs(other - part), default=None)
-            near = start if nearest is None else found[nearest][0]
-            found[part] = self.solved_beyond(part * load, layer, load, near, sunk)
-            rows = np.bincount(row, found[part][0]) / cells_of_row
+            """Return the least mean pressure of a row beyond the uniform part of the load, over the load."""
+            nearest = min(solutions, key=lambda other: abs(other - part), default=None)
+            near = start if nearest is None else solutions[nearest][0]
+            solutions[part] = self.solved_beyond(part * load, layer, load, near, sunk)
+            rows = np.bincount(row, solutions[part][0]) / cells_of_row
             return float(rows.min()) / load - part
 
         part = 1.0
@@ -329,7 +376,7 @@ class Cells:
             part = 0.0
             if least_beyond(0.0) > _EVEN_TOLERANCE:
                 part = brentq(least_beyond, 0.0, 1.0, xtol=_EVEN_TOLERANCE)
-        return found[part]
+        return solutions[part]
 
     def solved_beyond(
         self,
@@ -339,10 +386,10 @@ class Cells:
         start: Array,
         sunk: Array,
     ) -> tuple[Array, Array, Array, Array]:
-        """The same where an even pressure [Pa] does not deform the body.
+        """Solve the points under a mean pressure of which an even part [Pa] does not deform the body, see `solved`.
 
-        Conjugate gradients of the cells that touch and do not yield under a fixed load (Polonsky & Keer, Wear 231,
-        1999, 206), with the compliance of each cell and its layer as preconditioner.
+        The method is conjugate gradients of the points that touch and do not yield, under a fixed load (Polonsky &
+        Keer, Wear 231, 1999, 206). The preconditioner is the compliance of each point and of its layer.
         """
         n = self.depth.size
         depth = self.depth + sunk - even * self._even
@@ -374,7 +421,7 @@ class Cells:
             image = self.displacement(direction)
             power_at = partial(_power, p, direction, residual + gap, image, layer)
             length = -float(residual @ direction) / float((image - slope * direction) @ direction)
-            # layers whose stiffness rises, as where the bodies yield, make steps too long that their tangent gives
+            # where the stiffness of the layer rises, as where the bodies yield, its tangent makes the step too long
             if power_at(length) > -_OVERSHOT * power_at(0.0):
                 length = float(brentq(power_at, 0.0, length, rtol=_OVERSHOT))
             p = np.clip(p + length * direction, 0.0, most)
@@ -391,5 +438,5 @@ class Cells:
 def _power(
     p: Array, direction: Array, above: Array, image: Array, layer: Any, length: float
 ) -> float:
-    """Slope of the energy along a direction, so far along it: what lies above the layer times the direction."""
+    """Compute the slope of the energy at a length along a direction: what lies above the layer times the direction."""
     return float((above + length * image - layer(p + length * direction)[0]) @ direction)
