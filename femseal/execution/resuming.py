@@ -237,7 +237,7 @@ def _flatten(value: Any, key: str = "") -> dict[str, Any]:
         value = dict(enumerate(value))
     if not isinstance(value, dict):
         return {key: value}
-    flat = {}
+    flat: dict[str, Any] = {}
     for name, item in value.items():
         flat |= _flatten(item, f"{key}.{name}".removeprefix("."))
     return flat

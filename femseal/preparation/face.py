@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import chain
 from math import inf, prod
+from typing import Any
 
 import numpy as np
 
@@ -164,7 +165,11 @@ def _repaired_faces(
         with with_keys(SURFACE_KEYS | {"heights": place}):
             # a generated face is level, and its waves would be levelled
             order = 0 if detrend is None and not isinstance(table, FileFace) else detrend
-            treatment = {"spikes": spikes, "detrend": order, "max_undefined": max_undefined}
+            treatment: dict[str, Any] = {
+                "spikes": spikes,
+                "detrend": order,
+                "max_undefined": max_undefined,
+            }
             faces.append([repair(face.topography, **treatment) for face in maps])
         instruments += [face.instrument for face in maps]
         notes += [note for face in maps for note in face.notes]
@@ -180,7 +185,11 @@ def _repaired_faces(
     with with_keys(SURFACE_KEYS | {"heights": "face"}):
         is_measured = any(isinstance(table, FileFace) for table in case.face)
         order = 0 if detrend is None and not is_measured else detrend
-        treatment = {"spikes": inf, "detrend": order, "max_undefined": max_undefined}
+        treatment: dict[str, Any] = {
+            "spikes": inf,
+            "detrend": order,
+            "max_undefined": max_undefined,
+        }
         flat = [repair(face, **treatment) for face in sums]
     return flat, [*chain(*pairs)], overlaps[0], instrument, tuple(notes)
 

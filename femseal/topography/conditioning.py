@@ -201,8 +201,9 @@ def _exchanged_fraction(before: NDArray, after: NDArray) -> float:
     for fraction in _EXTREMES:
         is_high_after = after > np.quantile(after, 1 - fraction)
         is_high_before = before > np.quantile(before, 1 - fraction)
-        new_points = np.count_nonzero(is_high_after & ~is_high_before)
-        exchanged.append(float(new_points / max(np.count_nonzero(is_high_after), 1)))
+        high_points = max(int(np.count_nonzero(is_high_after)), 1)
+        new_points = int(np.count_nonzero(is_high_after & ~is_high_before))
+        exchanged.append(new_points / high_points)
     return max(exchanged)
 
 
