@@ -4,6 +4,11 @@ import re
 from dataclasses import fields, is_dataclass
 
 _ENTRY = re.compile(r"(\w[\w, ]*) : (.*)")
+#: A type of numpydoc, such as "float, optional" or "array, (n1, n2)", as against a phrase that explains the entry.
+_TYPE = re.compile(
+    r"(?:\{.*\}|(?:array|bool|callable|dict|float|int|iterable|list|mapping|numpy|object|one|path|range|sequence|str"
+    r"|tuple|two|[A-Z]\w{2,})(?:_like)?\b)[^;\[\]]*"
+)
 _NAMED = ("Parameters", "Attributes", "Raises")
 
 
@@ -17,9 +22,21 @@ def restructured_docstring(app, what, name, obj, options, lines):
         if n + 1 < len(text) and _is_rule(text[n + 1]):
             section = line.strip()
         elif section in _NAMED and (found := _ENTRY.match(line)):
-            # numpydoc would take the text for a type
-            text[n] = f"{found[1]}\n    {found[2]}"
+            if not _has_type(text, n, found[2]):
+                # napoleon would take the text for a type
+                text[n] = f"{found[1]}\n    {found[2]}"
     lines[:] = "\n".join(text).split("\n")
+
+
+def _has_type(lines, n, text):
+    """Return whether an entry has a type, with its meaning in the indented lines below, as numpydoc does."""
+    return _TYPE.fullmatch(text) is not None and _is_indented_below(lines, n)
+
+
+def _is_indented_below(lines, n):
+    """Return whether the line below line n is indented further."""
+    indents = [len(line) - len(line.lstrip()) for line in lines[n : n + 2] if line.strip()]
+    return len(indents) == 2 and indents[1] > indents[0]
 
 
 def short_signature(app, what, name, obj, options, signature, returns):
@@ -45,10 +62,13 @@ def _without_bars(line):
 
 
 def _returns_in_one_line(lines):
-    """What a function returns is told in words, which numpydoc would take for types."""
+    """Put a section of returned values that is prose in one line: napoleon would take its first words for a type."""
     out, n = [], 0
     while n < len(lines):
-        if lines[n].strip() == "Returns" and n + 1 < len(lines) and _is_rule(lines[n + 1]):
+        has_section = (
+            lines[n].strip() == "Returns" and n + 1 < len(lines) and _is_rule(lines[n + 1])
+        )
+        if has_section and not _is_indented_below(lines, n + 2):
             end = next((m for m in range(n + 2, len(lines)) if not lines[m].strip()), len(lines))
             out.append("")  # two empty lines end the section before
             out.append(":returns: " + " ".join(line.strip() for line in lines[n + 2 : end]))
