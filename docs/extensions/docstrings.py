@@ -21,10 +21,11 @@ def restructured_docstring(app, what, name, obj, options, lines):
     for n, line in enumerate(text):
         if n + 1 < len(text) and _is_rule(text[n + 1]):
             section = line.strip()
-        elif section in _NAMED and (found := _ENTRY.match(line)):
-            if not _has_type(text, n, found[2]):
-                # napoleon would take the text for a type
-                text[n] = f"{found[1]}\n    {found[2]}"
+            continue
+        entry = _ENTRY.match(line) if section in _NAMED else None
+        if entry and not _has_type(text, n, entry[2]):
+            # napoleon would take the text for a type
+            text[n] = f"{entry[1]}\n    {entry[2]}"
     lines[:] = "\n".join(text).split("\n")
 
 

@@ -179,7 +179,7 @@ def test_coordinates_in_any_order_form_a_grid(tmp_path):
         ("", "given no line with numbers"),
         (bytes(range(256)), "bytes that are no text"),
         ("1 inf\n2 3\n", r"face\.asc: heights: given 1 point not finite"),
-        ("a = 1 mm\n1 2\n3 4\nend\n", "given 'end' in line 4, .* put # before lines that are none"),
+        ("a = 1 mm\n1 2\n3 4\nend\n", "given 'end' in line 4, .* put # before other lines"),
     ],
 )
 def test_faulty_texts_are_refused_with_the_line(tmp_path, text, message):

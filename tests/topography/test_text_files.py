@@ -249,7 +249,7 @@ def test_units_of_the_caller_replace_those_that_cannot_be_read(tmp_path):
     ],
 )
 def test_a_row_with_an_unknown_word_is_not_taken_for_a_header(tmp_path, text):
-    refused(tmp_path, text, r"given 'over' in line \d+, .* put # before lines that are none")
+    refused(tmp_path, text, r"given 'over' in line \d+, .* put # before other lines")
 
 
 def test_rows_with_missing_numbers_are_not_taken_for_a_header(tmp_path):
@@ -385,9 +385,7 @@ def test_profiles_in_texts_are_refused_with_advice(tmp_path, text, found):
     """A map is needed; a profile says what makes a face. Of a sine Ra is 2/π and Rq √½ of the amplitude."""
     n = np.arange(200)
     lines = text(0.5 * n, np.sin(2 * np.pi * (n + 0.5) / 20))
-    match = (
-        f"given a profile of {found}.*expected a map, .* kind = 'self-affine', or pitch and depth"
-    )
+    match = f"given a profile of {found}.*expected a map, .* kind = 'self-affine', or with pitch and depth"
     refused(tmp_path, matrix(" ", lines=lines), match, **MICRONS)
     refused(tmp_path, "x [mm] z [um]\n" + matrix(" ", lines=lines), match, **MICRONS)
 
