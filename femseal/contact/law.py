@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, Shape, reals, to_text
-from ..store.store import Unnamed, digest
+from ..store.code import NoDigest
+from ..store.digests import digest
 
 #: Newton steps, or halvings, of a projection onto a curved law, one for a straight line; steepest fall over c for them.
 _NEWTON_STEPS, _STEEPEST = 60, 0.8
@@ -154,7 +155,7 @@ class ContactLaw:
         """Return a text that is the same for laws of the same parameters and code, and for no others."""
         try:
             return digest(self)
-        except Unnamed:  # as of an object of C code: the law is equal to itself alone
+        except NoDigest:  # as of an object of C code: the law is equal to itself alone
             return f"{type(self).__qualname__} {id(self)}"
 
     def __str__(self) -> str:

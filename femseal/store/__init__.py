@@ -1,1 +1,1 @@
-"""One store: a result is found by a digest of the function of its stage and of its input."""
+"""Results of stages on disk; a digest of the stage's function and input is the key of each."""

@@ -31,7 +31,9 @@ from femseal.execution.resuming import (
 from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts
 from femseal.report import folder as report_folder
 from femseal.store import store
-from femseal.store.store import SUFFIX, Store, digest, packed, unpacked
+from femseal.store.digests import digest
+from femseal.store.plain_data import packed, unpacked
+from femseal.store.store import SUFFIX, Store
 
 # --- values as bytes -----------------------------------------------------------------------------------------------
 
@@ -136,7 +138,7 @@ def test_pickles_are_not_read(tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
     resumed(out := tmp_path / "out")
     with Store(out) as found:
-        keys = list(found._found)
+        keys = list(found._records)
     (path,) = out.iterdir()
     content = pickle.dumps(Trap())
     path.write_bytes(b"".join(store._head(key, content) + content for key in keys))

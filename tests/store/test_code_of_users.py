@@ -14,7 +14,9 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.base import Stage
-from femseal.store.store import Store, Unnamed, digest
+from femseal.store.code import NoDigest
+from femseal.store.digests import digest
+from femseal.store.store import Store
 
 
 def module(text, name="laws_of_a_user", **values):
@@ -176,7 +178,7 @@ class Plain:
 )
 def test_what_cannot_be_described_has_no_digest(value):
     for one in (value, lambda: value, {"within": [value]}):
-        with pytest.raises(Unnamed):
+        with pytest.raises(NoDigest):
             digest(one)
 
 
@@ -200,7 +202,7 @@ def test_a_digest_is_the_same_in_another_process(tmp_path):
     code = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "import laws_in_a_file as laws\n"
-        "from femseal.store.store import digest\n"
+        "from femseal.store.digests import digest\n"
         "print(digest(laws.Law(1e9)), digest(laws.CHOICE))"
     )
     found = set()

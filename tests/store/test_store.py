@@ -18,7 +18,9 @@ import femseal as fs
 from femseal.base import Stage, numerical_versions
 from femseal.face.piece_flow import SolveCounts
 from femseal.store import store
-from femseal.store.store import SUFFIX, Store, Unnamed, digest
+from femseal.store.code import NoDigest
+from femseal.store.digests import digest
+from femseal.store.store import SUFFIX, Store
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -177,7 +179,7 @@ def test_values_are_told_apart_by_type_shape_order_and_every_bit(tmp_path):
     # functions of classes have names, those of objects of C code have not
     assert len({*map(digest, (SolveCounts.of, SolveCounts.total))}) == 2
     for nameless in ("".join, tmp_path / "missing"):
-        with pytest.raises(Unnamed):
+        with pytest.raises(NoDigest):
             digest(nameless)
 
 
@@ -242,7 +244,7 @@ def test_every_stage_of_a_run_is_kept(tmp_path, monkeypatch, name):
     def keys(self, stage):
         try:
             return of_stage(self, stage)
-        except Unnamed:
+        except NoDigest:
             left.append(stage.name)
             raise
 
@@ -252,7 +254,7 @@ def test_every_stage_of_a_run_is_kept(tmp_path, monkeypatch, name):
 
     def keeping(self, key, result):
         keep(self, key, result)
-        left.extend([] if key in self else [type(result)])
+        left.extend([] if key in self._records else [type(result)])
 
     monkeypatch.setattr(Store, "keys", keys)
     monkeypatch.setattr(store, "_key", key)

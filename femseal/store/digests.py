@@ -1,0 +1,60 @@
+"""Digests of plain data, of the content of files, and of code."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from .code import CodeDescription, NoDigest
+from .plain_data import describe
+
+
+def digest(value: Any) -> str:
+    """Return a text that is equal for equal values only.
+
+    Parameters
+    ----------
+    value : plain data; a `Path` stands for the content of its file, and functions, classes and objects of users for
+        what their code does, see `femseal.store.code`.
+
+    Raises
+    ------
+    NoDigest : the value contains something else, such as an object of C code, or a file that cannot be read.
+
+    Examples
+    --------
+    >>> digest((1, 2.0)) == digest((1, 2.0)), digest(1) == digest(1.0)
+    (True, False)
+    """
+    state = hashlib.blake2b(digest_size=16)
+    size = 0
+    describe_code = CodeDescription()
+
+    def append(data: bytes) -> int:
+        nonlocal size
+        state.update(data)
+        size += len(data)
+        return size
+
+    def substitute(part: Any) -> Any:
+        if isinstance(part, Path):
+            return "file", _digest_of_file(part)
+        return describe_code(part)
+
+    try:
+        description = describe(value, append, substitute)
+    except RecursionError:
+        raise NoDigest("an object that contains itself") from None
+    state.update(json.dumps(description).encode())
+    return state.hexdigest()
+
+
+def _digest_of_file(path: Path) -> bytes:
+    """Return the SHA-256 of the content of a file; NoDigest if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").digest()
+    except OSError as error:
+        raise NoDigest(str(error)) from None

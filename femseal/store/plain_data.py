@@ -1,0 +1,160 @@
+"""Plain data as bytes, and back, without pickle.
+
+Plain data are None, numbers, texts, bytes, arrays of numbers, and tuples, lists, dictionaries and dataclasses of
+femseal that contain plain data.
+
+The bytes consist of the length of a text, the text, and the content of all arrays. The text is JSON and describes the
+structure; an array in it has a data type, a shape, an order in memory and the place where its content begins. Reading
+calls no constructor and imports no module, so that a file which somebody has changed cannot run code.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+#: Data types of arrays: truth values, integers, real and complex numbers (`numpy.dtype.kind`).
+_NUMBERS = "biufc"
+#: Bytes that hold the length of the text.
+_LENGTH_BYTES = 8
+_PACKAGE = __name__.partition(".")[0]
+#: Errors that damaged bytes can cause, besides ValueError.
+_DAMAGES = (TypeError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError)
+
+
+def packed(value: Any) -> bytes:
+    """Convert plain data to bytes.
+
+    Raises
+    ------
+    TypeError : the value contains something else.
+    """
+    content = bytearray()
+
+    def append(data: bytes) -> int:
+        start = len(content)
+        content.extend(data)
+        return start
+
+    text = json.dumps(describe(value, append)).encode()
+    length = len(text).to_bytes(_LENGTH_BYTES, "little")
+    return b"".join([length, text, content])
+
+
+def unpacked(data: bytes | memoryview) -> Any:
+    """Restore the value from bytes that `packed` returned; arrays are copies.
+
+    Raises
+    ------
+    ValueError : the bytes are damaged, or contain classes that are not in use.
+    """
+    view = memoryview(data)
+    try:
+        length = int.from_bytes(view[:_LENGTH_BYTES], "little")
+        text_and_content = view[_LENGTH_BYTES:]
+        text = bytes(text_and_content[:length])
+        return _restore(json.loads(text), text_and_content[length:])
+    except _DAMAGES as error:
+        raise ValueError(f"{type(error).__name__}: {error}") from None
+
+
+def describe(
+    value: Any, append: Callable[[bytes], int], substitute: Callable[[Any], Any] | None = None
+) -> Any:
+    """Describe a value by nested lists, numbers and texts, which JSON can hold.
+
+    Parameters
+    ----------
+    value : the value.
+    append : takes the bytes of an array and returns a number that marks their place.
+    substitute : returns plain data that stands for a value which is none; without it such a value is an error.
+
+    Raises
+    ------
+    TypeError : the value contains something that is no plain data, and there is no substitute.
+    """
+
+    def inner(part: Any) -> Any:
+        return describe(part, append, substitute)
+
+    kind = type(value)
+    if value is None or kind in (bool, int, float, str):
+        return value
+    if kind in (tuple, list):
+        return [kind.__name__, *map(inner, value)]
+    if kind is dict:
+        return ["dict", *([inner(key), inner(item)] for key, item in value.items())]
+    if kind is bytes:
+        return ["bytes", len(value), append(value)]
+    if isinstance(value, np.generic) and value.dtype.kind in _NUMBERS:
+        return ["number", value.dtype.str, append(value.tobytes())]
+    if isinstance(value, np.ndarray) and value.dtype.kind in _NUMBERS:
+        # the order is kept because the rounding of a sum over an array depends on it
+        order: Literal["C", "F"] = "F" if value.flags.fnc else "C"
+        return ["array", value.dtype.str, list(value.shape), order, append(value.tobytes(order))]
+    if is_dataclass(kind) and _is_ours(kind.__module__):
+        values = [inner(getattr(value, field.name)) for field in fields(kind)]
+        return [f"{kind.__module__}.{kind.__qualname__}", *values]
+    if substitute is None:
+        raise TypeError(f"a {kind.__name__} is no plain data")
+    return inner(substitute(value))
+
+
+def _restore(description: Any, content: memoryview) -> Any:
+    """Restore a value from its description and the content of all arrays."""
+    if isinstance(description, dict):
+        raise ValueError("no description of a value")
+    if not isinstance(description, list):
+        return description
+    kind, *parts = description
+    if kind == "bytes":
+        size, start = parts
+        return _array_in(content, "u1", (size,), "C", start).tobytes()
+    if kind == "number":
+        dtype, start = parts
+        return _array_in(content, dtype, (), "C", start)[()]
+    if kind == "array":
+        return _array_in(content, *parts).copy("K")
+    if kind == "dict":
+        return {_restore(key, content): _restore(item, content) for key, item in parts}
+    values = [_restore(part, content) for part in parts]
+    if kind == "list":
+        return values
+    if kind == "tuple":
+        return tuple(values)
+    return _dataclass(kind, values)
+
+
+def _array_in(content: memoryview, dtype: str, shape: Any, order: Any, start: int) -> Any:
+    """Return an array whose numbers begin at byte `start`; TypeError if the content ends before them."""
+    numbers = np.dtype(dtype)
+    if numbers.kind not in _NUMBERS or min((start, *shape)) < 0:
+        raise ValueError(f"no array of numbers: {numbers}, {shape}, {start}")
+    size = math.prod(shape) * numbers.itemsize
+    data = content[start : start + size] if size else None
+    return np.ndarray(shape, numbers, data, order=order)
+
+
+def _dataclass(name: str, values: list[Any]) -> Any:
+    """Return an object of a dataclass of femseal with these fields, without calling its constructor.
+
+    Only modules that are already imported are searched for the class.
+    """
+    module, _, title = name.rpartition(".")
+    kind = vars(sys.modules[module]).get(title) if _is_ours(module) else None
+    if not (isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module):
+        raise ValueError(f"'{name[:80]}' is no class of data")
+    instance = object.__new__(kind)
+    names = (field.name for field in fields(kind))
+    vars(instance).update(zip(names, values, strict=True))
+    return instance
+
+
+def _is_ours(module: str) -> bool:
+    return module.partition(".")[0] == _PACKAGE
