@@ -11,12 +11,12 @@ from femseal.case.template import (
     as_toml,
     case_template,
     choices,
+    declared,
     keys_of,
     kind_of,
     quantity_of,
     summary,
     tables_in,
-    told,
 )
 
 _HEAD = """# All keys of a case file
@@ -70,9 +70,9 @@ def _section(name, field, definitions, seen):
     if len(tables) > 1:
         meaning = "; ".join(f"{kinds[table]}: {summary(table)}" for table in tables)
         default = field.default["kind"] if isinstance(field.default, dict) else None
-        when = "" if default else f"yes, {told(field, 'needed') or ''}".removesuffix(", ")
+        when = "" if default else f"yes, {declared(field, 'needed') or ''}".removesuffix(", ")
         shown = f'`"{default}"`' if default else ""
-        yield f"| `kind` | text | | {shown} | {when} | {told(field, 'since')} | {meaning} |"
+        yield f"| `kind` | text | | {shown} | {when} | {declared(field, 'since')} | {meaning} |"
     for key, where in found.items():
         if key == "kind":
             continue
@@ -93,9 +93,9 @@ def _section(name, field, definitions, seen):
 
 def _needed(name, field, beside):
     """When a key must stand in a table."""
-    others = [f"or `{key}`" for key, one in beside.items() if told(one, "instead") == name]
-    when = [told(field, "needed"), *others]
-    if instead := told(field, "instead"):
+    others = [f"or `{key}`" for key, one in beside.items() if declared(one, "instead") == name]
+    when = [declared(field, "needed"), *others]
+    if instead := declared(field, "instead"):
         when = [f"in place of `{instead}`"]
     return ", ".join(filter(None, ["yes" if field.is_required() else "", *when]))
 
@@ -104,7 +104,7 @@ def _row(name, field, schema, needed, around, meaning=""):
     quantity = quantity_of(field)
     default = "" if field.is_required() else _default(field, quantity)
     unit = "" if quantity is None else quantity.unit.replace("*", "·").replace("^3", "³")
-    since = max(told(field, "since"), told(around, "since"))
+    since = max(declared(field, "since"), declared(around, "since"))
     said = _sentence(meaning or field.description).replace("|", r"\|")
     cells = (
         f"`{name}`",

@@ -1,7 +1,7 @@
-"""A case: the whole input of a run, as a TOML file whose quantities carry their units.
+"""A case: the whole input of a run, read from a TOML file in which quantities have units.
 
-The file is checked as a whole before anything is computed; every fault is reported at once, with its key, what was
-given and what is expected. `preparation.prepare` turns a case into the objects the studies take.
+All keys are validated before anything is computed, and all errors are reported together, each with its key, the value
+and what is expected. `preparation.prepare` converts a case into the input of the studies.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from ..base import shortened, to_text
+from ..base import InputError, shortened, to_text
 from ..base.leak_rates import check_classes
 from ..contact import ContactLaw, softer_of
 from ..flow.problem import SOLVERS
@@ -21,25 +21,25 @@ from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus
 from ..seal.layouts import Layout, MeshLayout, lay_of
 from ..studies.choices import FLUID_EFFECTS
-from .case_tables import AnyFluid, AnySeal, AnySeat, FluidTable, OutputTable, SolidTable
+from .completion import complete, least_detrend
 from .faces import Face, FileFace, SurfaceTable
-from .faults import fault, faults_of, refusal
-from .filling import filled, least_detrend
+from .faults import inside, unusable
 from .load import LoadTable
-from .values import (
+from .output_table import OutputTable
+from .quantities import (
     Accuracy,
-    Both,
     Count,
     Duration,
     FileSize,
+    Fraction,
     Length,
     Number,
-    Ratio,
-    Table,
-    Usual,
-    files_of,
-    key,
+    OneForBothAxes,
+    UsualRange,
 )
+from .seal_tables import AnyFluid, AnySeal, AnySeat, FluidTable
+from .solid_table import SolidTable
+from .tables import Table, files_in, key
 
 Boundary = Literal["periodic", "mirror", "free"]
 Method = Literal["deterministic", "two-scale", "blocks", "stochastic"]
@@ -48,7 +48,7 @@ Method = Literal["deterministic", "two-scale", "blocks", "stochastic"]
 class ContactTable(Table):
     """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
 
-    boundary: Annotated[tuple[Boundary, Boundary], Both()] = key(
+    boundary: Annotated[tuple[Boundary, Boundary], OneForBothAxes()] = key(
         "of the whole face along x1 and x2; one word: of both", ("free", "periodic")
     )
     rtol: float = key("complementarity residual", 1e-5, gt=0, lt=0.1)
@@ -60,7 +60,7 @@ class ContactTable(Table):
 
 
 class FlowTable(Table):
-    """How flow is solved, in pieces, in whole faces and over the seal."""
+    """How flow is solved, in cells, in whole faces and over the seal."""
 
     solver: Literal[SOLVERS] = key(  # type: ignore[valid-type]
         "of the pressure in cells and over the seal", "auto"
@@ -68,48 +68,54 @@ class FlowTable(Table):
 
 
 class CellsTable(Table):
-    """Pieces of a measured place for all methods but the deterministic."""
+    """How a measured surface is cut into cells, for all methods but the deterministic."""
 
     count: tuple[Count, Count] | None = key(
-        "pieces along x1 and x2; unless given as drawn seals need, for two scales eight shortest "
-        "waves a side, for blocks a quarter of a block, 256 points or less",
+        "cells along x1 and x2; unless given as the realisations need, for two scales eight "
+        "shortest waves a side, for blocks a quarter of a block, 256 points or less",
         None,
         example=[4, 8],
     )
-    size: Annotated[Length, Usual(1e-7, 0.1, "m")] | None = key(
-        "approximate side of a piece", None, example="60 um", instead="count"
+    size: Annotated[Length, UsualRange(1e-7, 0.1, "m")] | None = key(
+        "approximate side of a cell", None, example="60 um", instead="count"
     )
 
     @model_validator(mode="after")
-    def _one_of(self) -> CellsTable:
+    def _check_keys(self) -> CellsTable:
         if self.count is not None and self.size is not None:
-            raise refusal("one of `count` and `size`")
+            raise unusable("one of `count` and `size`")
         return self
 
 
 class StochasticTable(Table):
-    """How a seal is drawn, see `studies.Sampling`."""
+    """How random realisations of a seal are made, see `studies.Sampling`."""
 
     length: Length | None = key(
         "of a strip, along x2; of the face unless given", None, start="10 mm"
     )
-    breadth: Annotated[Length, Usual(1e-6, 1.0, "m")] | None = key(
+    breadth: Annotated[Length, UsualRange(1e-6, 1.0, "m")] | None = key(
         "of a strip, along x1; of the face unless given", None, example="2 mm"
     )
     realisations: Annotated[int, Field(strict=True, ge=2)] | None = key(
-        "number of seals; as the band of error needs unless given", None, example=50
+        "number of realisations; as many as the 95 % interval needs unless given", None, example=50
     )
-    quantiles: tuple[Ratio, Ratio] = key("ends of the band between seals", (0.05, 0.95))
+    quantiles: tuple[Fraction, Fraction] = key(
+        "lower and upper quantile of the realisations", (0.05, 0.95)
+    )
 
     @model_validator(mode="after")
-    def _ordered(self) -> StochasticTable:
-        if not self.quantiles[0] < self.quantiles[1]:
-            raise refusal("two rising `quantiles`")
+    def _check_quantiles(self) -> StochasticTable:
+        lower, upper = self.quantiles
+        if lower >= upper:
+            raise unusable("two rising `quantiles`")
         return self
 
 
 class Case(Table):
-    """A validated case, all values in SI."""
+    """A validated case, with all values in SI.
+
+    Use `load_case` to read one from a file.
+    """
 
     title: str = key("heading of the report", "", start="My seal", max_length=200)
     method: Method = key("how leakage is computed", "stochastic", start="stochastic")
@@ -120,7 +126,7 @@ class Case(Table):
         example="10 %",
     )
     time_limit: Duration | None = key("of all attempts at that accuracy", None, example="1 h")
-    seed: Number = key("of all draws, whatever the number of workers", 0, start=1)
+    seed: Number = key("of all random numbers, whatever the number of workers", 0, start=1)
     memory: FileSize | None = key(
         "limit above which a run is refused; the free memory unless given",
         None,
@@ -155,136 +161,174 @@ class Case(Table):
         since="0.2",
         validate_default=True,
     )
-    cells: CellsTable | None = key("pieces of the face, of several patches of each", None)
-    stochastic: StochasticTable | None = key("seals that are drawn", None)
+    cells: CellsTable | None = key("cells of the face, of several patches of each", None)
+    stochastic: StochasticTable | None = key("random realisations of the seal", None)
     output: OutputTable = key("what is written, and how", OutputTable())
     folder: Path = Field(default=Path(), exclude=True)
     named_warnings: tuple[str, ...] = Field(default=(), exclude=True)
 
     @model_validator(mode="before")
     @classmethod
-    def _filled(cls, data: dict[str, Any]) -> dict[str, Any]:
-        return filled(data)
+    def _complete(cls, data: dict[str, Any]) -> dict[str, Any]:
+        return complete(data)
 
     @model_validator(mode="after")
-    def _complete(self) -> Case:
-        """Raise a fault if keys of several tables do not go together, or a file does not exist."""
-        output = self.output
-        if self.accuracy is not None and not output.budget:
-            expected = "true: attempts end by their error budget"
-            raise fault("output.budget", "false with accuracy", expected)
-        if self.time_limit is not None and self.accuracy is None:
-            expected = "one with accuracy, whose attempts it ends"
-            raise fault("time_limit", "a time without accuracy", expected)
-        if self.load.unit == "Pa" and self.load.highest >= self.law.capacity:
-            expected = f"pressures below the hardness, {to_text(self.law.capacity, 'Pa')}"
-            raise fault("load", to_text(self.load.highest, "Pa"), expected)
-        for name, fluid in (("fluid", self.fluid), ("output.test_fluid", output.test_fluid)):
-            if fluid is not None:
-                self._check_inlet(f"{name}.inlet_pressure", fluid.inlet_pressure, fluid)
-                with faults_of(name):
-                    potential_of(fluid.fluid, "inlet_pressure", fluid.inlet_pressure)
+    def _check(self) -> Case:
+        """Raise an InputError if keys of several tables contradict each other, or a file does not exist."""
+        self._check_accuracy()
+        self._check_loads()
+        self._check_pressures("fluid", self.fluid)
+        if self.output.test_fluid is not None:
+            self._check_pressures("output.test_fluid", self.output.test_fluid)
         self._check_output()
-        if isinstance(first := self.face[0], FileFace) and first.placement:
-            raise fault("face.0", ", ".join(sorted(first.placement)), "that in the second face")
+        self._check_faces()
         self._check_seal()
+        self._check_inlets()
         self._check_seat()
-        if self.load.map is not None:
-            self._check_drawn_alone("load.map", "a map", "a face has one nominal pressure")
-        if self.seal.form:
-            self._check_drawn_alone("seal.form", "a form", "a face has the form that was measured")
-            if self.load.map is not None:
-                expected = "one of them: the form gives the pressure of the tiles"
-                raise fault("load.map", "a map with seal.form", expected)
-        for name, path in self.files():
-            if not isfile(tried := self.folder / path):
-                there = f"; none is at {shortened(abspath(tried))}"
-                expected = f"a file that exists{there if tried.name.isprintable() else ''}"
-                raise fault(name, f"'{shortened(path)}'", expected)
+        self._check_map_and_form()
+        self._check_files()
         return self
 
-    @staticmethod
-    def _check_inlet(key: str, pressure: float, fluid: FluidTable) -> None:
-        """Raise a fault if the pressure at an inlet is not above that at the outlet."""
-        if not pressure > fluid.outlet_pressure:
-            expected = (
-                f"a pressure above that of the outlet, {to_text(fluid.outlet_pressure, 'Pa')}"
-            )
-            raise fault(key, to_text(pressure, "Pa"), expected)
+    def _check_accuracy(self) -> None:
+        if self.accuracy is not None and not self.output.budget:
+            expected = "true: attempts end by their error budget"
+            raise InputError("output.budget", "false with accuracy", expected)
+        if self.time_limit is not None and self.accuracy is None:
+            expected = "one with accuracy, whose attempts it ends"
+            raise InputError("time_limit", "a time without accuracy", expected)
+
+    def _check_loads(self) -> None:
+        """Raise an InputError if the solid cannot carry the loads; forces are checked when the seal is known."""
+        if self.load.unit == "Pa" and self.load.highest >= self.law.capacity:
+            expected = f"pressures below the hardness, {to_text(self.law.capacity, 'Pa')}"
+            raise InputError("load", to_text(self.load.highest, "Pa"), expected)
+
+    def _check_pressures(self, place: str, table: FluidTable) -> None:
+        """Raise an InputError if a fluid does not flow from the inlet, or has no properties at its pressure."""
+        _check_inlet(f"{place}.inlet_pressure", table.inlet_pressure, table)
+        with inside(place):
+            potential_of(table.fluid, "inlet_pressure", table.inlet_pressure)
 
     def _check_output(self) -> None:
-        """Raise a fault if the unit or a class of leakage does not go with the fluid that it is of."""
-        output, tested = self.output, self.output.test_fluid or self.fluid
-        basis, test = (
+        """Raise an InputError if the unit or a class of leakage is not for the fluid or the test fluid."""
+        output = self.output
+        tested = output.test_fluid or self.fluid
+        service_basis, test_basis = (
             leak_basis(table.fluid, 1.0, pressure_drop=tested.state.pressure_drop, **output.valve)
             for table in (self.fluid, tested)
         )
         unit = output.unit
-        if unit is not None and (lack := basis.lacks(unit)) and test.lacks(unit):
-            kind = "gas" if basis.is_gas else "liquid"
-            raise fault("output.leakage_unit", f"{unit.name} for a {kind}", lack)
-        with faults_of("output"):
-            check_classes(output.classes, output.nominal_diameter, test)
+        if unit is not None and service_basis.lacks(unit) and test_basis.lacks(unit):
+            kind = "gas" if service_basis.is_gas else "liquid"
+            given = f"{unit.name} for a {kind}"
+            raise InputError("output.leakage_unit", given, service_basis.lacks(unit))
+        with inside("output"):
+            check_classes(output.classes, output.nominal_diameter, test_basis)
+
+    def _check_faces(self) -> None:
+        first = self.face[0]
+        if isinstance(first, FileFace) and first.placement:
+            raise InputError(
+                "face.0", ", ".join(sorted(first.placement)), "that in the second face"
+            )
 
     def _check_seal(self) -> None:
-        """Raise a fault if the shape of the seal or its inlets do not go with the method, the lengths or the fluids."""
-        layout, table = self.layout, self.stochastic
-        if not layout.has_length and "stochastic" not in self.methods:
+        """Raise an InputError if the shape of the seal does not go with the method, or with the length of a strip."""
+        layout = self.layout
+        if layout.has_length:
+            return
+        if "stochastic" not in self.methods:
             given = f"{layout.kind} with the method {self.method}"
-            raise fault("seal.kind", given, "it with stochastic, which draws its tiles")
-        for name in ("length", "breadth") if table is not None and not layout.has_length else ():
-            if (value := getattr(table, name)) is not None:
+            raise InputError("seal.kind", given, "it with stochastic, which covers it with tiles")
+        for name in ("length", "breadth"):
+            value = getattr(self.stochastic, name, None)
+            if value is not None:
                 expected = f"none with a seal of kind {layout.kind}: it has its own"
-                raise fault(f"stochastic.{name}", to_text(value, "m"), expected)
-        own = getattr(layout, "inlet_pressures", {})
-        for name, pressure in own.items():
-            self._check_inlet(f"seal.inlet.{name}", pressure, self.fluid)
-        if own:
-            self._check_drawn_alone("seal.inlet", "pressures", "a face has one inlet")
-            if self.output.test_fluid is not None:
-                given = "one with pressures of the inlets in seal.inlet"
-                raise fault("output.test_fluid", given, "none with them")
+                raise InputError(f"stochastic.{name}", to_text(value, "m"), expected)
 
-    def _check_drawn_alone(self, key: str, given: str, why: str) -> None:
-        """Raise a fault if what a key gives is not for drawn seals alone."""
-        if others := self.methods - {"stochastic"}:
-            given = f"{given} with the method {', '.join(sorted(others))}"
-            raise fault(key, given, f"stochastic alone: {why}")
+    def _check_inlets(self) -> None:
+        """Raise an InputError if inlets with pressures of their own do not go with the method or the fluids."""
+        pressures = getattr(self.layout, "inlet_pressures", {})
+        if not pressures:
+            return
+        for name, pressure in pressures.items():
+            _check_inlet(f"seal.inlet.{name}", pressure, self.fluid)
+        self._check_stochastic_alone("seal.inlet", "pressures", "a face has one inlet")
+        if self.output.test_fluid is not None:
+            given = "one with pressures of the inlets in seal.inlet"
+            raise InputError("output.test_fluid", given, "none with them")
 
     def _check_seat(self) -> None:
-        """Raise a fault if the form of the seat does not go with boundary, faces, seal or map."""
+        """Raise an InputError if the form of the seat does not go with boundary, faces, seal or map."""
         kind, boundary = self.seat.kind, self.contact.boundary[0]
         if kind == "flat":
             return
         if boundary != "free":
             given = f"{boundary} along x1 with a {kind} seat"
-            raise fault("contact.boundary", given, "free along x1")
+            raise InputError("contact.boundary", given, "free along x1")
         least = least_detrend(kind)
         order = 1 if self.surface.detrend is None else self.surface.detrend
-        if any(isinstance(face, FileFace) for face in self.face) and order < least:
+        is_measured = any(isinstance(face, FileFace) for face in self.face)
+        if is_measured and order < least:
             given = f"{order} with a {kind} seat: the form would count twice"
-            raise fault("surface.detrend", given, f"{least}: the form is that of [seat]")
+            raise InputError("surface.detrend", given, f"{least}: the form is that of [seat]")
         if self.load.map is not None:
             expected = "none: the form gives the pressure of the rows"
-            raise fault("load.map", f"a map with a {kind} seat", expected)
+            raise InputError("load.map", f"a map with a {kind} seat", expected)
         if self.layout.kind == MeshLayout.kind:
-            raise fault("seal.kind", f"{self.layout.kind} with a {kind} seat", "a strip or a ring")
+            given = f"{self.layout.kind} with a {kind} seat"
+            raise InputError("seal.kind", given, "a strip or a ring")
+
+    def _check_map_and_form(self) -> None:
+        """Raise an InputError if the contact pressure over the seal is given for a single face, or given twice."""
+        if self.load.map is not None:
+            why = "a face has one nominal pressure"
+            self._check_stochastic_alone("load.map", "a map", why)
+        if self.seal.form:
+            why = "a face has the form that was measured"
+            self._check_stochastic_alone("seal.form", "a form", why)
+            if self.load.map is not None:
+                expected = "one of them: the form gives the pressure of the tiles"
+                raise InputError("load.map", "a map with seal.form", expected)
+
+    def _check_stochastic_alone(self, name: str, given: str, why: str) -> None:
+        """Raise an InputError if there is a method besides stochastic, for which a key has no meaning."""
+        others = self.methods - {"stochastic"}
+        if others:
+            given = f"{given} with the method {', '.join(sorted(others))}"
+            raise InputError(name, given, f"stochastic alone: {why}")
+
+    def _check_files(self) -> None:
+        for name, path in self.files():
+            full_path = self.folder / path
+            if isfile(full_path):
+                continue
+            expected = "a file that exists"
+            if full_path.name.isprintable():
+                expected += f"; none is at {shortened(abspath(full_path))}"
+            raise InputError(name, f"'{shortened(path)}'", expected)
 
     def files(self) -> Iterator[tuple[str, Path]]:
-        """Key and path, relative to the folder of the case, of every file that it names."""
-        for face in (face for face in self.face if isinstance(face, FileFace)):
+        """Yield key and path, relative to the folder of the case, of every file that it names."""
+        for face in self.face:
+            if not isinstance(face, FileFace):
+                continue
             name = "path" if face.patches is None else "patches"
-            for table in face.each(self.folder):
+            for table in face.maps(self.folder):
                 yield f"face.{name}", table.path or Path()
-                yield from files_of(table.model_copy(update={"path": None}), "face")
-        lay = lay_of(self.seal.lay).file
-        yield from () if lay is None else [("seal.lay", lay)]
-        for name in ("seal", "seat", "load"):
-            yield from files_of(getattr(self, name), name)
+                other_files = table.model_copy(update={"path": None})
+                yield from files_in(other_files, "face")
+        lay_file = lay_of(self.seal.lay).file
+        if lay_file is not None:
+            yield "seal.lay", lay_file
+        yield from files_in(self.seal, "seal")
+        yield from files_in(self.seat, "seat")
+        yield from files_in(self.load, "load")
 
     def __repr__(self) -> str:
+        methods = ", ".join(sorted(self.methods))
         highest = to_text(self.load.highest, self.load.unit, 3)
-        return f"<femseal.Case {self.title!r}: {', '.join(sorted(self.methods))}, loads up to {highest}>"
+        return f"<femseal.Case {self.title!r}: {methods}, loads up to {highest}>"
 
     __str__ = __repr__
 
@@ -295,7 +339,7 @@ class Case(Table):
 
     @property
     def methods(self) -> set[str]:
-        """The method and the methods to compare it with, as given."""
+        """The method and the methods to compare it with."""
         return {self.method, *self.compare}
 
     @property
@@ -306,19 +350,17 @@ class Case(Table):
 
     @property
     def law(self) -> ContactLaw:
-        """Contact law of the softer solid, at each depth where their curves cross; elastic where none yields."""
-        return softer_of(
-            self.material.law, None if self.counter_material is None else self.counter_material.law
-        )
+        """Contact law of the softer solid, at each depth where their curves cross; elastic if none yields."""
+        counter = self.counter_material
+        return softer_of(self.material.law, None if counter is None else counter.law)
 
     @property
     def softer(self) -> str:
-        """Key of the table of the softer solid, whose hardness decides."""
-        tables = {"material": self.material, "counter_material": self.counter_material}
-        laws = {
-            name: table.law.mean_hardness for name, table in tables.items() if table is not None
-        }
-        return min(laws, key=lambda name: laws[name])
+        """Key of the table of the softer solid, whose hardness counts."""
+        counter = self.counter_material
+        if counter is None or self.material.law.mean_hardness <= counter.law.mean_hardness:
+            return "material"
+        return "counter_material"
 
     @property
     def hardness_tolerance(self) -> float:
@@ -331,5 +373,13 @@ class Case(Table):
         return contact_modulus(*self.solids)
 
     def echo(self) -> dict[str, Any]:
-        """The case in SI, as plain data."""
+        """Return the case as plain data in SI."""
         return self.model_dump(mode="json", exclude_none=True)
+
+
+def _check_inlet(name: str, pressure: float, fluid: FluidTable) -> None:
+    """Raise an InputError if the pressure at an inlet is not above that at the outlet."""
+    if not pressure > fluid.outlet_pressure:
+        outlet = to_text(fluid.outlet_pressure, "Pa")
+        expected = f"a pressure above that of the outlet, {outlet}"
+        raise InputError(name, to_text(pressure, "Pa"), expected)

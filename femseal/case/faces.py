@@ -1,6 +1,6 @@
-"""Tables of the rough faces in a case file, and of the conditioning of their sum.
+"""Tables [face] and [surface] of a case: rough surfaces, generated or measured, and the conditioning of their sum.
 
-To add a kind of face, write a table with `make` and put it into `Face`.
+To add a kind of face, write a table with `maps` and `make`, and add it to `Face`.
 """
 
 from __future__ import annotations
@@ -23,34 +23,33 @@ from ..topography import (
     self_affine,
     turned,
 )
-from .faults import fault, refusal
-from .values import (
+from .faults import unusable
+from .quantities import (
     Angle,
-    Both,
     Channel,
     Count,
+    Fraction,
     Height,
     Hurst,
     Length,
-    Place,
-    Ratio,
+    OneForBothAxes,
+    Position,
     Shift,
     Slope,
-    Table,
     Threshold,
-    Usual,
-    key,
+    UsualRange,
 )
+from .tables import Table, key
 
-#: Sides and pixels of a face, and heights and waves on it.
-Side = Annotated[Length, Usual(1e-7, 1.0, "m")]
-Pixel = Annotated[Length, Usual(1e-10, 1e-3, "m")]
-Wave = Annotated[Length, Usual(1e-9, 0.1, "m")]
-Relief = Annotated[Length, Usual(1e-10, 1e-3, "m")]
+#: Side of a surface, size of a pixel, length of a wave, and height of roughness or texture.
+Side = Annotated[Length, UsualRange(1e-7, 1.0, "m")]
+Pixel = Annotated[Length, UsualRange(1e-10, 1e-3, "m")]
+Wave = Annotated[Length, UsualRange(1e-9, 0.1, "m")]
+Relief = Annotated[Length, UsualRange(1e-10, 1e-3, "m")]
 
 
-class MadeFace(NamedTuple):
-    """A face of a case, the instrument that limits it, and sentences on how its file was understood."""
+class FaceMap(NamedTuple):
+    """One map of heights, with the limits of its instrument and notes on how its file was understood."""
 
     topography: Topography
     instrument: Instrument
@@ -61,7 +60,7 @@ _CUT_OFF = "shortest wave of the roughness; 8 pixels unless given"
 
 
 class GeneratedFace(Table):
-    """Base of the faces that are made of random numbers."""
+    """Base of the surfaces that are generated from random numbers."""
 
     make_heights: ClassVar[Callable[..., Topography]]
     points: tuple[Count, Count] = key("points along x1 and x2", start=[256, 512])
@@ -70,20 +69,20 @@ class GeneratedFace(Table):
     if TYPE_CHECKING:
         cut_off: float | None
 
-    def each(self, folder: Path) -> list[GeneratedFace]:
-        """The face itself: it is one map."""
+    def maps(self, folder: Path) -> list[GeneratedFace]:
+        """Return the table of each map: a generated surface is a single one."""
         return [self]
 
-    def make(self, folder: Path, rng: np.random.Generator) -> MadeFace:
-        """The face, which no instrument limits."""
-        given = self.model_dump(exclude={"kind", "points", "size"})
-        made = self.cut_off or resolved_wave(self.size, self.points)
-        heights = type(self).make_heights(self.points, self.size, rng=rng, **given)
-        return MadeFace(heights, Instrument(made=made))
+    def make(self, folder: Path, rng: np.random.Generator) -> FaceMap:
+        """Generate the surface; its shortest wave takes the place of the limit of an instrument."""
+        parameters = self.model_dump(exclude={"kind", "points", "size"})
+        heights = type(self).make_heights(self.points, self.size, rng=rng, **parameters)
+        shortest_wave = self.cut_off or resolved_wave(self.size, self.points)
+        return FaceMap(heights, Instrument(made=shortest_wave))
 
 
 class SelfAffineFace(GeneratedFace):
-    """A self-affine face, see `topography.self_affine`."""
+    """A self-affine surface, see `topography.self_affine`."""
 
     make_heights = staticmethod(self_affine)
     kind: Literal["self-affine"]
@@ -94,7 +93,7 @@ class SelfAffineFace(GeneratedFace):
 
 
 class TurnedFace(GeneratedFace):
-    """A turned face, see `topography.turned`."""
+    """A turned surface, see `topography.turned`."""
 
     make_heights = staticmethod(turned)
     kind: Literal["turned"]
@@ -103,8 +102,8 @@ class TurnedFace(GeneratedFace):
     nose_radius: Wave | None = key(
         "of the tool; lands stay flat where the depth is not reached", None, example="0.4 mm"
     )
-    feed_error: Ratio = key("rms scatter of the feed over the pitch", 0.0, start=0.03)
-    depth_error: Ratio = key("rms scatter of the depth over it", 0.0, start=0.1)
+    feed_error: Fraction = key("rms scatter of the feed over the pitch", 0.0, start=0.03)
+    depth_error: Fraction = key("rms scatter of the depth over it", 0.0, start=0.1)
     waviness: Height = key("rms of a long wave along x1", 0.0, example="0.2 um")
     waviness_length: Wave | None = key("length of that wave", None, example="120 um")
     roughness: Height = key("rms of superposed self-affine roughness", 0.0, start="0.8 um")
@@ -114,15 +113,16 @@ class TurnedFace(GeneratedFace):
     cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
 
-def _part(value: Any) -> Any:
+def _check_crop(value: Any) -> Any:
+    """Return the ends of a crop; InputError unless they are four values in one list."""
+    is_list = isinstance(value, (list, tuple))
     if value is None or (
-        isinstance(value, (list, tuple))
-        and len(value) == 4
-        and not any(isinstance(x, (list, tuple)) for x in value)
+        is_list and len(value) == 4 and not any(isinstance(end, (list, tuple)) for end in value)
     ):
         return value
-    raise refusal(
-        "four lengths in one list, x1 from and to, x2 from and to: ['0.1 mm', '0.9 mm', '0 mm', '0.5 mm']"
+    raise unusable(
+        "four lengths in one list, x1 from and to, x2 from and to: "
+        "['0.1 mm', '0.9 mm', '0 mm', '0.5 mm']"
     )
 
 
@@ -138,7 +138,7 @@ class MapFile(Table):
     size: tuple[Side, Side] | None = key(
         "where the file has none or a wrong one", None, example=["1.2 mm", "0.9 mm"]
     )
-    spacing: Annotated[tuple[Pixel, Pixel], Both()] | None = key(
+    spacing: Annotated[tuple[Pixel, Pixel], OneForBothAxes()] | None = key(
         "size of a pixel along x1 and x2", None, example=["1 um", "2 um"], instead="size"
     )
     height_unit: str | None = key("where the file has none or a wrong one", None, example="um")
@@ -161,12 +161,14 @@ class MapFile(Table):
         since="0.3",
     )
     verify_checksum: bool = key("whether an `.x3p` with a wrong checksum is refused", True)
-    crop: Annotated[tuple[Place, Place, Place, Place] | None, BeforeValidator(_part)] = key(
+    crop: Annotated[
+        tuple[Position, Position, Position, Position] | None, BeforeValidator(_check_crop)
+    ] = key(
         "part that is used: x1 from, to, x2 from, to",
         None,
         example=["0.1 mm", "0.9 mm", "0 mm", "0.5 mm"],
     )
-    periodic: Annotated[tuple[bool, bool], Both()] = key(
+    periodic: Annotated[tuple[bool, bool], OneForBothAxes()] = key(
         "whether the heights repeat along x1 and x2", (False, False)
     )
     tip_radius: Wave | None = key(
@@ -180,29 +182,27 @@ class MapFile(Table):
     )
 
 
-def _tables(given: Any) -> Any:
-    """Patches as tables: a text is a path or a pattern of paths."""
-    given = [given] if isinstance(given, str) else given
-    return (
-        [{"path": one} if isinstance(one, str) else one for one in given]
-        if isinstance(given, list)
-        else given
-    )
+def _patch_tables(value: Any) -> Any:
+    """Return a list of tables from paths, a pattern of paths, or tables."""
+    items = [value] if isinstance(value, str) else value
+    if not isinstance(items, list):
+        return value
+    return [{"path": item} if isinstance(item, str) else item for item in items]
 
 
-#: Maps of several patches: paths, a pattern of paths such as "patch*.plu", or tables with keys of their own.
+#: Maps of several patches: paths, a pattern such as "patch*.plu", or tables with keys of their own.
 PatchTables = Annotated[
     tuple[MapFile, ...],
-    BeforeValidator(_tables),
+    BeforeValidator(_patch_tables),
     WithJsonSchema({"type": ["string", "array"], "items": {}}),
 ]
 
 
 class FileFace(MapFile):
-    """A measured face: one map, or `patches`, several of them.
+    """A measured surface: one map, or several `patches`.
 
-    Keys of the table are those of every patch that has none of its own. `mirror`, `rotate` and `shift` place the second
-    of two faces on the first, see `topography.combined`.
+    Keys of the table apply to every patch that does not give them itself. `mirror`, `rotate` and `shift` position the
+    second of two faces on the first, see `topography.combined`.
     """
 
     kind: Literal["file"]
@@ -228,52 +228,67 @@ class FileFace(MapFile):
 
     @property
     def placement(self) -> dict[str, Any]:
-        """Placement on the first face, as `topography.combined` takes it."""
+        """Position on the first face, as `topography.combined` takes it."""
         return self.model_dump(include=_PLACEMENT, exclude_none=True)
 
-    def each(self, folder: Path) -> list[FileFace]:
-        """List the tables of all patches, patterns resolved in alphabetical order; the face itself where it is one map.
+    def maps(self, folder: Path) -> list[FileFace]:
+        """Return the table of each map: of every patch, patterns resolved in alphabetical order, or the face itself.
 
-        Raises PydanticCustomError: no file, or one besides patches, or fewer than two patches.
+        Raises
+        ------
+        InputError : no file, a file besides patches, or fewer than two patches.
         """
         if self.patches is None:
             if self.path is None:
-                raise fault("face.path", "none", "the file of the map, or patches")
+                raise InputError("face.path", "none", "the file of the map, or patches")
             return [self]
         if self.path is not None:
-            raise fault("face.path", "a file besides patches", "one of them")
-        found = []
-        for patch in self.patches:
-            if patch.path is None:
-                raise fault("face.patches", "a patch without path", "a path in every patch")
-            own = {key: getattr(patch, key) for key in patch.model_fields_set}
-            name, paths = str(patch.path), [patch.path]
-            if glob.has_magic(name) and "\0" not in name:
-                paths = [Path(path) for path in sorted(glob.glob(name, root_dir=folder))]
-            found += [
-                self.model_copy(update={**own, "patches": None, "path": path}) for path in paths
-            ]
-        if len(found) < 2:
+            raise InputError("face.path", "a file besides patches", "one of them")
+        maps = [
+            self._patch(patch, path) for patch in self.patches for path in _paths_of(patch, folder)
+        ]
+        if len(maps) < 2:
             names = ", ".join(str(patch.path) for patch in self.patches)
-            given = f"'{shortened(names)}', which is {'one file' if found else 'no file'}"
-            raise fault("face.patches", given, "at least two; path for a single one")
-        return found
+            count = "one file" if maps else "no file"
+            given = f"'{shortened(names)}', which is {count}"
+            raise InputError("face.patches", given, "at least two; path for a single one")
+        return maps
 
-    def make(self, folder: Path, rng: np.random.Generator) -> MadeFace:
-        """The face, of one map, its instrument, and notes on its file."""
-        given = self.model_dump(exclude={"kind", "path", "patches", "mask", *_PLACEMENT})
-        path, mask = folder / (self.path or ""), None if self.mask is None else folder / self.mask
+    def _patch(self, patch: MapFile, path: Path) -> FileFace:
+        """Return the table of one patch: the keys of the face, replaced by those that the patch gives."""
+        keys = {name: getattr(patch, name) for name in patch.model_fields_set}
+        return self.model_copy(update={**keys, "patches": None, "path": path})
+
+    def make(self, folder: Path, rng: np.random.Generator) -> FaceMap:
+        """Read the surface, which is a single map.
+
+        Raises
+        ------
+        InputError : the file or the mask cannot be read; its key comes before its path.
+        """
+        arguments = self.model_dump(exclude={"kind", "path", "patches", "mask", *_PLACEMENT})
+        path = folder / (self.path or "")
+        mask = None if self.mask is None else folder / self.mask
         try:
-            look = read_measured(path, mask=mask, **given)
-        except InputError as error:  # of a file, which it names
-            keys = (
-                f"{key}, "
-                for key, file in (("path", path), ("mask", mask))
-                if error.what.startswith(str(file))
-            )
-            raise InputError(next(keys, "") + error.what, error.given, error.expected) from None
-        notes = tuple(f"{path.name}: {note}" for note in look.notes)
-        return MadeFace(look.topography, look.instrument, notes)
+            measured = read_measured(path, mask=mask, **arguments)
+        except InputError as error:
+            for name, file in (("path", path), ("mask", mask)):
+                if error.what.startswith(str(file)):
+                    what = f"{name}, {error.what}"
+                    raise InputError(what, error.given, error.expected) from None
+            raise
+        notes = tuple(f"{path.name}: {note}" for note in measured.notes)
+        return FaceMap(measured.topography, measured.instrument, notes)
+
+
+def _paths_of(patch: MapFile, folder: Path) -> list[Path]:
+    """Return the paths of a patch: its own, or those that match its pattern."""
+    if patch.path is None:
+        raise InputError("face.patches", "a patch without path", "a path in every patch")
+    pattern = str(patch.path)
+    if glob.has_magic(pattern) and "\0" not in pattern:
+        return [Path(path) for path in sorted(glob.glob(pattern, root_dir=folder))]
+    return [patch.path]
 
 
 _PLACEMENT = {"mirror", "rotate", "shift"}
@@ -281,7 +296,7 @@ Face = Annotated[TurnedFace | SelfAffineFace | FileFace, Field(discriminator="ki
 
 
 class SurfaceTable(Table):
-    """Repair of measured faces and conditioning of their sum, see `topography.conditioning`."""
+    """Repair of measured surfaces and conditioning of the sum of both faces, see `topography.conditioning`."""
 
     spikes: Threshold = key(
         "robust deviations from which isolated points of files are filled; `inf`: none", SPIKES
@@ -297,7 +312,7 @@ class SurfaceTable(Table):
         None,
         example="8 um",
     )
-    max_undefined: Ratio = key("largest fraction of undefined points that may be filled", 0.05)
+    max_undefined: Fraction = key("largest fraction of undefined points that may be filled", 0.05)
     points: tuple[Count, Count] | None = key(
         "another grid; of a file, 8 pixels for the shortest wave measured unless given",
         None,

@@ -1,6 +1,6 @@
-"""The table [load] of a case: pressures or forces of the cycle, and maps of the pressure over the seal.
+"""Table [load] of a case: pressures or forces of the load cycle, and maps of the contact pressure over the seal.
 
-To add a kind of map, write a table with `make` and put it into `AnyMapTable`.
+To add a kind of map, write a table and add it to `AnyMapTable` and `_MAPS`.
 """
 
 from __future__ import annotations
@@ -17,62 +17,80 @@ from pydantic import (
     WithJsonSchema,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
+from ..base import InputError
 from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, Profile, Uniform
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
-from .faults import fault, faults_of, refusal
-from .values import (
+from .faults import unusable
+from .quantities import (
     Amount,
     Angle,
     Count,
-    MadeTable,
-    Place,
+    Position,
     Quantity,
     Relaxation,
-    Table,
-    Usual,
-    key,
+    UsualRange,
     quantity_schema,
     value_of,
 )
+from .tables import ParameterTable, Table, key
 
-#: No cycle is longer [load steps].
+#: Largest number of load steps.
 _MOST_STEPS = 10_000
-_ALLOWED = "a pressure >= 0, such as '300 MPa', or a force on the seal, '10 kN', or on its length, '200 N/mm'"
+_EXPECTED_LOAD = (
+    "a pressure >= 0, such as '300 MPa', or a force on the seal, '10 kN', or on its length, "
+    "'200 N/mm'"
+)
 
 
-def _load(value: Any) -> Amount:
-    """A pressure, a force or a force per length, whichever the unit says."""
+def _read_load(value: Any) -> Amount:
+    """Return a pressure, a force or a force per length, depending on the unit."""
     if isinstance(value, Amount):
         return value
-    unit = next(
-        (unit for unit in LOAD_UNITS if value_of({"load": value}, "load", unit) is not None), "Pa"
-    )
+    unit = _unit_of_load(value)
+    if unit is None:
+        raise _unusable_load(value)
+    quantity = Quantity(unit, lambda load: load >= 0, _EXPECTED_LOAD)
+    return Amount(quantity.read(value), unit)
+
+
+def _unit_of_load(value: Any) -> str | None:
+    """Return the unit in SI of text that is a load, None of anything else."""
+    for unit in LOAD_UNITS:
+        if value_of({"load": value}, "load", unit) is not None:
+            return unit
+    return None
+
+
+def _unusable_load(value: Any) -> InputError:
+    """Return the error of a value that is no load; it is that of a pressure if that says more, as of a comma."""
     try:
-        return Amount(Quantity(unit, lambda x: x >= 0, _ALLOWED).read(value), unit)
-    except PydanticCustomError as error:
-        # as of a pressure, such as with a decimal comma, but where the unit is unknown
-        known = not str(error).startswith("text with a number and a unit of the kind")
-        raise error if known else refusal(_ALLOWED) from None
+        Quantity("Pa", lambda load: True, _EXPECTED_LOAD).read(value)
+    except InputError as error:
+        if not error.expected.startswith("text with a number and a unit"):
+            return error
+    return unusable(_EXPECTED_LOAD)
 
 
-#: A pressure or force; in the echo of a case a number of pressure or a text of force.
+def _write_load(load: Amount) -> float | str:
+    """Return a load as plain data: a pressure as a number, a force as text."""
+    return float(load) if load.unit == "Pa" else f"{float(load)!r} {load.unit}"
+
+
+#: A pressure or a force.
 Load = Annotated[
     float,
-    PlainValidator(_load),
-    PlainSerializer(
-        lambda load: float(load) if load.unit == "Pa" else f"{float(load)!r} {load.unit}"
-    ),
-    WithJsonSchema(quantity_schema(_ALLOWED)),
-    Usual(1e3, 2e10, "Pa"),
-    Usual(1e-3, 1e8, "N"),
-    Usual(1.0, 1e8, "N/m"),
+    PlainValidator(_read_load),
+    PlainSerializer(_write_load),
+    WithJsonSchema(quantity_schema(_EXPECTED_LOAD)),
+    UsualRange(1e3, 2e10, "Pa"),
+    UsualRange(1e-3, 1e8, "N"),
+    UsualRange(1.0, 1e8, "N/m"),
 ]
-Fraction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-
+#: Pressure over the mean pressure.
+PressureRatio = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 _MAPS: dict[str, Callable[..., Any]] = {
     "uniform": Uniform,
@@ -82,11 +100,10 @@ _MAPS: dict[str, Callable[..., Any]] = {
 }
 
 
-class MapTable(MadeTable):
+class MapTable(ParameterTable):
     """A map of the contact pressure over the seal, see `seal.pressure_map`."""
 
     makers = _MAPS
-    place = "load.map"
     kind: str
     at: Load | None = key("load at which one of several maps holds", None, example="200 MPa")
 
@@ -97,7 +114,6 @@ class UniformMap(MapTable):
     kind: Literal["uniform"]
 
 
-#: In equal strips or at given places.
 _FRACTIONS = "pressures over their mean"
 
 
@@ -105,8 +121,8 @@ class ProfileMap(MapTable):
     """Pressure from the inlet to the outlet, see `seal.pressure_map.Profile`."""
 
     kind: Literal["profile"]
-    fractions: tuple[Fraction, ...] = key(_FRACTIONS, example=[1, 3], since="0.2")
-    positions: tuple[Place, ...] = key(
+    fractions: tuple[PressureRatio, ...] = key(_FRACTIONS, example=[1, 3], since="0.2")
+    positions: tuple[Position, ...] = key(
         "of the fractions across the seal, on a ring radii", (), example=["10 mm", "12 mm"]
     )
 
@@ -115,7 +131,7 @@ class AngleMap(MapTable):
     """Pressure around the seal, see `seal.pressure_map.AngleTable`."""
 
     kind: Literal["angle"]
-    fractions: tuple[Fraction, ...] = key(_FRACTIONS, example=[1.3, 0.8], since="0.2")
+    fractions: tuple[PressureRatio, ...] = key(_FRACTIONS, example=[1.3, 0.8], since="0.2")
     angles: tuple[Angle, ...] = key(
         "of the fractions around the seal", (), example=["0 deg", "30 deg"]
     )
@@ -130,14 +146,18 @@ class FieldMap(MapTable):
     name: str = key("of the array, or of the column", "pressure")
     length_unit: str = key("of the coordinates", example="mm")
     pressure_unit: str = key("of the pressures", example="MPa")
-    place = ""  # the file is read once the case is prepared
+    is_checked = False  # the file is read when the case is prepared
 
 
 AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(discriminator="kind")]
 
 
+def _as_list(value: Any) -> Any:
+    return [value] if isinstance(value, dict) else value
+
+
 class LoadTable(Table):
-    """Loads of the cycle, see `loads.LoadProgramme`: nominal pressures, or forces on the seal."""
+    """Loads of the load cycle, see `loads.LoadProgramme`: nominal pressures, or forces on the seal."""
 
     loading: tuple[Load, ...] = key(
         "loads in assembly, rising",
@@ -162,78 +182,105 @@ class LoadTable(Table):
         example=0.1,
         since="0.2",
     )
-    map: Annotated[
-        tuple[AnyMapTable, ...] | None,
-        BeforeValidator(lambda given: [given] if isinstance(given, dict) else given),
-    ] = key("shape of the contact pressure over a drawn seal; several hold at their loads", None)
+    map: Annotated[tuple[AnyMapTable, ...] | None, BeforeValidator(_as_list)] = key(
+        "shape of the contact pressure over the seal; several hold at their loads", None
+    )
 
     @model_validator(mode="after")
-    def _one_kind(self) -> LoadTable:
-        """Raise a fault if loads are of several kinds, or several maps have no rising loads."""
-        loads = [*self.loading, *self.unload_from, *self.unloading]
-        at = [one.at for one in self.map or () if one.at is not None]
-        units = dict.fromkeys(getattr(load, "unit", "Pa") for load in [*loads, *at])
+    def _check_units(self) -> LoadTable:
+        """Raise an InputError unless all loads are of one kind."""
+        loads = [*self.loading, *self.unload_from, *self.unloading, *self._map_loads]
+        units = dict.fromkeys(_unit_in(load) for load in loads)
         if len(units) > 1:
-            raise refusal(f"loads of one kind, not {' and '.join(units)}")
-        several = self.map is not None and len(self.map) != 1
-        if several and (not at or len(at) < len(self.map or ()) or at != sorted({*at})):
-            expected = "one table `map`, or several that all have `at`, and whose `at` rise"
-            raise refusal(expected)
+            raise unusable(f"loads of one kind, not {' and '.join(units)}")
         return self
 
     @model_validator(mode="after")
-    def _programme(self) -> LoadTable:
-        """Raise a fault if the loads are no programme: they rise, and are unloaded from peaks that they reach."""
+    def _check_maps(self) -> LoadTable:
+        """Raise an InputError unless there is one map, or several at rising loads."""
+        if self.map is None or len(self.map) == 1:
+            return self
+        loads = self._map_loads
+        is_rising = loads == sorted(set(loads))
+        if not self.map or len(loads) < len(self.map) or not is_rising:
+            raise unusable("one table `map`, or several that all have `at`, and whose `at` rise")
+        return self
+
+    @model_validator(mode="after")
+    def _check_programme(self) -> LoadTable:
+        """Raise an InputError unless the loads rise, and are unloaded from peaks that they reach."""
         if self.steps > _MOST_STEPS:
-            raise fault("load", f"{self.steps} steps", f"at most {_MOST_STEPS} steps")
-        with faults_of("load"):
-            LoadProgramme.of(**self.pressures(1.0, 1.0))
+            raise InputError("", f"{self.steps} steps", f"at most {_MOST_STEPS} steps")
+        LoadProgramme.of(**self.pressures(1.0, 1.0))
         return self
 
     @property
     def unit(self) -> str:
-        """ "Pa", "N" or "N/m", of all loads."""
-        return str(getattr(self.loading[0], "unit", "Pa"))
+        """Unit of all loads: "Pa", "N" or "N/m"."""
+        return _unit_in(self.loading[0])
 
     @property
     def highest(self) -> float:
-        """The highest load, in its unit."""
+        """Highest load, in `unit`."""
         return max((*self.loading, *self.unload_from))
 
     @property
     def peaks(self) -> tuple[float, ...]:
-        """Loads from which the seal is unloaded; with relaxation and without `unload_from` all."""
-        return self.unload_from or (
-            tuple(p for p in self.loading if p > 0) if self.relaxation else ()
-        )
+        """Loads from which the seal is unloaded; with relaxation, all loads unless `unload_from` is given."""
+        if self.unload_from or not self.relaxation:
+            return self.unload_from
+        return tuple(load for load in self.loading if load > 0)
 
     @property
     def steps(self) -> int:
-        """Number of load steps, at most."""
-        stops = len(self.unloading) + (len(self.peaks) if self.relaxation else 0)
-        return len(self.loading) + len(self.peaks) * (1 + stops)
+        """Largest possible number of load steps."""
+        steps_per_peak = 1 + len(self.unloading)
+        if self.relaxation:
+            steps_per_peak += len(self.peaks)
+        return len(self.loading) + len(self.peaks) * steps_per_peak
+
+    @property
+    def _map_loads(self) -> list[float]:
+        return [table.at for table in self.map or () if table.at is not None]
 
     def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:
-        """Nominal pressures [Pa] of a seal of an area [m²] and a length [m]: `loading`, `unload_from`, `unloading`."""
-        pressure = self._pressure(area, length)
-        loading, peaks, stops = (
-            tuple(map(pressure, loads)) for loads in (self.loading, self.peaks, self.unloading)
+        """Return the nominal pressures of the load cycle [Pa], as `LoadProgramme.of` takes them.
+
+        Parameters
+        ----------
+        area : of the seal [m²].
+        length : of the seal [m].
+        """
+        loading, peaks, unloading = (
+            tuple(self._pressure(load, area, length) for load in loads)
+            for loads in (self.loading, self.peaks, self.unloading)
         )
         if self.relaxation:
-            stops = tuple(
-                sorted({*stops, *(relaxed(p, self.relaxation) for p in peaks)}, reverse=True)
-            )
-        return {"loading": loading, "unload_from": peaks, "unloading": stops}
+            after_relaxation = {relaxed(peak, self.relaxation) for peak in peaks}
+            unloading = tuple(sorted(after_relaxation | set(unloading), reverse=True))
+        return {"loading": loading, "unload_from": peaks, "unloading": unloading}
 
     def pressure_map(self, folder: Path, area: float, length: float) -> AnyMap:
-        """The map of the pressure over such a seal; files are relative to the folder."""
+        """Return the map of the contact pressure over the seal.
+
+        Parameters
+        ----------
+        folder : to which paths are relative.
+        area : of the seal [m²].
+        length : of the seal [m].
+        """
         if not self.map:
             return Uniform()
-        maps = tuple(one.make(folder) for one in self.map)
-        if len(maps) == 1 and self.map[0].at is None:
+        maps = tuple(table.make(folder) for table in self.map)
+        if not self._map_loads:
             return maps[0]
-        pressure = self._pressure(area, length)
-        return MapsAtLoads(tuple(pressure(one.at) for one in self.map if one.at is not None), maps)
+        pressures = tuple(self._pressure(load, area, length) for load in self._map_loads)
+        return MapsAtLoads(pressures, maps)
 
-    def _pressure(self, area: float, length: float) -> Callable[[float], float]:
-        return lambda load: nominal_pressure(float(load), self.unit, area=area, length=length)
+    def _pressure(self, load: float, area: float, length: float) -> float:
+        return nominal_pressure(float(load), self.unit, area=area, length=length)
+
+
+def _unit_in(load: float) -> str:
+    """Return the unit of a load; a plain number is a pressure."""
+    return str(getattr(load, "unit", "Pa"))

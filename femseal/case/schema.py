@@ -1,58 +1,80 @@
-"""JSON schema of the case file, for editors that check and complete it while it is written."""
+"""JSON schema of the case file, with which editors check and complete it while it is written."""
 
 from typing import Any
 
 from .case import Case
 from .faults import INTERNAL
 
+#: Entries of pydantic's schema that editors do not need; defaults are in SI, and not as a case gives them.
+_LEFT_OUT = ("title", "default", "discriminator", "start", "since", "instead", "needed")
+_DRAFT = "http://json-schema.org/draft-07/schema#"
+
 
 def case_schema() -> dict[str, Any]:
-    """Schema (draft 7, which editors know) of a case file: its tables, keys and kinds of values.
+    """Return the schema of a case file: its tables, its keys, and the types of their values.
 
-    Rules between keys and ranges of quantities are not in the schema; `load_case` checks them.
+    It is of draft 7, which editors know. Rules between keys, and ranges of quantities, are checked by `load_case`.
     """
     schema = Case.model_json_schema(ref_template="#/definitions/{model}")
     schema["definitions"] = schema.pop("$defs")
     for name in INTERNAL:
         del schema["properties"][name]
-    # what a name fills in need not be given, nor the kind of a face with a path or of a strip, nor pressures at inlets
     fluids = schema["properties"]["fluid"]["oneOf"]
-    kinds = [option["$ref"].split("/")[-1] for option in fluids]
-    for name in (*kinds, "SolidTable", "FileFace", "RectangularLayoutTable"):
-        del schema["definitions"][name]["required"]
-    tables = schema["properties"], schema["definitions"]["OutputTable"]["properties"]
-    for table, key in zip(tables, ("fluid", "test_fluid"), strict=True):
-        table[key] = {"anyOf": fluids}
-    draft = {"$schema": "http://json-schema.org/draft-07/schema#"}
-    return draft | _plain(schema) | {"title": "femseal case"}
+    fluid_tables = [option["$ref"].rpartition("/")[2] for option in fluids]
+    # names fill in the keys of fluids and solids, and the kind of a face or a seal can be left out
+    for table in (*fluid_tables, "SolidTable", "FileFace", "RectangularLayoutTable"):
+        del schema["definitions"][table]["required"]
+    output = schema["definitions"]["OutputTable"]
+    for properties, key in ((schema["properties"], "fluid"), (output["properties"], "test_fluid")):
+        properties[key] = {"anyOf": fluids}
+    return {"$schema": _DRAFT} | _simplify(schema) | {"title": "femseal case"}
 
 
-def _plain(node: Any, names: bool = False) -> Any:
-    """Schema as TOML has it: no null, pairs of one kind as lists, and neither titles nor defaults, which are in SI."""
+def _simplify(node: Any) -> Any:
+    """Simplify a schema: no null, which TOML does not have, and pairs as lists."""
     if isinstance(node, list):
-        return [_plain(n) for n in node]
+        return [_simplify(item) for item in node]
     if not isinstance(node, dict):
         return node
-    if names:  # keys of a table may have the same names as words of the schema
-        return {key: _plain(value) for key, value in node.items()}
-    left_out = ("title", "default", "discriminator", "start", "since", "instead", "needed")
-    tables = ("properties", "definitions")
-    kept = {key: _plain(value, key in tables) for key, value in node.items() if key not in left_out}
-    if "prefixItems" in kept:
-        items = kept.pop("prefixItems")
-        kept["items"] = items[0] if all(i == items[0] for i in items) else {"anyOf": items}
-    if "anyOf" in kept:
-        options = [o for o in kept.pop("anyOf") if o != {"type": "null"}]
-        only = options[0] if len(options) == 1 else {"anyOf": options}
-        kept = only | kept | _said(kept.get("description"), only.get("description"))
-    kept |= _said(kept.get("description"), kept.pop("expected", None))
-    items = kept.get("items", {})
-    if "$ref" in items or "oneOf" in items:  # a single table needs no list
-        kept = {"anyOf": [items, kept]} | _said(kept.pop("description", None))
-    return kept
+    simplified: dict[str, Any] = {}
+    for word, value in node.items():
+        if word in (
+            "properties",
+            "definitions",
+        ):  # whose keys are names, and no words of the schema
+            simplified[word] = {name: _simplify(inner) for name, inner in value.items()}
+        elif word not in _LEFT_OUT:
+            simplified[word] = _simplify(value)
+    if "prefixItems" in simplified:
+        simplified["items"] = _items_of_pair(simplified.pop("prefixItems"))
+    if "anyOf" in simplified:
+        simplified = _without_null(simplified)
+    expected = simplified.pop("expected", None)
+    simplified |= _description(simplified.get("description"), expected)
+    items = simplified.get("items", {})
+    if "$ref" in items or "oneOf" in items:
+        # a single table can stand in place of a list of tables
+        description = _description(simplified.pop("description", None))
+        return {"anyOf": [items, simplified]} | description
+    return simplified
 
 
-def _said(*texts: Any) -> dict[str, str]:
-    """The description of a key: what it means, then what it may be."""
-    said = dict.fromkeys(text for text in texts if text)
-    return {"description": "; ".join(said)} if said else {}
+def _items_of_pair(items: list[Any]) -> Any:
+    """Return the schema of the items of a pair, which draft 7 knows as a list."""
+    are_equal = all(item == items[0] for item in items)
+    return items[0] if are_equal else {"anyOf": items}
+
+
+def _without_null(node: dict[str, Any]) -> dict[str, Any]:
+    """Remove null from the alternatives of a schema; a single one that remains is merged into it."""
+    options = [option for option in node["anyOf"] if option != {"type": "null"}]
+    others = {word: value for word, value in node.items() if word != "anyOf"}
+    merged = options[0] if len(options) == 1 else {"anyOf": options}
+    description = _description(node.get("description"), merged.get("description"))
+    return merged | others | description
+
+
+def _description(*texts: str | None) -> dict[str, str]:
+    """Join what a key means and what values it can have to a description, without repetition."""
+    different = dict.fromkeys(text for text in texts if text)
+    return {"description": "; ".join(different)} if different else {}

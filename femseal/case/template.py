@@ -1,4 +1,7 @@
-"""A new case, in which every key stands with a value or an example, as the tables declare them."""
+"""The text of a new case, and questions about the keys of tables that it, the messages and the page of keys ask.
+
+A new case shows every key with a value or an example, as `tables.key` declares them.
+"""
 
 import json
 import textwrap
@@ -9,73 +12,61 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from .faults import INTERNAL
-from .values import Quantity, Table, parts
+from .quantities import Quantity
+from .tables import Table, type_parts
 
 _HEAD = """\
 # A femseal case. Quantities are text with their unit; lines that start with # are optional and show the default
 # or a possible value. x1 is the direction of the leakage, x2 runs along the seal.
 """
-#: Columns of a value, and of a line.
-_VALUE, _LINE = 35, 120
+#: Width of a key with its value, and of a line, in characters.
+_VALUE_WIDTH, _LINE_WIDTH = 35, 120
 
-
-@cache
-def case_template(case: type[Table]) -> str:
-    """Text of a case that is valid as it stands; what is commented out is valid table by table."""
-    fields = keys_of(case)
-    plain = [_row(name, field, live=True) for name, field in fields.items() if not tables_in(field)]
-    blocks = ["".join(plain)]
-    seen: list[type[Table]] = []
-    for name, field in fields.items():
-        blocks += _blocks(name, field, seen)
-    return "\n".join([_HEAD, *blocks])
-
-
-@cache
-def table_to_paste(case: type[Table], name: str) -> str:
-    """A table of a new case without its comments, "" of one that it does not have."""
-    field = keys_of(case)[name]
-    if not tables_in(field) or not field.is_required():
-        return ""
-    keys = {key: one for key, one in keys_of(tables_in(field)[0]).items() if _is_live(one)}
-    return "\n".join([f"[{name}]", *map(_pair, keys, map(example, keys.values()))])
-
-
-def _pair(key: str, value: Any) -> str:
-    return f"{key} = {as_toml(value)}"
+# --- values as TOML ---------------------------------------------------------------------------------------------
 
 
 def as_toml(value: Any) -> str:
-    """A value of a TOML file, a table on one line."""
+    """Return a value as text of TOML; a table is on one line."""
     if isinstance(value, dict):
-        return f"{{{', '.join(map(_pair, map(bare_key, value), value.values()))}}}"
+        pairs = (_pair(bare_key(name), item) for name, item in value.items())
+        return f"{{{', '.join(pairs)}}}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(as_toml, value)) + "]"
+        return f"[{', '.join(map(as_toml, value))}]"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value)
 
 
 def bare_key(name: str) -> str:
-    """A key of a TOML file, in quotes where it has to be."""
-    plain = name.replace("_", "").replace("-", "").isalnum() and name.isascii()
-    return name if plain else json.dumps(name)
+    """Return a key as text of TOML, in quotes if it needs them."""
+    is_plain = name.replace("_", "").replace("-", "").isalnum() and name.isascii()
+    return name if is_plain else json.dumps(name)
+
+
+def _pair(name: str, value: Any) -> str:
+    return f"{name} = {as_toml(value)}"
+
+
+# --- keys of tables ---------------------------------------------------------------------------------------------
 
 
 def keys_of(table: type[Table]) -> dict[str, FieldInfo]:
-    """The keys of a table, its kind first."""
+    """Return the keys of a table, `kind` first."""
     keys = {name: field for name, field in table.model_fields.items() if name not in INTERNAL}
-    return {name: keys[name] for name in sorted(keys, key=lambda name: name != "kind")}
+    kind = {"kind": keys.pop("kind")} if "kind" in keys else {}
+    return kind | keys
 
 
-def told(field: FieldInfo, name: str) -> Any:
-    """What `values.key` was told of a key, None where it was not."""
+def declared(field: FieldInfo, argument: str) -> Any:
+    """Return an argument with which `tables.key` has declared a key, None if it has not."""
     extra = field.json_schema_extra
-    return extra.get(name) if isinstance(extra, dict) else None
+    return extra.get(argument) if isinstance(extra, dict) else None
 
 
 def example(field: FieldInfo) -> Any:
-    """A value of a key, as TOML has it; "" where none is known."""
+    """Return a value of a key as TOML has it, "" if none is known."""
     if field.examples:
         return field.examples[0]
     quantity = quantity_of(field)
@@ -87,32 +78,34 @@ def example(field: FieldInfo) -> Any:
 
 
 def choices(field: FieldInfo) -> list[Any]:
-    """The values that a key may have, where they are few and known."""
-    found = (part for part in parts(field.annotation) if get_origin(part) is Literal)
-    return list(dict.fromkeys(value for part in found for value in get_args(part)))
+    """Return the values that a key can have, if they are enumerated."""
+    literals = [part for part in type_parts(field.annotation) if get_origin(part) is Literal]
+    values = (value for literal in literals for value in get_args(literal))
+    return list(dict.fromkeys(values))
 
 
 def quantity_of(field: FieldInfo) -> Quantity | None:
-    """The quantity of a key; None where it has none, or several of different units."""
-    every = (*field.metadata, *parts(field.annotation))
-    found = [one for one in every if isinstance(one, Quantity)]
-    return found[0] if len({one.unit for one in found}) == 1 else None
+    """Return the quantity of a key; None if it has none, or several with different units."""
+    annotations = (*field.metadata, *type_parts(field.annotation))
+    quantities = [part for part in annotations if isinstance(part, Quantity)]
+    units = {quantity.unit for quantity in quantities}
+    return quantities[0] if len(units) == 1 else None
 
 
 def tables_in(field: FieldInfo) -> list[type[Table]]:
-    """The tables that the value of a key may be."""
-    types = (one for one in parts(field.annotation) if isinstance(one, type))
-    return list(dict.fromkeys(one for one in types if issubclass(one, Table)))
+    """Return the tables that the value of a key can be."""
+    classes = (part for part in type_parts(field.annotation) if isinstance(part, type))
+    return list(dict.fromkeys(cls for cls in classes if issubclass(cls, Table)))
 
 
 def kind_of(table: type[Table]) -> str | None:
-    """The kind of a table that has one."""
+    """Return the value of `kind` for a table, None if it has no such key."""
     field = table.model_fields.get("kind")
     return None if field is None else str(choices(field)[0])
 
 
 def summary(table: type[Table]) -> str:
-    """What a table is, in a phrase of its docstring."""
+    """Return a phrase from the docstring of a table that says what it is."""
     text = " ".join((table.__doc__ or "").split())
     text = text[:1].lower() + text[1:]
     for end in (":", ";", ".", ", see"):
@@ -120,49 +113,105 @@ def summary(table: type[Table]) -> str:
     return text
 
 
-def _is_live(field: FieldInfo) -> bool:
-    return field.is_required() or told(field, "start") is not None
+def _is_active(field: FieldInfo) -> bool:
+    """Return whether a key stands in a new case without a comment sign."""
+    return field.is_required() or declared(field, "start") is not None
 
 
-def _blocks(name: str, field: FieldInfo, seen: list[type[Table]]) -> Iterator[str]:
-    """A table of a case, one block for each of its kinds, and the tables in it."""
-    tables, shown = tables_in(field), set[Any]()
+# --- text of a new case -----------------------------------------------------------------------------------------
+
+
+@cache
+def case_template(case: type[Table]) -> str:
+    """Return the text of a new case.
+
+    It is valid as it stands, and remains so if a table in comments is made active.
+    """
+    keys = keys_of(case)
+    rows = [_row(name, field, True) for name, field in keys.items() if not tables_in(field)]
+    blocks = [_HEAD, "".join(rows)]
+    written: list[type[Table]] = []
+    for name, field in keys.items():
+        blocks += _table_blocks(name, field, written)
+    return "\n".join(blocks)
+
+
+@cache
+def table_to_paste(case: type[Table], name: str) -> str:
+    """Return a required table of a new case without its comments, "" for any other key."""
+    field = keys_of(case)[name]
+    tables = tables_in(field)
+    if not tables or not field.is_required():
+        return ""
+    pairs = [_pair(key, example(f)) for key, f in keys_of(tables[0]).items() if _is_active(f)]
+    return "\n".join([f"[{name}]", *pairs])
+
+
+def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> Iterator[str]:
+    """Yield the text of a table, one block for each of its kinds, and of the tables inside it.
+
+    Parameters
+    ----------
+    name : dotted key of the table.
+    field : its field.
+    written : tables that have been written before, of which only required keys are repeated; it is extended.
+    """
+    tables = tables_in(field)
+    meanings = set[Any]()
     for number, table in enumerate(tables):
         keys = keys_of(table)
-        first, only = number == 0, len(tables) == 1
-        starts = (first and field.is_required()) or (only and any(map(_is_live, keys.values())))
-        live = starts and table not in seen
-        rows = [_line(f"[{name}]", (field.description or "") if first else "", live)]
-        for key, one in keys.items():
-            is_table = bool(tables_in(one)) and not one.examples
-            told_already = table in seen or (key, one.description) in shown
-            if not is_table and (one.is_required() or not told_already):
-                meaning = summary(table) if key == "kind" else one.description
-                rows.append(_row(key, one, live, meaning))
+        is_repeated = table in written
+        is_only_kind = len(tables) == 1
+        is_used = (number == 0 and field.is_required()) or (
+            is_only_kind and any(map(_is_active, keys.values()))
+        )
+        is_active = is_used and not is_repeated
+        heading = (field.description or "") if number == 0 else ""
+        rows = [_line(f"[{name}]", heading, is_active)]
+        for key, inner in keys.items():
+            if tables_in(inner) and not inner.examples:
+                continue  # it has a block of its own
+            is_known = is_repeated or (key, inner.description) in meanings
+            if inner.is_required() or not is_known:
+                meaning = summary(table) if key == "kind" else inner.description
+                rows.append(_row(key, inner, is_active, meaning))
         yield "".join(rows)
-        shown |= {(key, one.description) for key, one in keys.items()}
-    inner = {key: one for table in tables for key, one in keys_of(table).items()}
-    for key, one in inner.items() if tables[:1] and tables[0] not in seen else ():
-        if tables_in(one) and not one.examples:
-            yield from _blocks(f"{name}.{key}", one, seen)
-    seen += tables
+        meanings |= {(key, inner.description) for key, inner in keys.items()}
+    if tables and tables[0] not in written:
+        inner_keys = {key: inner for table in tables for key, inner in keys_of(table).items()}
+        for key, inner in inner_keys.items():
+            if tables_in(inner) and not inner.examples:
+                yield from _table_blocks(f"{name}.{key}", inner, written)
+    written += tables
 
 
-def _row(name: str, field: FieldInfo, live: bool, meaning: str | None = None) -> str:
-    """The line of a key with its value and what it means."""
-    said = (meaning or field.description or "").replace("`", "")
-    if instead := told(field, "instead"):
-        said = f"in place of {instead}: {said}"
-    value, few = example(field), choices(field)
-    if others := ", ".join(as_toml(one) for one in few if one != value and name != "kind"):
-        said += f"; of {others}" if isinstance(value, list | tuple) else f"; or {others}"
+def _row(name: str, field: FieldInfo, is_active: bool, meaning: str | None = None) -> str:
+    """Return the line of a key, with its value and what it means."""
+    value = example(field)
+    comment = (meaning or field.description or "").replace("`", "")
+    instead = declared(field, "instead")
+    if instead:
+        comment = f"in place of {instead}: {comment}"
+    if name != "kind":
+        others = ", ".join(as_toml(choice) for choice in choices(field) if choice != value)
+        if others:
+            is_list = isinstance(value, list | tuple)
+            comment += f"; of {others}" if is_list else f"; or {others}"
     text = _pair(name, value)
-    apart = not _is_live(field) and (instead or told(field, "needed"))
-    return _line(f"  {text}" if apart else text, said, live and _is_live(field))
+    is_conditional = bool(instead or declared(field, "needed"))
+    if is_conditional and not _is_active(field):
+        text = f"  {text}"
+    return _line(text, comment, is_active and _is_active(field))
 
 
-def _line(text: str, said: str, live: bool) -> str:
-    text = text if live else f"# {text}"
-    notes = [f"# {line}\n" for line in textwrap.wrap(said, _LINE - _VALUE - 2)]
-    first = f"{text:<{_VALUE}}{notes.pop(0)}" if len(text) < _VALUE and notes else f"{text}\n"
-    return "".join([first, *(" " * _VALUE + note for note in notes)])
+def _line(text: str, comment: str, is_active: bool) -> str:
+    """Return text with a comment to its right, wrapped to several lines."""
+    if not is_active:
+        text = f"# {text}"
+    comments = [f"# {line}\n" for line in textwrap.wrap(comment, _LINE_WIDTH - _VALUE_WIDTH - 2)]
+    if comments and len(text) < _VALUE_WIDTH:
+        first = f"{text:<{_VALUE_WIDTH}}{comments.pop(0)}"
+    else:
+        first = f"{text}\n"
+    indent = " " * _VALUE_WIDTH
+    return first + "".join(indent + line for line in comments)

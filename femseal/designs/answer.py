@@ -11,7 +11,7 @@ from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versi
 from ..base.leak_rates import USUAL, LeakClass, check_classes, leak_classes
 from ..case.case import Case
 from ..case.reading import load_case
-from ..case.values import Amount
+from ..case.quantities import Amount
 from ..execution.run import no_progress
 from ..fluids import leak_basis
 from ..results import Results, open_results

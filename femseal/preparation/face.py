@@ -161,7 +161,7 @@ def _repaired_faces(
             spikes = inf
         with with_keys(FACE_KEYS, place):
             rng = np.random.default_rng(seeds[n])
-            maps = [one.make(case.folder, rng) for one in table.each(case.folder)]
+            maps = [one.make(case.folder, rng) for one in table.maps(case.folder)]
         with with_keys(SURFACE_KEYS | {"heights": place}):
             # a generated face is level, and its waves would be levelled
             order = 0 if detrend is None and not isinstance(table, FileFace) else detrend

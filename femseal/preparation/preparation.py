@@ -13,7 +13,7 @@ from typing import Any
 from ..base import Array, InputError, Mapper, to_text
 from ..budget import FormTolerance, ModelChange
 from ..case.case import Case
-from ..case.values import unusual
+from ..case.tables import unusual_values
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.form import SealForm
 from ..seal.layouts import AnnularLayout, Layout
@@ -296,7 +296,7 @@ def prepare(case: Case) -> Prepared:
             form_effect=effect,
             flatness=case.seal.flatness,
             warnings=(
-                *unusual(case),
+                *unusual_values(case),
                 *case.named_warnings,
                 *conditioning.reading,
                 *scene_warnings(scene),

@@ -17,7 +17,7 @@ from ..base import InputError, Shape, as_text, counted, duration, free_memory, t
 from ..base.machine import storing
 from ..budget import BudgetRequest, versions_of_budget
 from ..case.case import Case
-from ..case.case_tables import SolidTable
+from ..case.solid_table import SolidTable
 from ..case.faces import FileFace
 from ..materials import METALS
 from ..preparation.preparation import START_MEMORY, Prepared

@@ -27,7 +27,7 @@ from ..base.files import remove_foreign
 from ..base.machine import storing
 from ..budget import BudgetRequest, ErrorBudget, budgets_of
 from ..case.case import Case
-from ..case.case_tables import FILE_KEYS
+from ..case.output_table import FILE_KEYS
 from ..case.reading import load_case
 from ..execution.resuming import (
     alone_in,

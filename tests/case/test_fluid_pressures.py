@@ -12,7 +12,7 @@ import femseal as fs
 from femseal.base import to_si
 from femseal.base.quantities import absolute_pressure
 from femseal.case import case_schema, parse_case
-from femseal.case.filling import filled
+from femseal.case.completion import complete
 from femseal.preparation import prepare
 
 ATMOSPHERE, PSI = 101_325.0, 6894.757293168361
@@ -152,12 +152,12 @@ def test_of_inlets_of_a_mesh():
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "ambient_pressure": "1 bar"},
     }
     data["seal"]["inlet"] = {"bore": "10 bar(g)", "port": "4 bar"}
-    found = filled(data)
+    found = complete(data)
     assert found["seal"]["inlet"]["bore"] == found["fluid"]["inlet_pressure"] == 1.1e6
     assert found["seal"]["inlet"]["port"] == "4 bar"
     assert found["fluid"]["outlet_pressure"] == 1e5
     del data["fluid"]["ambient_pressure"]
-    assert filled(data)["fluid"]["outlet_pressure"] == ATMOSPHERE
+    assert complete(data)["fluid"]["outlet_pressure"] == ATMOSPHERE
     data["seal"]["inlet"]["port"] = "-4 bar(g)"
     with pytest.raises(
         fs.InputError, match=r"seal.inlet.port: given '-4 bar\(g\)', expected a pressure not below"

@@ -1,0 +1,398 @@
+"""Complete the tables of a case before they are validated.
+
+Names are replaced by the properties of the fluid or solid, gauge pressures by absolute ones, kinematic viscosities by
+dynamic ones, and former keys by the present ones; tables that the methods need are added. Values that cannot be used
+are left as they are, for the validation to report.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import fields
+from os.path import isfile
+from pathlib import Path
+from typing import Any
+
+from ..base import InputError, counted, shortened, shown, to_text
+from ..base.leak_rates import STANDARD_PRESSURE
+from ..base.quantities import absolute_pressure
+from ..fluids import FLUIDS
+from ..materials import HARDNESS_FACTOR, named_solid
+from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
+from ..seal.layouts import MeshLayout
+from ..seal.seal_files import columns_of, read_columns
+from .faults import inside
+from .quantities import Amount, in_si, value_of
+
+#: A table before validation.
+RawTable = dict[str, Any]
+
+#: Tables that are completed.
+_TABLES = (
+    "surface",
+    "material",
+    "counter_material",
+    "fluid",
+    "seal",
+    "seat",
+    "stochastic",
+    "output",
+)
+#: Former keys of [face] and their present names. They are read until the next version.
+_RENAMED_FACE_KEYS = {"places": "patches"}
+#: Ratio of a given property to that of the named fluid or solid beyond which a warning is given.
+_ODD_RATIO = 2.0
+#: Units of the properties of a named solid.
+_SOLID_UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
+#: Heading of a column in a file of hardness over depth.
+_COLUMN = re.compile(r"(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]$")
+HARDNESS_COLUMNS = (
+    "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
+)
+
+
+def complete(data: RawTable) -> RawTable:
+    """Return the data of a case with everything that it leaves out.
+
+    `named_warnings` in the returned data are warnings of renamed keys, and of properties that differ much from those of
+    a named fluid or solid.
+    """
+    # a value in place of a table is put back, so that its validation fails
+    no_tables = {name: data[name] for name in _TABLES if not isinstance(data.get(name, {}), dict)}
+    data = data | {name: {} for name in no_tables}
+    warnings: list[str] = []
+    data = _with_tables_for_methods(data)
+    data = _with_present_face_keys(data, warnings)
+    data = _with_complete_fluids(data, warnings)
+    for place in ("material", "counter_material"):
+        if place in data:
+            folder = Path(data.get("folder", "."))
+            data[place] = _complete_solid(data[place], place, folder, warnings)
+    if "face" in data:
+        data["face"] = as_tables(data["face"])
+    data["named_warnings"] = tuple(warnings)
+    return _with_detrending(data) | no_tables
+
+
+def as_tables(value: Any) -> Any:
+    """Return a list of tables from one table or several; a table with a path or patches gets the kind "file"."""
+    tables = [value] if isinstance(value, dict) else value
+    if not isinstance(tables, (list, tuple)):
+        return value
+    return [{"kind": "file", **table} if _names_files(table) else table for table in tables]
+
+
+def _names_files(table: Any) -> bool:
+    return isinstance(table, dict) and ("path" in table or "patches" in table)
+
+
+# --- methods and faces ------------------------------------------------------------------------------------------
+
+
+def _with_tables_for_methods(data: RawTable) -> RawTable:
+    """Add the method unless it is given, and the table [stochastic] if a method needs it.
+
+    With `accuracy` and without a method, the method is "stochastic" if the case has the table [stochastic] or a seal
+    with a length of its own, else "deterministic", which "auto" stands for as well.
+    """
+    seal_has_length = data.get("seal", {}).get("kind", "rectangular") != "rectangular"
+    is_face_alone = (
+        data.get("accuracy") is not None and "stochastic" not in data and not seal_has_length
+    )
+    method = data.get("method", "deterministic" if is_face_alone else "stochastic")
+    if method == "auto":
+        method = "deterministic"
+    compared = data.get("compare", ())
+    is_stochastic = method == "stochastic" or (
+        isinstance(compared, list) and "stochastic" in compared
+    )
+    added = {"stochastic": {}} if is_stochastic else {}
+    return added | data | {"method": method}
+
+
+def _with_present_face_keys(data: RawTable, warnings: list[str]) -> RawTable:
+    """Replace former keys of [face] by their present names, and add a warning for each."""
+    faces = data.get("face")
+    if isinstance(faces, dict):
+        return data | {"face": _with_present_keys(faces, warnings)}
+    if isinstance(faces, (list, tuple)):
+        return data | {"face": [_with_present_keys(face, warnings) for face in faces]}
+    return data
+
+
+def _with_present_keys(face: Any, warnings: list[str]) -> Any:
+    if not isinstance(face, dict):
+        return face
+    for former, present in _RENAMED_FACE_KEYS.items():
+        if former in face and present not in face:
+            value = face[former]
+            face = {name: face[name] for name in face if name != former} | {present: value}
+            warnings.append(
+                f"face.{former} is face.{present} now: the former name is read until the next version"
+            )
+    return face
+
+
+def least_detrend(kind: object) -> int:
+    """Return the least order of the form to remove from a measured surface on a seat of a kind.
+
+    The form of the seat would count twice if it remained in the measured surface.
+    """
+    return {"flat": 0, "tilted": 1}.get(str(kind), 2)
+
+
+def _with_detrending(data: RawTable) -> RawTable:
+    """Add the order of the form to remove from measured surfaces on a curved seat, unless it is given."""
+    faces = data.get("face")
+    is_measured = isinstance(faces, list) and any(
+        isinstance(face, dict) and face.get("kind") == "file" for face in faces
+    )
+    least = least_detrend(data.get("seat", {"kind": "flat"}).get("kind"))
+    if not is_measured or least < 2:  # the default removes a tilt
+        return data
+    return data | {"surface": {"detrend": least} | data.get("surface", {})}
+
+
+# --- fluids -----------------------------------------------------------------------------------------------------
+
+
+def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
+    """Complete the fluid and the test fluid: absolute pressures in Pa, and the properties of named fluids.
+
+    Gauge pressures count from `ambient_pressure` in [fluid]; those of a test fluid from its own one if it has one. If
+    there are gauge pressures, or an ambient pressure, an outlet without a pressure is at the ambient pressure. If the
+    inlets of a mesh have pressures of their own, the fluid gets the highest of them.
+    """
+    data = dict(data)
+    fluid, seal, output = data.get("fluid"), data.get("seal", {}), data.get("output", {})
+    ambient = value_of(fluid or {}, "ambient_pressure", "Pa")
+    inlets = seal.get("inlet")
+    if isinstance(inlets, dict):
+        absolute = {
+            name: _absolute(pressure, ambient, f"seal.inlet.{name}")
+            for name, pressure in inlets.items()
+        }
+        data["seal"] = {**seal, "inlet": absolute}
+        if fluid is not None and seal.get("kind") == MeshLayout.kind:
+            fluid = _with_highest_inlet(fluid, absolute)
+        if ambient is None and absolute != inlets:
+            ambient = STANDARD_PRESSURE
+    if fluid is not None:
+        fluid = _with_absolute_pressures(fluid, "fluid", ambient)
+        data["fluid"] = _complete_fluid(fluid, "fluid", warnings)
+    test_fluid = output.get("test_fluid")
+    if isinstance(test_fluid, dict):
+        place = "output.test_fluid"
+        test_fluid = _with_absolute_pressures(test_fluid, place, ambient)
+        data["output"] = {**output, "test_fluid": _complete_fluid(test_fluid, place, warnings)}
+    return data
+
+
+def _with_highest_inlet(fluid: RawTable, inlets: RawTable) -> RawTable:
+    """Give the table of a fluid the highest pressure of the inlets."""
+    if "inlet_pressure" in fluid:
+        pressure = shortened(repr(fluid["inlet_pressure"]), 60)
+        given = f"{pressure} beside the pressures of the inlets in seal.inlet"
+        raise InputError("fluid.inlet_pressure", given, "none there")
+    pressures = [value_of(inlets, name, "Pa", STANDARD_PRESSURE) for name in inlets]
+    highest = max(pressures, default=STANDARD_PRESSURE)
+    return {**fluid, "inlet_pressure": Amount(highest, "Pa")}
+
+
+def _with_absolute_pressures(fluid: RawTable, place: str, ambient: float | None) -> RawTable:
+    """Make the pressures of a fluid absolute.
+
+    Parameters
+    ----------
+    fluid : its table.
+    place : key of the table in the case.
+    ambient : ambient pressure [Pa] if the table has none; None if it is not given anywhere.
+    """
+    ambient = value_of(fluid, "ambient_pressure", "Pa", ambient)
+    given = {key: fluid[key] for key in ("inlet_pressure", "outlet_pressure") if key in fluid}
+    absolute = {key: _absolute(value, ambient, f"{place}.{key}") for key, value in given.items()}
+    if ambient is None and absolute == given:
+        return fluid
+    surroundings = Amount(STANDARD_PRESSURE if ambient is None else ambient, "Pa")
+    defaults = {"ambient_pressure": surroundings, "outlet_pressure": surroundings}
+    return {**defaults, **fluid, **absolute}
+
+
+def _absolute(value: Any, ambient: float | None, place: str) -> Any:
+    """Return a pressure that is marked as gauge or absolute in Pa, any other value as it is."""
+    reference = STANDARD_PRESSURE if ambient is None else ambient
+    pressure = absolute_pressure(value, reference, place)
+    return value if pressure is None else Amount(pressure, "Pa")
+
+
+def _complete_fluid(fluid: RawTable, place: str, warnings: list[str]) -> RawTable:
+    """Return the table of a fluid with a dynamic viscosity, and with the properties of a named fluid.
+
+    Parameters
+    ----------
+    fluid : its table.
+    place : key of the table in the case.
+    warnings : a warning is added for each given value that differs much from that of the named fluid.
+    """
+    if "name" not in fluid:
+        return _with_dynamic_viscosity(fluid, place)
+    temperature = _temperature(fluid, place)
+    outlet = value_of(fluid, "outlet_pressure", "Pa", STANDARD_PRESSURE)
+    inlet = value_of(fluid, "inlet_pressure", "Pa", outlet)
+    with inside(place):
+        if fluid.get("kind") == RealGas.kind:
+            RealGas(fluid["name"], temperature)  # raises an error for an unknown name
+            return fluid
+        named = named_fluid(fluid["name"], temperature, (inlet, outlet))
+    kind = fluid.get("kind", named.kind)
+    if not isinstance(kind, str) or kind not in FLUIDS:
+        return fluid
+    units = {
+        field.name: field.metadata["unit"]
+        for field in fields(FLUIDS[kind])
+        if "unit" in field.metadata
+    }
+    properties = {
+        key: Amount(value, units[key]) for key, value in named.parameters.items() if key in units
+    }
+    # the temperature of a named liquid chooses its properties, and is not one of its keys
+    given = {key: value for key, value in fluid.items() if key != "temperature" or key in units}
+    density = named.parameters.get("density")
+    given = _with_dynamic_viscosity({"kind": kind, **given}, place, density)
+    if kind != named.kind:
+        warnings.append(
+            f"{place}.kind {kind} stands for {fluid['name']}, which is of kind {named.kind}: leave it out"
+        )
+    warnings += _odd_properties(given, properties, place)
+    return {**properties, **given}
+
+
+def _with_dynamic_viscosity(
+    fluid: RawTable, place: str, named_density: float | None = None
+) -> RawTable:
+    """Replace a kinematic viscosity by the dynamic one.
+
+    Parameters
+    ----------
+    fluid : table of the fluid.
+    place : key of the table in the case.
+    named_density : density of the named fluid [kg/m³], if the table has none.
+
+    Raises
+    ------
+    InputError : the fluid is a gas, or its density is unknown.
+    """
+    kinematic = value_of(fluid, "viscosity", "m^2/s")
+    if kinematic is None:
+        return fluid
+    kind = fluid.get("kind", "liquid")
+    is_gas = isinstance(kind, str) and hasattr(FLUIDS.get(kind), "reference_pressure")
+    density = named_density
+    if "density" in fluid:
+        density = value_of(fluid, "density", "kg/m^3", 1.0)
+    expected = ""
+    if is_gas:
+        expected = "a dynamic viscosity of a gas, such as '18 uPa*s'"
+    elif density is None:
+        expected = (
+            "a density beside a kinematic viscosity, such as '870 kg/m^3'; or a dynamic one, "
+            "such as '1 mPa*s'"
+        )
+    if density is None or expected:
+        raise InputError(f"{place}.viscosity", shown(fluid["viscosity"]), expected)
+    dynamic = kinematic * density
+    return {**fluid, "viscosity": Amount(dynamic, "Pa*s")} if dynamic > 0 else fluid
+
+
+def _temperature(fluid: RawTable, place: str) -> float:
+    """Return the temperature of a named fluid [K], 20 °C unless given.
+
+    It is checked here because a liquid has no key for it.
+    """
+    if "temperature" not in fluid:
+        return TABLE_TEMPERATURE
+    key, text = f"{place}.temperature", fluid["temperature"]
+    try:
+        temperature = in_si(text, "K", "20 °C")
+    except InputError as error:
+        raise InputError(key, error.given, error.expected) from None
+    if temperature <= 0:
+        expected = "a temperature above absolute zero, such as '20 °C'"
+        raise InputError(key, shown(text), expected)
+    return temperature
+
+
+def _odd_properties(given: RawTable, properties: dict[str, Amount], place: str) -> Iterator[str]:
+    """Yield a warning for each given value that is much larger or smaller than that of the named fluid or solid."""
+    for name, usual in properties.items():
+        value = value_of(given, name, usual.unit, 0.0)
+        if value <= 0 or 1 / _ODD_RATIO <= value / usual <= _ODD_RATIO:
+            continue
+        ratio = value / usual
+        times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
+        unit = usual.unit.replace("*", "·")
+        yield (
+            f"{place}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
+            f"{to_text(usual, unit)}: right if it was measured, else leave out the key, or the name"
+        )
+
+
+# --- solids -----------------------------------------------------------------------------------------------------
+
+
+def _complete_solid(solid: RawTable, place: str, folder: Path, warnings: list[str]) -> RawTable:
+    """Return the table of a solid with the properties of a named solid, and with the rows of its hardness table.
+
+    Parameters
+    ----------
+    solid : its table.
+    place : key of the table in the case.
+    folder : to which the path of a hardness table is relative.
+    warnings : a warning is added for each given value that differs much from that of the named solid.
+    """
+    given = dict(solid)
+    path = given.get("hardness_table")
+    if isinstance(path, str):
+        given["hardness_table"] = _hardness_rows(folder / path, f"{place}.hardness_table")
+    if "name" not in given:
+        return given
+    with inside(place):
+        named = named_solid(given["name"])
+    assert named.yield_stress is not None
+    values = {
+        "young": named.young,
+        "poisson": named.poisson,
+        "yield_stress": named.yield_stress,
+        "hardness": HARDNESS_FACTOR * named.yield_stress,
+    }
+    properties = {name: Amount(value, _SOLID_UNITS[name]) for name, value in values.items()}
+    warnings += _odd_properties(given, properties, place)
+    del properties["hardness"]  # which follows from the yield stress
+    if "hardness" in given or "hardness_table" in given:
+        del properties["yield_stress"]
+    return properties | given
+
+
+def _hardness_rows(path: Path, key: str) -> list[list[str]]:
+    """Read the rows of a hardness table from a file; each has a depth and a hardness, as text with its unit.
+
+    Raises
+    ------
+    InputError : the file does not exist, or has other columns, or fewer than two rows; it names the key.
+    """
+    name = f"'{shortened(path.name)}'"
+    if not isfile(path):
+        raise InputError(key, name, "a file that exists, or rows such as ['0.1 um', '2 GPa']")
+    try:
+        headings = {match[1]: match for match in map(_COLUMN.match, columns_of(path)) if match}
+        columns = headings["depth"], headings["hardness"]
+        numbers = read_columns(path, tuple(column[0] for column in columns))
+    except (InputError, KeyError):
+        raise InputError(key, name, HARDNESS_COLUMNS) from None
+    if len(numbers) < 2:
+        given = f"{name} with {counted(len(numbers), 'row')} of numbers"
+        raise InputError(key, given, f"{HARDNESS_COLUMNS}, and two rows or more")
+    depth_unit, hardness_unit = (column[2] for column in columns)
+    return [
+        [f"{depth!r} {depth_unit}", f"{hardness!r} {hardness_unit}"]
+        for depth, hardness in numbers.tolist()
+    ]

@@ -1,0 +1,138 @@
+"""Explain errors of the validation of a case in the words of its file.
+
+pydantic locates an error by a path of fields, positions in lists, and kinds of tables, such as
+("face", 0, "turned", "pitch"). The key in the file is "face.pitch", or "face.0.pitch" if there are two faces.
+"""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..base import InputError, shortened, shown
+from ..base.errors import MISSING
+from .case import Case
+from .faults import EXPECTED_TYPES, expected_value
+from .tables import Table
+from .template import as_toml, example, keys_of, kind_of, table_to_paste, tables_in
+
+#: Keys removed since the last release, and what to do instead.
+REMOVED: dict[str, str] = {}
+#: Largest length of a user's key, and of an explanation, in characters.
+_LONGEST_KEY, _LONGEST_EXPLANATION = 40, 300
+
+
+def explain(error: ValidationError, data: dict[str, Any]) -> list[InputError]:
+    """Return an InputError for each error of a validation.
+
+    Parameters
+    ----------
+    error : the errors of `Case.model_validate`.
+    data : the tables that were validated.
+    """
+    explained: dict[str, InputError] = {}
+    for single in error.errors():
+        # pydantic also reports a list with an unusable item as too short
+        if single["type"] == "too_short" and single["input"]:
+            continue
+        found = _explain(dict(single), data)
+        explained.setdefault(str(found), found)
+    return list(explained.values())
+
+
+def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
+    path, tables = _locate(error["loc"])
+    kind, given = error["type"], error["input"]
+    cause = error.get("ctx", {}).get("error")
+    if isinstance(cause, InputError) and cause.what:
+        path += cause.what.split(".")
+    path = _as_in_file(path, data)
+    key = ".".join(path) or "case"
+    if isinstance(cause, InputError):
+        return _explain_input_error(key, given, cause)
+    if kind == "missing":
+        return _explain_missing(path, tables[0])
+    if kind == "extra_forbidden":
+        if key in REMOVED:
+            return InputError(key, shown(given), f"none: removed; {REMOVED[key]}")
+        return InputError(key, "an unknown key", _known_keys(path, tables[0]))
+    if kind.startswith("union_tag"):
+        chosen = given.get("kind") if isinstance(given, dict) else given
+        kinds = ", ".join(repr(kind_of(table)) for table in tables)
+        return InputError(f"{key}.kind", shown(chosen), f"one of {kinds}")
+    is_table = isinstance(given, (dict, Table)) and kind not in EXPECTED_TYPES
+    return InputError(key, "" if is_table else shown(given), expected_value(error))
+
+
+def _explain_input_error(key: str, value: Any, cause: InputError) -> InputError:
+    """Return the error of a validator with its key in the file; `value` is what was validated."""
+    given = cause.given
+    if not cause.what and isinstance(given, str) and not given:
+        given = "" if isinstance(value, (dict, Table)) else shown(value)
+    return InputError(key, given, shortened(cause.expected, _LONGEST_EXPLANATION))
+
+
+def _explain_missing(path: list[str], table: type[Table]) -> InputError:
+    """Return the error of a missing key or table, with an example to paste."""
+    key, name = ".".join(path), path[-1]
+    text = table_to_paste(Case, key) if len(path) == 1 else ""
+    if text:
+        return InputError(key, MISSING, f"a table such as\n{text}")
+    expected = "a value for this key"
+    if name in table.model_fields:
+        value = example(table.model_fields[name])
+        if value != "":
+            expected += f", such as {name} = {as_toml(value)}"
+    return InputError(key, "nothing", expected)
+
+
+def _known_keys(path: list[str], table: type[Table]) -> str:
+    """Return the keys of a table, and what an unknown key may have been meant to be."""
+    name, known = path[-1], list(keys_of(table))
+    names = ", ".join(known)
+    top_level = keys_of(Case)
+    alternatives = tables_in(top_level[path[0]]) if path[0] in top_level else []
+    if table in alternatives:
+        kinds = [repr(kind_of(other)) for other in alternatives if name in other.model_fields]
+        if kinds:
+            return f"{names}; {name} is a key of kind {' or '.join(kinds)}"
+    for table_name, field in top_level.items():
+        if any(name in other.model_fields for other in tables_in(field)):
+            return f"{names}; perhaps meant: {name} in [{table_name}]"
+    similar = get_close_matches(name, known, 1)
+    return f"{names}; perhaps meant: {similar[0]}" if similar else names
+
+
+def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
+    """Return the key of an error as a list, and the table that contains it, or the tables that its value may be."""
+    path: list[str] = []
+    tables: list[type[Table]] = [Case]
+    for part in location:
+        of_kind = [table for table in tables if kind_of(table) == part]
+        if of_kind:  # pydantic adds the kind of a table to the location
+            tables = of_kind
+            continue
+        path.append(shortened(part, _LONGEST_KEY))
+        fields = tables[0].model_fields
+        if isinstance(part, str) and part in fields:
+            tables = tables_in(fields[part]) or tables
+    return path, tables
+
+
+def _as_in_file(path: list[str], data: Any) -> list[str]:
+    """Leave out the position of a table that the file gives by itself, where a list of tables is possible as well."""
+    result = []
+    value = data
+    for part in path:
+        if isinstance(value, dict) and part.isdecimal() and part not in value:
+            continue
+        result.append(part)
+        if isinstance(value, dict):
+            value = value.get(part)
+        elif isinstance(value, (list, tuple)) and part.isdecimal() and int(part) < len(value):
+            value = value[int(part)]
+        else:
+            value = None
+    return result

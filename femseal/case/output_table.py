@@ -1,0 +1,118 @@
+"""Table [output] of a case: what is written, and how leakage is given."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, WithJsonSchema, model_validator
+
+from ..base import InputError
+from ..base.leak_rates import BUBBLE, DROP, KNOWN, leak_classes
+from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
+from ..budget.error_parts import MODEL_PARTS
+from ..studies.choices import FIELDS_LIMIT, FORMATS
+from .faults import of_value
+from .quantities import FileSize, Length, Temperature, UsualRange, Volume, VolumeRate
+from .seal_tables import AnyFluid
+from .tables import Table, key
+
+#: Keys that say which files are written, and change no number.
+FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
+
+
+def _read_unit(value: Any) -> str:
+    with of_value():
+        return leak_unit(value).name
+
+
+def _read_class(value: Any) -> str:
+    with of_value():
+        leak_classes([value])
+    return str(value)
+
+
+def _text_schema(expected: str) -> WithJsonSchema:
+    return WithJsonSchema({"type": "string", "expected": expected})
+
+
+LeakUnitName = Annotated[
+    str,
+    BeforeValidator(_read_unit),
+    _text_schema(f"a unit of leakage: {', '.join(LEAK_UNITS)}"),
+]
+LeakClassName = Annotated[str, BeforeValidator(_read_class), _text_schema(KNOWN)]
+
+
+class OutputTable(Table):
+    """Optional contents of the results folder, and how leakage is given."""
+
+    pictures: bool = key("false leaves out the report too; `--resume` adds them", True)
+    report: bool = key("`report.html`; `femseal report DIR` makes it later", True)
+    fields: bool = key("gap, contact and fluid pressure of all pixels", True)
+    paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
+        "files for any ParaView, or none", "vtu"
+    )
+    fields_limit: FileSize = key(
+        "size above which steps are left out", FIELDS_LIMIT, example="1 GB"
+    )
+    leakage_unit: LeakUnitName | None = key(
+        "of tables, pictures and report; a readable one unless given", None, example="mL/min"
+    )
+    throughput_temperature: Temperature | None = key(
+        "of gases in Pa·m³/s or mbar·L/s; their own unless given", None
+    )
+    classes: tuple[LeakClassName, ...] = key(
+        "leakage classes that are checked at every load", (), example=["L0.01", "TA Luft"]
+    )
+    nominal_diameter: Annotated[Length, UsualRange(1e-3, 10.0, "m")] | None = key(
+        "of valve, seat or stem, for classes", None, example="50 mm"
+    )
+    rated_capacity: VolumeRate | None = key("flow of the open valve, for FCI 70-2 IV", None)
+    drop_volume: Volume = key('of `"drops/min"`; classes have their own', DROP, example="0.05 mL")
+    bubble_volume: Volume = key(
+        'of `"bubbles/min"`; classes have their own', BUBBLE, example="0.15 mL"
+    )
+    test_fluid: AnyFluid | None = key(
+        "fluid of a leak test of the same seals, for which classes are checked",
+        None,
+        example={"name": "helium", "inlet_pressure": "40 bar"},
+    )
+    budget: bool = key("the error budget and the 95 % interval of every leakage", True)
+    model_parts: tuple[Literal[MODEL_PARTS], ...] = key(  # type: ignore[valid-type]
+        "sources of the error budget that are of model and input", MODEL_PARTS, since="0.2"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _leave_out_report(cls, data: Any) -> Any:
+        """Leave out the report if there are no pictures, unless the case asks for it."""
+        if isinstance(data, dict) and data.get("pictures") is False:
+            return {"report": False, **data}
+        return data
+
+    @model_validator(mode="after")
+    def _check_report(self) -> OutputTable:
+        if self.report and not self.pictures:
+            expected = "false: the page is made of pictures"
+            raise InputError("report", "true with pictures = false", expected)
+        return self
+
+    @property
+    def valve(self) -> dict[str, float]:
+        """Volumes and capacity that units and classes need, see `base.leak_rates.LeakBasis`."""
+        values = {
+            "drop": self.drop_volume,
+            "bubble": self.bubble_volume,
+            "capacity": self.rated_capacity,
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
+    @property
+    def files(self) -> dict[str, Any]:
+        """Which files are written, as `report.write_folder` takes it."""
+        return self.model_dump(include=set(FILE_KEYS))
+
+    @property
+    def unit(self) -> LeakUnit | None:
+        """Unit of leakage; None for a readable one per length of seal."""
+        return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]

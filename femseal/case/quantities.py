@@ -1,0 +1,299 @@
+"""Types of the values in a case file: quantities with a unit, numbers in a range, names.
+
+Each type is an `Annotated` type of pydantic. A `Quantity` in the annotation converts text with a unit to SI, and a
+`UsualRange` leads to a warning for values whose unit may be wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    WithJsonSchema,
+)
+from pydantic_core import core_schema
+
+from ..base import InputError, to_si
+from ..materials import YOUNG_LIMITS
+from .faults import expected_value, of_value, unusable
+
+#: Largest absolute value of a quantity in SI, and the inverse of the smallest: products of several remain finite.
+_LARGEST = 1e30
+#: Largest count; no array has as many elements.
+_LARGEST_COUNT = 10**12
+
+
+class Amount(float):
+    """A number in SI with its unit, such as a load, or a value that was derived from other keys."""
+
+    unit: str
+
+    def __new__(cls, value: float, unit: str) -> Amount:
+        """Create an amount from a value in SI and its unit."""
+        amount = super().__new__(cls, value)
+        amount.unit = unit
+        return amount
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return float(self), self.unit
+
+    def __repr__(self) -> str:
+        return repr(f"{float(self)!r} {self.unit}".strip())
+
+
+def in_si(value: Any, unit: str, like: str = "") -> float:
+    """Return the value in SI of an amount, or of text that `to_si` can read.
+
+    Parameters
+    ----------
+    value : the amount or the text.
+    unit : expected unit in SI.
+    like : example of a value, for the error.
+
+    Raises
+    ------
+    InputError : the value is neither, or has another unit.
+    """
+    if isinstance(value, Amount) and value.unit == unit:
+        return float(value)
+    return to_si(value, unit, like=like)
+
+
+def value_of(table: dict[str, Any], name: str, unit: str, default: Any = None) -> Any:
+    """Return the value in SI of a key in a table that has not been validated.
+
+    The default is returned if the key is missing, or cannot be used, which its validation will report.
+    """
+    try:
+        return in_si(table[name], unit)
+    except (InputError, KeyError):
+        return default
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Annotation of a float that a case gives as text with a unit, or as a number if `unit` is "".
+
+    Attributes
+    ----------
+    unit : in SI.
+    is_allowed : whether a value in SI is in the allowed range.
+    expected : the allowed values in words, with an example in single quotes.
+    """
+
+    unit: str
+    is_allowed: Callable[[float], bool]
+    expected: str
+
+    @property
+    def example(self) -> str:
+        """The example in `expected`, "" without one."""
+        return self.expected.partition("'")[2].partition("'")[0]
+
+    def read(self, value: Any) -> float:
+        """Return the value in SI.
+
+        Raises
+        ------
+        InputError : the value cannot be read, or is out of the allowed range.
+        """
+        with of_value("" if self.unit else self.expected):
+            number = in_si(value, self.unit, self.example)
+        if not self.is_allowed(number):
+            raise unusable(self.expected)
+        if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
+            limits = f"from {1 / _LARGEST:g} to {_LARGEST:g} {self.unit}".rstrip()
+            raise unusable(f"{self.expected}, {limits}")
+        return number
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, core: Any, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        if self.unit:
+            return quantity_schema(self.expected)
+        return {"type": ["number", "string"], "expected": self.expected}
+
+
+@dataclass(frozen=True)
+class UsualRange:
+    """Annotation of a quantity: values in SI outside the range are possible, but their unit may be wrong.
+
+    If an annotation has several ranges of one unit, the last one counts, so that a key can narrow the range of its
+    type. A type with several units has a range for each.
+    """
+
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class OneForBothAxes:
+    """Annotation of a pair of values along x1 and x2: a single value counts for both."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        return core_schema.no_info_wrap_validator_function(self._read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, core: Any, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        pair = handler(core)
+        return {"anyOf": [pair, pair["prefixItems"][0]]}
+
+    @staticmethod
+    def _read(value: Any, validate_pair: Callable[[Any], Any]) -> Any:
+        if isinstance(value, (list, tuple, dict)):
+            return validate_pair(value)
+        try:
+            return validate_pair((value, value))
+        except ValidationError as error:
+            expected = expected_value(dict(error.errors()[0]))
+            raise unusable(f"{expected}, or a list of two") from None
+
+
+def quantity_schema(expected: str) -> dict[str, Any]:
+    """Return the JSON schema of text with a number and a unit."""
+    pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"
+    return {"type": "string", "pattern": pattern, "expected": expected}
+
+
+def _read_channel(value: Any) -> int | str:
+    if isinstance(value, str) and value:
+        return value
+    is_number = isinstance(value, int) and not isinstance(value, bool)
+    if is_number and 0 <= value <= _LARGEST_COUNT:
+        return int(value)
+    raise unusable("the number of a channel, from 0, or its name")
+
+
+def _read_length_unit(value: Any) -> Any:
+    with of_value("a unit of length, such as 'mm'"):
+        to_si(f"1 {value}", "m")
+    return value
+
+
+def _any(x: float) -> bool:
+    return True
+
+
+def _positive(x: float) -> bool:
+    return x > 0
+
+
+def _not_negative(x: float) -> bool:
+    return x >= 0
+
+
+# --- lengths ----------------------------------------------------------------------------------------------------
+
+Length = Annotated[
+    float,
+    Quantity("m", _positive, "a length > 0, such as '1.5 mm'"),
+    UsualRange(1e-9, 1e3, "m"),
+]
+Height = Annotated[
+    float,
+    Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'"),
+    UsualRange(1e-10, 1e-3, "m"),
+]
+Shift = Annotated[
+    float,
+    Quantity("m", _any, "a length, such as '-20 um'"),
+    UsualRange(-10.0, 10.0, "m"),
+]
+#: A coordinate.
+Position = Annotated[
+    float,
+    Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'"),
+    UsualRange(1e-9, 10.0, "m"),
+]
+LengthUnit = Annotated[str, BeforeValidator(_read_length_unit)]
+
+# --- solids and fluids ------------------------------------------------------------------------------------------
+
+Modulus = Annotated[
+    float,
+    Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'"),
+    UsualRange(*YOUNG_LIMITS, "Pa"),
+]
+Poisson = Annotated[
+    float,
+    Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5"),
+    UsualRange(0.0, 0.5, ""),
+]
+Strength = Annotated[
+    float,
+    Quantity("Pa", _positive, "a stress > 0, such as '2 GPa'"),
+    UsualRange(5e6, 1e11, "Pa"),
+]
+Hardening = Annotated[
+    float,
+    Quantity("Pa/m", _not_negative, "a stress per depth >= 0, such as '2 GPa/um'"),
+    UsualRange(1e12, 1e18, "Pa/m"),
+]
+Pressure = Annotated[
+    float,
+    Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'"),
+    UsualRange(1e-7, 2e9, "Pa"),
+]
+Temperature = Annotated[
+    float,
+    Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'"),
+    UsualRange(2.0, 2000.0, "K"),
+]
+
+# --- other quantities with a unit -------------------------------------------------------------------------------
+
+Angle = Annotated[
+    float,
+    Quantity("rad", _any, "an angle, such as '90 deg'"),
+    UsualRange(-6.3, 6.3, "rad"),
+]
+Volume = Annotated[
+    float,
+    Quantity("m^3", _positive, "a volume > 0, such as '0.05 mL'"),
+    UsualRange(1e-9, 1e-5, "m^3"),
+]
+VolumeRate = Annotated[
+    float,
+    Quantity("m^3/s", _positive, "a volume per time > 0, such as '100 L/min'"),
+    UsualRange(1e-6, 100.0, "m^3/s"),
+]
+Duration = Annotated[
+    float,
+    Quantity("s", _positive, "a time > 0, such as '30 min'"),
+    UsualRange(1.0, 3e7, "s"),
+]
+FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
+
+# --- numbers ----------------------------------------------------------------------------------------------------
+
+Fraction = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]
+Relaxation = Annotated[
+    float, Quantity("", lambda x: 0 <= x < 1, "a fraction from 0, below 1, such as '10 %'")
+]
+Accuracy = Annotated[
+    float, Quantity("", lambda x: 0 < x < 1, "a fraction above 0 and below 1, such as '10 %'")
+]
+Hurst = Annotated[float, Quantity("", lambda x: 0 < x <= 1, "a Hurst exponent above 0, at most 1")]
+Slope = Annotated[float, Quantity("", _positive, "a slope > 0"), UsualRange(1e-4, 3.0, "")]
+Threshold = Annotated[float, Field(strict=True, gt=0)]
+Count = Annotated[int, Field(strict=True, ge=1, le=_LARGEST_COUNT)]
+#: A whole number that identifies something, such as a seed.
+Number = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+#: A channel of a file, by its number or its name.
+Channel = Annotated[
+    int | str,
+    BeforeValidator(_read_channel),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, {"type": "string"}]}),
+]

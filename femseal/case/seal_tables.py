@@ -1,0 +1,213 @@
+"""Tables of a case for classes that are registered by their kind: [fluid], [seal] with its forms, and [seat].
+
+No fluid or shape is named here, except where its keys need more than its class says. Every class in
+`fluids.FLUIDS`, `seal.layouts.LAYOUTS`, `seal.form.FORMS` and `topography.seat.SEATS` gets a table, with a key for each
+of its parameters.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from ..fluids import FLUIDS, Fluid
+from ..seal.form import FORMS
+from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout, lay_of
+from ..topography.seat import SEATS
+from .completion import as_tables
+from .faults import of_value, unusable
+from .quantities import Length, LengthUnit, Pressure, Quantity, Shift, UsualRange, quantity_schema
+from .tables import ParameterTable, key, table_for_each
+
+if TYPE_CHECKING:
+    from ..studies.scene import FluidState
+
+# --- [fluid] ----------------------------------------------------------------------------------------------------
+
+
+class FluidTable(ParameterTable):
+    """A fluid, with a key for each of its parameters, and its pressures at inlet and outlet."""
+
+    makers = FLUIDS
+    is_checked = False  # every parameter is checked by itself
+    if TYPE_CHECKING:
+        inlet_pressure: float
+        outlet_pressure: float
+        ambient_pressure: float | None
+        name: str | None
+
+    @property
+    def fluid(self) -> Fluid:
+        """The fluid."""
+        fluid: Fluid = self.make()
+        return fluid
+
+    @property
+    def state(self) -> FluidState:
+        """The fluid with its pressures."""
+        from ..studies.scene import FluidState
+
+        return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
+
+
+def _keys_of_fluid(fluid: Any) -> dict[str, Any]:
+    """Return the keys of the table of a fluid besides its parameters."""
+    inlet = key(
+        'of a gas absolute; gauge as `"99 bar(g)"`',
+        start="10 MPa",
+        needed="unless the inlets of a mesh have pressures",
+    )
+    outlet = key("as the inlet pressure", fluid.outlet_pressure, start="0.1 MPa")
+    ambient = key(
+        "of gauge pressures, and of the outlet unless it is given with them",
+        None,
+        example="1 atm",
+        since="0.2",
+    )
+    name = key(
+        "fills in the keys of its kind; more names after `pip install 'femseal[fluids]'`",
+        None,
+        example="water",
+        max_length=60,
+    )
+    is_parameter = "name" in fluid.__dataclass_fields__
+    return {
+        "inlet_pressure": (Annotated[Pressure, UsualRange(100.0, 2e9, "Pa")], inlet),
+        "outlet_pressure": (Pressure, outlet),
+        "ambient_pressure": (Annotated[Pressure, UsualRange(100.0, 2e8, "Pa")] | None, ambient),
+        "name": Annotated[str, Field(max_length=60)] if is_parameter else (str | None, name),
+    }
+
+
+# --- [seal.form] ------------------------------------------------------------------------------------------------
+
+
+class FormTable(ParameterTable):
+    """A form of the whole seal, with a key for each of its parameters."""
+
+    makers = FORMS
+    tolerance: float = key(
+        "relative error of the height, for the error budget",
+        0.0,
+        example=0.2,
+        since="0.2",
+        ge=0,
+        lt=1,
+    )
+
+
+_KEYS_OF_FORMS: dict[str, Any] = {"unit": LengthUnit | None, "length_unit": LengthUnit}
+if TYPE_CHECKING:
+    AnyForm = FormTable
+else:
+    AnyForm = table_for_each(FORMS, FormTable, lambda form: _KEYS_OF_FORMS)
+
+
+# --- [seal] -----------------------------------------------------------------------------------------------------
+
+
+class SealTable(ParameterTable):
+    """The shape of the seal, with a key for each of its parameters, and the form of its faces."""
+
+    if TYPE_CHECKING:
+        lay: Any
+    makers = LAYOUTS
+    form: Annotated[tuple[AnyForm, ...], BeforeValidator(as_tables), Field(max_length=4)] | None = (
+        key("form of the whole seal; several add up", None, since="0.2")
+    )
+    flatness: Annotated[Length, UsualRange(1e-8, 1e-2, "m")] | None = key(
+        "highest to lowest point of a whole seal of unknown form", None, example="5 um", since="0.2"
+    )
+
+    def make(self, folder: Path = Path(), **others: Any) -> Layout:
+        """Create the shape; paths are relative to a folder."""
+        layout: Layout = super().make(folder, lay=lay_of(self.lay, folder), **others)
+        return layout
+
+
+def _read_lay(value: Any) -> Any:
+    """Return a lay in SI as plain data; a field in a file is read with the case."""
+    with of_value():
+        lay = lay_of(value)
+    if lay.name == "spiral":
+        spiral = {"kind": "spiral", "lead": lay.lead}
+        if lay.circumference is not None:
+            spiral["circumference"] = lay.circumference
+        return spiral
+    return value if lay.angle is None else {"angle": lay.angle}
+
+
+def _read_names(value: Any) -> Any:
+    """Return the name of a boundary, or a tuple of names."""
+    if isinstance(value, str) and value:
+        return value
+    is_list = isinstance(value, (list, tuple)) and len(value) > 0
+    if not is_list or not all(isinstance(name, str) and name for name in value):
+        raise unusable("the name of a boundary, or a list of names")
+    return tuple(value)
+
+
+def _read_inlets(value: Any) -> Any:
+    """Return names of boundaries, or their pressures by name."""
+    if isinstance(value, dict):
+        return {name: _PRESSURE.read(pressure) for name, pressure in value.items()}
+    return _read_names(value)
+
+
+_LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}]}
+_NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
+_Names = Annotated[
+    str | tuple[str, ...], BeforeValidator(_read_names), WithJsonSchema(_NAMES_SCHEMA)
+]
+_PRESSURE: Quantity = get_args(Pressure)[1]
+_PRESSURES_SCHEMA = {
+    "type": "object",
+    "additionalProperties": quantity_schema("a pressure >= 0, such as '10 MPa'"),
+}
+_Inlets = Annotated[
+    str | tuple[str, ...] | dict[str, float],
+    BeforeValidator(_read_inlets),
+    WithJsonSchema({"anyOf": [*_NAMES_SCHEMA["anyOf"], _PRESSURES_SCHEMA]}),
+]
+#: Types of keys for which the type of the parameter is not enough, of all shapes and of meshes.
+_KEYS_OF_SEALS: dict[str, Any] = {
+    "lay": Annotated[Any, BeforeValidator(_read_lay), WithJsonSchema(_LAY_SCHEMA)],
+    "unit": LengthUnit,
+    "centre": tuple[Shift, Shift],
+    "length": Annotated[Length, UsualRange(1e-5, 1e3, "m")] | None,
+}
+_KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
+
+
+def _keys_of_seal(layout: Any) -> dict[str, Any]:
+    return _KEYS_OF_SEALS | (_KEYS_OF_MESHES if layout is MeshLayout else {})
+
+
+def _strip_by_default(value: Any) -> Any:
+    return {"kind": RectangularLayout.kind, **value} if isinstance(value, dict) else value
+
+
+# --- [seat] -----------------------------------------------------------------------------------------------------
+
+
+class SeatTable(ParameterTable):
+    """The form of the seat, with a key for each of its parameters."""
+
+    makers = SEATS
+    tolerance: float = key(
+        "relative error of the depth of the form, for the error budget", 0.0, ge=0, lt=1
+    )
+
+
+if TYPE_CHECKING:
+    AnyFluid = FluidTable
+    AnySeal = SealTable
+    AnySeat = SeatTable
+else:
+    AnyFluid = table_for_each(FLUIDS, FluidTable, _keys_of_fluid)
+    AnySeal = Annotated[
+        table_for_each(LAYOUTS, SealTable, _keys_of_seal), BeforeValidator(_strip_by_default)
+    ]
+    AnySeat = table_for_each(SEATS, SeatTable, lambda seat: {"unit": LengthUnit})

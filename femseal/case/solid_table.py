@@ -1,0 +1,146 @@
+"""Tables [material] and [counter_material] of a case: the solids, and how they yield."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, WithJsonSchema, model_validator
+
+from ..base import InputError
+from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
+from ..contact.hardness_curves import SMALLEST_DEPTH
+from ..materials import Solid
+from .completion import HARDNESS_COLUMNS
+from .faults import unusable
+from .quantities import (
+    Hardening,
+    Height,
+    Length,
+    Modulus,
+    Poisson,
+    Position,
+    Strength,
+    UsualRange,
+    quantity_schema,
+)
+from .tables import Table, key
+
+
+def _check_rows(value: Any) -> Any:
+    """Return the rows of a hardness table; InputError for fewer than two."""
+    if isinstance(value, (list, tuple)) and len(value) < 2:
+        raise unusable("two rows or more, such as ['0.1 um', '2 GPa']")
+    return value
+
+
+_ROW = {
+    "type": "array",
+    "items": quantity_schema("a depth >= 0, then a hardness > 0"),
+    "minItems": 2,
+    "maxItems": 2,
+}
+_TABLE_SCHEMA = {
+    "anyOf": [
+        {"type": "string", "expected": HARDNESS_COLUMNS},
+        {"type": "array", "items": _ROW},
+    ]
+}
+Depth = Annotated[Position, UsualRange(1e-10, 1e-3, "m")]
+HardnessRows = Annotated[
+    tuple[tuple[Depth, Strength], ...] | None,
+    BeforeValidator(_check_rows),
+    WithJsonSchema(_TABLE_SCHEMA),
+]
+
+
+class SolidTable(Table):
+    """A solid, see `materials.Solid`, and the law by which it yields."""
+
+    young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
+    poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)
+    yield_stress: Strength | None = key(
+        "hardness is 2.8 times that; without any strength the solid is elastic",
+        None,
+        example="1 GPa",
+        instead="hardness",
+    )
+    hardness: Strength | None = key("largest contact pressure", None, start="2.8 GPa")
+    hardening: Hardening | None = key(
+        "rise of the hardness with the plastic deformation", None, example="2 GPa/um", since="0.2"
+    )
+    hardness_tolerance: float = key(
+        "relative error of the hardness, for the error budget", 0.1, ge=0, lt=1, since="0.2"
+    )
+    nix_gao_depth: Annotated[Height, UsualRange(1e-8, 1e-4, "m")] | None = key(
+        "depth h* of Nix and Gao: hardness × sqrt(1 + h*/depth)",
+        None,
+        example="1 um",
+        since="0.2",
+        instead="hardening",
+    )
+    smallest_depth: Annotated[Length, UsualRange(1e-9, 1e-5, "m")] | None = key(
+        "depth up to which that is constant",
+        None,
+        example="0.1 um",
+        since="0.2",
+        instead="hardening",
+    )
+    hardness_table: HardnessRows = key(
+        "hardness over the plastic deformation, in rows or a file",
+        None,
+        example=[["0.1 um", "2.4 GPa"], ["0.5 um", "2.1 GPa"], ["2 um", "2 GPa"]],
+        since="0.2",
+        instead="hardness",
+    )
+    name: str | None = key(
+        "fills in `young`, `poisson` and `yield_stress`",
+        None,
+        example="copper, soft",
+        since="0.2",
+        max_length=60,
+    )
+
+    @model_validator(mode="after")
+    def _check_law(self) -> SolidTable:
+        """Raise an InputError if several keys give the strength, or a curve has no strength to begin with."""
+        strengths = self._given("yield_stress", "hardness", "hardness_table")
+        curves = self._given("hardening", "nix_gao_depth")
+        for keys in (strengths, curves):
+            if len(keys) > 1:
+                raise unusable(f"{' or '.join(keys)}, not both")
+        if curves and strengths not in (["yield_stress"], ["hardness"]):
+            raise unusable(f"{curves[0]} with a yield_stress or a hardness")
+        if self.smallest_depth is not None and self.nix_gao_depth is None:
+            raise unusable("smallest_depth with a nix_gao_depth")
+        try:
+            _ = self.law
+        except InputError as error:
+            name = "hardness_table" if self.hardness_table is not None else error.what
+            raise unusable(f"{name}: {error.expected}") from None
+        return self
+
+    def _given(self, *keys: str) -> list[str]:
+        """Return those of the keys that have a value."""
+        return [key for key in keys if getattr(self, key) is not None]
+
+    @property
+    def solid(self) -> Solid:
+        """The solid. Its hardness is that at the first row of a hardness table."""
+        rows = self.hardness_table
+        hardness = rows[0][1] if rows else self.hardness
+        return Solid(self.young, self.poisson, self.yield_stress, hardness)
+
+    @property
+    def law(self) -> ContactLaw:
+        """The contact law: perfectly plastic, with hardening, or a curve over the plastic deformation."""
+        if self.hardness_table is not None:
+            depths, hardnesses = np.array(self.hardness_table, dtype=float).T
+            return HardnessTable(depths, hardnesses)
+        hardness = self.solid.hardness
+        assert hardness is not None  # inf if the solid does not yield
+        if self.nix_gao_depth is not None:
+            return NixGao(hardness, self.nix_gao_depth, self.smallest_depth or SMALLEST_DEPTH)
+        if self.hardening is not None:
+            return LinearHardening(hardness, self.hardening)
+        return PerfectlyPlastic(hardness)
