@@ -34,9 +34,8 @@ from ..case.case import Case
 from ..case.template import as_toml, bare_key
 from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, png, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel
-from ..results.results import branch_text
+from ..results.load_steps import branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
-from ..results.variables import pressures_and_peaks
 from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior
 
 if TYPE_CHECKING:

@@ -39,10 +39,10 @@ from ..plots.drawing import (
 from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
-from ..results.dataset import FILE_NAME
-from ..results.results import Results, force_scale, loads_as_given
+from ..results.dataset_file import FILE_NAME
+from ..results.load_steps import force_scale, loads_as_given, pressures_and_peaks
+from ..results.results import Results
 from ..results.tables import kind_of
-from ..results.variables import pressures_and_peaks
 from ..results.verdict import (
     LoadText,
     NeededPressure,

@@ -15,13 +15,7 @@ import numpy as np
 from ..base import Array, Indices, reals
 from ..loads import LoadProgramme
 from ..results.results import Results
-from ..results.verdict import (
-    LeakageCurve,
-    NeededPressure,
-    crossings,
-    falling_steps,
-    relaxed_steps,
-)
+from ..results.verdict import LeakageCurve, NeededPressure, crossings, falling_steps, relaxed_steps
 
 #: Quantiles of the realisations between which their scatter is drawn.
 ENDS = (0.05, 0.95)

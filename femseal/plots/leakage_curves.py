@@ -10,9 +10,10 @@ import numpy as np
 
 from ..base import Array, InputError
 from ..base.leak_units import leakage_unit
-from ..results.results import METHODS, Results, force_scale
+from ..results.best_leakage import METHODS
+from ..results.load_steps import force_scale, pressures_and_peaks
+from ..results.results import Results
 from ..results.tables import class_unit, kind_of, leakage_of
-from ..results.variables import pressures_and_peaks
 from ..results.verdict import LeakageCurve, deciding_fluid
 from ..studies import BlocksResult, FaceResult, StochasticResult
 from .drawing import LEGEND_LINE, LINES, Sheet, figure_of, legend_below, shows
@@ -146,7 +147,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         band_name = _scatter_name(low.attrs["quantile"], high.attrs["quantile"])
     others = {
         method: data[name].values
-        for method, name in METHODS
+        for method, name in METHODS.items()
         if name in data and method not in ("median", results.method)
     }
     # with a test fluid, the limits are for its leakage and not for the one that is drawn

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, Indices
-from ..results.results import branches
+from ..results.load_steps import branches
 from .drawing import GREY, branch_styles, label_decades, set_load_axis
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ import numpy as np
 from ..base import Array, InputError, Pair
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
-from ..results.results import Results, branches, load_names
-from ..results.variables import pressures_and_peaks
+from ..results.load_steps import branches, load_names, pressures_and_peaks
+from ..results.results import Results
 from ..seal import Leakage
 from .drawing import (
     GREY,

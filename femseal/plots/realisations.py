@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base import Array, Flags
 from ..base.leak_units import leakage_unit
-from ..results.results import load_names
+from ..results.load_steps import load_names
 from .drawing import MAP, Sheet, label_axes, set_panel_title
 from .map_panels import (
     CLOSED,

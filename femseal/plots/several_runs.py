@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array
-from ..results.results import branches_in
+from ..results.load_steps import branches_in
 from ..results.run_comparison import RunComparison
 from .drawing import (
     LEGEND_LINE,

@@ -19,7 +19,7 @@ from ..base import (
     write_text,
 )
 from ..base.files import is_inside
-from ..results.dataset import FILE_NAME, save
+from ..results.dataset_file import FILE_NAME, save
 from ..results.pixel_fields import NAME as FIELDS
 from ..results.pixel_fields import plan_fields, write_fields
 from ..results.results import Results

@@ -45,8 +45,9 @@ from ..plots.maps import (
     surface_leakage,
 )
 from ..plots.realisations import realisation_figure
-from ..results.dataset import FILE_NAME, open_results, unfit
-from ..results.results import Results, load_names, loads_as_given
+from ..results.dataset_file import FILE_NAME, inconsistent, open_results
+from ..results.load_steps import load_names, loads_as_given
+from ..results.results import Results
 from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
 from ..results.verdict import verdicts_in_words
 from ..topography import Surface
@@ -200,7 +201,7 @@ def write_report(
         if folder is None:
             raise
         # the file of results has been changed
-        raise unfit(folder / FILE_NAME, error) from error
+        raise inconsistent(folder / FILE_NAME, error) from error
     with writing("path", target, "a file in a folder"):
         return write_text(target, page)
 

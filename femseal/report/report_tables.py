@@ -15,8 +15,9 @@ import numpy as np
 from ..base import Array, TextTable, format_deviation, read_plain
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import first_known, least_counted
-from ..results.results import Results, load_names
-from ..results.tables import class_unit, format_error_band, format_leakage, with_leak_unit
+from ..results.load_steps import load_names
+from ..results.results import Results
+from ..results.tables import class_unit, format_interval, format_leakage, with_leak_unit
 from ..results.verdict import LeakageCurve, deciding_fluid, verdict_table
 
 #: Files of `femseal design` in the folder of a run.
@@ -60,7 +61,7 @@ def key_numbers(results: Results) -> list[KeyNumber]:
             value = with_leak_unit(format_leakage(leakage[step], factor), unit)
         interval = ""
         if curve.has_interval and np.isfinite(curve.leakage[step]):
-            ends = format_error_band(curve.lower[step], curve.upper[step], factor, leakage[step])
+            ends = format_interval(curve.lower[step], curve.upper[step], factor, leakage[step])
             interval = f"95 % interval {with_leak_unit(ends, unit)}"
         numbers.append(KeyNumber(f"{subject}, {names[step]}", value, interval))
     return numbers

@@ -1,7 +1,7 @@
-"""Results out: one dataset as netCDF, tables, and files for ParaView.
+"""Results of a run: its dataset, tables, and files for other programs.
 
-`assemble` gathers the studies of a scene into `Results`; `save` and `open_results` write and read the dataset.
-Pictures and pages of results are made above, in `plots` and `report`.
+`assemble` collects the results of the studies of a scene in one dataset; `save` and `open_results` write and read it.
+The other modules are functions of the dataset. Pictures and the report are made in `plots` and `report`.
 """
 
 from typing import TYPE_CHECKING
@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .dataset import RunFacts, assemble, open_results, save
+    from .dataset import RunFacts, assemble
+    from .dataset_file import open_results, save
     from .pixel_fields import export_field, read_pixels, stored_steps
     from .results import Results
     from .run_comparison import RunComparison, compare

@@ -1,26 +1,17 @@
-"""The studies of a scene gathered into one labelled dataset, and the netCDF file of results, which any tool reads."""
+"""The dataset of a run: the results of all studies of a scene, with units and meanings."""
 
-import io
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import xarray
 
-from ..base import (
-    AnyPath,
-    InputError,
-    counted,
-    free_memory,
-    made_folder,
-    shortened,
-    versions,
-    write_bytes,
-)
+from ..base import InputError, Pair, counted, versions
 from ..base.fields import FACE, PIECE, STEP, Field, fields_of
 from ..base.leak_rates import LeakBasis, leak_classes
 from ..base.leak_units import leak_unit
@@ -41,38 +32,59 @@ from ..studies import (
 from ..studies.study_registry import contact_fraction_of
 from ..topography import Patches
 from . import variables
-from .results import METHODS, Results, load_names
-from .variables import HEIGHT_BLOCKS, add_classes, add_test_fluid, basis_attributes, fluid_text
-
-FILE_NAME = "results.nc"
-_OURS = "a file that femseal wrote"
-#: Attributes that hold JSON, and what each of them is.
-_ATTRIBUTES: dict[str, type] = {
-    "case": dict, "surface": dict, "timings": dict, "warnings": list, "failures": list,
-    "versions": dict, "machine": dict,
-}  # fmt: skip
+from .best_leakage import (
+    basis_attributes,
+    best_budget,
+    best_leakage,
+    class_basis_of,
+    class_leakage_of,
+    class_leakage_of_realisations,
+    failed_steps,
+    leak_basis_of,
+)
+from .leakage_classes import DecidingLeakage, add_classes
+from .load_steps import load_names
+from .results import Results
 
 
 @dataclass(frozen=True)
 class RunFacts:
     """What is known of a run besides its scene and the results of its studies.
 
-    case : the case in SI, of plain values; its "seed", if any, is stored by itself too.
-    surface : what was done to the measured face.
-    timings : stage to wall time [s].
-    quantiles : lower and upper end of the band of realisations.
-    warnings : what casts doubt on the case itself; those of the studies come after them.
-    leakage_unit : of leakage in tables, pictures and report, see `base.leak_rates`, of the fluid, the test fluid or
-        both; a readable one per length of seal unless given.
-    budgets : error budgets of the studies, by their keys.
-    test : the leakage of a test fluid through the same seals.
-    classes : leakage classes to be decided on at every step, by the test fluid where there is one, see
-        `base.leak_rates`. nominal_diameter : [m], which some of them need.
-    throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
-    valve : volumes of a drop and a bubble and rated capacity, `drop`, `bubble`, `capacity` of `LeakBasis`.
-    attributes : further ones of the dataset.
+    Attributes
+    ----------
+    case : mapping
+        The case in SI, as plain data. Its "seed", if any, is stored by itself as well.
+    surface : mapping
+        What was done to the measured surface.
+    timings : mapping
+        Wall time of each stage [s].
+    quantiles : (float, float)
+        Lower and upper quantile of the realisations that are stored.
+    warnings : tuple of str
+        Warnings about the case; those of the studies come after them.
+    leakage_unit : str or None
+        Unit of leakage in tables, pictures and report, see `base.leak_rates`, for the fluid, the test fluid or both; a
+        readable one per length of seal unless given.
+    budgets : mapping
+        Error budgets of the studies, by their keys.
+    test : OtherLeakage or None
+        Leakage of a test fluid through the same seals.
+    classes : sequence of str
+        Leakage classes that are checked at every step, by the leakage of the test fluid if there is one.
+    nominal_diameter : float or None
+        That some classes need [m].
+    throughput_temperature : float or None
+        Temperature for pressure × volume of a gas [K]; its own unless given.
+    valve : mapping
+        Volumes of a drop and a bubble, and rated capacity: `drop`, `bubble`, `capacity` of `LeakBasis`.
+    attributes : mapping
+        Further attributes of the dataset.
 
-    Raises InputError: quantiles not 0 <= lower < upper <= 1.
+    Raises
+    ------
+    InputError
+        The quantiles are not 0 <= lower < upper <= 1.
     """
 
     case: Mapping[str, Any] = field(default_factory=dict)
@@ -94,50 +106,167 @@ class RunFacts:
             raise InputError("quantiles", self.quantiles, "two numbers, 0 <= lower < upper <= 1")
 
 
-#: Of a run of which nothing is known.
-_NOTHING = RunFacts()
+_NO_FACTS = RunFacts()
 
 
-def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) -> Results:
-    """One dataset of all the studies of a scene.
+def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -> Results:
+    """Collect the results of the studies of a scene in one dataset.
 
-    scene : input of the studies. studies : their results, at least one.
+    Parameters
+    ----------
+    scene : Scene
+        Input of the studies.
+    *studies : StudyResult
+        Results of at least one study.
+    facts : RunFacts
+        What else is known of the run.
 
-    Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; piece1, piece2, pieces
-    by their centres [m]; state, state_piece1, state_piece2, states of the face, and the pieces that seals draw; place1,
-    place2, blocks of the measured place that leaks most; part, corner, plane, parts of the drawn seal nearest to the
-    median; budget_part, sources of error. Attributes hold the case, the surface, versions, machine, wall times, peak
-    memory of the main process, numbers of linear systems by solver with the worst imbalance of inlet and outlet flow,
-    and of flows through pieces (`solvers`), how the errors were estimated (`error_budget`), warnings and failures.
+    Returns
+    -------
+    Results
+        Every variable of the dataset has the attributes `units` and `long_name`. Its dimensions are: step; realisation;
+        piece1, piece2, cells by their centres [m]; state, state_piece1, state_piece2, contact states of the face and
+        its cells in them; place1, place2, blocks of the measured patch that leaks most; part, corner, plane, tiles of
+        the realisation nearest to the median; budget_part, sources of error. Attributes store the case, the surface,
+        versions, machine, wall times, peak memory of the main process, numbers of linear systems by solver with the
+        largest imbalance between inlet and outlet (`solvers`), notes on the errors (`error_budget`), warnings and
+        failures.
 
-    Raises InputError: no study, a study of another load programme, a unit or a class that does not exist or is not for
-    the fluid.
+    Raises
+    ------
+    InputError
+        There is no study, a study has another load programme, or a unit or class does not exist or is not for the
+        fluid.
     """
     if not studies:
         raise InputError("results", "no study", "at least one")
     if any(study.steps != scene.steps for study in studies):
         raise InputError("results", "a study of another load programme", "those of the scene")
-    known = {
-        STUDIES[method].key: study
-        for method in STUDIES
+    by_key = {
+        registered.key: study
+        for name, registered in STUDIES.items()
         for study in studies
-        if study.method == method
+        if study.method == name
     }
-    drawn = known.get("stochastic")
-    assert drawn is None or isinstance(drawn, StochasticResult)
     data = xarray.Dataset()
     variables.add_load_steps(data, "step", "", scene.steps)
-    _add_studies(data, scene, known, facts.quantiles)
-    size = scene.surface.size if drawn is None else drawn.tiles.size
-    state = FluidState.of(scene)
-    basis = leak_basis(
-        scene.fluid,
-        float(size[1]),
-        facts.throughput_temperature,
-        pressure_drop=state.pressure_drop,
-        **facts.valve,
-    )
-    data.attrs = {
+    _add_studies(data, scene, by_key, facts.quantiles)
+    data.attrs = _attributes(scene, by_key, facts)
+    variables.add_budgets(data, facts.budgets)
+    data.attrs["open_steps"] = _json(_open_steps(data, scene))
+    variables.add_totals(data, best_leakage(data), leak_basis_of(data))
+    if facts.test is not None:
+        service, temperature = FluidState.of(scene), facts.throughput_temperature
+        variables.add_test_fluid(data, facts.test, service, temperature, facts.valve)
+    results = Results(data, None, scene, by_key)
+    warnings = [*_vague_leakage(data), *_add_classes(data, facts)]
+    if warnings:
+        data.attrs["warnings"] = _json([*results.warnings, *warnings])
+    return results
+
+
+# --- variables --------------------------------------------------------------------------------------------------
+
+
+def _add_studies(
+    data: xarray.Dataset,
+    scene: Scene,
+    by_key: Mapping[str, StudyResult],
+    quantiles: tuple[float, float],
+) -> None:
+    """Add the fields of all studies.
+
+    Parameters
+    ----------
+    data : dataset that is extended.
+    scene : input of the studies.
+    by_key : results of the studies.
+    quantiles : lower and upper quantile of the realisations.
+    """
+    faces = [study for study in by_key.values() if isinstance(study, FaceResult)]
+    for face in faces:
+        study = STUDIES[face.method]
+        long_name = f"leakage per unit seal length, {study.label}"
+        leakage = Field(study.leakage_variable, "m^2/s", long_name, STEP, study.label)
+        variables.add(data, leakage, face.leakage)
+    if faces:
+        # the two-scale study, if there is one, has the fields of the deterministic one too
+        _add_face(data, scene, faces[-1])
+    blocks = by_key.get("blocks")
+    if isinstance(blocks, BlocksResult):
+        cut = Cut.of(scene.surface, blocks.pressure.shape[1:])
+        variables.add_cell_centres(data, "", cut)
+        variables.add_declared(data, blocks)
+    stochastic = by_key.get("stochastic")
+    breadth = scene.surface.size[0]
+    if isinstance(stochastic, StochasticResult):
+        _add_stochastic(data, stochastic, quantiles)
+        if stochastic.row_pressure is not None:
+            breadth = stochastic.seal.size[0]
+    of_patches = next((study.places for study in by_key.values() if study.places is not None), None)
+    if of_patches is not None:
+        gap = faces[-1].gap if faces else None
+        variables.add_places(data, cast(Patches, scene.surface), of_patches, gap)
+    if "row" in data.sizes:
+        count = data.sizes["row"]
+        rows = (np.arange(count) + 0.5) * (breadth / count)
+        variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
+    _add_heights(data, scene)
+    fraction = contact_fraction_of(next(iter(by_key.values())), scene.steps)
+    if not np.isnan(fraction).all():
+        long_name = "fraction of the face in contact"
+        contact = Field("contact_fraction", "1", long_name, STEP, "contact [%]")
+        variables.add(data, contact, fraction)
+
+
+def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
+    """Add the fields of a study of the whole face, and of its cells if it has any."""
+    variables.add_declared(data, face)
+    variables.add_block_means(data, scene, face)
+    if face.pieces is None:
+        return
+    variables.add_cell_centres(data, "", face.pieces.cut)
+    for declaration, values in fields_of(face.pieces):
+        if declaration.place == PIECE:
+            variables.add(data, declaration, values)
+
+
+def _add_stochastic(
+    data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]
+) -> None:
+    """Add the realisations, the states of the face, and the realisation nearest to the median."""
+    variables.add_realisations(data, result, quantiles)
+    variables.add_states(data, result.pieces)
+    median = result.median_seal
+    if median is not None:
+        variables.add_declared(data, median)
+        about = {"realisation": median.realisation, "part": result.tiles.part}
+        data["drawn_corners"].attrs |= about
+
+
+def _add_heights(data: xarray.Dataset, scene: Scene) -> None:
+    """Add the heights of the face as means over blocks."""
+    most = variables.HEIGHT_BLOCKS
+    variables.add_blocks(data, ("face1", "face2"), scene.surface, most)
+    heights = variables.block_means(scene.surface.heights, most)
+    long_name = "height of the face, mean of each block"
+    variables.add_new(data, "face_height", "m", long_name, heights, FACE)
+
+
+# --- attributes -------------------------------------------------------------------------------------------------
+
+
+def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts) -> dict[str, Any]:
+    """Return the attributes of the dataset."""
+    stochastic = by_key.get("stochastic")
+    size, seal, about_tiles = scene.surface.size, "a strip", {}
+    if isinstance(stochastic, StochasticResult):
+        tiles = stochastic.tiles
+        size, seal = tiles.size, str(scene.layout)
+        about_tiles = {"tiles": str(tiles), "tiles_in_place": int(tiles.in_place)}
+    basis = _leak_basis(scene, size, facts)
+    seed = facts.case.get("seed")
+    return {
         "title": "Leakage of a metal-to-metal seal over a load cycle",
         "Conventions": "CF-1.11",
         "source": f"femseal {versions()['femseal']}",
@@ -148,11 +277,11 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
         "versions": _json(versions()),
         "machine": _json(machine()),
         "peak_memory_bytes": peak_memory(),
-        "seal": "a strip" if drawn is None else str(scene.layout),
+        "seal": seal,
         "seal_size_m": [float(length) for length in size],
         "leakage_unit": _unit_name(facts, basis),
-        **_of_studies(known, facts.warnings),
-        "fluid": fluid_text(scene.fluid),
+        **_solver_attributes(by_key, facts.warnings),
+        "fluid": variables.fluid_text(scene.fluid),
         "fluid_effect": scene.fluid_effect,
         "inlet_pressure_Pa": float(scene.inlet_pressure),
         "outlet_pressure_Pa": float(scene.outlet_pressure),
@@ -161,120 +290,90 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
         "contact_law": str(scene.law),
         **basis_attributes(basis),
         **facts.attributes,
+        **about_tiles,
+        **({} if seed is None else {"seed": seed}),
     }
-    if drawn is not None:
-        data.attrs |= {"tiles": str(drawn.tiles), "tiles_in_place": int(drawn.tiles.in_place)}
-    if facts.case.get("seed") is not None:
-        data.attrs["seed"] = facts.case["seed"]
-    variables.add_budgets(data, facts.budgets)
-    results = Results(data, None, scene, known)
-    carries_all = np.zeros(len(scene.steps), bool)
-    carries_all[[s for s, _ in scene.parted_steps]] = True
-    if "contact_fraction" in data:
-        carries_all |= data["contact_fraction"].values == 0
-    data.attrs["open_steps"] = _json(np.flatnonzero(carries_all & np.isnan(results.leakage.values)))
-    variables.add_totals(data, results.leakage, results.leak_basis)
-    if facts.test is not None:
-        add_test_fluid(data, facts.test, state, facts.throughput_temperature, facts.valve)
-    later, upper = [], None
-    if (budget := results.budget) is not None:
-        upper = budget.upper
-        if (vague := vague_steps(budget)).size:
-            more = f" and {counted(vague.size - 1, 'more load')}" if vague.size > 1 else ""
-            later.append(
-                f"the leakage at {load_names(data)[vague[0]]}{more} is not known within a factor of {VAGUE:g}; "
-                f"the widest source of error there is: {budget.limiting(vague[0])}"
-            )
-    wanted = leak_classes(facts.classes)
-    best, several = results.class_leakage
-    # a load at which the solution of either fluid failed meets no class
-    best = np.where(results.has_failed, np.nan, best)
-    later += add_classes(
-        data, wanted, results.class_basis, facts.nominal_diameter, best, several, upper
+
+
+def _leak_basis(scene: Scene, size: Pair, facts: RunFacts) -> LeakBasis:
+    """Return the basis of leakage of the fluid of a scene, for a seal of breadth and length [m]."""
+    return leak_basis(
+        scene.fluid,
+        float(size[1]),
+        facts.throughput_temperature,
+        pressure_drop=FluidState.of(scene).pressure_drop,
+        **facts.valve,
     )
-    if later:
-        data.attrs["warnings"] = _json([*results.warnings, *later])
-    return results
 
 
-def _add_studies(
-    data: xarray.Dataset,
-    scene: Scene,
-    known: Mapping[str, StudyResult],
-    quantiles: tuple[float, float],
-) -> None:
-    """Add the fields of all studies."""
-    faces = [study for study in known.values() if isinstance(study, FaceResult)]
-    for face in faces:
-        study = STUDIES[face.method]
-        text = f"leakage per unit seal length, {study.label}"
-        made = Field(study.leakage_variable, "m^2/s", text, STEP, study.label)
-        variables.add(data, made, face.leakage)
-    for face in faces[-1:]:
-        variables.add_declared(data, face)
-        variables.add_block_means(data, scene, face)
-        if face.pieces is not None:
-            variables.add_piece_centres(data, "", face.pieces.cut)
-            for made, values in fields_of(face.pieces):
-                if made.place == PIECE:
-                    variables.add(data, made, values)
-    breadth = scene.surface.size[0]
-    if isinstance(blocks := known.get("blocks"), BlocksResult):
-        variables.add_piece_centres(data, "", Cut.of(scene.surface, blocks.pressure.shape[1:]))
-        variables.add_declared(data, blocks)
-    drawn = known.get("stochastic")
-    if isinstance(drawn, StochasticResult):
-        variables.add_realisations(data, drawn, quantiles)
-        variables.add_states(data, drawn.pieces)
-        if (median := drawn.median_seal) is not None:
-            variables.add_declared(data, median)
-            about = {"realisation": median.realisation, "part": drawn.tiles.part}
-            data["drawn_corners"].attrs |= about
-        if drawn.row_pressure is not None:
-            breadth = drawn.seal.size[0]
-    for result in known.values():
-        if result.places is not None:
-            gap = faces[-1].gap if faces else None
-            variables.add_places(data, cast(Patches, scene.surface), result.places, gap)
-            break
-    if (count := data.sizes.get("row")) is not None:
-        rows = (np.arange(count) + 0.5) * (breadth / count)
-        variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
-    variables.add_blocks(data, ("face1", "face2"), scene.surface, HEIGHT_BLOCKS)
-    means = variables.block_means(scene.surface.heights, HEIGHT_BLOCKS)
-    text = "height of the face, mean of each block"
-    variables.add_new(data, "face_height", "m", text, means, FACE)
-    fraction = contact_fraction_of(next(iter(known.values())), scene.steps)
-    if not np.isnan(fraction).all():
-        text = "fraction of the face in contact"
-        made = Field("contact_fraction", "1", text, STEP, "contact [%]")
-        variables.add(data, made, fraction)
-
-
-def _of_studies(known: Mapping[str, StudyResult], warnings: Sequence[str]) -> dict[str, str]:
-    """Attributes that count what the studies have solved, with their warnings and failures."""
+def _solver_attributes(
+    by_key: Mapping[str, StudyResult], warnings: Sequence[str]
+) -> dict[str, str]:
+    """Return the attributes with what the studies have solved, and their warnings and failures."""
     solvers = {
         key: vars(study.solvers) | {"systems": dict(study.solvers.systems)}
-        for key, study in known.items()
+        for key, study in by_key.items()
     }
-    # each study checks the scene and its own leakage; the last one has the answer
-    texts = [*warnings, *list(known.values())[-1].warnings]
-    failures = [text for study in known.values() for text in study.failures]
+    # every study checks the scene and its own leakage; the results give the leakage of the last one
+    last_study = list(by_key.values())[-1]
+    all_warnings = [*warnings, *last_study.warnings]
+    all_failures = [text for study in by_key.values() for text in study.failures]
     return {
         "solvers": _json(solvers),
-        "warnings": _json([*dict.fromkeys(texts)]),
-        "failures": _json([*dict.fromkeys(failures)]),
+        "warnings": _json(list(dict.fromkeys(all_warnings))),
+        "failures": _json(list(dict.fromkeys(all_failures))),
     }
 
 
 def _unit_name(facts: RunFacts, basis: LeakBasis) -> str:
-    """Name of the unit that is asked for, "" without; InputError where it is for neither fluid."""
+    """Return the name of the unit that is asked for, "" without one; InputError if it is for neither fluid."""
     if facts.leakage_unit is None:
         return ""
     unit = leak_unit(facts.leakage_unit)
-    if facts.test is None or not leak_basis(facts.test.state.fluid, 1.0).has(unit):
-        basis.factor(unit)
+    is_for_test = facts.test is not None and leak_basis(facts.test.state.fluid, 1.0).has(unit)
+    if not is_for_test:
+        basis.factor(unit)  # raises the error
     return unit.name
+
+
+def _open_steps(data: xarray.Dataset, scene: Scene) -> list[int]:
+    """Return the steps without leakage at which the fluid carries all of the load."""
+    carries_all = np.zeros(len(scene.steps), bool)
+    carries_all[[step for step, _ in scene.parted_steps]] = True
+    if "contact_fraction" in data:
+        carries_all |= data["contact_fraction"].values == 0
+    steps: list[int] = np.flatnonzero(carries_all & np.isnan(best_leakage(data).values)).tolist()
+    return steps
+
+
+# --- classes and warnings ---------------------------------------------------------------------------------------
+
+
+def _add_classes(data: xarray.Dataset, facts: RunFacts) -> list[str]:
+    """Add which leakage classes are met, and return warnings."""
+    budget = best_budget(data)
+    # a load at which the computation of either fluid failed meets no class
+    leakage = np.where(failed_steps(data), np.nan, class_leakage_of(data))
+    deciding = DecidingLeakage(
+        basis=class_basis_of(data),
+        leakage=leakage,
+        of_realisations=class_leakage_of_realisations(data),
+        upper=None if budget is None else budget.upper,
+    )
+    return add_classes(data, leak_classes(facts.classes), deciding, facts.nominal_diameter)
+
+
+def _vague_leakage(data: xarray.Dataset) -> list[str]:
+    """Return a warning if the error of the leakage is larger than a factor of `VAGUE`, else an empty list."""
+    budget = best_budget(data)
+    steps = [] if budget is None else vague_steps(budget).tolist()
+    if budget is None or not steps:
+        return []
+    more = f" and {counted(len(steps) - 1, 'more load')}" if len(steps) > 1 else ""
+    return [
+        f"the leakage at {load_names(data)[steps[0]]}{more} is not known within a factor of {VAGUE:g}; "
+        f"the widest source of error there is: {budget.limiting(steps[0])}"
+    ]
 
 
 def _json(value: Any) -> str:
@@ -283,90 +382,3 @@ def _json(value: Any) -> str:
 
 def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
-
-
-def save(results: Results, folder: AnyPath) -> Path:
-    """Write `results.nc` into a folder, which is made if needed; an older file is replaced whole or not at all.
-
-    Raises InputError: the folder cannot be made.
-    """
-    from xarray.backends import H5NetCDFStore
-
-    folder = made_folder(folder)
-    data = results.dataset
-    packed = {"zlib": True, "complevel": 4, "shuffle": True}
-    encoding: dict[Any, dict[str, Any]] = {
-        name: dict(packed) for name, v in data.data_vars.items() if v.ndim and v.dtype.kind in "fiu"
-    }
-    coords = (name for name, v in data.coords.items() if v.dtype.kind == "f")
-    encoding |= {name: {"_FillValue": None} for name in coords}
-    # HDF5 ends the process where a disk is full; `to_netcdf` would take a lock from a Dask client where there is one
-    content = io.BytesIO()
-    store = H5NetCDFStore.open(content, mode="w", lock=False)
-    try:
-        data.dump_to_store(store, encoding=encoding)
-    finally:
-        store.close()
-    return write_bytes(folder / FILE_NAME, content.getbuffer())
-
-
-def _refuse_foreign(path: Path) -> None:
-    """Results are data: a file that points to other files, or claims more than fits into memory, is not read."""
-    import h5py
-
-    size = 0
-    with h5py.File(path, "r") as file:
-        for name in file:
-            item = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
-            if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
-                given = f"{path}, whose '{name}' is not held in the file itself"
-                raise InputError("results file", given, _OURS)
-            size += item.size * item.dtype.itemsize if item.size else 0
-    if size > (free := free_memory()):
-        given = f"{path}, which unpacks to {size / 1e9:.3g} GB"
-        expected = f"what fits into the {free / 1e9:.3g} GB of free memory"
-        raise InputError("results file", given, expected)
-
-
-def open_results(folder: AnyPath) -> Results:
-    """Read the results in a folder into memory, without the studies' large fields.
-
-    Raises InputError: no such folder, no `results.nc` in it, or not one that femseal wrote.
-
-    Examples
-    --------
-    >>> results = open_results("results/seal")  # doctest: +SKIP
-    >>> results.unloading(from_="300 MPa").leakage_total, results.failures  # doctest: +SKIP
-    """
-    path = Path(folder) / FILE_NAME
-    if not path.is_file():
-        lack = f"no {FILE_NAME} in it" if Path(folder).is_dir() else "no such folder"
-        expected = f"a folder with the {FILE_NAME} of a finished run"
-        raise InputError("results folder", f"{folder} ({lack})", expected)
-    try:
-        _refuse_foreign(path)
-        with xarray.open_dataset(path, engine="h5netcdf", phony_dims="access") as data:
-            data.load()
-    except InputError:
-        raise
-    except Exception as error:  # libraries raise whatever a damaged file leads them to
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError("results file", f"{path} ({reason})", "a readable netCDF file") from None
-    known = any(name in data for _, name in METHODS)
-    if not known or not str(data.attrs.get("source", "")).startswith("femseal"):
-        raise InputError("results file", f"{path}, written by another program", _OURS)
-    results = Results(data, Path(folder))
-    try:
-        for name, kind in _ATTRIBUTES.items():
-            if not isinstance(json.loads(data.attrs[name]), kind):
-                raise TypeError(f"the attribute '{name}' is of another kind")
-        results.table()
-    except Exception as error:  # also a field of another kind, shape or place
-        raise unfit(path, error) from None
-    return results
-
-
-def unfit(path: Path, error: Exception) -> InputError:
-    """The error of results that can be read, but whose values do not go together."""
-    reason = f"{type(error).__name__}: {shortened(error, 80)}"
-    return InputError("results file", f"{path} ({reason})", _OURS)

@@ -1,16 +1,15 @@
-"""Fields over all pixels of the face, such as gap, contact and fluid pressure: read, written, exported.
+"""Fields over all pixels of the surface, such as gap, contact and fluid pressure: read, written, exported.
 
-They are an image for each load step. They are large, so they are not part of `results.nc`: `fields.pvd` and the images
-in the folder `fields` hold them once, in single precision and compressed, for `Results.pixels` as for ParaView. Every
-field that a study declares over pixels is one of them. `export_field` writes one for other programs, with the size of
-its pixel.
+They are too large for `results.nc`. Each load step has an image with all of them in the folder `fields`, in single
+precision and compressed, and `fields.pvd` lists the images for ParaView; `Results.pixels` reads the same images. Every
+field that a study declares over pixels is one of them. `export_field` writes one field for other programs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from ..base import AnyPath, Indices, InputError, Pair, Shape, replacing, to_text
 from ..base.fields import PIXEL, READABLE, Field, fields_of
 from ..base.machine import give_back
 from . import vtk_files
-from .results import piece as checked_piece
+from .results import checked_cell
 
 if TYPE_CHECKING:
     import xarray
@@ -27,121 +26,178 @@ if TYPE_CHECKING:
     from .results import Results
 
 NAME = "fields"
-#: What results without fields would need: drawn seals have none.
+#: What is expected in place of results without fields.
 WITH_FIELDS = 'a run with "deterministic" or "two-scale" as method or in `compare`, with fields = true in [output]'
+#: Fields that can be exported.
 FIELDS = ("gap", "contact_pressure", "fluid_pressure")
-#: By which a window may lie beyond a face, over its size: ends are texts.
+#: Window of a field: x1 from and to, x2 from and to [m].
+Window = tuple[float, float, float, float]
+
+#: By how much a window may exceed the surface, over its size, because its ends were written as text.
 _ROUNDING = 1e-6
-_BYTES = np.dtype(np.float32).itemsize
+_BYTES_PER_VALUE = np.dtype(np.float32).itemsize
 
 
-def _in_memory(run: Results) -> list[tuple[Field, Any]]:
-    """Fields over all pixels (steps, n1, n2) of a study in memory."""
+class _PixelField(NamedTuple):
+    """A field over the pixels at one step: its declaration, its values (x1, x2) in SI, and the pixel [m]."""
+
+    declaration: Field
+    values: Any
+    spacing: Pair
+
+
+def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
+    """Return the fields over all pixels of a study in memory, with their values (step, x1, x2)."""
     study = run.two_scale or run.deterministic
-    return [pair for pair in fields_of(study) if pair[0].place == PIXEL] if study else []
+    if study is None:
+        return []
+    return [(field, values) for field, values in fields_of(study) if field.place == PIXEL]
+
+
+# --- images of all fields ---------------------------------------------------------------------------------------
 
 
 def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
-    """Steps whose fields together are not larger than `limit` [byte] before compression, and a text on the others.
+    """Choose the steps whose fields are written.
 
-    Where not all of them fit: evenly over the programme, with the highest load.
-    """
-    each = sum(_BYTES * values[0].size for _, values in _in_memory(run))
-    if not each:
-        return np.arange(0), []
-    count = run.dataset.sizes["step"]
-    fitting = int(min(limit // each, count))
-    # the middles of equal parts of the programme
-    chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
-    if fitting and run.peak not in chosen:
-        chosen[np.argmin(np.abs(chosen - run.peak))] = run.peak
-    missing = np.setdiff1d(np.arange(count), chosen)
-    sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
-    text = f"fields over all pixels at steps {', '.join(map(str, missing))}: {sizes} (fields_limit)"
-    return np.sort(chosen), [text] if missing.size else []
-
-
-def write_fields(run: Results, chosen: Indices, folder: Path) -> list[Path]:
-    """Write the fields of the studies in memory at some steps."""
-    assert run.scene is not None
-    spacing, loads = run.scene.surface.spacing, vtk_files.loads_of(run.dataset)
-
-    def pixels(step: int) -> Iterator[tuple[str, NDArray[np.float32]]]:
-        for made, values in _in_memory(run):
-            yield made.array_name, values[step] * np.float32(made.scale)
-            give_back(values)
-
-    def at(step: int) -> Any:
-        image = vtk_files.image(spacing, (0.0, 0.0), pixels(step))
-        return vtk_files.with_load(image, loads[step])
-
-    return vtk_files.write_series(NAME, at, chosen.tolist(), folder)
-
-
-def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
-    """A field over the pixels (x1, x2) at one step in SI, read from the folder where it is not in memory.
-
-    Of the two-scale study where there is one, else of the deterministic.
+    If not all of them fit into the limit, the chosen steps are spread evenly over the load programme and contain that
+    of the highest load.
 
     Parameters
     ----------
-    name : "gap", "contact_pressure", "fluid_pressure", or another that a study has at the pixels.
-    step : index of the load step.
-    piece : its row and column; the whole face unless given.
+    run : the results.
+    limit : largest size of all fields before compression [byte].
+
+    Returns
+    -------
+    The steps, and a sentence on those that are left out, if any.
+    """
+    size_of_step = sum(_BYTES_PER_VALUE * values[0].size for _, values in _fields_in_memory(run))
+    if not size_of_step:
+        return np.arange(0), []
+    count = run.dataset.sizes["step"]
+    fitting = int(min(limit // size_of_step, count))
+    # the middles of equal parts of the programme
+    chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
+    if fitting and run.peak not in chosen:
+        nearest = np.argmin(np.abs(chosen - run.peak))
+        chosen[nearest] = run.peak
+    missing = np.setdiff1d(np.arange(count), chosen)
+    if not missing.size:
+        return np.sort(chosen), []
+    steps = ", ".join(map(str, missing))
+    sizes = (
+        f"{to_text(size_of_step * count, 'B', 3)} of all steps are above the limit of "
+        f"{to_text(limit, 'B', 3)}"
+    )
+    return np.sort(chosen), [f"fields over all pixels at steps {steps}: {sizes} (fields_limit)"]
+
+
+def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
+    """Write the fields of the studies in memory at some steps, and return the paths of all files."""
+    assert run.scene is not None
+    spacing = run.scene.surface.spacing
+    loads = vtk_files.loads_of(run.dataset)
+
+    def pixels(step: int) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        for field, values in _fields_in_memory(run):
+            yield field.array_name, values[step] * np.float32(field.scale)
+            give_back(values)
+
+    def image_at(step: int) -> Any:
+        image = vtk_files.image(spacing, (0.0, 0.0), pixels(step))
+        return vtk_files.with_load(image, loads[step])
+
+    return vtk_files.write_series(NAME, image_at, steps.tolist(), folder)
+
+
+def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
+    """Return a field over the pixels at one step, from memory or from the folder of the results.
+
+    It is that of the two-scale study if there is one, else of the deterministic study.
+
+    Parameters
+    ----------
+    run : Results
+        The results.
+    name : str
+        "gap", "contact_pressure", "fluid_pressure", or another field that the study has at the pixels.
+    step : int
+        Index of the load step.
+    piece : (int, int), optional
+        Row and column of a cell; the whole surface unless given.
+
+    Returns
+    -------
+    xarray.DataArray
+        Values (x1, x2) in SI, with coordinates [m].
 
     Raises
     ------
-    InputError : no such step or piece, or a step without the field: `stored_steps` lists those that have fields.
+    InputError
+        There is no such step or cell, or the step has no such field; `stored_steps` lists those that have fields.
     """
     import xarray
 
     data = run.dataset
     if step not in range(data.sizes["step"]):
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
-    in_memory = {made.name: (made, values) for made, values in _in_memory(run)}
-    if name in in_memory and run.scene is not None:
-        made, values = in_memory[name]
-        values, spacing = values[step], run.scene.surface.spacing
-    elif (found := _from_folder(run, name, step)) is not None:
-        made, values, spacing = found
-    else:
-        at_hand = stored_steps(run)
-        expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else WITH_FIELDS
+    field = _from_memory(run, name, step) or _from_folder(run, name, step)
+    if field is None:
+        stored = stored_steps(run)
+        expected = f"one of {', '.join(map(str, stored))}" if stored else WITH_FIELDS
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
-    coordinates = {
-        x: (x, (np.arange(n) + 0.5) * d, {"units": "m", "long_name": f"{x} of pixel centres"})
-        for x, n, d in zip(("x1", "x2"), values.shape, spacing, strict=True)
-    }
-    labels = {"units": made.unit, "long_name": f"{made.long_name}, {data['name'].values[step]}"}
-    face = xarray.DataArray(values, coordinates, ("x1", "x2"), name, labels)
+    coordinates = {}
+    for dim, count, width in zip(("x1", "x2"), field.values.shape, field.spacing, strict=True):
+        centres = (np.arange(count) + 0.5) * width
+        coordinates[dim] = (dim, centres, {"units": "m", "long_name": f"{dim} of pixel centres"})
+    declaration = field.declaration
+    long_name = f"{declaration.long_name}, {data['name'].values[step]}"
+    attrs = {"units": declaration.unit, "long_name": long_name}
+    values = xarray.DataArray(field.values, coordinates, ("x1", "x2"), name, attrs)
     if piece is not None:
-        i, j = checked_piece(data, *piece)
-        n1, n2 = face.sizes["x1"] // data.sizes["piece1"], face.sizes["x2"] // data.sizes["piece2"]
-        face = face[i * n1 : (i + 1) * n1, j * n2 : (j + 1) * n2]
-    return face.astype(np.float64, copy=False)
+        i, j = checked_cell(data, *piece)
+        n1 = values.sizes["x1"] // data.sizes["piece1"]
+        n2 = values.sizes["x2"] // data.sizes["piece2"]
+        values = values[i * n1 : (i + 1) * n1, j * n2 : (j + 1) * n2]
+    return values.astype(np.float64, copy=False)
 
 
 def stored_steps(run: Results) -> list[int]:
-    """Steps whose fields are in memory, or else in the results folder."""
-    if _in_memory(run):
+    """Return the steps whose fields over the pixels are in memory, or else in the folder of the results."""
+    if _fields_in_memory(run):
         return list(range(run.dataset.sizes["step"]))
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
 
 
-def _from_folder(run: Results, name: str, step: int) -> tuple[Field, Any, Pair] | None:
-    """A field over all pixels at a step from the folder, where arrays have their unit in their names, and the pixel."""
-    path = None if run.folder is None else vtk_files.stored_images(run.folder, NAME).get(step)
-    if path is None:
+def _from_memory(run: Results, name: str, step: int) -> _PixelField | None:
+    """Return a field at a step of a study in memory."""
+    if run.scene is None:
         return None
-    text = name.replace("_", " ")
-    fields = (Field(name, unit, text, PIXEL) for unit in READABLE)
-    known = {made.array_name: made for made in fields}
-    array, image = vtk_files.read_image(path, known)
+    for field, values in _fields_in_memory(run):
+        if field.name == name:
+            return _PixelField(field, values[step], run.scene.surface.spacing)
+    return None
+
+
+def _from_folder(run: Results, name: str, step: int) -> _PixelField | None:
+    """Read a field at a step from the folder of the results."""
+    images = {} if run.folder is None else vtk_files.stored_images(run.folder, NAME)
+    if step not in images:
+        return None
+    # the name of an array contains its unit, which tells in which unit of SI the field is
+    candidates = [Field(name, unit, name.replace("_", " "), PIXEL) for unit in READABLE]
+    by_array_name = {field.array_name: field for field in candidates}
+    array, image = vtk_files.read_image(images[step], by_array_name)
     if array is None:
         return None
+    field = by_array_name[array]
     shape = tuple(count - 1 for count in image.dimensions[:2])
     values = np.asarray(image.cell_data[array].reshape(shape, order="F"), np.float64)
-    return known[array], values / known[array].scale, tuple(image.spacing[:2])
+    return _PixelField(field, values / field.scale, tuple(image.spacing[:2]))
+
+
+# --- one field for other programs -------------------------------------------------------------------------------
 
 
 def export_field(
@@ -151,30 +207,40 @@ def export_field(
     field: str = "gap",
     step: int | None = None,
     piece: Shape | None = None,
-    window: tuple[float, float, float, float] | None = None,
+    window: Window | None = None,
 ) -> list[Path]:
-    """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
+    """Write the gap, the contact pressure or the fluid pressure over the pixels for other programs.
 
-    An .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
-    [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .vti is
-    for ParaView.
+    A file .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
+    [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; NumPy and `read_topography` read it. A file
+    .vti is for ParaView.
 
     Parameters
     ----------
-    path : the file; the number of the step is put before the suffix where there are several.
-    field : "gap", "contact_pressure", or "fluid_pressure" of a resolved flow, NaN where none flows.
-    step : index of the load step; None is all that are stored.
-    piece : row and column of a piece of the study; the whole face unless given.
-    window : instead, a part of the face, x1 from and to, x2 from and to [m]: the pixels whose centres lie between.
+    run : Results
+        The results.
+    path : str or path
+        The file, whose suffix chooses the format. If there are several steps, their numbers come before the suffix.
+    field : str
+        "gap", "contact_pressure" or "fluid_pressure"; the last one is NaN where nothing flows.
+    step : int, optional
+        Index of the load step; all that are stored unless given.
+    piece : (int, int), optional
+        Row and column of a cell; the whole surface unless given.
+    window : (float, float, float, float), optional
+        In place of a cell, a part of the surface: x1 from and to, x2 from and to [m]. It contains the pixels whose
+        centres lie inside.
 
     Returns
     -------
-    Paths of the files.
+    list of Path
+        The files.
 
     Raises
     ------
-    InputError : another field or format, no such step or window, results without fields, or a file that cannot
-        be written.
+    InputError
+        The field or the format is unknown, there is no such step or window, the results have no fields, or a file
+        cannot be written.
     """
     path = Path(path)
     if field not in FIELDS:
@@ -183,56 +249,63 @@ def export_field(
     if write is None:
         expected = "a file .npz, from which NumPy and other programs make .tif and .x3p, or .vti"
         raise InputError("output", f"'{path.name}'", expected)
-    if window is not None and (
-        piece is not None or not (window[0] < window[1] and window[2] < window[3])
-    ):
-        raise InputError("window", window, "x1 and x2 from and to [m], rising; no piece")
+    if window is not None:
+        is_rising = window[0] < window[1] and window[2] < window[3]
+        if piece is not None or not is_rising:
+            raise InputError("window", window, "x1 and x2 from and to [m], rising; no piece")
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
     written = []
-    for s in steps:
-        values = read_pixels(run, field, s, piece)
+    for number in steps:
+        values = read_pixels(run, field, number, piece)
         if window is not None:
             values = _in_window(values, window)
-        target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
+        target = path if step is not None else path.with_stem(f"{path.stem}_{number:04d}")
         with writing("output", target), replacing(target) as temporary:
-            write(temporary, values, run, s)
+            write(temporary, values, run, number)
         written.append(target)
     return written
 
 
-def _in_window(
-    values: xarray.DataArray, window: tuple[float, float, float, float]
-) -> xarray.DataArray:
-    """The part of a field whose pixels have their centres in a window.
+def _in_window(values: xarray.DataArray, window: Window) -> xarray.DataArray:
+    """Return the pixels of a field whose centres lie in a window.
 
-    Raises InputError: a window that is not in the face, or without the centre of a pixel.
+    Raises
+    ------
+    InputError : the window exceeds the surface, or contains no centre of a pixel.
     """
-    pixel, _ = _frame(values)
+    pixel, _ = _pixel_and_corner(values)
     sides = np.multiply(values.shape, pixel)
     part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
     low, high = np.reshape(window, (2, 2)).T / sides
-    if not part.size or (low < -_ROUNDING).any() or (high > 1 + _ROUNDING).any():
-        face = f"x1 from 0 to {sides[0]:.9g} m, x2 from 0 to {sides[1]:.9g} m"
-        expected = f"a part of the face, {face}, with the centre of a pixel of {pixel[0]:.3g} m × {pixel[1]:.3g} m"
+    is_inside = (low >= -_ROUNDING).all() and (high <= 1 + _ROUNDING).all()
+    if not part.size or not is_inside:
+        expected = (
+            f"a part of the face, x1 from 0 to {sides[0]:.9g} m, x2 from 0 to {sides[1]:.9g} m, "
+            f"with the centre of a pixel of {pixel[0]:.3g} m × {pixel[1]:.3g} m"
+        )
         raise InputError("window", window, expected)
     return part
 
 
-def _frame(values: xarray.DataArray) -> tuple[Pair, Pair]:
-    """Pixel and first corner [m] of a field."""
+def _pixel_and_corner(values: xarray.DataArray) -> tuple[Pair, Pair]:
+    """Return the size of a pixel and the first corner of a field [m], along x1 and x2."""
     pixel, corner = [], []
-    for name in ("x1", "x2"):
-        x = values[name].values.tolist()
-        pixel.append((x[-1] - x[0]) / (len(x) - 1) if len(x) > 1 else 2 * x[0])
-        corner.append(x[0] - pixel[-1] / 2)
+    for dim in ("x1", "x2"):
+        centres = values[dim].values.tolist()
+        if len(centres) > 1:
+            width = (centres[-1] - centres[0]) / (len(centres) - 1)
+        else:
+            width = 2 * centres[0]
+        pixel.append(width)
+        corner.append(centres[0] - width / 2)
     return (pixel[0], pixel[1]), (corner[0], corner[1])
 
 
 def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
     """Write an archive of NumPy with the field, its pixel and corner, and the load."""
-    pixel, corner = _frame(values)
+    pixel, corner = _pixel_and_corner(values)
     load = run.steps[step]
     with path.open("wb") as file:
         np.savez_compressed(
@@ -249,8 +322,9 @@ def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) ->
 
 def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
     """Write an image for ParaView."""
-    made = Field.of(values)
-    image = vtk_files.image(*_frame(values), [(made.array_name, values.values * made.scale)])
+    field = Field.of(values)
+    pixel, corner = _pixel_and_corner(values)
+    image = vtk_files.image(pixel, corner, [(field.array_name, values.values * field.scale)])
     vtk_files.with_load(image, vtk_files.loads_of(run.dataset)[step])
     path.write_bytes(vtk_files.as_xml(image))
 

@@ -1,4 +1,6 @@
-"""Several runs side by side: one table, one picture, in one unit of leakage."""
+"""Several runs side by side: one table and one picture, in one unit of leakage."""
+
+from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,20 +28,32 @@ from ..base.fields import with_unit
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..loads import LoadStep
-from .dataset import open_results
+from .dataset_file import open_results
 from .results import Results
-from .tables import format_error_band, kind_of, leakage_texts
+from .tables import format_interval, kind_of, leakage_texts
 
-#: Ends of the band of realisations, where a run has them.
-BAND = ("leakage_lower", "leakage_upper")
+#: Variables with the quantiles of the realisations, if a run has them.
+QUANTILES = ("leakage_lower", "leakage_upper")
+
+Run = Results | AnyPath
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunComparison(Plotted):
     """Runs side by side; their loads, methods and lengths of seal may differ.
 
-    names, runs : the runs, each with a name of its own. unit : of leakage in table and picture.
-    settings : of a sweep, the keys that were varied, and the values of each run as texts, one for each key.
+    Attributes
+    ----------
+    names : tuple of str
+        A name for each run.
+    runs : tuple of Results
+        The runs.
+    unit : LeakUnit
+        Unit of leakage in table and picture.
+    keys : tuple of str
+        Of a sweep, the keys of the case that were varied.
+    settings : tuple of tuple of str
+        Of a sweep, the values of each run as texts, one for each key.
     """
 
     names: tuple[str, ...]
@@ -49,41 +63,50 @@ class RunComparison(Plotted):
     settings: tuple[tuple[str, ...], ...] = field(default=())
 
     def leakage(self, run: int) -> Array:
-        """Leakage of a run at its own steps (steps,) in `unit`, NaN where it failed."""
+        """Return the leakage of a run at its own steps (step,) in `unit`, NaN where it failed."""
         results = self.runs[run]
-        return np.asarray(results.leakage.values / results.leak_basis.factor(self.unit))
+        return np.asarray(results.leakage.values / self._factor(run))
 
     def band(self, run: int) -> tuple[Array, Array] | None:
-        """Lower and upper quantile of the realisations of a run (steps,) in `unit`; None without realisations."""
+        """Return lower and upper quantile of the realisations of a run (step,) in `unit`; None without realisations."""
         results = self.runs[run]
-        if results.method != "median" or any(name not in results.dataset for name in BAND):
+        data = results.dataset
+        if results.method != "median" or any(name not in data for name in QUANTILES):
             return None
-        low, high = (results.dataset[name].values for name in BAND)
-        factor = results.leak_basis.factor(self.unit)
-        return low / factor, high / factor
+        lower, upper = (data[name].values / self._factor(run) for name in QUANTILES)
+        return lower, upper
 
     def interval(self, run: int) -> tuple[Array, Array] | None:
-        """Lower and upper end of the 95 % interval of a run (steps,) in `unit`; None without an error budget."""
-        results = self.runs[run]
-        if (budget := results.budget) is None:
+        """Return both ends of the 95 % interval of a run (step,) in `unit`; None without an error budget."""
+        budget = self.runs[run].budget
+        if budget is None:
             return None
-        factor = results.leak_basis.factor(self.unit)
-        return budget.lower / factor, budget.upper / factor
+        return budget.lower / self._factor(run), budget.upper / self._factor(run)
+
+    def _factor(self, run: int) -> float:
+        """Return the leakage per length of a run [m²/s] that is 1 in `unit`."""
+        return self.runs[run].leak_basis.factor(self.unit)
 
     @property
     def common_steps(self) -> tuple[LoadStep, ...]:
-        """Load steps that all runs have, in the order of the first."""
+        """Load steps that all runs have, in the order of the first run."""
         others = [set(results.steps) for results in self.runs[1:]]
         return tuple(step for step in self.runs[0].steps if all(step in steps for steps in others))
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the runs for people: the settings of a sweep that differ, or else their names."""
+        """Names of the runs for people: the settings of a sweep that differ, or else `names`."""
+        if not self.keys:
+            return self.names
         columns = zip(self.keys, *self.settings, strict=True)
         varied = [
-            [f"{key} {value}" for value in values] for key, *values in columns if len({*values}) > 1
+            [f"{key} {value}" for value in values]
+            for key, *values in columns
+            if len(set(values)) > 1
         ]
-        return tuple(map(", ".join, zip(*varied, strict=True))) or self.names
+        if not varied:
+            return self.names
+        return tuple(", ".join(texts) for texts in zip(*varied, strict=True))
 
     @property
     def label(self) -> str:
@@ -91,84 +114,113 @@ class RunComparison(Plotted):
         return f"{kind_of(self.unit)} [{self.unit.name}]"
 
     def rows(self) -> list[dict[str, Any]]:
-        """One dictionary for each run and load step: the run, the keys of a sweep, the load, the leakage in SI and in
-        the unit of the comparison; keys carry the units, missing intervals and quantiles are NaN."""
-        column = with_unit("leakage", self.unit.name)
+        """Return the comparison as dictionaries, one for each run and load step.
+
+        Returns
+        -------
+        list of dict
+            Name of the run, keys of a sweep, load, and leakage in SI and in `unit`. Names of the columns contain the
+            units. Intervals and quantiles that a run does not have are NaN.
+        """
         rows = []
-        for n, results in enumerate(self.runs):
-            data, basis = results.dataset, results.leak_basis
-            low, high = self.band(n) or (np.nan, np.nan)
-            lowest, highest = self.interval(n) or (np.nan, np.nan)
-            varied = zip(self.keys, self.settings[n], strict=True) if self.keys else ()
+        for run, results in enumerate(self.runs):
+            data, factor = results.dataset, self._factor(run)
+            low, high = self.band(run) or (np.nan, np.nan)
+            lowest, highest = self.interval(run) or (np.nan, np.nan)
+            settings = dict(zip(self.keys, self.settings[run], strict=True)) if self.keys else {}
             columns: dict[str, Any] = {
-                "run": self.names[n],
-                **dict(varied),
+                "run": self.names[run],
+                **settings,
                 "method": results.method,
-                "seal_length_m": basis.length,
+                "seal_length_m": results.leak_basis.length,
                 "step": data["step"],
                 "branch": data["branch"],
                 "nominal_pressure_Pa": data["nominal_pressure"],
                 "unloaded_from_Pa": data["unloaded_from"],
                 "leakage_m2_per_s": results.leakage,
-                "leakage_lower_m2_per_s": low * basis.factor(self.unit),
-                "leakage_upper_m2_per_s": high * basis.factor(self.unit),
-                "interval_lower_m2_per_s": lowest * basis.factor(self.unit),
-                "interval_upper_m2_per_s": highest * basis.factor(self.unit),
-                column: self.leakage(n),
+                "leakage_lower_m2_per_s": low * factor,
+                "leakage_upper_m2_per_s": high * factor,
+                "interval_lower_m2_per_s": lowest * factor,
+                "interval_upper_m2_per_s": highest * factor,
+                with_unit("leakage", self.unit.name): self.leakage(run),
             }
             rows += rows_of(columns)
         return rows
 
     def table(self) -> TextTable:
-        """The table for people, one line for each run, to be given to `rich.print`.
+        """Return the table for people, to be given to `rich.print`.
 
-        The columns are the keys of a sweep, or else the names of the runs; the method where it differs; the leakage at
-        a few load steps that all runs have, or else at their own highest one, in brackets its 95 % interval.
+        Returns
+        -------
+        TextTable
+            One line for each run. The columns are the keys of a sweep, or else the names of the runs; the method if it
+            differs; the leakage, with its 95 % interval in brackets, at a few load steps that all runs have, or else at
+            the highest load of each.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
             columns = [(key, texts) for key, *texts in zip(self.keys, *self.settings, strict=True)]
-        names, methods = len(columns), [results.method for results in self.runs]
-        if len({*methods}) > 1:
+        names = len(columns)
+        methods = [results.method for results in self.runs]
+        if len(set(methods)) > 1:
             columns.append(("method", methods))
-        leakages = [self._texts(run) for run in range(len(self.runs))]
-        columns += [
-            (name, [texts[s] for texts, s in zip(leakages, steps, strict=True)])
-            for name, steps in self._columns()
-        ]
+        leakages = [self._leakage_texts(run) for run in range(len(self.runs))]
+        for heading, steps in self._compared_steps():
+            texts = [leakage[step] for leakage, step in zip(leakages, steps, strict=True)]
+            columns.append((heading, texts))
         return TextTable.of_columns(self.label, columns, names=names)
 
-    def _texts(self, run: int) -> list[str]:
-        """Leakage of a run at its own steps as text, with its interval where one is known."""
-        results = self.runs[run]
-        factor = results.leak_basis.factor(self.unit)
+    def _leakage_texts(self, run: int) -> list[str]:
+        """Return the leakage of a run at its own steps as text, with its 95 % interval if it is known."""
+        results, factor = self.runs[run], self._factor(run)
+        budget = results.budget
         texts = leakage_texts(results, factor)
-        if (budget := results.budget) is None:
+        if budget is None:
             return texts
-        ends = zip(texts, budget.lower, budget.upper, budget.leakage, strict=True)
-        return [
-            f"{text} ({format_error_band(low, high, factor, q)})" if np.isfinite(q) else text
-            for text, low, high, q in ends
-        ]
+        with_intervals = []
+        for step, text in enumerate(texts):
+            leakage = budget.leakage[step]
+            if np.isfinite(leakage):
+                ends = format_interval(budget.lower[step], budget.upper[step], factor, leakage)
+                text = f"{text} ({ends})"
+            with_intervals.append(text)
+        return with_intervals
 
-    def _columns(self) -> list[tuple[str, list[int]]]:
-        """Heading and the step of every run, for each column of leakage."""
+    def _compared_steps(self) -> list[tuple[str, list[int]]]:
+        """Return heading, and the number of the step in every run, of each column of leakage."""
         common = self.common_steps
         if not common:
             return [("highest load of each", [results.peak for results in self.runs])]
         loading = [step for step in common if step.unloaded_from is None]
-        chosen = [*(loading[n] for n in (0, len(loading) // 2, -1) if loading), common[-1]]
-        found = []
+        chosen = [common[-1]]
+        if loading:
+            chosen = [loading[0], loading[len(loading) // 2], loading[-1], *chosen]
+        columns = []
         for step in dict.fromkeys(chosen):
-            loads = [p for p in (step.pressure, step.unloaded_from) if p is not None]
-            text = " from ".join(to_text(p, "Pa", 3) for p in loads)
-            found.append((text, [results.steps.index(step) for results in self.runs]))
-        return found
+            loads = [load for load in (step.pressure, step.unloaded_from) if load is not None]
+            heading = " from ".join(to_text(load, "Pa", 3) for load in loads)
+            columns.append((heading, [results.steps.index(step) for results in self.runs]))
+        return columns
 
     def write(self, folder: AnyPath, stem: str = "comparison") -> list[Path]:
-        """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
+        """Write the table as .csv and the picture as .png.
 
-        Raises InputError: the folder cannot be made.
+        Parameters
+        ----------
+        folder : str or path
+            Created if needed.
+        stem : str
+            Name of the files without their suffix.
+
+        Returns
+        -------
+        list of Path
+            The files.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be created.
         """
         target = made_folder(folder)
         picture = room("plots").png(room("plots").comparison_figure(self))
@@ -182,22 +234,28 @@ class RunComparison(Plotted):
         return f"<femseal.RunComparison of {names}, in {self.unit.name}>"
 
 
-Run = Results | AnyPath
-
-
 def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None) -> RunComparison:
-    """Several finished runs side by side; their loads, methods, faces and lengths of seal may differ.
+    """Compare several finished runs; their loads, methods, faces and lengths of seal may differ.
 
     Parameters
     ----------
-    runs : results folders, or `Results`; as a mapping with a name for each, otherwise they are named by their folders.
-    unit : of leakage, such as "mL/min"; that of the cases if it is the same in all of them, or else a
-        readable one per length of seal.
+    runs : mapping or sequence
+        Folders of results, or `Results`. The keys of a mapping are their names; otherwise they are named after their
+        folders.
+    unit : str, optional
+        Of leakage, such as "mL/min"; that of the cases if it is the same in all of them, or else a readable one per
+        length of seal.
+
+    Returns
+    -------
+    RunComparison
+        With a table, a picture, and files of both.
 
     Raises
     ------
-    InputError : fewer than two runs, a folder without results, two runs of one name, or a unit that does not exist or
-        is not for the fluid of one of the runs.
+    InputError
+        There are fewer than two runs, a folder has no results, two runs have one name, or the unit does not exist or is
+        not for the fluid of one of the runs.
 
     Examples
     --------
@@ -208,20 +266,30 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
     if len(given) < 2:
         raise InputError("compare", counted(len(given), "run"), "two or more")
     opened = tuple(run if isinstance(run, Results) else open_results(run) for run in given)
-    names = tuple(runs) if isinstance(runs, Mapping) else _names(opened)
+    names = tuple(runs) if isinstance(runs, Mapping) else _names_of(opened)
     return compared(names, opened, unit=unit)
 
 
 def named(arguments: Sequence[str]) -> Mapping[str, Run] | Sequence[Run]:
-    """Runs from texts DIR or NAME=DIR; with a name for one of them, the others are named by the last part of theirs."""
-    pairs = [("", text) if Path(text).is_dir() else text.partition("=")[::2] for text in arguments]
-    pairs = [(name, path) if path else ("", name) for name, path in pairs]
+    """Return the runs that arguments of the command line name, as `compare` takes them.
+
+    An argument is DIR or NAME=DIR. If one of them has a name, the others are named by the last part of their path.
+    """
+    pairs = [_name_and_path(text) for text in arguments]
     if not any(name for name, _ in pairs):
         return [path for _, path in pairs]
     names = [name or Path(path).name for name, path in pairs]
-    if len({*names}) < len(names):
+    if len(set(names)) < len(names):
         raise InputError("compare", ", ".join(names), "a name of its own for each run")
     return dict(zip(names, (path for _, path in pairs), strict=True))
+
+
+def _name_and_path(text: str) -> tuple[str, str]:
+    """Split NAME=DIR; the name is empty without "=", and if the whole text is a folder."""
+    name, _, path = text.partition("=")
+    if not path or Path(text).is_dir():
+        return "", text if Path(text).is_dir() else name
+    return name, path
 
 
 def compared(
@@ -232,30 +300,34 @@ def compared(
     keys: tuple[str, ...] = (),
     settings: tuple[tuple[str, ...], ...] = (),
 ) -> RunComparison:
-    """The comparison of opened runs, see `compare` and `RunComparison`."""
-    if twice := sorted({name for name in names if list(names).count(name) > 1}):
-        given = f"two runs named {shown(twice[0])}"
+    """Return the comparison of runs that are in memory; arguments as of `compare` and `RunComparison`."""
+    repeated = sorted({name for name in names if list(names).count(name) > 1})
+    if repeated:
+        given = f"two runs named {shown(repeated[0])}"
         raise InputError("compare", given, "a name of its own for each run")
-    chosen = _unit(runs) if unit is None else leak_unit(unit)
+    chosen = _common_unit(runs) if unit is None else leak_unit(unit)
     for results in runs:
-        results.leak_basis.factor(chosen)  # raises if the unit is not for the fluid
+        results.leak_basis.factor(chosen)  # raises an InputError if the unit is not for the fluid
     return RunComparison(tuple(names), tuple(runs), chosen, keys, settings)
 
 
-def _unit(runs: Sequence[Results]) -> LeakUnit:
-    """The unit of the cases if they agree, else a readable one per length of seal for all of them."""
+def _common_unit(runs: Sequence[Results]) -> LeakUnit:
+    """Return the unit of the cases if they agree, else a readable one per length of seal for all of them."""
     asked = {results.asked_unit for results in runs}
     unit = asked.pop() if len(asked) == 1 else None
     if unit is not None and all(results.leak_basis.has(unit) for results in runs):
         return unit
-    return LEAK_UNITS[leakage_unit(np.concatenate([r.leakage.values for r in runs]))[1]]
+    leakages = np.concatenate([results.leakage.values for results in runs])
+    return LEAK_UNITS[leakage_unit(leakages)[1]]
 
 
-def _names(runs: Sequence[Results]) -> tuple[str, ...]:
-    """Names of folders, their paths where two have one name; a number where there is none."""
+def _names_of(runs: Sequence[Results]) -> tuple[str, ...]:
+    """Return the names of the folders of runs, or their paths if two have one name; a number without a folder."""
     folders = [results.folder for results in runs]
-    for names in ([path and path.name for path in folders], folders):
-        found = tuple(str(name or f"run {n}") for n, name in enumerate(names, 1))
-        if len({*found}) == len(found):
-            break
-    return found
+    short = [None if folder is None else folder.name for folder in folders]
+    names = _numbered(short)
+    return names if len(set(names)) == len(names) else _numbered(folders)
+
+
+def _numbered(names: Sequence[str | Path | None]) -> tuple[str, ...]:
+    return tuple(str(name or f"run {number}") for number, name in enumerate(names, start=1))

@@ -1,12 +1,12 @@
-"""The verdict on a leakage class: whether a seal meets it, from which load on, how sure that is, what would narrow it.
+"""Verdicts on leakage classes: whether a seal meets a class, from which load on, how sure that is, what would help.
 
-Report, table of classes, design answer and terminal take it from here: `needed` of a `LeakageCurve` finds the load that
-a limit needs, on loading or on unloading, and `verdict_sentences` and `verdict_table` put it into words.
+Report, tables, design answer and terminal all take their statements from here. `LeakageCurve.needed` finds the load
+that a limit of leakage needs, on loading or on unloading; `verdict_sentences` and `verdict_table` put it into words.
 
-Between load steps ln(leakage) is straight in ln(pressure); beyond the steps nothing is extrapolated: a load is then
-known to lie above the highest or below the lowest one. Where a seal opens or closes between two steps, and at a load of
-0, the load of the step that keeps the limit is taken. A load at which the solution failed, which the fluid carries
-alone, or at which a seal that is computed as sealed may leak any amount, never meets a class.
+Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Beyond the load steps nothing is extrapolated:
+the load is then known to lie above the highest or below the lowest one. If a seal opens or closes between two steps, or
+one of them has the load 0, the load of the step that keeps the limit is taken. A load never meets a class if the
+computation failed there, if the fluid carries all of it, or if the seal is computed as sealed but may leak any amount.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ from ..base.leak_rates import leak_classes, within
 from ..base.leak_units import LEAK_UNITS
 from ..budget.error_parts import within_others
 from ..loads import LoadProgramme, LoadStep, relaxed
-from .results import Results, load_names, loads_as_given
+from .load_steps import load_names, loads_as_given
+from .results import Results
 from .tables import format_leakage
 
-#: A nominal pressure [Pa] as text, with the force that makes it where the loads of the case are forces.
+#: Converts a nominal pressure [Pa] to text, with the force if the case gives forces.
 LoadText = Callable[[float], str]
-#: The interval in words.
+#: Name of the interval in sentences.
 INTERVAL = "the whole 95 % interval"
-#: Most classes whose loads are told in sentences; a table has those of more.
-_MOST_TOLD = 2
-#: What makes each source of error smaller, by its name in the error budget.
+#: Largest number of classes whose loads are described in sentences; those of more classes are in a table.
+_MOST_IN_SENTENCES = 2
+#: What reduces each source of error, by its name in the error budget.
 _NARROWED_BY = {
     "blocks": "larger blocks",
     "continuation": "an instrument that sees shorter waves",
@@ -50,19 +51,33 @@ _NARROWED_BY = {
     "solver": "a smaller contact.rtol",
     "thin gap": "a smoother face: its gap is not thin against its waves",
 }
-#: The same for a generated face, of which any area can be made.
-_GENERATED = {"patch": "a larger generated surface", "longer waves": "a larger generated surface"}
+#: The same for a generated surface, which can be made in any size.
+_NARROWED_IF_GENERATED = {
+    "patch": "a larger generated surface",
+    "longer waves": "a larger generated surface",
+}
 
 
 @dataclass(frozen=True)
 class NeededPressure:
-    """A nominal pressure [Pa] that a limit of leakage needs.
+    """The nominal pressure that a limit of leakage needs.
 
-    value : by the upper end of the interval [Pa]; inf where the loads of the run are not enough, 0 where the lowest of
-    them is. computed, low : by the leakage as computed, and by the lower end of the interval. lowest, highest : loads
-    between which it is known. on_unloading : whether it is the pressure down to which the limit is kept after an
-    assembly at the highest, not that from which on it is met. has_interval : whether an interval is known; without
-    one the value is that of the leakage as computed.
+    Attributes
+    ----------
+    value : float
+        By the upper end of the 95 % interval [Pa]; inf if no load of the run is enough, 0 if the lowest one is. Without
+        an interval it is `computed`.
+    computed : float
+        By the leakage as computed [Pa].
+    low : float
+        By the lower end of the interval [Pa].
+    lowest, highest : float
+        Lowest and highest load of the run [Pa], between which the pressure can be found.
+    on_unloading : bool
+        Whether it is the pressure down to which the limit is kept after an assembly at `highest`, instead of that from
+        which on it is met.
+    has_interval : bool
+        Whether an interval is known.
     """
 
     value: float
@@ -80,40 +95,56 @@ class NeededPressure:
 
     @property
     def at(self) -> float:
-        """The pressure by the leakage as computed, where it lies within the loads; else NaN."""
+        """The pressure by the leakage as computed if it lies within the loads, else NaN."""
         return self.computed if 0 < self.computed < inf else np.nan
 
     @property
     def relation(self) -> str:
-        """ "=", or "<=" or ">" where only a bound is known."""
+        """Relation of the needed pressure to `bound(value)`: "=", or "<=" or ">" if only a bound is known."""
         return {inf: ">", 0.0: "<="}.get(self.value, "=")
 
     def bound(self, value: float) -> float:
-        """A pressure, or the load that bounds it."""
+        """Return a pressure, or the load that bounds it if it is inf or 0."""
         return {inf: self.highest, 0.0: self.lowest}.get(value, value)
 
-    def words(self, value: float, shown: LoadText) -> str:
-        """From which load on, or down to which, one of the pressures lets the limit be kept."""
-        load = shown(self.bound(value))
-        if self.on_unloading:
-            known = {inf: f"not even at {load}", 0.0: f"down to the lowest load of {load}"}
-            return known.get(value, f"down to {load}")
-        known = {inf: f"at no load up to {load}", 0.0: f"at every load from {load} on"}
-        return known.get(value, f"from {load} on")
+    def words(self, value: float, load_text: LoadText) -> str:
+        """Return in words from which load on, or down to which load, the limit is kept.
 
-    def text(self, shown: LoadText) -> str:
-        """The value in words; in brackets that of the leakage as computed, where it differs."""
-        value, computed = self.words(self.value, shown), self.words(self.computed, shown)
+        Parameters
+        ----------
+        value : `value`, `computed` or `low`.
+        load_text : converts a nominal pressure to text.
+        """
+        load = load_text(self.bound(value))
+        if self.on_unloading:
+            if value == inf:
+                return f"not even at {load}"
+            return f"down to the lowest load of {load}" if value == 0 else f"down to {load}"
+        if value == inf:
+            return f"at no load up to {load}"
+        return f"at every load from {load} on" if value == 0 else f"from {load} on"
+
+    def text(self, load_text: LoadText) -> str:
+        """Return the value in words, and in brackets that of the leakage as computed if it differs."""
+        value = self.words(self.value, load_text)
+        computed = self.words(self.computed, load_text)
         return value if value == computed else f"{value} (as computed: {computed})"
 
 
 @dataclass(frozen=True, eq=False)
 class LeakageCurve:
-    """Leakage over a load cycle with its interval, as it decides on classes.
+    """Leakage over a load cycle with its 95 % interval, by which leakage classes are judged.
 
-    steps : the load programme. leakage : size of the leakage per length (steps,) [m²/s]; inf where it may be any.
-    lower, upper : ends of its interval, which go no further than those of other loads. has_interval : whether one is
-    known; without it both ends are the leakage.
+    Attributes
+    ----------
+    steps : LoadProgramme
+        The load programme.
+    leakage : array
+        Absolute value of the leakage per length (step,) [m²/s]; inf if it may be any.
+    lower, upper : array
+        Ends of the interval (step,) [m²/s], narrowed by the intervals of other loads; the leakage without an interval.
+    has_interval : bool
+        Whether an interval is known.
     """
 
     steps: LoadProgramme
@@ -129,52 +160,76 @@ class LeakageCurve:
         leakage: Array,
         interval: tuple[Array, Array] | None = None,
     ) -> LeakageCurve:
-        """Make a curve of a leakage of any direction, NaN where it is not known.
+        """Create a curve.
 
-        interval : lower and upper end at every step (steps,), NaN where one is not known; None without any.
+        Parameters
+        ----------
+        steps : LoadProgramme
+            The load programme.
+        leakage : array
+            Leakage in any direction (step,) [m²/s], NaN if it is not known.
+        interval : pair of arrays, optional
+            Lower and upper end (step,) [m²/s], NaN if they are not known.
         """
         size = np.abs(reals(leakage))
         size = np.where(np.isnan(size), inf, size)
         if interval is None:
             return cls(steps, size, size, size, has_interval=False)
-        low, high = (np.abs(reals(end)) for end in interval)
+        low, high = np.abs(reals(interval[0])), np.abs(reals(interval[1]))
         high = np.where(np.isnan(high), inf, high)
-        # what is computed as sealed may leak where no upper end is known
+        # a seal that is computed as sealed may leak any amount if no upper end is known
         size = np.where((size == 0) & np.isinf(high), inf, size)
         is_known = np.isfinite(size)
         low = np.minimum(np.nan_to_num(low, nan=0.0), size)
         high = np.maximum(high, size)
-        # loads whose leakage is not known tell nothing of others
+        # loads with unknown leakage do not narrow the intervals of others
         low, high = within_others(steps, np.where(is_known, size, np.nan), low, high)
-        low, high = np.where(is_known, low, 0.0), np.where(is_known, high, inf)
+        low = np.where(is_known, low, 0.0)
+        high = np.where(is_known, high, inf)
         return cls(steps, size, low, high, has_interval=True)
 
     @classmethod
     def of_results(cls, results: Results) -> LeakageCurve:
-        """Make the curve of the fluid that decides on classes; a load at which either fluid failed is not known."""
+        """Create the curve of the fluid that decides on classes.
+
+        The leakage of a load is not known if the computation of the fluid of the run, or of the test fluid, failed.
+        """
         leakage = np.where(results.has_failed, np.nan, results.class_leakage[0])
         return cls.of(results.steps, leakage, results.class_interval)
 
     def needed(self, limit: float, peak: float | None = None) -> NeededPressure:
-        """Find the load that a limit [m²/s] needs, on loading or on the unloading from a peak [Pa].
+        """Return the load that a limit needs.
 
-        Every verdict on a class comes from here.
+        Parameters
+        ----------
+        limit : float
+            Largest leakage per length [m²/s].
+        peak : float, optional
+            Load from which the seal is unloaded [Pa]; without it, the load on loading is returned.
         """
         steps = falling_steps(self.steps, peak)
         return self._needed(self.steps.pressures[steps], steps, limit, peak is not None)
 
     def needed_with_relaxation(self, limit: float, relaxation: float) -> NeededPressure:
-        """Find the pressure in assembly that still keeps the limit once a fraction of it is lost."""
+        """Return the pressure in assembly that keeps a limit [m²/s] after a fraction of the pressure is lost."""
         peaks, after = relaxed_steps(self.steps, relaxation)
         return self._needed(peaks, after, limit, on_unloading=False)
 
     def _needed(
         self, pressures: Array, steps: Indices, limit: float, on_unloading: bool
     ) -> NeededPressure:
-        """What a limit needs along steps from the highest pressure down (steps,) [Pa], by leakage and interval."""
+        """Return what a limit needs along some steps, by the leakage and by both ends of its interval.
+
+        Parameters
+        ----------
+        pressures : falling pressures [Pa], by which the steps are identified.
+        steps : numbers of the steps whose leakage counts.
+        limit : largest leakage per length [m²/s].
+        on_unloading : whether the steps are those of an unloading.
+        """
         computed, low, high = (
-            float(crossings(pressures, end[None, steps], limit)[0])
-            for end in (self.leakage, self.lower, self.upper)
+            float(crossings(pressures, curve[None, steps], limit)[0])
+            for curve in (self.leakage, self.lower, self.upper)
         )
         return NeededPressure(
             value=high,
@@ -188,7 +243,7 @@ class LeakageCurve:
 
     @property
     def assembly_step(self) -> int:
-        """Number of the step at which the seal is assembled: the highest load that it is unloaded from, or reaches."""
+        """Number of the step of the assembly: at the highest load from which it is unloaded, or that it reaches."""
         loading = np.flatnonzero(self.steps.on_loading)
         pressures = self.steps.pressures[loading]
         highest = max(self.steps.unload_from, default=pressures.max())
@@ -196,52 +251,91 @@ class LeakageCurve:
 
 
 def falling_steps(steps: LoadProgramme, peak: float | None = None) -> Indices:
-    """Steps of the loading, or of the unloading from a peak, which they begin with, from the highest load down."""
+    """Return the steps of the loading, or of the unloading from a peak, from the highest load down.
+
+    An unloading begins with the step of its peak.
+    """
     loading = np.flatnonzero(steps.on_loading)[::-1]
     if peak is None:
         return loading
-    unloading = [n for n, step in enumerate(steps) if step.unloaded_from == peak]
-    return np.r_[loading[steps.pressures[loading] == peak], unloading]
+    at_peak = loading[steps.pressures[loading] == peak]
+    unloading = [number for number, step in enumerate(steps) if step.unloaded_from == peak]
+    return np.array([*at_peak, *unloading], np.int64)
 
 
 def relaxed_steps(steps: LoadProgramme, relaxation: float) -> tuple[Array, Indices]:
-    """Peaks from the highest down [Pa], and the steps that a fraction of relaxation leaves of them."""
-    numbers = {step: n for n, step in enumerate(steps)}
+    """Return the peaks from the highest down [Pa], and the step of each after relaxation."""
+    numbers = {step: number for number, step in enumerate(steps)}
     peaks = np.array(steps.unload_from[::-1])
-    after = [numbers[LoadStep(relaxed(p, relaxation), p)] for p in peaks.tolist()]
+    after = [numbers[LoadStep(relaxed(peak, relaxation), peak)] for peak in peaks.tolist()]
     return peaks, np.array(after, np.int64)
 
 
 def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
-    """Lowest pressure down to which the leakage stays within a limit (seals,); inf where it never is, 0 where always.
+    """Return the lowest pressure down to which the leakage of each seal stays within a limit.
 
-    pressure : falling (steps,). leakage : (seals, steps). limit : >= 0; 0 asks for the end of all leakage.
+    Parameters
+    ----------
+    pressure : array
+        Falling pressures (step,) [Pa].
+    leakage : array
+        (seal, step) [m²/s].
+    limit : float
+        Largest leakage >= 0 [m²/s]; 0 asks for the end of all leakage.
+
+    Returns
+    -------
+    array
+        Pressure (seal,) [Pa]; inf if the leakage is above the limit at the highest pressure, 0 if it is nowhere.
     """
-    ok = within(leakage, limit)
+    is_within = within(leakage, limit)
     seals = np.arange(len(leakage))
-    first = np.argmin(ok, axis=1)  # the first that is not
-    above = np.maximum(first - 1, 0)
-    high, low = np.broadcast_to(pressure, leakage.shape)[seals, above], pressure[first]
-    kept, lost = leakage[seals, above], leakage[seals, first]
-    smooth = (kept > 0) & (low > 0) & (lost > kept) & (limit > 0)
+    first_above = np.argmin(is_within, axis=1)
+    last_within = np.maximum(first_above - 1, 0)
+    pressure_within, pressure_above = pressure[last_within], pressure[first_above]
+    leakage_within, leakage_above = leakage[seals, last_within], leakage[seals, first_above]
+    can_interpolate = (
+        (leakage_within > 0) & (pressure_above > 0) & (leakage_above > leakage_within) & (limit > 0)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
-        way = np.where(smooth, np.log(limit / kept) / np.log(lost / kept), 0.0)
-        between = np.where(smooth, high * (low / high) ** np.clip(way, 0, 1), high)
-    return np.where(ok.all(axis=1), 0.0, np.where(first == 0, inf, between))
+        fraction = np.log(limit / leakage_within) / np.log(leakage_above / leakage_within)
+        fraction = np.clip(np.where(can_interpolate, fraction, 0.0), 0, 1)
+        interpolated = pressure_within * (pressure_above / pressure_within) ** fraction
+    crossing = np.where(can_interpolate, interpolated, pressure_within)
+    crossing = np.where(first_above == 0, inf, crossing)
+    return np.where(is_within.all(axis=1), 0.0, crossing)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a run says of a leakage class.
+    """Whether, and from which load on, a run meets a leakage class.
 
-    name : of the class, or the limit itself. limit : its largest leakage per length [m²/s]. fluid : that decides.
-    is_own_limit : whether it is a limit of the user's own. assembly_load : nominal pressure in assembly [Pa].
-    met_as_computed, met_with_interval : whether it is met there; the second is None without an interval.
-    unknown : why the leakage there may be any, "" where it is known.
-    assembly : from which load on it is met. service : down to which it is kept, by the pressure in assembly [Pa].
-    vague_load : nominal pressure at which it is met as computed, and not with the interval [Pa]; NaN without one.
-    widest_source, narrowed_by : the widest source of error there, and what makes it smaller.
-    failed : names of the load steps at which the solution failed.
+    Attributes
+    ----------
+    name : str
+        Of the class, or the limit itself.
+    limit : float
+        Largest leakage per length [m²/s].
+    fluid : str
+        That decides.
+    is_own_limit : bool
+        Whether it is a limit of the user's own instead of a class of a standard.
+    assembly_load : float
+        Nominal pressure in assembly [Pa].
+    met_as_computed, met_with_interval : bool
+        Whether the class is met at that load; the second is None without an interval.
+    unknown : str
+        Why the leakage at that load may be any, "" if it is known.
+    assembly : NeededPressure
+        From which load on the class is met.
+    service : dict
+        Down to which load the class is kept, by the pressure in assembly [Pa].
+    vague_load : float
+        Nominal pressure at which the class is met as computed, but not with the interval [Pa]; NaN without one.
+    widest_source, narrowed_by : str
+        The widest source of error at that load, and what reduces it.
+    failed : tuple of str
+        Names of the load steps at which the computation failed.
     """
 
     name: str
@@ -261,7 +355,7 @@ class Verdict:
 
     @property
     def answer(self) -> str:
-        """Whether the class is met at the assembly load, as computed and with the whole interval."""
+        """Whether the class is met at the assembly load, as computed and with the whole interval, in words."""
         if self.unknown:
             return f"not met, as {self.unknown}"
         if not self.met_as_computed:
@@ -276,9 +370,19 @@ class Verdict:
 def verdicts_of(
     results: Results, limits: Sequence[tuple[str, float]] | None = None
 ) -> tuple[Verdict, ...]:
-    """Judge the leakage classes of a run, or limits that are given.
+    """Judge the leakage classes of a run, or other limits.
 
-    limits : name and largest leakage per length [m²/s] of each; the classes of the case unless given.
+    Parameters
+    ----------
+    results : Results
+        The run.
+    limits : sequence, optional
+        Name and largest leakage per length [m²/s] of each limit; the classes of the case unless given.
+
+    Returns
+    -------
+    tuple of Verdict
+        One for each class or limit.
     """
     data = results.dataset
     if limits is None:
@@ -291,41 +395,42 @@ def verdicts_of(
 
 
 def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> Verdict:
-    """Judge one limit by the curve of a run, and find what would narrow its interval."""
-    steps, at = curve.steps, curve.assembly_step
-    failed = np.flatnonzero(results.has_failed)
-    met, surely = within(curve.leakage, limit), within(curve.upper, limit)
-    vague = np.flatnonzero(met & ~surely & steps.on_loading)
-    found: dict[str, Any] = {}
+    """Judge one limit by the leakage curve of a run, and find what would narrow its interval."""
+    steps, assembly_step = curve.steps, curve.assembly_step
+    is_met = within(curve.leakage, limit)
+    is_met_with_interval = within(curve.upper, limit)
+    vague_steps = np.flatnonzero(is_met & ~is_met_with_interval & steps.on_loading)
+    about_interval: dict[str, Any] = {}
     budget = results.budget
-    if vague.size and budget is not None:
-        step = at if at in vague else int(vague[-1])
+    if vague_steps.size and budget is not None:
+        step = assembly_step if assembly_step in vague_steps else int(vague_steps[-1])
         source = budget.limiting(step)
-        found = {
+        about_interval = {
             "vague_load": float(steps.pressures[step]),
             "widest_source": source,
             "narrowed_by": _narrowed_by(results, source),
         }
-    (one,) = leak_classes([name])
+    (leak_class,) = leak_classes([name])
+    is_unknown = np.isinf(curve.leakage[assembly_step])
     names = load_names(results.dataset)
     return Verdict(
         name=name,
         limit=limit,
         fluid=deciding_fluid(results),
-        is_own_limit=not one.family,
-        assembly_load=float(steps.pressures[at]),
-        met_as_computed=bool(met[at]),
-        met_with_interval=bool(surely[at]) if curve.has_interval else None,
-        unknown=_why_unknown(results, at) if np.isinf(curve.leakage[at]) else "",
+        is_own_limit=not leak_class.family,
+        assembly_load=float(steps.pressures[assembly_step]),
+        met_as_computed=bool(is_met[assembly_step]),
+        met_with_interval=bool(is_met_with_interval[assembly_step]) if curve.has_interval else None,
+        unknown=_why_unknown(results, assembly_step) if is_unknown else "",
         assembly=curve.needed(limit),
         service={peak: curve.needed(limit, peak) for peak in steps.unload_from},
-        failed=tuple(names[s] for s in failed),
-        **found,
+        failed=tuple(names[step] for step in np.flatnonzero(results.has_failed)),
+        **about_interval,
     )
 
 
 def _why_unknown(results: Results, step: int) -> str:
-    """Why the leakage at a step may be any."""
+    """Return why the leakage at a step may be any."""
     if results.has_failed[step]:
         return "the solution failed"
     if step in results.open_steps:
@@ -334,75 +439,92 @@ def _why_unknown(results: Results, step: int) -> str:
 
 
 def _narrowed_by(results: Results, source: str) -> str:
-    """What makes a source of error smaller; "" where nothing is known."""
+    """Return what reduces a source of error, "" if nothing is known."""
     faces = results.case.get("face") or {}
-    each = faces if isinstance(faces, list) else [faces]
-    generated = bool(faces) and all(face.get("kind", "file") != "file" for face in each)
-    known = _NARROWED_BY | (_GENERATED if generated else {})
-    return known.get(source, "")
+    tables = faces if isinstance(faces, list) else [faces]
+    is_generated = bool(faces) and all(table.get("kind", "file") != "file" for table in tables)
+    if is_generated and source in _NARROWED_IF_GENERATED:
+        return _NARROWED_IF_GENERATED[source]
+    return _NARROWED_BY.get(source, "")
 
 
 def deciding_fluid(results: Results) -> str:
-    """Name of the fluid that decides on classes, as the case gives it; "the gas" or "the liquid" without one."""
-    tested = "test_leakage" in results.dataset
-    table = (
-        results.case.get("output", {}).get("test_fluid") if tested else results.case.get("fluid")
-    )
-    name = (table or {}).get("name") or ""
-    return str(name) or ("the gas" if results.class_basis.is_gas else "the liquid")
+    """Return the name of the fluid that decides on classes as the case gives it, else "the gas" or "the liquid"."""
+    case = results.case
+    has_test_fluid = "test_leakage" in results.dataset
+    table = case.get("output", {}).get("test_fluid") if has_test_fluid else case.get("fluid")
+    name = (table or {}).get("name")
+    if name:
+        return str(name)
+    return "the gas" if results.class_basis.is_gas else "the liquid"
 
 
-def verdict_sentences(verdict: Verdict, shown: LoadText, *, whole: bool = True) -> list[str]:
-    """Put a verdict into words: the answer at the assembly load first, then the loads, then what would narrow it.
+def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = True) -> list[str]:
+    """Put a verdict into words: the answer at the assembly load, then the loads, then what would narrow the interval.
 
-    shown : nominal pressures as text. whole : False gives the answer alone.
+    Parameters
+    ----------
+    verdict : Verdict
+        The verdict.
+    load_text : callable
+        Converts a nominal pressure [Pa] to text.
+    whole : bool
+        False returns the answer alone.
+
+    Returns
+    -------
+    list of str
+        Sentences.
     """
     subject = f"Class {verdict.name} with {verdict.fluid}"
     if verdict.is_own_limit:
         subject = f"At most {verdict.name} of {verdict.fluid}"
-    sentences = [
-        f"{subject}: {verdict.answer}, at the assembly load of {shown(verdict.assembly_load)}."
-    ]
+    assembly_load = load_text(verdict.assembly_load)
+    sentences = [f"{subject}: {verdict.answer}, at the assembly load of {assembly_load}."]
     if not whole:
         return sentences
-    sentences.append(f"On loading it is met {_both(verdict.assembly, shown)}.")
+    sentences.append(f"On loading it is met {_both(verdict.assembly, load_text)}.")
     for peak, needed in verdict.service.items():
-        if needed.computed == inf:  # there is nothing to be kept
+        if needed.computed == inf:  # the class is not even met at the peak
             continue
-        sentences.append(f"Unloaded from {shown(peak)} it is kept {_both(needed, shown)}.")
+        sentences.append(f"Unloaded from {load_text(peak)} it is kept {_both(needed, load_text)}.")
     if verdict.failed:
         loads = ", ".join(verdict.failed)
         sentences.append(f"The solution failed at {loads}: such a load counts as not met.")
     if not verdict.assembly.has_interval:
         sentences.append("The run has no error budget; output.budget = true gives the interval.")
     elif verdict.widest_source:
-        source = f"the widest source of error is '{verdict.widest_source}'"
-        narrow = f"; {verdict.narrowed_by} would narrow the interval" * bool(verdict.narrowed_by)
-        sentences.append(f"At {shown(verdict.vague_load)} {source}{narrow}.")
+        sentence = (
+            f"At {load_text(verdict.vague_load)} the widest source of error is "
+            f"'{verdict.widest_source}'"
+        )
+        if verdict.narrowed_by:
+            sentence += f"; {verdict.narrowed_by} would narrow the interval"
+        sentences.append(f"{sentence}.")
     return sentences
 
 
-def _both(needed: NeededPressure, shown: LoadText) -> str:
-    """Words of the leakage as computed, and of the whole interval where there is one."""
-    computed = needed.words(needed.computed, shown)
+def _both(needed: NeededPressure, load_text: LoadText) -> str:
+    """Return the needed load as computed, and with the whole interval if there is one."""
+    computed = needed.words(needed.computed, load_text)
     if not needed.has_interval:
         return f"{computed} as computed"
-    value = needed.words(needed.value, shown)
+    value = needed.words(needed.value, load_text)
     if value == computed:
         return f"{computed}, as computed and with {INTERVAL}"
     return f"{computed} as computed, and {value} with {INTERVAL}"
 
 
-def verdicts_in_words(verdicts: Sequence[Verdict], shown: LoadText) -> list[list[str]]:
-    """Sentences on each verdict; of many of them the answers alone, as their loads are in the table."""
-    whole = len(verdicts) <= _MOST_TOLD
-    return [verdict_sentences(one, shown, whole=whole) for one in verdicts]
+def verdicts_in_words(verdicts: Sequence[Verdict], load_text: LoadText) -> list[list[str]]:
+    """Return sentences on each verdict; the answers alone if there are many, as their loads are in the table."""
+    whole = len(verdicts) <= _MOST_IN_SENTENCES
+    return [verdict_sentences(verdict, load_text, whole=whole) for verdict in verdicts]
 
 
 def short_loads(results: Results) -> LoadText:
-    """Nominal pressures as short text: the force alone where the case has forces."""
-    given = loads_as_given(results.dataset, 3)
-    return lambda pressure: given(pressure).partition(" (")[0]
+    """Return a function that converts a nominal pressure to short text: the force alone if the case gives forces."""
+    load_text = loads_as_given(results.dataset, 3)
+    return lambda pressure: load_text(pressure).partition(" (")[0]
 
 
 def verdict_table(
@@ -411,30 +533,47 @@ def verdict_table(
     more: Iterable[tuple[str, Iterable[str]]] = (),
     names: tuple[str, str] = ("met", "kept after {}"),
 ) -> TextTable:
-    """A line for each verdict: class, limit, and its loads as computed and with the whole interval.
+    """Return a table with a line for each verdict: class, limit, and its loads as computed and with the interval.
 
-    more : further columns. names : of the load from which on a class is met, and of that down to which it is kept after
-    an assembly, in which {} stands for the load of the assembly.
+    Parameters
+    ----------
+    results : Results
+        The run.
+    verdicts : sequence of Verdict
+        The verdicts, at least one.
+    more : iterable
+        Heading and texts of further columns.
+    names : (str, str)
+        Headings of the load from which on a class is met, and of that down to which it is kept after an assembly; {}
+        in the second one is replaced by the load of the assembly.
     """
-    shown, factor = short_loads(results), results.class_basis.factor
-    columns = [("class", [one.name for one in verdicts])]
-    if not all(one.is_own_limit for one in verdicts):
-        units = [LEAK_UNITS[one.unit] for one in leak_classes([v.name for v in verdicts])]
-        limits = [
-            f"{format_leakage(one.limit, factor(unit))} {unit.name}" if one.limit else "no leakage"
-            for one, unit in zip(verdicts, units, strict=True)
-        ]
-        columns.append(("limit", limits))
-    branches = [(names[0], [one.assembly for one in verdicts])]
+    load_text = short_loads(results)
+    columns: list[tuple[str, list[str]]] = [("class", [verdict.name for verdict in verdicts])]
+    if not all(verdict.is_own_limit for verdict in verdicts):
+        columns.append(("limit", _limit_texts(results, verdicts)))
+    met, kept = names
+    needed = [(met, [verdict.assembly for verdict in verdicts])]
     for peak in verdicts[0].service:
-        needs = [one.service[peak] for one in verdicts]
-        branches.append((names[1].format(shown(peak)), needs))
-    for head, needs in branches:
-        texts = [one.words(one.computed, shown) for one in needs]
-        columns.append((f"{head}, as computed", texts))
-        if needs[0].has_interval:
-            texts = [one.words(one.value, shown) for one in needs]
-            columns.append((f"{head}, with {INTERVAL}", texts))
-    columns += [(head, list(texts)) for head, texts in more]
+        heading = kept.format(load_text(peak))
+        needed.append((heading, [verdict.service[peak] for verdict in verdicts]))
+    for heading, pressures in needed:
+        texts = [pressure.words(pressure.computed, load_text) for pressure in pressures]
+        columns.append((f"{heading}, as computed", texts))
+        if pressures[0].has_interval:
+            texts = [pressure.words(pressure.value, load_text) for pressure in pressures]
+            columns.append((f"{heading}, with {INTERVAL}", texts))
+    columns += [(heading, list(texts)) for heading, texts in more]
     title = f"Leakage classes, decided by {verdicts[0].fluid}"
     return TextTable.of_columns(title, columns, names=len(columns))
+
+
+def _limit_texts(results: Results, verdicts: Sequence[Verdict]) -> list[str]:
+    """Return the limit of each verdict in the unit of its class."""
+    classes = leak_classes([verdict.name for verdict in verdicts])
+    texts = []
+    for verdict, leak_class in zip(verdicts, classes, strict=True):
+        unit = LEAK_UNITS[leak_class.unit]
+        factor = results.class_basis.factor(unit)
+        limit = f"{format_leakage(verdict.limit, factor)} {unit.name}"
+        texts.append(limit if verdict.limit else "no leakage")
+    return texts

@@ -1,12 +1,13 @@
-"""Data as VTK has it, and its files in XML, which every ParaView opens.
+"""Files for ParaView: data sets of VTK in XML, which every version opens.
 
-Time is the index of the load step, since the same load occurs on loading and on unloading; the loads are field data.
-There is one file for each load step, and a `.pvd` that puts them on the time axis. pyvista writes the data, compressed:
-images as raw bytes, which take a quarter less space, meshes in base64, because meshio 5.3 mixes up the arrays of some
-files of raw bytes. pyvista writes no `.pvd`, so its few lines are written here.
+There is one file for each load step, and a file `.pvd` that puts them on the time axis. Time is the index of the load
+step, because the same load occurs on loading and on unloading; the loads are field data.
 
-Each piece is a quadrilateral. Coordinates are x = x1, y = x2 in metres. Names of arrays carry the units and have no
-brackets. There are no arrays of texts, because meshio cannot read them.
+pyvista writes the data, compressed: images as raw bytes, which take a quarter less space, and meshes in base64, because
+meshio 5.3 confuses arrays of some files of raw bytes. The `.pvd` is written here, because pyvista does not write any.
+
+Coordinates are x = x1, y = x2 in metres. Names of arrays contain the units and have no brackets. There are no arrays of
+text, because meshio cannot read them.
 """
 
 from __future__ import annotations
@@ -30,44 +31,62 @@ if TYPE_CHECKING:
 
     from .results import Results
 
-#: Ending of an image of pixels in a plane.
+#: Suffix of an image of pixels in a plane.
 IMAGE = ".vti"
-#: Corners nearer to each other than this fraction of its length are one point of it.
-_ONE_POINT = 1e-9
-#: Of deflate: higher levels gain a few per cent at several times the time.
-_LEVEL = 1
+#: Corners of cells that are nearer than this fraction of the size of the mesh are merged to one point.
+_MERGE_TOLERANCE = 1e-9
+#: Level of compression; higher ones save a few per cent and take several times as long.
+_COMPRESSION = 1
+
+# --- data sets --------------------------------------------------------------------------------------------------
 
 
 def loads_of(data: xarray.Dataset, dim: str = "step") -> Array:
-    """Loads of the steps of a dataset, or of the states of its face by `dim`, and the peaks before (steps, 2) [Pa]."""
+    """Return nominal pressure and peak (step, 2) [Pa] of each load step, or of each state if dim is "state"."""
     prefix = "" if dim == "step" else f"{dim}_"
-    loads = (data[f"{prefix}{name}"].values for name in ("nominal_pressure", "unloaded_from"))
-    return np.stack([*loads], axis=1)
+    pressures = data[f"{prefix}nominal_pressure"].values
+    peaks = data[f"{prefix}unloaded_from"].values
+    return np.stack([pressures, peaks], axis=1)
 
 
 def with_load(mesh: Any, load: Array) -> Any:
-    """A data set with its load; on loading the peak is NaN."""
-    for name, value in zip(("nominal_pressure_MPa", "unloaded_from_MPa"), load / 1e6, strict=True):
-        mesh.field_data[name] = np.array([value])
+    """Add nominal pressure and peak [Pa] to a data set, and return it; on loading the peak is NaN."""
+    pressure, peak = load / 1e6
+    mesh.field_data["nominal_pressure_MPa"] = np.array([pressure])
+    mesh.field_data["unloaded_from_MPa"] = np.array([peak])
     return mesh
 
 
 def image(spacing: Pair, origin: Pair, pixels: Iterable[tuple[str, NDArray[Any]]]) -> Any:
-    """Image data whose cells are the pixels of fields (n1, n2), in single precision; x1 runs fastest in VTK."""
+    """Return an image whose cells are the pixels of fields.
+
+    Parameters
+    ----------
+    spacing : size of a pixel [m].
+    origin : first corner [m].
+    pixels : name and values (x1, x2) of each field; they are stored in single precision.
+    """
     import pyvista
 
-    made = pyvista.ImageData(spacing=(*spacing, 1.0), origin=(*origin, 0.0))
+    data_set = pyvista.ImageData(spacing=(*spacing, 1.0), origin=(*origin, 0.0))
     for name, values in pixels:
-        made.dimensions = (values.shape[0] + 1, values.shape[1] + 1, 1)
-        made.cell_data[name] = np.asarray(values, np.float32).ravel(order="F")
-    return made
+        rows, columns = values.shape
+        data_set.dimensions = (rows + 1, columns + 1, 1)
+        # x1 runs fastest in VTK
+        data_set.cell_data[name] = np.asarray(values, np.float32).ravel(order="F")
+    return data_set
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Triangles or quadrilaterals by their corners (cells, 3 or 4, 2), with `data` (steps, cells[, 3]) at all steps.
+    """Triangles or quadrilaterals in a plane, with data at all load steps.
 
+    Attributes
+    ----------
+    name : of the files.
+    corners : (cell, 3 or 4, 2) [m].
     loads : of the steps, see `loads_of`.
+    data : arrays by name (step, cell) or (step, cell, 3).
     """
 
     name: str
@@ -79,14 +98,16 @@ class Cells:
     def _mesh(self) -> Any:
         import pyvista
 
-        kind = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}[self.corners.shape[1]]
-        points = np.pad(self.corners.reshape(-1, 2), ((0, 0), (0, 1)))
-        cells = np.arange(len(points)).reshape(self.corners.shape[:2])
+        count, corners_per_cell, _ = self.corners.shape
+        kind = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}[corners_per_cell]
+        points = np.pad(self.corners.reshape(-1, 2), ((0, 0), (0, 1)))  # z = 0
+        cells = np.arange(len(points)).reshape(count, corners_per_cell)
         mesh = pyvista.UnstructuredGrid({kind: cells}, points)
-        return mesh.clean(tolerance=_ONE_POINT * np.ptp(points), produce_merge_map=False)
+        tolerance = _MERGE_TOLERANCE * np.ptp(points)
+        return mesh.clean(tolerance=tolerance, produce_merge_map=False)
 
     def at(self, step: int) -> Any:
-        """The mesh, which all steps share, with its data."""
+        """Return the mesh with its data at a step."""
         mesh = self._mesh.copy(deep=False)
         for name, values in self.data.items():
             mesh.cell_data[name] = values[step]
@@ -94,48 +115,64 @@ class Cells:
 
 
 def _heights(surface: Surface) -> Any:
-    """Heights of the face as points, so that the map can be warped at once."""
+    """Return the heights of the face at points, so that ParaView can warp the map."""
     import pyvista
 
     d1, d2 = surface.spacing
-    first = d1 / 2, d2 / 2, 0.0
-    made = pyvista.ImageData(dimensions=(*surface.shape, 1), spacing=(d1, d2, 1.0), origin=first)
-    made.point_data["height_um"] = (surface.heights * 1e6).astype(np.float32).ravel(order="F")
-    return made
+    data_set = pyvista.ImageData(
+        dimensions=(*surface.shape, 1), spacing=(d1, d2, 1.0), origin=(d1 / 2, d2 / 2, 0.0)
+    )
+    heights = (surface.heights * 1e6).astype(np.float32)
+    data_set.point_data["height_um"] = heights.ravel(order="F")
+    return data_set
+
+
+# --- files ------------------------------------------------------------------------------------------------------
 
 
 def write_series(
-    name: str, at: Callable[[int], Any], steps: Iterable[int], folder: Path
+    name: str, data_set_at: Callable[[int], Any], steps: Iterable[int], folder: Path
 ) -> list[Path]:
-    """Write the data sets of steps as XML: `name.pvd` after the files that it names in the folder `name`.
+    """Write the data sets of several steps, and a file `.pvd` that lists them.
 
-    Returns paths of all files, each of which is whole or not there.
+    Parameters
+    ----------
+    name : of the subfolder with the data sets, and of the `.pvd`.
+    data_set_at : returns the data set of a step.
+    steps : the steps.
+    folder : of the `.pvd`.
+
+    Returns
+    -------
+    Paths of all files. Each is written whole or not at all, the `.pvd` last.
     """
     subfolder = made_folder(folder / name)
-    written = {step: _save(at(step), subfolder / f"step_{step:04d}") for step in steps}
-    lines = [
-        f'    <DataSet timestep="{step}" part="0" file="{escape(f"{name}/{path.name}")}"/>'
-        for step, path in written.items()
-    ]
-    head = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>"]
-    text = "\n".join([*head, *lines, "  </Collection>", "</VTKFile>", ""])
-    return [*written.values(), write_text(folder / f"{name}.pvd", text)]
+    paths = {step: _save(data_set_at(step), subfolder / f"step_{step:04d}") for step in steps}
+    lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>"]
+    for step, path in paths.items():
+        file = escape(f"{name}/{path.name}")
+        lines.append(f'    <DataSet timestep="{step}" part="0" file="{file}"/>')
+    lines += ["  </Collection>", "</VTKFile>", ""]
+    return [*paths.values(), write_text(folder / f"{name}.pvd", "\n".join(lines))]
 
 
 def stored_images(folder: Path, name: str) -> dict[int, Path]:
-    """Files of a series of images by their step."""
-    return {
-        int(path.stem.removeprefix("step_")): path
-        for path in sorted((folder / name).glob(f"step_*{IMAGE}"))
-    }
+    """Return the files of a series of images by their step."""
+    paths = sorted((folder / name).glob(f"step_*{IMAGE}"))
+    return {int(path.stem.removeprefix("step_")): path for path in paths}
 
 
-def read_image(path: Path, wanted: Iterable[str]) -> tuple[str | None, Any]:
-    """An image with the first of the wanted arrays of cells that it has, and the name of that; None without one."""
+def read_image(path: Path, names: Iterable[str]) -> tuple[str | None, Any]:
+    """Read one array of an image: the first of several names that it has.
+
+    Returns
+    -------
+    The name, None if it has none of them, and the image.
+    """
     import pyvista
 
     reader = pyvista.get_reader(path)
-    array = next((name for name in wanted if name in reader.cell_array_names), None)
+    array = next((name for name in names if name in reader.cell_array_names), None)
     reader.disable_all_cell_arrays()
     if array is not None:
         reader.enable_cell_array(array)
@@ -143,103 +180,128 @@ def read_image(path: Path, wanted: Iterable[str]) -> tuple[str | None, Any]:
 
 
 def _save(mesh: Any, stem: Path) -> Path:
-    """Write a data set of pyvista as XML, whole or not at all."""
+    """Write a data set, whole or not at all."""
     import pyvista
 
-    path = stem.with_suffix(IMAGE if isinstance(mesh, pyvista.ImageData) else ".vtu")
-    return write_bytes(path, as_xml(mesh))
+    suffix = IMAGE if isinstance(mesh, pyvista.ImageData) else ".vtu"
+    return write_bytes(stem.with_suffix(suffix), as_xml(mesh))
 
 
 def as_xml(mesh: Any) -> bytes:
-    """The file of a data set of pyvista as XML."""
+    """Return the content of the XML file of a data set.
+
+    It is made in memory, because VTK crashes if a disk is full.
+    """
     import pyvista
 
-    image = isinstance(mesh, pyvista.ImageData)
-    # VTK crashes where a disk is full, so it writes into memory
-    kind = pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter
-    writer = kind("none", mesh).writer
+    is_image = isinstance(mesh, pyvista.ImageData)
+    writer_class = pyvista.XMLImageDataWriter if is_image else pyvista.XMLUnstructuredGridWriter
+    writer = writer_class("none", mesh).writer
     writer.SetDataModeToAppended()
-    writer.SetCompressionLevel(_LEVEL)
-    writer.SetEncodeAppendedData(not image)
+    writer.SetCompressionLevel(_COMPRESSION)
+    writer.SetEncodeAppendedData(not is_image)
     writer.WriteToOutputStringOn()
     if not writer.Write():
         raise OSError("VTK could not write a file")
     content = writer.GetOutputString()
-    # VTK returns text instead of bytes where the content is valid text
+    # VTK returns text if the content happens to be valid text
     return content if isinstance(content, bytes) else content.encode()
+
+
+# --- views of results -------------------------------------------------------------------------------------------
 
 
 def write_vtk(
     run: Results, surface: Surface | None, folder: AnyPath, mapper: Mapper = map
 ) -> list[Path]:
-    """Write the views of results; open the `.pvd` files in ParaView.
+    """Write views of results; open their `.pvd` in ParaView.
 
-    run : of a two-scale study: `pieces`, those of the face at every step; of a stochastic study: `states`, the pieces
-    in every state of the face, and `drawn`, the seal nearest to the median at every step.
-    surface : heights, for `surface` [µm]; None: not written.
-    folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
-    mapper : such as over processes of this machine, one of which writes them: VTK lets no other thread work.
+    A two-scale study has the view `pieces`, the cells of the face at every load. A stochastic study has the views
+    `states`, the cells in every contact state of the face, and `drawn`, the realisation nearest to the median.
 
-    Returns paths of all files.
+    Parameters
+    ----------
+    run : Results
+        The results.
+    surface : Topography or None
+        Heights for the view `surface` [µm], which is not written without them.
+    folder : str or path
+        Created if needed.
+    mapper : callable
+        Computes a stage, such as over processes of this machine, one of which writes the files: VTK blocks all other
+        threads of its process.
 
-    Raises InputError: the folder cannot be made.
+    Returns
+    -------
+    list of Path
+        All files. Each is written whole or not at all, a `.pvd` after the files that it lists.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be created.
     """
     data = run.dataset
-    views = [
-        _pieces(name, data, of)
-        for name, of, field in (("pieces", PIECE, "piece_k1"), ("states", PIECE_STATE, "state_k1"))
-        if field in data
-    ]
-    views += [_drawn(data)] if "drawn_corners" in data else []
+    views = []
+    if "piece_k1" in data:
+        views.append(_cells_of_face("pieces", data, PIECE))
+    if "state_k1" in data:
+        views.append(_cells_of_face("states", data, PIECE_STATE))
+    if "drawn_corners" in data:
+        views.append(_realisation(data))
     target = made_folder(folder)
-    # other processes may be at work in another folder
-    stage = Stage("files for ParaView", partial(_written, target.absolute()))
+    # the path is absolute because a process may work in another folder
+    stage = Stage("files for ParaView", partial(_write_views, target.absolute()))
     (names,) = mapper(stage, [views], [surface])
     return [target / name for name in names]
 
 
-def _written(folder: Path, views: list[Cells], surface: Surface | None) -> list[Path]:
-    """Write views and heights into an absolute folder; returns paths relative to it."""
-    written: list[Path] = []
+def _write_views(folder: Path, views: list[Cells], surface: Surface | None) -> list[Path]:
+    """Write views and heights into an absolute folder; return paths relative to it."""
+    paths: list[Path] = []
     for view in views:
-        written += write_series(view.name, view.at, range(len(view.loads)), folder)
+        paths += write_series(view.name, view.at, range(len(view.loads)), folder)
     if surface is not None:
-        written.append(_save(_heights(surface), folder / "surface"))
-    return [path.relative_to(folder) for path in written]
+        paths.append(_save(_heights(surface), folder / "surface"))
+    return [path.relative_to(folder) for path in paths]
 
 
-def _pieces(name: str, data: xarray.Dataset, place: Place) -> Cells:
-    """Pieces of the face with every field of a place, at load steps or in states."""
-    loads = loads_of(data, place[0])
-    edges = []
-    for dim in place[1:]:
-        ends = [0.0]
-        for centre in data[dim].values:
-            ends.append(2 * centre - ends[-1])
-        edges.append(ends)
+def _cells_of_face(name: str, data: xarray.Dataset, dims: Place) -> Cells:
+    """Return the cells of the face, with every field of these dimensions."""
+    loads = loads_of(data, dims[0])
+    x1, x2 = np.meshgrid(*(_edges(data[dim].values) for dim in dims[1:]), indexing="ij")
     corners = [
-        np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], -1)
-        for at in np.meshgrid(*edges, indexing="ij")
+        np.stack([x[:-1, :-1], x[1:, :-1], x[1:, 1:], x[:-1, 1:]], axis=-1) for x in (x1, x2)
     ]
     cell_data: dict[str, NDArray[Any]] = {}
     for variable in data.data_vars.values():
-        if variable.dims == place:
-            made = Field.of(variable)
-            named = made.array_name.removeprefix("piece_").removeprefix("state_")
-            cell_data[named] = (variable.values * made.scale).reshape(len(loads), -1)
-    return Cells(name, np.stack(corners, -1).reshape(-1, 4, 2), loads, cell_data)
+        if variable.dims == dims:
+            field = Field.of(variable)
+            array = field.array_name.removeprefix("piece_").removeprefix("state_")
+            cell_data[array] = (variable.values * field.scale).reshape(len(loads), -1)
+    return Cells(name, np.stack(corners, axis=-1).reshape(-1, 4, 2), loads, cell_data)
 
 
-def _drawn(data: xarray.Dataset) -> Cells:
-    """The drawn seal nearest to the median as triangles or quadrilaterals, with every field of its parts."""
+def _edges(centres: Array) -> list[float]:
+    """Return the edges of cells beside each other, which begin at 0, from their centres."""
+    edges = [0.0]
+    for centre in centres:
+        edges.append(2 * centre - edges[-1])
+    return edges
+
+
+def _realisation(data: xarray.Dataset) -> Cells:
+    """Return the tiles of the realisation nearest to the median, with all their fields."""
+    steps = data.sizes["step"]
     cell_data = {}
     for variable in data.data_vars.values():
-        if variable.dims in (PART, PART_FORM, PART_VECTOR):
-            made = Field.of(variable)
-            values = variable.values * made.scale
-            if variable.dims == PART_FORM:
-                values = np.broadcast_to(values, (data.sizes["step"], values.size))
-            if variable.dims == PART_VECTOR:
-                values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
-            cell_data[made.array_name.removeprefix("drawn_")] = values
+        if variable.dims not in (PART, PART_FORM, PART_VECTOR):
+            continue
+        field = Field.of(variable)
+        values = variable.values * field.scale
+        if variable.dims == PART_FORM:  # the same at every step
+            values = np.broadcast_to(values, (steps, values.size))
+        if variable.dims == PART_VECTOR:
+            values = np.pad(values, ((0, 0), (0, 0), (0, 1)))  # z = 0
+        cell_data[field.array_name.removeprefix("drawn_")] = values
     return Cells("drawn", data["drawn_corners"].values, loads_of(data), cell_data)

@@ -55,7 +55,7 @@ from ..refinement.refine_to_accuracy import (
 )
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
-from ..results.dataset import FILE_NAME
+from ..results.dataset_file import FILE_NAME
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, StochasticResult, drop_ratio
 from ..studies.compiling import compile_ahead

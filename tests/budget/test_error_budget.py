@@ -266,7 +266,7 @@ def test_a_run_has_the_band_and_its_parts(case, tmp_path):
         lower = data["leakage_two_scale_budget_part_lower"].sel(budget_part="pixels")
         assert_allclose(lower, next(part for part in budget.parts if part.name == "pixels").lower)
     assert "leakage_two_scale_budget_lower_m2_per_s" in results.rows()[0]
-    assert "95 % band" in results.table().heads[3]
+    assert "95 % interval" in results.table().heads[3]
     assert (
         "Half-width of the 95 % interval by source"
         in (tmp_path / "out" / "report.html").read_text()

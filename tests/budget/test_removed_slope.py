@@ -55,7 +55,7 @@ def test_a_sealed_face_that_lost_waves_has_no_known_upper_end(tmp_path):
         assert np.isnan(found.dataset["class_fraction"].values).all()
     table = leakage_table(results)
     cells = dict(zip(table.heads, table.lines[0], strict=True))
-    assert (cells["95 % band of error"], cells["class"]) == ("open or sealed", "open")
+    assert (cells["95 % interval"], cells["class"]) == ("open or sealed", "open")
 
 
 def test_a_design_counts_an_open_class_as_not_met(tmp_path):

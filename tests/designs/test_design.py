@@ -365,4 +365,4 @@ def test_classes_of_the_test_fluid_decide():
     assert_allclose(inlet, 2 * 40e5**2 / (40e5**2 - 101_325**2), rtol=1e-4)
     # its band is as wide as that of the fluid
     ratio = results.budget.upper / results.leakage.values
-    assert_allclose(results.class_upper, ratio * results.dataset["test_leakage"].values)
+    assert_allclose(results.class_interval[1], ratio * results.dataset["test_leakage"].values)

@@ -157,7 +157,7 @@ def test_table_has_the_numbers_of_the_dataset(results, page):
         shown = [row[heads.index(head)] for row in rows]
         values = [0.0 if text == "sealed" else float(text) * factor for text in shown]
         assert_allclose(values, data[f"leakage_{head.replace('-', '_')}"].values, rtol=6e-3)
-    column = heads.index("redraws of the measured patch, 5–95 %")
+    column = heads.index("scatter between seals, 5–95 %")
     shown = np.array([row[column].split("–") for row in rows if "–" in row[column]], float).T
     ends = np.array([data["leakage_lower"], data["leakage_upper"]])
     assert_allclose(shown * factor, ends[:, ends[0] > 0], rtol=6e-3)

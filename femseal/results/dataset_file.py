@@ -1,0 +1,161 @@
+"""The file `results.nc` of a run: netCDF, which any tool reads."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import xarray
+
+from ..base import AnyPath, InputError, free_memory, made_folder, shortened, write_bytes
+from .best_leakage import METHODS
+from .results import Results
+
+FILE_NAME = "results.nc"
+_EXPECTED = "a file that femseal wrote"
+#: Attributes that store JSON, and the type of each.
+_JSON_ATTRIBUTES: dict[str, type] = {
+    "case": dict,
+    "surface": dict,
+    "timings": dict,
+    "warnings": list,
+    "failures": list,
+    "versions": dict,
+    "machine": dict,
+}
+
+
+def save(results: Results, folder: AnyPath) -> Path:
+    """Write `results.nc` into a folder.
+
+    Parameters
+    ----------
+    results : Results
+        Their dataset is written.
+    folder : str or path
+        Created if needed. An older file in it is replaced whole or not at all.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be created.
+    """
+    from xarray.backends import H5NetCDFStore
+
+    folder = made_folder(folder)
+    data = results.dataset
+    compressed = {"zlib": True, "complevel": 4, "shuffle": True}
+    encoding: dict[Any, dict[str, Any]] = {}
+    for name, variable in data.data_vars.items():
+        if variable.ndim and variable.dtype.kind in "fiu":
+            encoding[name] = dict(compressed)
+    for name, coordinate in data.coords.items():
+        if coordinate.dtype.kind == "f":
+            encoding[name] = {"_FillValue": None}
+    # The file is made in memory, because HDF5 ends the process if a disk is full. `to_netcdf` is not used, because it
+    # takes a lock from a Dask client if there is one.
+    content = io.BytesIO()
+    store = H5NetCDFStore.open(content, mode="w", lock=False)
+    try:
+        data.dump_to_store(store, encoding=encoding)
+    finally:
+        store.close()
+    return write_bytes(folder / FILE_NAME, content.getbuffer())
+
+
+def open_results(folder: AnyPath) -> Results:
+    """Read the results of a finished run.
+
+    Parameters
+    ----------
+    folder : str or path
+        Folder with the file `results.nc`.
+
+    Returns
+    -------
+    Results
+        The dataset; fields over the pixels are read from the folder when they are needed.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it cannot be read, or another program wrote it.
+
+    Examples
+    --------
+    >>> results = open_results("results/seal")  # doctest: +SKIP
+    >>> results.unloading(from_="300 MPa").leakage_total, results.failures  # doctest: +SKIP
+    """
+    folder = Path(folder)
+    path = folder / FILE_NAME
+    if not path.is_file():
+        reason = f"no {FILE_NAME} in it" if folder.is_dir() else "no such folder"
+        expected = f"a folder with the {FILE_NAME} of a finished run"
+        raise InputError("results folder", f"{folder} ({reason})", expected)
+    results = Results(_read(path), folder)
+    try:
+        _check_attributes(results.dataset)
+        results.table()
+    except Exception as error:  # also for a variable of another type, shape or dimension
+        raise inconsistent(path, error) from None
+    return results
+
+
+def inconsistent(path: Path, error: Exception) -> InputError:
+    """Return the error of a file that can be read, but whose values do not fit together."""
+    reason = f"{type(error).__name__}: {shortened(error, 80)}"
+    return InputError("results file", f"{path} ({reason})", _EXPECTED)
+
+
+def _read(path: Path) -> xarray.Dataset:
+    """Read the dataset from a file that femseal wrote."""
+    try:
+        _refuse_foreign(path)
+        with xarray.open_dataset(path, engine="h5netcdf", phony_dims="access") as data:
+            data.load()
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file can cause any error in the libraries
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError("results file", f"{path} ({reason})", "a readable netCDF file") from None
+    has_leakage = any(variable in data for variable in METHODS.values())
+    if not has_leakage or not str(data.attrs.get("source", "")).startswith("femseal"):
+        raise InputError("results file", f"{path}, written by another program", _EXPECTED)
+    return data
+
+
+def _check_attributes(data: xarray.Dataset) -> None:
+    """Raise an error if an attribute is missing, or is no JSON of its type."""
+    for name, kind in _JSON_ATTRIBUTES.items():
+        if not isinstance(json.loads(data.attrs[name]), kind):
+            raise TypeError(f"the attribute '{name}' is of another kind")
+
+
+def _refuse_foreign(path: Path) -> None:
+    """Raise an InputError if a file refers to other files, or needs more memory than there is.
+
+    Results are data: opening them must not read any other file.
+    """
+    import h5py
+
+    size = 0
+    with h5py.File(path, "r") as file:
+        for name in file:
+            is_inside = isinstance(file.get(name, getlink=True), h5py.HardLink)
+            item = file[name] if is_inside else None
+            if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
+                given = f"{path}, whose '{name}' is not held in the file itself"
+                raise InputError("results file", given, _EXPECTED)
+            size += item.size * item.dtype.itemsize if item.size else 0
+    free = free_memory()
+    if size > free:
+        given = f"{path}, which unpacks to {size / 1e9:.3g} GB"
+        expected = f"what fits into the {free / 1e9:.3g} GB of free memory"
+        raise InputError("results file", given, expected)
