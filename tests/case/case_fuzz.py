@@ -90,7 +90,6 @@ def examples():
     gas = {"name": "helium", "inlet_pressure": "10 bar", "outlet_pressure": "1 bar"}
     two = [turned["face"], STRIP["face"] | {"points": [64, 128], "size": ["240 um", "480 um"]}]
     bolted = {"kind": "angle", "fractions": [1.3, 0.7], "repeat": 8}
-    drawn = turned["stochastic"] | {"pressure": "uniform"}
     classes = {"classes": ["TA Luft"], "leakage_unit": "mg/(m*s)", "test_fluid": gas}
     return [
         *found,
@@ -98,7 +97,7 @@ def examples():
         alone | {"fluid": gas, "method": "auto", "output": classes},
         turned | {"face": two},
         plain | {"accuracy": "20 %", "time_limit": "1 min"},
-        turned | {"load": turned["load"] | {"map": bolted}, "stochastic": drawn},
+        turned | {"load": turned["load"] | {"map": bolted}, "stochastic": turned["stochastic"]},
         turned | {"compare": ["deterministic"], "surface": {"shortest_wave": "30 um"}},
     ]
 

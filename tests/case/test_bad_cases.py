@@ -16,7 +16,7 @@ from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal.base.machine import within_free_memory
-from femseal.case import parse_case
+from femseal.case import explanations, parse_case
 from femseal.preparation import prepare
 from femseal.report import write_report
 from femseal.results import save
@@ -100,7 +100,6 @@ SOLID_AT_2_GPA = {
         ("face.roughness", "-1 nm", "roughness: .* >= 0"),
         ("face.feed_error", 1.1, "feed_error: .* from 0 to 1"),
         ("face.points", [0, 4], "points.0: .* greater than or equal to 1"),
-        ("surface.filter_sensitivity", True, "removed; the row"),
         ("surface.shortest_wave", "1 um", r"given 1 µm, .*surface.points = \[480, 960\]"),
         ("surface.shortest_wave", "1 mm", "given 1 mm, expected less than the larger side"),
         *(("surface.spikes", value, "a number|greater than 0") for value in (0, -6, "six", True)),
@@ -122,7 +121,6 @@ SOLID_AT_2_GPA = {
             r"load.unloading: .* at least one pressure below the peak, 2.5e\+07",
         ),
         ("load.unloading", [], r"unloading: given \[\], expected at least one pressure below"),
-        ("load.interpolate", "1 %", "given '1 %', expected none: removed; every load is solved"),
         ("contact.rtol", "small", "rtol: given 'small', expected a number"),
         (
             "flow.solver",
@@ -130,7 +128,6 @@ SOLID_AT_2_GPA = {
             "'magic', .*'auto', 'multigrid', 'elimination', 'amg' or 'direct'",
         ),
         ("flow.rtol", 1e-3, "rtol: given an unknown key, expected solver"),
-        ("flow.discretisation", "Q2", "none: removed; the flow of a grid always"),
         ("fluid.kind", "water", "kind: given 'water', .*liquid"),
         ("fluid.viscosity", "1 Pa", "viscosity: given '1 Pa'"),
         ("fluid.colour", "blue", "given an unknown key, expected kind, viscosity, density, "),
@@ -172,16 +169,7 @@ SOLID_AT_2_GPA = {
         ("cells.count", [3, 7], "two shortest waves, 20 µm"),
         ("cells.size", "30 um", "one of `count` and `size`"),
         ("cells", {"size": "61 um"}, r"size: given 61 µm, expected at most the shorter side"),
-        ("cells.flow", "links", "given 'links', expected none: removed; the flow of a face is"),
-        ("cells.contact", "windows", "given 'windows', expected none: removed; the contact is"),
         ("cells.young", 1, r"; perhaps meant: young in \[material\]"),
-        ("stochastic.sampler", "runs", "given 'runs', expected none: removed; each tile"),
-        ("stochastic.library", "kept", "given 'kept', expected none: removed"),
-        ("stochastic.library_cells", 4, "given 4, expected none: removed"),
-        ("stochastic.width", 0.1, "given 0.1, expected none: removed; seals are drawn until"),
-        ("stochastic.profile", [1, 3], 'expected map = { kind = "profile", fractions = '),
-        ("stochastic.bounds", True, "removed; the band of error"),
-        ("stochastic.pressure", "magic", "removed; pieces lie in the contact of the whole face"),
         ("stochastic.length", ["1 mm", "2 mm"], "a number and a unit"),
         ("stochastic.length", "29.9 um", "length: given 29.9 µm, .*at least one piece, 30 µm"),
         ("stochastic.quantiles", [0.9, 0.1], "rising"),
@@ -204,6 +192,27 @@ def test_faults_name_key_value_and_what_is_allowed(data, path, value, said):
     message = refusal(lambda: prepare(parse_case(data)))
     assert re.search(said, message, re.MULTILINE), message
     assert message.startswith(path.split(".")[0])
+
+
+def test_a_key_removed_since_the_last_release_says_what_to_do_instead(data, monkeypatch):
+    monkeypatch.setitem(explanations.REMOVED, "face.lay", "turn the map with `rotate`")
+    data["face"]["lay"] = "x1"
+    message = refusal(parse_case, data)
+    assert message == "face.lay: given 'x1', expected none: removed; turn the map with `rotate`"
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_a_key_of_a_table_that_may_be_a_list_is_named_as_in_the_file(data, several):
+    """An error of pydantic and one of the object itself; a single table has no number."""
+    wave = {"kind": "waves", "height": "3 um", "lobes": 2}
+    place = "seal.form.1" if several else "seal.form"
+    for wrong, said in (
+        ({"height": "3 Pa"}, "height: given '3 Pa', expected"),
+        ({"wavelength": "4 mm"}, "lobes: given both of lobes and wavelength, expected one of them"),
+    ):
+        forms = [wave, wave | wrong] if several else wave | wrong
+        message = refusal(parse_case, data | {"seal": {"form": forms}})
+        assert message.startswith(f"{place}.{said}"), message
 
 
 # --- messages ---------------------------------------------------------------------------------------------
