@@ -20,7 +20,7 @@ from scipy.stats import qmc
 from ..base import Array, Flags, InputError, InputErrors, counted, shortened, shown, to_si, to_text
 from ..base.leak_units import LeakUnit, leak_unit
 from ..case.case import Case
-from ..case.quantities import Amount
+from ..case.quantity_types import Amount
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
 from ..seal.seal_files import text_rows

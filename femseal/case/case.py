@@ -26,7 +26,7 @@ from .faces import Face, FileFace, SurfaceTable
 from .faults import inside, unusable
 from .load import LoadTable
 from .output_table import OutputTable
-from .quantities import (
+from .quantity_types import (
     Accuracy,
     Count,
     Duration,
@@ -39,7 +39,7 @@ from .quantities import (
 )
 from .seal_tables import AnyFluid, AnySeal, AnySeat, FluidTable
 from .solid_table import SolidTable
-from .tables import Table, files_in, key
+from .table_types import Table, files_in, key
 
 Boundary = Literal["periodic", "mirror", "free"]
 Method = Literal["deterministic", "two-scale", "blocks", "stochastic"]

@@ -21,7 +21,7 @@ from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
 from ..seal.layouts import MeshLayout
 from ..seal.seal_files import columns_of, read_columns
 from .faults import inside
-from .quantities import Amount, in_si, value_of
+from .quantity_types import Amount, in_si, value_of
 
 #: A table before validation.
 RawTable = dict[str, Any]
@@ -56,17 +56,17 @@ def complete(data: RawTable) -> RawTable:
     `named_warnings` in the returned data are warnings of renamed keys, and of properties that differ much from those of
     a named fluid or solid.
     """
-    # a value in place of a table is put back, so that its validation fails
+    # a value in table_key of a table is put back, so that its validation fails
     no_tables = {name: data[name] for name in _TABLES if not isinstance(data.get(name, {}), dict)}
     data = data | {name: {} for name in no_tables}
     warnings: list[str] = []
     data = _with_tables_for_methods(data)
     data = _with_present_face_keys(data, warnings)
     data = _with_complete_fluids(data, warnings)
-    for place in ("material", "counter_material"):
-        if place in data:
+    for table_key in ("material", "counter_material"):
+        if table_key in data:
             folder = Path(data.get("folder", "."))
-            data[place] = _complete_solid(data[place], place, folder, warnings)
+            data[table_key] = _complete_solid(data[table_key], table_key, folder, warnings)
     if "face" in data:
         data["face"] = as_tables(data["face"])
     data["named_warnings"] = tuple(warnings)
@@ -181,9 +181,9 @@ def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
         data["fluid"] = _complete_fluid(fluid, "fluid", warnings)
     test_fluid = output.get("test_fluid")
     if isinstance(test_fluid, dict):
-        place = "output.test_fluid"
-        test_fluid = _with_absolute_pressures(test_fluid, place, ambient)
-        data["output"] = {**output, "test_fluid": _complete_fluid(test_fluid, place, warnings)}
+        table_key = "output.test_fluid"
+        test_fluid = _with_absolute_pressures(test_fluid, table_key, ambient)
+        data["output"] = {**output, "test_fluid": _complete_fluid(test_fluid, table_key, warnings)}
     return data
 
 
@@ -198,18 +198,20 @@ def _with_highest_inlet(fluid: RawTable, inlets: RawTable) -> RawTable:
     return {**fluid, "inlet_pressure": Amount(highest, "Pa")}
 
 
-def _with_absolute_pressures(fluid: RawTable, place: str, ambient: float | None) -> RawTable:
+def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | None) -> RawTable:
     """Make the pressures of a fluid absolute.
 
     Parameters
     ----------
     fluid : its table.
-    place : key of the table in the case.
+    table_key : key of the table in the case.
     ambient : ambient pressure [Pa] if the table has none; None if it is not given anywhere.
     """
     ambient = value_of(fluid, "ambient_pressure", "Pa", ambient)
     given = {key: fluid[key] for key in ("inlet_pressure", "outlet_pressure") if key in fluid}
-    absolute = {key: _absolute(value, ambient, f"{place}.{key}") for key, value in given.items()}
+    absolute = {
+        key: _absolute(value, ambient, f"{table_key}.{key}") for key, value in given.items()
+    }
     if ambient is None and absolute == given:
         return fluid
     surroundings = Amount(STANDARD_PRESSURE if ambient is None else ambient, "Pa")
@@ -217,28 +219,28 @@ def _with_absolute_pressures(fluid: RawTable, place: str, ambient: float | None)
     return {**defaults, **fluid, **absolute}
 
 
-def _absolute(value: Any, ambient: float | None, place: str) -> Any:
+def _absolute(value: Any, ambient: float | None, table_key: str) -> Any:
     """Return a pressure that is marked as gauge or absolute in Pa, any other value as it is."""
     reference = STANDARD_PRESSURE if ambient is None else ambient
-    pressure = absolute_pressure(value, reference, place)
+    pressure = absolute_pressure(value, reference, table_key)
     return value if pressure is None else Amount(pressure, "Pa")
 
 
-def _complete_fluid(fluid: RawTable, place: str, warnings: list[str]) -> RawTable:
+def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> RawTable:
     """Return the table of a fluid with a dynamic viscosity, and with the properties of a named fluid.
 
     Parameters
     ----------
     fluid : its table.
-    place : key of the table in the case.
+    table_key : key of the table in the case.
     warnings : a warning is added for each given value that differs much from that of the named fluid.
     """
     if "name" not in fluid:
-        return _with_dynamic_viscosity(fluid, place)
-    temperature = _temperature(fluid, place)
+        return _with_dynamic_viscosity(fluid, table_key)
+    temperature = _temperature(fluid, table_key)
     outlet = value_of(fluid, "outlet_pressure", "Pa", STANDARD_PRESSURE)
     inlet = value_of(fluid, "inlet_pressure", "Pa", outlet)
-    with inside(place):
+    with inside(table_key):
         if fluid.get("kind") == RealGas.kind:
             RealGas(fluid["name"], temperature)  # raises an error for an unknown name
             return fluid
@@ -257,24 +259,24 @@ def _complete_fluid(fluid: RawTable, place: str, warnings: list[str]) -> RawTabl
     # the temperature of a named liquid chooses its properties, and is not one of its keys
     given = {key: value for key, value in fluid.items() if key != "temperature" or key in units}
     density = named.parameters.get("density")
-    given = _with_dynamic_viscosity({"kind": kind, **given}, place, density)
+    given = _with_dynamic_viscosity({"kind": kind, **given}, table_key, density)
     if kind != named.kind:
         warnings.append(
-            f"{place}.kind {kind} stands for {fluid['name']}, which is of kind {named.kind}: leave it out"
+            f"{table_key}.kind {kind} stands for {fluid['name']}, which is of kind {named.kind}: leave it out"
         )
-    warnings += _odd_properties(given, properties, place)
+    warnings += _odd_properties(given, properties, table_key)
     return {**properties, **given}
 
 
 def _with_dynamic_viscosity(
-    fluid: RawTable, place: str, named_density: float | None = None
+    fluid: RawTable, table_key: str, named_density: float | None = None
 ) -> RawTable:
     """Replace a kinematic viscosity by the dynamic one.
 
     Parameters
     ----------
     fluid : table of the fluid.
-    place : key of the table in the case.
+    table_key : key of the table in the case.
     named_density : density of the named fluid [kg/m³], if the table has none.
 
     Raises
@@ -298,19 +300,19 @@ def _with_dynamic_viscosity(
             "such as '1 mPa*s'"
         )
     if density is None or expected:
-        raise InputError(f"{place}.viscosity", shown(fluid["viscosity"]), expected)
+        raise InputError(f"{table_key}.viscosity", shown(fluid["viscosity"]), expected)
     dynamic = kinematic * density
     return {**fluid, "viscosity": Amount(dynamic, "Pa*s")} if dynamic > 0 else fluid
 
 
-def _temperature(fluid: RawTable, place: str) -> float:
+def _temperature(fluid: RawTable, table_key: str) -> float:
     """Return the temperature of a named fluid [K], 20 °C unless given.
 
     It is checked here because a liquid has no key for it.
     """
     if "temperature" not in fluid:
         return TABLE_TEMPERATURE
-    key, text = f"{place}.temperature", fluid["temperature"]
+    key, text = f"{table_key}.temperature", fluid["temperature"]
     try:
         temperature = in_si(text, "K", "20 °C")
     except InputError as error:
@@ -321,7 +323,9 @@ def _temperature(fluid: RawTable, place: str) -> float:
     return temperature
 
 
-def _odd_properties(given: RawTable, properties: dict[str, Amount], place: str) -> Iterator[str]:
+def _odd_properties(
+    given: RawTable, properties: dict[str, Amount], table_key: str
+) -> Iterator[str]:
     """Yield a warning for each given value that is much larger or smaller than that of the named fluid or solid."""
     for name, usual in properties.items():
         value = value_of(given, name, usual.unit, 0.0)
@@ -331,7 +335,7 @@ def _odd_properties(given: RawTable, properties: dict[str, Amount], place: str) 
         times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
         unit = usual.unit.replace("*", "·")
         yield (
-            f"{place}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
+            f"{table_key}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
             f"{to_text(usual, unit)}: right if it was measured, else leave out the key, or the name"
         )
 
@@ -339,23 +343,23 @@ def _odd_properties(given: RawTable, properties: dict[str, Amount], place: str) 
 # --- solids -----------------------------------------------------------------------------------------------------
 
 
-def _complete_solid(solid: RawTable, place: str, folder: Path, warnings: list[str]) -> RawTable:
+def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: list[str]) -> RawTable:
     """Return the table of a solid with the properties of a named solid, and with the rows of its hardness table.
 
     Parameters
     ----------
     solid : its table.
-    place : key of the table in the case.
+    table_key : key of the table in the case.
     folder : to which the path of a hardness table is relative.
     warnings : a warning is added for each given value that differs much from that of the named solid.
     """
     given = dict(solid)
     path = given.get("hardness_table")
     if isinstance(path, str):
-        given["hardness_table"] = _hardness_rows(folder / path, f"{place}.hardness_table")
+        given["hardness_table"] = _hardness_rows(folder / path, f"{table_key}.hardness_table")
     if "name" not in given:
         return given
-    with inside(place):
+    with inside(table_key):
         named = named_solid(given["name"])
     assert named.yield_stress is not None
     values = {
@@ -365,7 +369,7 @@ def _complete_solid(solid: RawTable, place: str, folder: Path, warnings: list[st
         "hardness": HARDNESS_FACTOR * named.yield_stress,
     }
     properties = {name: Amount(value, _SOLID_UNITS[name]) for name, value in values.items()}
-    warnings += _odd_properties(given, properties, place)
+    warnings += _odd_properties(given, properties, table_key)
     del properties["hardness"]  # which follows from the yield stress
     if "hardness" in given or "hardness_table" in given:
         del properties["yield_stress"]

@@ -15,7 +15,7 @@ from ..base import InputError, shortened, shown
 from ..base.errors import MISSING
 from .case import Case
 from .faults import EXPECTED_TYPES, expected_value
-from .tables import Table
+from .table_types import Table
 from .template import as_toml, example, keys_of, kind_of, table_to_paste, tables_in
 
 #: Keys removed since the last release, and what to do instead.

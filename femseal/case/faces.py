@@ -24,7 +24,7 @@ from ..topography import (
     turned,
 )
 from .faults import unusable
-from .quantities import (
+from .quantity_types import (
     Angle,
     Channel,
     Count,
@@ -39,7 +39,7 @@ from .quantities import (
     Threshold,
     UsualRange,
 )
-from .tables import Table, key
+from .table_types import Table, key
 
 #: Side of a surface, size of a pixel, length of a wave, and height of roughness or texture.
 Side = Annotated[Length, UsualRange(1e-7, 1.0, "m")]

@@ -24,7 +24,7 @@ from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, Profile, Unifor
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
 from .faults import unusable
-from .quantities import (
+from .quantity_types import (
     Amount,
     Angle,
     Count,
@@ -35,7 +35,7 @@ from .quantities import (
     quantity_schema,
     value_of,
 )
-from .tables import ParameterTable, Table, key
+from .table_types import ParameterTable, Table, key
 
 #: Largest number of load steps.
 _MOST_STEPS = 10_000

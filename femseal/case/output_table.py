@@ -12,9 +12,9 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..budget.error_parts import MODEL_PARTS
 from ..studies.choices import FIELDS_LIMIT, FORMATS
 from .faults import of_value
-from .quantities import FileSize, Length, Temperature, UsualRange, Volume, VolumeRate
+from .quantity_types import FileSize, Length, Temperature, UsualRange, Volume, VolumeRate
 from .seal_tables import AnyFluid
-from .tables import Table, key
+from .table_types import Table, key
 
 #: Keys that say which files are written, and change no number.
 FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")

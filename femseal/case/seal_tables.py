@@ -18,8 +18,16 @@ from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout
 from ..topography.seat import SEATS
 from .completion import as_tables
 from .faults import of_value, unusable
-from .quantities import Length, LengthUnit, Pressure, Quantity, Shift, UsualRange, quantity_schema
-from .tables import ParameterTable, key, table_for_each
+from .quantity_types import (
+    Length,
+    LengthUnit,
+    Pressure,
+    Quantity,
+    Shift,
+    UsualRange,
+    quantity_schema,
+)
+from .table_types import ParameterTable, key, table_for_each
 
 if TYPE_CHECKING:
     from ..studies.scene import FluidState

@@ -13,7 +13,7 @@ from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..materials import Solid
 from .completion import HARDNESS_COLUMNS
 from .faults import unusable
-from .quantities import (
+from .quantity_types import (
     Hardening,
     Height,
     Length,
@@ -24,7 +24,7 @@ from .quantities import (
     UsualRange,
     quantity_schema,
 )
-from .tables import Table, key
+from .table_types import Table, key
 
 
 def _check_rows(value: Any) -> Any:

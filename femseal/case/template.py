@@ -1,6 +1,6 @@
 """The text of a new case, and questions about the keys of tables that it, the messages and the page of keys ask.
 
-A new case shows every key with a value or an example, as `tables.key` declares them.
+A new case shows every key with a value or an example, as `table_types.key` declares them.
 """
 
 import json
@@ -12,8 +12,8 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from .faults import INTERNAL
-from .quantities import Quantity
-from .tables import Table, type_parts
+from .quantity_types import Quantity
+from .table_types import Table, type_parts
 
 _HEAD = """\
 # A femseal case. Quantities are text with their unit; lines that start with # are optional and show the default
@@ -60,7 +60,7 @@ def keys_of(table: type[Table]) -> dict[str, FieldInfo]:
 
 
 def declared(field: FieldInfo, argument: str) -> Any:
-    """Return an argument with which `tables.key` has declared a key, None if it has not."""
+    """Return an argument with which `table_types.key` has declared a key, None if it has not."""
     extra = field.json_schema_extra
     return extra.get(argument) if isinstance(extra, dict) else None
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, LeakClass, check_classes, leak_classes
 from ..case.case import Case
-from ..case.quantities import Amount
+from ..case.quantity_types import Amount
 from ..case.reading import load_case
 from ..execution.run import no_progress
 from ..fluids import leak_basis

@@ -13,7 +13,7 @@ from typing import Any
 from ..base import Array, InputError, Mapper, to_text
 from ..budget import FormTolerance, ModelChange
 from ..case.case import Case
-from ..case.tables import unusual_values
+from ..case.table_types import unusual_values
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.form import SealForm
 from ..seal.layouts import AnnularLayout, Layout

@@ -28,7 +28,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 from pydantic.fields import FieldInfo
 
 from ..base.quantities import with_its_unit
-from .quantities import Quantity, UsualRange
+from .quantity_types import Quantity, UsualRange
 
 
 def key(
