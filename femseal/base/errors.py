@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from reprlib import Repr
 from typing import Any
 
@@ -49,6 +49,8 @@ class InputError(FemsealError, ValueError):
         The value that was given. Use "" if the value would tell the reader nothing, and `MISSING` if it is absent.
     expected : str
         Description of the values that are accepted.
+    suggested : mapping, optional
+        Values of other arguments that `expected` suggests, where each is written as "name=value".
 
     Examples
     --------
@@ -58,8 +60,11 @@ class InputError(FemsealError, ValueError):
 
     exit_code = 2
 
-    def __init__(self, what: str, given: object, expected: str) -> None:
+    def __init__(
+        self, what: str, given: object, expected: str, suggested: Mapping[str, Any] | None = None
+    ) -> None:
         self.what, self.given, self.expected = what, given, expected
+        self.suggested = dict(suggested or {})
         super().__init__(what, given, expected)
 
     def __str__(self) -> str:
@@ -74,11 +79,30 @@ class InputError(FemsealError, ValueError):
 
     def inside(self, table: str) -> InputError:
         """Return the same error with the input named as part of a table, such as "load.map" for "map"."""
-        return InputError(f"{table}.{self.what}", self.given, self.expected)
+        return InputError(f"{table}.{self.what}", self.given, self.expected, self.suggested)
+
+    def with_keys(self, keys: Mapping[str, str]) -> InputError:
+        """Return the same error with keys of a case in place of the names of arguments.
+
+        >>> error = InputError("wave", "1 µm", "2 µm, or shape=(4, 8)", {"shape": (4, 8)})
+        >>> str(error.with_keys({"wave": "surface.shortest_wave", "shape": "surface.points"}))
+        'surface.shortest_wave: given 1 µm, expected 2 µm, or surface.points = [4, 8]'
+        """
+        what, expected = self.what, self.expected
+        for name, key in keys.items():
+            rest = self.what.removeprefix(name)
+            is_whole_name = rest != self.what and not rest[:1].isalnum() and rest[:1] != "_"
+            if is_whole_name:
+                what = f"{key}{rest}"
+        for name, value in self.suggested.items():
+            if name in keys:
+                in_case = list(value) if isinstance(value, tuple) else value
+                expected = expected.replace(f"{name}={value}", f"{keys[name]} = {in_case}")
+        return InputError(what, self.given, expected)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # a given object may not be picklable, but its text always is
-        return InputError, (self.what, shortened(self.given), self.expected)
+        return InputError, (self.what, shortened(self.given), self.expected, self.suggested)
 
 
 class InputErrors(InputError):

@@ -86,10 +86,8 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     try:
         text = content.decode("utf-8-sig").replace("\r\n", "\n")
         return tomllib.loads(text), path.parent
-    except (
-        ValueError,
-        RecursionError,
-    ) as error:  # ValueError also for a number of thousands of digits
+    # tomllib also raises a ValueError for a number of thousands of digits
+    except (ValueError, RecursionError) as error:
         hint = likely_meaning(content.decode("utf-8-sig", "replace"), str(error))
         expected = f"a TOML file in UTF-8 ({shortened(error, 120)}){hint}"
         raise InputError("case", f"'{path}', which is not TOML", expected) from None

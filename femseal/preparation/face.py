@@ -3,7 +3,6 @@
 Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 """
 
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -77,12 +76,8 @@ def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        # a name before "=" is that of another value which is proposed, numbers in brackets a list of the file
-        expected = re.sub(r"\b(\w+)(?==)", lambda name: keys.get(name[1], name[1]), error.expected)
-        expected = re.sub(r"=\((.*?)\)", r" = [\1]", expected)
-        what = re.sub(r"^\w+", lambda name: keys.get(name[0], name[0]), error.what)
-        found = InputError(what, error.given, expected)
-        raise (found.inside(place) if place else found) from error
+        in_case = error.with_keys(keys)
+        raise (in_case.inside(place) if place else in_case) from error
 
 
 def conditioned_face(

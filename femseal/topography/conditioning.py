@@ -165,7 +165,7 @@ def repair(
         expected = (
             f"{error.expected}; {spike_points} of them are spikes, which spikes=inf leaves alone"
         )
-        raise TooManyUndefined(error.what, error.given, expected) from None
+        raise TooManyUndefined(error.what, error.given, expected, {"spikes": inf}) from None
     above_filling = topography.heights - form.heights - flat.heights
     removed = np.where(is_spike, above_filling, 0.0)
     return flat, Repair(topography.undefined_fraction, spike_points, form, removed)
@@ -489,7 +489,7 @@ def check_wave(wave: float, size: Pair, shape: Shape) -> float:
             f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a "
             "finer grid"
         )
-        raise InputError("shortest_wave", to_text(shortest, "m"), expected)
+        raise InputError("shortest_wave", to_text(shortest, "m"), expected, {"shape": finer})
     if shortest >= max(size):
         expected = f"less than the larger side, {to_text(max(size), 'm')}"
         raise InputError("shortest_wave", to_text(shortest, "m"), expected)

@@ -228,7 +228,7 @@ def test_curves_of_a_piece(back, studies, scene):
         with pytest.raises(InputError, match="0 to 2 along x1 and 0 to 3 along x2"):
             back.piece(*bad)
     alone = assemble(scene, studies["deterministic"])
-    with pytest.raises(InputError, match="no pieces"):
+    with pytest.raises(InputError, match="no cells"):
         alone.piece(0, 0)
 
 
