@@ -120,6 +120,7 @@ def _with_present_face_keys(data: RawTable, warnings: list[str]) -> RawTable:
 
 
 def _with_present_keys(face: Any, warnings: list[str]) -> Any:
+    """Replace former keys of one table [face]."""
     if not isinstance(face, dict):
         return face
     for former, present in _RENAMED_FACE_KEYS.items():

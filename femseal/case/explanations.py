@@ -43,6 +43,7 @@ def explain(error: ValidationError, data: dict[str, Any]) -> list[InputError]:
 
 
 def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
+    """Return the InputError for one error of pydantic, see `explain`."""
     path, tables = _locate(error["loc"])
     kind, given = error["type"], error["input"]
     cause = error.get("ctx", {}).get("error")
