@@ -49,11 +49,11 @@ class ContactTable(Table):
     """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
 
     boundary: Annotated[tuple[Boundary, Boundary], OneForBothAxes()] = key(
-        "of the whole face along x1 and x2; one word: of both", ("free", "periodic")
+        "boundary of the surface along x1 and x2; one word counts for both", ("free", "periodic")
     )
-    rtol: float = key("complementarity residual", 1e-5, gt=0, lt=0.1)
+    rtol: float = key("residual at which the contact solver stops", 1e-5, gt=0, lt=0.1)
     fluid_pressure: Literal[FLUID_EFFECTS] = key(  # type: ignore[valid-type]
-        "it presses the faces apart, is trapped in closed pockets too, or is ignored",
+        "the fluid presses the faces apart, is also trapped in closed pockets, or is ignored",
         "acts",
         since="0.2",
     )
@@ -63,7 +63,7 @@ class FlowTable(Table):
     """How flow is solved, in cells, in whole faces and over the seal."""
 
     solver: Literal[SOLVERS] = key(  # type: ignore[valid-type]
-        "of the pressure in cells and over the seal", "auto"
+        "solver of the flow in cells and over the seal", "auto"
     )
 
 
@@ -71,8 +71,8 @@ class CellsTable(Table):
     """How a measured surface is cut into cells, for all methods but the deterministic."""
 
     count: tuple[Count, Count] | None = key(
-        "cells along x1 and x2; unless given as the realisations need, for two scales eight "
-        "shortest waves a side, for blocks a quarter of a block, 256 points or less",
+        "number of cells along x1 and x2; unless given, as the realisations need, for two scales "
+        "eight shortest waves per side, for blocks a quarter of a block, at most 256 points",
         None,
         example=[4, 8],
     )
@@ -91,13 +91,13 @@ class StochasticTable(Table):
     """How random realisations of a seal are made, see `studies.Sampling`."""
 
     length: Length | None = key(
-        "of a strip, along x2; of the face unless given", None, start="10 mm"
+        "length of a strip along x2; that of the surface unless given", None, start="10 mm"
     )
     breadth: Annotated[Length, UsualRange(1e-6, 1.0, "m")] | None = key(
-        "of a strip, along x1; of the face unless given", None, example="2 mm"
+        "breadth of a strip along x1; that of the surface unless given", None, example="2 mm"
     )
     realisations: Annotated[int, Field(strict=True, ge=2)] | None = key(
-        "number of realisations; as many as the 95 % interval needs unless given", None, example=50
+        "number of realisations; unless given, as many as the 95 % interval needs", None, example=50
     )
     quantiles: tuple[Fraction, Fraction] = key(
         "lower and upper quantile of the realisations", (0.05, 0.95)
@@ -118,37 +118,41 @@ class Case(Table):
     """
 
     title: str = key("heading of the report", "", start="My seal", max_length=200)
-    method: Method = key("how leakage is computed", "stochastic", start="stochastic")
-    compare: tuple[Method, ...] = key("further methods to compare", (), example=["two-scale"])
+    method: Method = key("how the leakage is computed", "stochastic", start="stochastic")
+    compare: tuple[Method, ...] = key("further methods, for comparison", (), example=["two-scale"])
     accuracy: Accuracy | None = key(
-        "wanted relative error of the numbers; what the case leaves open is refined until then",
+        "wanted relative numerical error; what the case leaves open is refined until it is reached",
         None,
         example="10 %",
     )
-    time_limit: Duration | None = key("of all attempts at that accuracy", None, example="1 h")
-    seed: Number = key("of all random numbers, whatever the number of workers", 0, start=1)
+    time_limit: Duration | None = key(
+        "time after which no further attempt at the accuracy begins", None, example="1 h"
+    )
+    seed: Number = key(
+        "seed of the random numbers; results do not depend on the number of workers", 0, start=1
+    )
     memory: FileSize | None = key(
-        "limit above which a run is refused; the free memory unless given",
+        "a run that needs more memory is refused; the free memory unless given",
         None,
         example="16 GB",
         exclude=True,
     )
     face: tuple[Face, ...] = key(
-        "the rough face; two, each under [[face]], are summed",
+        "the rough surface; two, each under [[face]], are added",
         needed="without a `path` or `patches`",
         min_length=1,
         max_length=2,
     )
-    surface: SurfaceTable = key("repair of measured faces, and conditioning", SurfaceTable())
-    material: SolidTable = key("the solid of the face")
+    surface: SurfaceTable = key("repair and conditioning of the surface", SurfaceTable())
+    material: SolidTable = key("the solid with the rough surface")
     counter_material: SolidTable | None = key(
-        "the solid of the counter-face; rigid and flat without this table", None
+        "the solid of the counter-face, which is rigid without this table", None
     )
     load: LoadTable = key(
-        'nominal contact pressures; or forces on the seal, "10 kN", or on its length, "200 N/mm"'
+        'nominal contact pressures, or forces on the seal, "10 kN", or per length, "200 N/mm"'
     )
-    contact: ContactTable = key("how the faces touch", ContactTable())
-    flow: FlowTable = key("how the fluid flows", FlowTable())
+    contact: ContactTable = key("how the contact is solved", ContactTable())
+    flow: FlowTable = key("how the flow is solved", FlowTable())
     fluid: AnyFluid = key("the fluid and its pressures", needed="without a `name`")
     seal: AnySeal = key(
         "shape of the seal; a strip has its length in [stochastic]",
@@ -156,12 +160,14 @@ class Case(Table):
         validate_default=True,
     )
     seat: AnySeat = key(
-        "form of the seat, added to the roughness",
+        "form of the seat, which is added to the roughness",
         {"kind": "flat"},
         since="0.2",
         validate_default=True,
     )
-    cells: CellsTable | None = key("cells of the face, of several patches of each", None)
+    cells: CellsTable | None = key(
+        "cells of the surface; of several patches, the cells of each", None
+    )
     stochastic: StochasticTable | None = key("random realisations of the seal", None)
     output: OutputTable = key("what is written, and how", OutputTable())
     folder: Path = Field(default=Path(), exclude=True)

@@ -105,7 +105,7 @@ def _with_tables_for_methods(data: RawTable) -> RawTable:
     is_stochastic = method == "stochastic" or (
         isinstance(compared, list) and "stochastic" in compared
     )
-    added = {"stochastic": {}} if is_stochastic else {}
+    added: RawTable = {"stochastic": {}} if is_stochastic else {}
     return added | data | {"method": method}
 
 
@@ -209,7 +209,8 @@ def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | N
     ambient : ambient pressure [Pa] if the table has none; None if it is not given anywhere.
     """
     ambient = value_of(fluid, "ambient_pressure", "Pa", ambient)
-    given = {key: fluid[key] for key in ("inlet_pressure", "outlet_pressure") if key in fluid}
+    keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in fluid]
+    given: RawTable = {key: fluid[key] for key in keys}
     absolute = {
         key: _absolute(value, ambient, f"{table_key}.{key}") for key, value in given.items()
     }

@@ -63,7 +63,7 @@ class GeneratedFace(Table):
     """Base of the surfaces that are generated from random numbers."""
 
     make_heights: ClassVar[Callable[..., Topography]]
-    points: tuple[Count, Count] = key("points along x1 and x2", start=[256, 512])
+    points: tuple[Count, Count] = key("number of points along x1 and x2", start=[256, 512])
     size: tuple[Side, Side] = key("length along x1 and x2", start=["240 um", "480 um"])
     hurst: Hurst = key("Hurst exponent of the roughness", 0.8)
     if TYPE_CHECKING:
@@ -100,13 +100,15 @@ class TurnedFace(GeneratedFace):
     pitch: Wave = key("feed per turn", start="60 um")
     depth: Relief = key("height of the ridges", start="2.5 um")
     nose_radius: Wave | None = key(
-        "of the tool; lands stay flat where the depth is not reached", None, example="0.4 mm"
+        "nose radius of the tool; what its grooves leave between them remains flat",
+        None,
+        example="0.4 mm",
     )
-    feed_error: Fraction = key("rms scatter of the feed over the pitch", 0.0, start=0.03)
-    depth_error: Fraction = key("rms scatter of the depth over it", 0.0, start=0.1)
-    waviness: Height = key("rms of a long wave along x1", 0.0, example="0.2 um")
+    feed_error: Fraction = key("rms scatter of the feed, over the pitch", 0.0, start=0.03)
+    depth_error: Fraction = key("rms scatter of the depth, over the depth", 0.0, start=0.1)
+    waviness: Height = key("rms height of a long wave along x1", 0.0, example="0.2 um")
     waviness_length: Wave | None = key("length of that wave", None, example="120 um")
-    roughness: Height = key("rms of superposed self-affine roughness", 0.0, start="0.8 um")
+    roughness: Height = key("rms height of superposed self-affine roughness", 0.0, start="0.8 um")
     roughness_roll_off: Wave | None = key(
         "longest wave of the power law of the roughness", None, start="40 um"
     )
@@ -130,32 +132,36 @@ class MapFile(Table):
     """A file with a map of heights, see `topography.read_topography`; paths are relative to the case file."""
 
     path: Path | None = key(
-        "relative to the case: .npy .npz .csv .asc .txt .xyz .x3p .sdf, more after "
+        "path relative to the case: .npy .npz .csv .asc .txt .xyz .x3p .sdf, more after "
         "`pip install 'femseal[surface]'`",
         None,
         example="face.plu",
     )
     size: tuple[Side, Side] | None = key(
-        "where the file has none or a wrong one", None, example=["1.2 mm", "0.9 mm"]
+        "size along x1 and x2, if the file has none or a wrong one",
+        None,
+        example=["1.2 mm", "0.9 mm"],
     )
     spacing: Annotated[tuple[Pixel, Pixel], OneForBothAxes()] | None = key(
         "size of a pixel along x1 and x2", None, example=["1 um", "2 um"], instead="size"
     )
-    height_unit: str | None = key("where the file has none or a wrong one", None, example="um")
-    delimiter: str | None = key(
-        "between the numbers of a text, where it is not found", None, example=";"
+    height_unit: str | None = key(
+        "unit of the heights, if the file has none or a wrong one", None, example="um"
     )
-    array: str | None = key("name of the heights in an `.npz`", None, example="heights")
-    channel: Channel = key("where the file has several", 0)
-    transpose: bool = key("exchange x and y", False)
+    delimiter: str | None = key(
+        "character between the numbers of a text, if it is not recognised", None, example=";"
+    )
+    array: str | None = key("name of the array of heights in an `.npz`", None, example="heights")
+    channel: Channel = key("number or name of the channel, if the file has several", 0)
+    transpose: bool = key("whether x and y are exchanged", False)
     mask: Path | None = key(
-        "image, text or `.npy` of the map's size; points that are not 0 (black) are undefined",
+        "image, text or `.npy` of the size of the map; points that are not 0 (black) are undefined",
         None,
         example="mask.png",
     )
-    file_mask: bool = key("whether points under the mask of a `.gwy` or `.npz` are undefined", True)
+    file_mask: bool = key("whether points that a `.gwy` or `.npz` masks are undefined", True)
     no_data: float | Literal["none"] | None = key(
-        "number of points that were not measured, as the file says or as found unless given; `none`: all are heights",
+        "value of points that were not measured; recognised unless given; `none`: all are heights",
         None,
         example=-9999,
         since="0.3",
@@ -164,7 +170,7 @@ class MapFile(Table):
     crop: Annotated[
         tuple[Position, Position, Position, Position] | None, BeforeValidator(_check_crop)
     ] = key(
-        "part that is used: x1 from, to, x2 from, to",
+        "part of the map that is used: x1 from and to, x2 from and to",
         None,
         example=["0.1 mm", "0.9 mm", "0 mm", "0.5 mm"],
     )
@@ -172,7 +178,7 @@ class MapFile(Table):
         "whether the heights repeat along x1 and x2", (False, False)
     )
     tip_radius: Wave | None = key(
-        "of a stylus, as the file says unless given; waves it cannot follow are not measured",
+        "radius of the stylus, as in the file unless given; shorter waves than it can follow are removed",
         None,
         example="2 um",
         since="0.3",
@@ -214,16 +220,22 @@ class FileFace(MapFile):
         instead="path",
     )
     mirror: Literal["x1", "x2"] | None = key(
-        "axis along which it is reversed", None, example="x2", needed="of a second face"
+        "axis along which the second face is reversed",
+        None,
+        example="x2",
+        needed="of a second face",
     )
     rotate: Angle | None = key(
-        "angle to the first face, about their middles",
+        "angle by which it is turned about its middle",
         None,
         example="5 deg",
         needed="of a second face",
     )
     shift: tuple[Shift, Shift] | None = key(
-        "of its middle along x1 and x2", None, example=["0 um", "20 um"], needed="of a second face"
+        "shift of its middle along x1 and x2",
+        None,
+        example=["0 um", "20 um"],
+        needed="of a second face",
     )
 
     @property
@@ -299,27 +311,27 @@ class SurfaceTable(Table):
     """Repair of measured surfaces and conditioning of the sum of both faces, see `topography.conditioning`."""
 
     spikes: Threshold = key(
-        "robust deviations from which isolated points of files are filled; `inf`: none", SPIKES
+        "isolated points of files beyond so many robust deviations are filled; `inf`: none", SPIKES
     )
     detrend: Literal[0, 1, 2] | None = key(
-        "form taken off: 0 mean, 1 tilt, 2 curvature too; of files 1, with a curved `[seat]` 2, "
-        "of generated faces 0",
+        "form that is removed: 0 mean, 1 also tilt, 2 also curvature; unless given 1 for files, with "
+        "a curved `[seat]` 2, and 0 for generated surfaces",
         None,
         example=2,
     )
     shortest_wave: Wave | None = key(
-        "low-pass; 8 pixels unless given, of a file the shortest wave measured",
+        "cut-off of the low-pass; 8 pixels unless given, of a file the shortest measured wave",
         None,
         example="8 um",
     )
-    max_undefined: Fraction = key("largest fraction of undefined points that may be filled", 0.05)
+    max_undefined: Fraction = key("largest fraction of undefined points that is filled", 0.05)
     points: tuple[Count, Count] | None = key(
-        "another grid; of a file, 8 pixels for the shortest wave measured unless given",
+        "points of the grid; of a file, 8 pixels per shortest measured wave unless given",
         None,
         example=[512, 1024],
     )
     continue_spectrum: Wave | None = key(
-        "shortest wave added beyond the measured ones, by their power law, with random phases",
+        "down to this wave, waves are added by the power law of the measured ones, with random phases",
         None,
         example="1 um",
         since="0.2",

@@ -105,7 +105,9 @@ class MapTable(ParameterTable):
 
     makers = _MAPS
     kind: str
-    at: Load | None = key("load at which one of several maps holds", None, example="200 MPa")
+    at: Load | None = key(
+        "load at which this map holds, if there are several", None, example="200 MPa"
+    )
 
 
 class UniformMap(MapTable):
@@ -123,7 +125,9 @@ class ProfileMap(MapTable):
     kind: Literal["profile"]
     fractions: tuple[PressureRatio, ...] = key(_FRACTIONS, example=[1, 3], since="0.2")
     positions: tuple[Position, ...] = key(
-        "of the fractions across the seal, on a ring radii", (), example=["10 mm", "12 mm"]
+        "positions of the fractions across the seal; on a ring, radii",
+        (),
+        example=["10 mm", "12 mm"],
     )
 
 
@@ -133,19 +137,21 @@ class AngleMap(MapTable):
     kind: Literal["angle"]
     fractions: tuple[PressureRatio, ...] = key(_FRACTIONS, example=[1.3, 0.8], since="0.2")
     angles: tuple[Angle, ...] = key(
-        "of the fractions around the seal", (), example=["0 deg", "30 deg"]
+        "angles of the fractions around the seal", (), example=["0 deg", "30 deg"]
     )
-    repeat: Count = key("times that the fractions repeat", 1, instead="angles")
+    repeat: Count = key("how many times the fractions repeat around the seal", 1, instead="angles")
 
 
 class FieldMap(MapTable):
     """Pressure from a file, see `seal.seal_files.read_pressure_field`."""
 
     kind: Literal["field"]
-    path: Path = key("mesh with the pressure at points or cells, or `.csv`", example="flange.vtu")
-    name: str = key("of the array, or of the column", "pressure")
-    length_unit: str = key("of the coordinates", example="mm")
-    pressure_unit: str = key("of the pressures", example="MPa")
+    path: Path = key(
+        "mesh with the pressure at points or in cells, or a `.csv`", example="flange.vtu"
+    )
+    name: str = key("name of the array or the column", "pressure")
+    length_unit: str = key("unit of the coordinates", example="mm")
+    pressure_unit: str = key("unit of the pressures", example="MPa")
     is_checked = False  # the file is read when the case is prepared
 
 
@@ -160,7 +166,7 @@ class LoadTable(Table):
     """Loads of the load cycle, see `loads.LoadProgramme`: nominal pressures, or forces on the seal."""
 
     loading: tuple[Load, ...] = key(
-        "loads in assembly, rising",
+        "rising loads of the assembly",
         min_length=1,
         start=[f"{p} MPa" for p in (25, 50, 100, 150, 250, 400, 500)],
     )
@@ -174,7 +180,9 @@ class LoadTable(Table):
         needed="with `unload_from`",
     )
     nominal: Literal[NOMINALS] = key(  # type: ignore[valid-type]
-        "what carries the loads: contact and fluid, or contact alone", "total", since="0.2"
+        "what carries the loads: contact and fluid together, or the contact alone",
+        "total",
+        since="0.2",
     )
     relaxation: Relaxation = key(
         "fraction of each peak, or without peaks of each load, that is lost before service",
@@ -183,7 +191,7 @@ class LoadTable(Table):
         since="0.2",
     )
     map: Annotated[tuple[AnyMapTable, ...] | None, BeforeValidator(_as_list)] = key(
-        "shape of the contact pressure over the seal; several hold at their loads", None
+        "distribution of the contact pressure over the seal, or several, each at its load", None
     )
 
     @model_validator(mode="after")

@@ -46,34 +46,41 @@ LeakClassName = Annotated[str, BeforeValidator(_read_class), _text_schema(KNOWN)
 class OutputTable(Table):
     """Optional contents of the results folder, and how leakage is given."""
 
-    pictures: bool = key("false leaves out the report too; `--resume` adds them", True)
-    report: bool = key("`report.html`; `femseal report DIR` makes it later", True)
-    fields: bool = key("gap, contact and fluid pressure of all pixels", True)
+    pictures: bool = key("pictures; without them there is no report; `--resume` adds them", True)
+    report: bool = key("the page `report.html`, which `femseal report DIR` can write later", True)
+    fields: bool = key("gap, contact pressure and fluid pressure at all pixels", True)
     paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
-        "files for any ParaView, or none", "vtu"
+        "files for ParaView", "vtu"
     )
     fields_limit: FileSize = key(
-        "size above which steps are left out", FIELDS_LIMIT, example="1 GB"
+        "largest size of these fields; steps beyond it are left out", FIELDS_LIMIT, example="1 GB"
     )
     leakage_unit: LeakUnitName | None = key(
-        "of tables, pictures and report; a readable one unless given", None, example="mL/min"
+        "unit of leakage in tables, pictures and report; a readable one unless given",
+        None,
+        example="mL/min",
     )
     throughput_temperature: Temperature | None = key(
-        "of gases in Pa·m³/s or mbar·L/s; their own unless given", None
+        "temperature for leakage of a gas in Pa·m³/s or mbar·L/s; that of the gas unless given",
+        None,
     )
     classes: tuple[LeakClassName, ...] = key(
         "leakage classes that are checked at every load", (), example=["L0.01", "TA Luft"]
     )
     nominal_diameter: Annotated[Length, UsualRange(1e-3, 10.0, "m")] | None = key(
-        "of valve, seat or stem, for classes", None, example="50 mm"
+        "nominal diameter of valve, seat or stem, for leakage classes", None, example="50 mm"
     )
-    rated_capacity: VolumeRate | None = key("flow of the open valve, for FCI 70-2 IV", None)
-    drop_volume: Volume = key('of `"drops/min"`; classes have their own', DROP, example="0.05 mL")
+    rated_capacity: VolumeRate | None = key(
+        "flow through the open valve, for class IV of FCI 70-2", None
+    )
+    drop_volume: Volume = key(
+        'volume of a drop in `"drops/min"`; classes have their own', DROP, example="0.05 mL"
+    )
     bubble_volume: Volume = key(
-        'of `"bubbles/min"`; classes have their own', BUBBLE, example="0.15 mL"
+        'volume of a bubble in `"bubbles/min"`; classes have their own', BUBBLE, example="0.15 mL"
     )
     test_fluid: AnyFluid | None = key(
-        "fluid of a leak test of the same seals, for which classes are checked",
+        "fluid of a leak test of the same seal, by which leakage classes are checked",
         None,
         example={"name": "helium", "inlet_pressure": "40 bar"},
     )

@@ -69,7 +69,7 @@ def _without_null(node: dict[str, Any]) -> dict[str, Any]:
     """Remove null from the alternatives of a schema; a single one that remains is merged into it."""
     options = [option for option in node["anyOf"] if option != {"type": "null"}]
     others = {word: value for word, value in node.items() if word != "anyOf"}
-    merged = options[0] if len(options) == 1 else {"anyOf": options}
+    merged: dict[str, Any] = options[0] if len(options) == 1 else {"anyOf": options}
     description = _description(node.get("description"), merged.get("description"))
     return merged | others | description
 

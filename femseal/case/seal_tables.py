@@ -63,19 +63,23 @@ class FluidTable(ParameterTable):
 def _keys_of_fluid(fluid: Any) -> dict[str, Any]:
     """Return the keys of the table of a fluid besides its parameters."""
     inlet = key(
-        'of a gas absolute; gauge as `"99 bar(g)"`',
+        'pressure at the inlet, of a gas absolute; gauge pressures as `"99 bar(g)"`',
         start="10 MPa",
         needed="unless the inlets of a mesh have pressures",
     )
-    outlet = key("as the inlet pressure", fluid.outlet_pressure, start="0.1 MPa")
+    outlet = key(
+        "pressure at the outlet, given like that at the inlet",
+        fluid.outlet_pressure,
+        start="0.1 MPa",
+    )
     ambient = key(
-        "of gauge pressures, and of the outlet unless it is given with them",
+        "ambient pressure, from which gauge pressures count; then also the default at the outlet",
         None,
         example="1 atm",
         since="0.2",
     )
     name = key(
-        "fills in the keys of its kind; more names after `pip install 'femseal[fluids]'`",
+        "name of a fluid, which gives its properties; more names after `pip install 'femseal[fluids]'`",
         None,
         example="water",
         max_length=60,
@@ -123,10 +127,13 @@ class SealTable(ParameterTable):
         lay: Any
     makers = LAYOUTS
     form: Annotated[tuple[AnyForm, ...], BeforeValidator(as_tables), Field(max_length=4)] | None = (
-        key("form of the whole seal; several add up", None, since="0.2")
+        key("form of the whole seal; several are added", None, since="0.2")
     )
     flatness: Annotated[Length, UsualRange(1e-8, 1e-2, "m")] | None = key(
-        "highest to lowest point of a whole seal of unknown form", None, example="5 um", since="0.2"
+        "flatness of a whole seal of unknown form, from the lowest to the highest point",
+        None,
+        example="5 um",
+        since="0.2",
     )
 
     def make(self, folder: Path = Path(), **others: Any) -> Layout:

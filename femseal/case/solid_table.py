@@ -60,12 +60,12 @@ class SolidTable(Table):
     young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
     poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)
     yield_stress: Strength | None = key(
-        "hardness is 2.8 times that; without any strength the solid is elastic",
+        "yield stress; the hardness is 2.8 times as large; a solid without any strength is elastic",
         None,
         example="1 GPa",
         instead="hardness",
     )
-    hardness: Strength | None = key("largest contact pressure", None, start="2.8 GPa")
+    hardness: Strength | None = key("hardness: the largest contact pressure", None, start="2.8 GPa")
     hardening: Hardening | None = key(
         "rise of the hardness with the plastic deformation", None, example="2 GPa/um", since="0.2"
     )
@@ -80,7 +80,7 @@ class SolidTable(Table):
         instead="hardening",
     )
     smallest_depth: Annotated[Length, UsualRange(1e-9, 1e-5, "m")] | None = key(
-        "depth up to which that is constant",
+        "depth up to which the hardness of Nix and Gao is constant",
         None,
         example="0.1 um",
         since="0.2",
@@ -94,7 +94,7 @@ class SolidTable(Table):
         instead="hardness",
     )
     name: str | None = key(
-        "fills in `young`, `poisson` and `yield_stress`",
+        "name of a metal, which gives `young`, `poisson` and `yield_stress`",
         None,
         example="copper, soft",
         since="0.2",
