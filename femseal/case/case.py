@@ -112,10 +112,7 @@ class StochasticTable(Table):
 
 
 class Case(Table):
-    """A validated case, with all values in SI.
-
-    Use `load_case` to read one from a file.
-    """
+    """A case: the whole input of a run, with all values in SI."""
 
     title: str = key("heading of the report", "", start="My seal", max_length=200)
     method: Method = key("how the leakage is computed", "stochastic", start="stochastic")
@@ -189,7 +186,6 @@ class Case(Table):
         self._check_output()
         self._check_faces()
         self._check_seal()
-        self._check_inlets()
         self._check_seat()
         self._check_map_and_form()
         self._check_files()
@@ -211,7 +207,11 @@ class Case(Table):
 
     def _check_pressures(self, place: str, table: FluidTable) -> None:
         """Raise an InputError if a fluid does not flow from the inlet, or has no properties at its pressure."""
-        _check_inlet(f"{place}.inlet_pressure", table.inlet_pressure, table)
+        if not table.inlet_pressure > table.outlet_pressure:
+            outlet = to_text(table.outlet_pressure, "Pa")
+            expected = f"a pressure above that of the outlet, {outlet}"
+            given = to_text(table.inlet_pressure, "Pa")
+            raise InputError(f"{place}.inlet_pressure", given, expected)
         with inside(place):
             potential_of(table.fluid, "inlet_pressure", table.inlet_pressure)
 
@@ -251,18 +251,6 @@ class Case(Table):
             if value is not None:
                 expected = f"none with a seal of kind {layout.kind}: it has its own"
                 raise InputError(f"stochastic.{name}", to_text(value, "m"), expected)
-
-    def _check_inlets(self) -> None:
-        """Raise an InputError if inlets with pressures of their own do not go with the method or the fluids."""
-        pressures = getattr(self.layout, "inlet_pressures", {})
-        if not pressures:
-            return
-        for name, pressure in pressures.items():
-            _check_inlet(f"seal.inlet.{name}", pressure, self.fluid)
-        self._check_stochastic_alone("seal.inlet", "pressures", "a face has one inlet")
-        if self.output.test_fluid is not None:
-            given = "one with pressures of the inlets in seal.inlet"
-            raise InputError("output.test_fluid", given, "none with them")
 
     def _check_seat(self) -> None:
         """Raise an InputError if the form of the seat does not go with boundary, faces, seal or map."""
@@ -381,11 +369,3 @@ class Case(Table):
     def echo(self) -> dict[str, Any]:
         """Return the case as plain data in SI."""
         return self.model_dump(mode="json", exclude_none=True)
-
-
-def _check_inlet(name: str, pressure: float, fluid: FluidTable) -> None:
-    """Raise an InputError if the pressure at an inlet is not above that at the outlet."""
-    if not pressure > fluid.outlet_pressure:
-        outlet = to_text(fluid.outlet_pressure, "Pa")
-        expected = f"a pressure above that of the outlet, {outlet}"
-        raise InputError(name, to_text(pressure, "Pa"), expected)

@@ -18,7 +18,6 @@ from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS
 from ..materials import HARDNESS_FACTOR, named_solid
 from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
-from ..seal.layouts import MeshLayout
 from ..seal.seal_files import columns_of, read_columns
 from .faults import inside
 from .quantity_types import Amount, in_si, value_of
@@ -160,23 +159,11 @@ def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
     """Complete the fluid and the test fluid: absolute pressures in Pa, and the properties of named fluids.
 
     Gauge pressures count from `ambient_pressure` in [fluid]; those of a test fluid from its own one if it has one. If
-    there are gauge pressures, or an ambient pressure, an outlet without a pressure is at the ambient pressure. If the
-    inlets of a mesh have pressures of their own, the fluid gets the highest of them.
+    there are gauge pressures, or an ambient pressure, an outlet without a pressure is at the ambient pressure.
     """
     data = dict(data)
-    fluid, seal, output = data.get("fluid"), data.get("seal", {}), data.get("output", {})
+    fluid, output = data.get("fluid"), data.get("output", {})
     ambient = value_of(fluid or {}, "ambient_pressure", "Pa")
-    inlets = seal.get("inlet")
-    if isinstance(inlets, dict):
-        absolute = {
-            name: _absolute(pressure, ambient, f"seal.inlet.{name}")
-            for name, pressure in inlets.items()
-        }
-        data["seal"] = {**seal, "inlet": absolute}
-        if fluid is not None and seal.get("kind") == MeshLayout.kind:
-            fluid = _with_highest_inlet(fluid, absolute)
-        if ambient is None and absolute != inlets:
-            ambient = STANDARD_PRESSURE
     if fluid is not None:
         fluid = _with_absolute_pressures(fluid, "fluid", ambient)
         data["fluid"] = _complete_fluid(fluid, "fluid", warnings)
@@ -186,17 +173,6 @@ def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
         test_fluid = _with_absolute_pressures(test_fluid, table_key, ambient)
         data["output"] = {**output, "test_fluid": _complete_fluid(test_fluid, table_key, warnings)}
     return data
-
-
-def _with_highest_inlet(fluid: RawTable, inlets: RawTable) -> RawTable:
-    """Give the table of a fluid the highest pressure of the inlets."""
-    if "inlet_pressure" in fluid:
-        pressure = shortened(repr(fluid["inlet_pressure"]), 60)
-        given = f"{pressure} beside the pressures of the inlets in seal.inlet"
-        raise InputError("fluid.inlet_pressure", given, "none there")
-    pressures = [value_of(inlets, name, "Pa", STANDARD_PRESSURE) for name in inlets]
-    highest = max(pressures, default=STANDARD_PRESSURE)
-    return {**fluid, "inlet_pressure": Amount(highest, "Pa")}
 
 
 def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | None) -> RawTable:

@@ -8,12 +8,13 @@ of its parameters.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..fluids import FLUIDS, Fluid
 from ..seal.form import FORMS
+from ..seal.lay import check_inlet
 from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout, lay_of
 from ..topography.seat import SEATS
 from .completion import as_tables
@@ -22,10 +23,8 @@ from .quantity_types import (
     Length,
     LengthUnit,
     Pressure,
-    Quantity,
     Shift,
     UsualRange,
-    quantity_schema,
 )
 from .table_types import ParameterTable, key, table_for_each
 
@@ -63,9 +62,7 @@ class FluidTable(ParameterTable):
 def _keys_of_fluid(fluid: Any) -> dict[str, Any]:
     """Return the keys of the table of a fluid besides its parameters."""
     inlet = key(
-        'pressure at the inlet, of a gas absolute; gauge pressures as `"99 bar(g)"`',
-        start="10 MPa",
-        needed="unless the inlets of a mesh have pressures",
+        'pressure at the inlet, of a gas absolute; gauge pressures as `"99 bar(g)"`', start="10 MPa"
     )
     outlet = key(
         "pressure at the outlet, given like that at the inlet",
@@ -154,8 +151,10 @@ def _read_lay(value: Any) -> Any:
     return value if lay.angle is None else {"angle": lay.angle}
 
 
-def _read_names(value: Any) -> Any:
+def _read_boundaries(value: Any) -> Any:
     """Return the name of a boundary, or a tuple of names."""
+    with of_value():
+        check_inlet(value)  # a former version took pressures of several inlets
     if isinstance(value, str) and value:
         return value
     is_list = isinstance(value, (list, tuple)) and len(value) > 0
@@ -164,27 +163,10 @@ def _read_names(value: Any) -> Any:
     return tuple(value)
 
 
-def _read_inlets(value: Any) -> Any:
-    """Return names of boundaries, or their pressures by name."""
-    if isinstance(value, dict):
-        return {name: _PRESSURE.read(pressure) for name, pressure in value.items()}
-    return _read_names(value)
-
-
 _LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}]}
 _NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
-_Names = Annotated[
-    str | tuple[str, ...], BeforeValidator(_read_names), WithJsonSchema(_NAMES_SCHEMA)
-]
-_PRESSURE: Quantity = get_args(Pressure)[1]
-_PRESSURES_SCHEMA = {
-    "type": "object",
-    "additionalProperties": quantity_schema("a pressure >= 0, such as '10 MPa'"),
-}
-_Inlets = Annotated[
-    str | tuple[str, ...] | dict[str, float],
-    BeforeValidator(_read_inlets),
-    WithJsonSchema({"anyOf": [*_NAMES_SCHEMA["anyOf"], _PRESSURES_SCHEMA]}),
+Boundaries = Annotated[
+    str | tuple[str, ...], BeforeValidator(_read_boundaries), WithJsonSchema(_NAMES_SCHEMA)
 ]
 #: Types of keys for which the type of the parameter is not enough, of all shapes and of meshes.
 _KEYS_OF_SEALS: dict[str, Any] = {
@@ -193,7 +175,7 @@ _KEYS_OF_SEALS: dict[str, Any] = {
     "centre": tuple[Shift, Shift],
     "length": Annotated[Length, UsualRange(1e-5, 1e3, "m")] | None,
 }
-_KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
+_KEYS_OF_MESHES: dict[str, Any] = {"inlet": Boundaries, "outlet": Boundaries}
 
 
 def _keys_of_seal(layout: Any) -> dict[str, Any]:
