@@ -69,10 +69,12 @@ def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
 
 def _explain_input_error(key: str, value: Any, cause: InputError) -> InputError:
     """Return the error of a validator with its key in the file; `value` is what was validated."""
+    if cause.what:  # it may be from any function, with an explanation of any length
+        return InputError(key, cause.given, shortened(cause.expected, _LONGEST_EXPLANATION))
     given = cause.given
-    if not cause.what and isinstance(given, str) and not given:
+    if isinstance(given, str) and not given:
         given = "" if isinstance(value, (dict, Table)) else shown(value)
-    return InputError(key, given, shortened(cause.expected, _LONGEST_EXPLANATION))
+    return InputError(key, given, cause.expected)
 
 
 def _explain_missing(path: list[str], table: type[Table]) -> InputError:
