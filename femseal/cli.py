@@ -1,6 +1,7 @@
-"""Command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `design`, `report`, `export` and more.
+"""Define the command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `design`, `report`, `export` and more.
 
-Exit code 0 done, 2 bad input (nothing written), 1 anything else.
+The exit code is 0 if the command succeeded, 2 if the input cannot be used (nothing is written then), and otherwise 1.
+Libraries are imported inside the commands, so that `femseal --help` answers at once.
 """
 
 import errno
@@ -9,6 +10,7 @@ import os
 import signal
 import sys
 import traceback
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -31,6 +33,13 @@ from .execution.terminal import (
     show_progress,
 )
 
+#: Most warnings, and most failures, that a run prints.
+_MOST_PRINTED = 5
+#: Exit code of shells and typer after Ctrl-C.
+_INTERRUPTED = 130
+#: Whether `femseal --debug` was given, which shows the traceback of an error.
+_debug = False
+
 app = typer.Typer(
     name="femseal",
     help="Leakage of metal-to-metal seals over a loading-unloading cycle, from measured roughness.",
@@ -41,13 +50,15 @@ app = typer.Typer(
 )
 
 
-def _version(value: bool) -> None:
-    if value:
-        from .base.machine import versions
+def _print_versions(is_wanted: bool) -> None:
+    """Print the versions of femseal and of the libraries that it uses, and end the command."""
+    if not is_wanted:
+        return
+    from .base.machine import versions
 
-        for name, number in versions().items():
-            typer.echo(f"{name} {number}")
-        raise typer.Exit
+    for name, number in versions().items():
+        typer.echo(f"{name} {number}")
+    raise typer.Exit
 
 
 @app.callback()
@@ -56,15 +67,15 @@ def _main(
         bool,
         typer.Option(
             "--version",
-            callback=_version,
+            callback=_print_versions,
             is_eager=True,
-            help="Show the versions of femseal and its stack.",
+            help="Show the versions of femseal and of the libraries that it uses.",
             show_default="off",
         ),
     ] = False,
     debug: Annotated[bool, flag("--debug", "Show the traceback of an error.")] = False,
 ) -> None:
-    """Read the options before the command; `main` decides the exit code of an error."""
+    """Read the options that stand before the command."""
     global _debug
     _debug = debug
 
@@ -75,20 +86,23 @@ def new(
     face: Annotated[
         Path | None,
         typer.Option(
-            "--from", metavar="FILE", help="Measured face that the case is of.", show_default="none"
+            "--from",
+            metavar="FILE",
+            help="File of the measured face of the case.",
+            show_default="none",
         ),
     ] = None,
     spacing: Annotated[
         tuple[str, str] | None,
-        option("Pixel of the face, such as '2 um' '2 um'.", "as the file says"),
+        option("Size of a pixel of the face, such as '2 um' '2 um'.", "from the file"),
     ] = None,
     height_unit: Annotated[
-        str | None, option("Unit of its heights, such as um.", "as the file says")
+        str | None, option("Unit of the heights in this file, such as um.", "from the file")
     ] = None,
 ) -> None:
-    """Write a commented case file to start from, also of a measured face."""
+    """Write a commented case file to start from, also for a measured face."""
     if path.exists():
-        raise InputError("path", f"'{path}', which exists", "a new file")
+        raise InputError("path", f"'{path}', which exists", "the name of a new file")
     if face is None:
         from .case.case import Case
         from .case.template import case_template
@@ -100,19 +114,23 @@ def new(
         text = case_of_face(face, path.absolute().parent, spacing=spacing, height_unit=height_unit)
     with writing("path", path):
         path.write_text(text, encoding="utf-8")
-    typer.echo(f"{path} written; edit it, then: femseal run {path}")
+    typer.echo(f"{path} was written; edit it, then: femseal run {path}")
 
 
 @app.command()
 def check(path: CasePath) -> None:
-    """Validate a case and say what a run will compute; nothing is written."""
+    """Check a case and say what a run will compute; nothing is written."""
     from .case.reading import load_case
 
-    case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
+    case = load_case(path)  # before the solvers are imported, so that a fault is shown at once
     from .preparation.preparation import prepare
     from .runs.forecast import describe, refuse_too_large
 
-    with reporting_compilation(lambda what, done, _: None if done else typer.echo(what, err=True)):
+    def report_begin(stage: str, done: int, total: int) -> None:
+        if not done:
+            typer.echo(stage, err=True)
+
+    with reporting_compilation(report_begin):
         prepared = prepare(case)
         for line in describe(case, prepared):
             typer.echo(line)
@@ -132,17 +150,17 @@ def run(
     scheduler: Scheduler = None,
     quiet: Quiet = False,
     log_file: Annotated[
-        Path | None, option("Log lines also go to the end of this file.", "none")
+        Path | None, option("File to which log lines are appended.", "none")
     ] = None,
 ) -> None:
-    """Compute a case, write its results folder and print the leakage at every load.
+    """Run a case, write its results folder and print the leakage at every load.
 
-    A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on.
+    Progress is shown as bars in a terminal, and as log lines elsewhere. --resume continues a run that was stopped.
     """
     from .case.reading import load_case
 
     folder = output or Path("results") / path.stem
-    case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
+    case = load_case(path)  # before the solvers are imported, so that a fault is shown at once
     from .runs import job
 
     try:
@@ -157,21 +175,28 @@ def run(
                 progress=progress,
             )
     except KeyboardInterrupt:
-        again = f"femseal run {path} -o {folder} --resume"
-        raise FemsealError(f"stopped; `{again}` goes on") from None
-    if not quiet:
-        for text in results.verdict_texts:
-            print_text(text)
-        print_table(results.table())
-        if results.attempts is not None:
-            print_table(results.attempts_table())
-        if sys.stderr.isatty():  # without a terminal, the log lines say it
-            for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
-                for text in texts[:5]:
-                    typer.echo(f"{kind}: {text}", err=True)
-                if len(texts) > 5:
-                    typer.echo(f"{kind}: {len(texts) - 5} more in {folder / 'run.log'}", err=True)
-        typer.echo(f"results in {folder}")
+        command = f"femseal run {path} -o {folder} --resume"
+        raise FemsealError(f"stopped; `{command}` goes on") from None
+    if quiet:
+        return
+    for text in results.verdict_texts:
+        print_text(text)
+    print_table(results.table())
+    if results.attempts is not None:
+        print_table(results.attempts_table())
+    if sys.stderr.isatty():  # elsewhere the log lines contain them
+        _print_first("warning", results.warnings, folder)
+        _print_first("failure", results.failures, folder)
+    typer.echo(f"results in {folder}")
+
+
+def _print_first(kind: str, texts: Sequence[str], folder: Path) -> None:
+    """Print the first warnings or failures of a run, and say where the others are."""
+    for text in texts[:_MOST_PRINTED]:
+        typer.echo(f"{kind}: {text}", err=True)
+    n_more = len(texts) - _MOST_PRINTED
+    if n_more > 0:
+        typer.echo(f"{kind}: {n_more} more in {folder / 'run.log'}", err=True)
 
 
 for command in (sweep, compare, design, calibrate):
@@ -191,7 +216,9 @@ def report(
 ) -> None:
     """Write one self-contained HTML page about a run: verdict, curves, maps, tables, error budget."""
     if pdf:
-        expected = "none: removed; open report.html in a browser and print it to a PDF"
+        expected = (
+            "none: this option was removed; open report.html in a browser and print it to a PDF"
+        )
         raise InputError("--pdf", "an option of report", expected)
     from .report import write_report
 
@@ -203,32 +230,36 @@ def export(
     folder: Folder,
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz or .vti.")],
     step: Annotated[
-        int | None, option("Load step, counted from 0 as in the table.", "all, numbered files")
+        int | None,
+        option("Number of the load step, from 0 as in the table.", "all, in numbered files"),
     ] = None,
     field: Annotated[
         str,
         typer.Option(
-            help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".'
+            help='Field over the pixels of the surface: "gap", "contact_pressure" or "fluid_pressure".'
         ),
     ] = "gap",
     piece: Annotated[
-        tuple[int, int] | None, option("Piece, counted from 0 along x1 and x2.", "the face")
+        tuple[int, int] | None,
+        option("Cell, by its numbers from 0 along x1 and x2.", "the whole surface"),
     ] = None,
     window: Annotated[
         tuple[str, str, str, str] | None,
         option(
-            'Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".',
-            "the face",
+            'Part of the surface: start and end of x1 and of x2, such as "0 mm" "1 mm" "2 mm" "3 mm".',
+            "the whole surface",
         ),
     ] = None,
 ) -> None:
-    """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
+    """Write gap, contact pressure or fluid pressure at the load steps for other programs, with the size of a pixel."""
     from .base.quantities import to_si
     from .results import open_results
 
-    ends = None if window is None else tuple(to_si(text, "m", "window") for text in window)
-    options = {"step": step, "field": field, "piece": piece, "window": ends}
-    for path in open_results(folder).export(output, **options):
+    window_in_m = None
+    if window is not None:
+        window_in_m = tuple(to_si(text, "m", "window") for text in window)
+    results = open_results(folder)
+    for path in results.export(output, step=step, field=field, piece=piece, window=window_in_m):
         typer.echo(path)
 
 
@@ -237,67 +268,81 @@ def surface(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="File with the heights of a face.")],
     size: Annotated[
         tuple[str, str] | None,
-        option("Sides along x1 and x2, such as '1.2 mm' '0.9 mm'.", "as the file says"),
+        option("Sides along x1 and x2, such as '1.2 mm' '0.9 mm'.", "from the file"),
     ] = None,
     spacing: Annotated[
         tuple[str, str] | None,
-        option("Pixel along x1 and x2 instead of the size.", "size / points"),
+        option("Size of a pixel along x1 and x2, instead of the sides.", "sides / points"),
     ] = None,
     height_unit: Annotated[
-        str | None, option("Unit of the heights in the file, such as um.", "as the file says")
+        str | None, option("Unit of the heights in the file, such as um.", "from the file")
     ] = None,
     channel: Annotated[
-        str, typer.Option(help="Number or name of the channel in files with several.")
+        str, typer.Option(help="Number or name of the channel, in files with several.")
     ] = "0",
-    array: Annotated[str | None, option("Array in an .npz with several.", "the only one")] = None,
-    delimiter: Annotated[str | None, option("Between the numbers of a text.", "as found")] = None,
+    array: Annotated[
+        str | None, option("Name of the array, in an .npz with several.", "the only one")
+    ] = None,
+    delimiter: Annotated[
+        str | None, option("Separator of the numbers in a text file.", "detected")
+    ] = None,
     transpose: Annotated[bool, flag("--transpose", "Exchange x and y.")] = False,
     mask: Annotated[
-        Path | None, option("Image, text or .npy of the map's size, undefined where not 0.", "none")
+        Path | None,
+        option(
+            "Image, text or .npy of the same size; points where it is not 0 are undefined.", "none"
+        ),
     ] = None,
     file_mask: Annotated[
         bool,
         typer.Option(
-            help="Points under the mask in a .gwy or .npz are undefined, or taken as they are."
+            help="Points under the mask in a .gwy or .npz are undefined, or are used nevertheless."
         ),
     ] = True,
     no_data: Annotated[
         str | None,
         option(
-            "Number of points that were not measured, such as -9999; none: all are heights.",
-            "as the file says, or as found",
+            "Number that stands for points that were not measured, such as -9999; none: all numbers are heights.",
+            "from the file, or detected",
         ),
     ] = None,
     verify_checksum: Annotated[
-        bool, typer.Option(help="An .x3p whose checksum is wrong is refused, or read all the same.")
+        bool, typer.Option(help="An .x3p with a wrong checksum is rejected, or read nevertheless.")
     ] = True,
     crop: Annotated[
         tuple[str, str, str, str] | None,
-        option("Part that is used: x1 from, x1 to, x2 from, x2 to.", "the whole"),
+        option("Part that is used: start and end of x1 and of x2.", "the whole face"),
     ] = None,
     tip_radius: Annotated[
-        str | None, option("Radius of the tip of the instrument.", "as the file says")
+        str | None, option("Radius of the tip of the instrument.", "from the file")
     ] = None,
     resolution: Annotated[
-        str | None, option("Lateral period limit of the instrument.", "as the file says")
+        str | None,
+        option(
+            "Shortest wavelength that the instrument resolves (lateral period limit).",
+            "from the file",
+        ),
     ] = None,
     spikes: Annotated[
-        float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")
+        float,
+        typer.Option(help="Height of a spike, an isolated point, in robust standard deviations."),
     ] = 6.0,
     detrend: Annotated[
-        int | None, option("Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.", "1")
+        int | None, option("Form that is removed: 0 mean, 1 tilt, 2 tilt and curvature.", "1")
     ] = None,
-    shortest_wave: Annotated[str | None, option("Low-pass of a run.", "measured ones")] = None,
+    shortest_wave: Annotated[
+        str | None, option("Shortest wavelength that a run keeps.", "as measured")
+    ] = None,
     max_undefined: Annotated[
-        float, typer.Option(help="Largest fraction of points that are filled.")
+        float, typer.Option(help="Largest fraction of undefined points that is filled in.")
     ] = 0.05,
     picture: Annotated[
-        Path | None, option("Picture to write (.png .pdf .svg).", "none", "-o", "--output")
+        Path | None, option("Picture to write (.png, .pdf or .svg).", "none", "-o", "--output")
     ] = None,
 ) -> None:
-    """Describe a measured face, and say what a run would do to it; the options are keys of a case file too.
+    """Describe a measured face, and say what a run would do to it. All options are also keys of a case file.
 
-    A face that a run refuses is described and drawn too, with the reason.
+    A face that a run would reject is described and drawn too, with the reason.
     """
     options = dict(locals())
     from .preparation.survey import survey
@@ -316,50 +361,45 @@ def schema() -> None:
     typer.echo(json.dumps(case_schema(), indent=1, ensure_ascii=False))
 
 
-_debug = False
-#: Exit code that shells and typer have for a Ctrl-C.
-_INTERRUPTED = 130
-
-
 def main() -> None:
-    """Run the command line; errors are one line each, with their traceback after `femseal --debug`.
+    """Run the command line, and print an error as one line.
 
-    SIGTERM, which batch systems send before they kill, stops a run as Ctrl-C does.
+    SIGTERM, which batch systems send before they kill a program, stops a run as Ctrl-C does.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        # typer may swallow a Ctrl-C and return its code
-        if code := app(prog_name="femseal", standalone_mode=False):
-            raise KeyboardInterrupt if code == _INTERRUPTED else SystemExit(code)
+        code = app(prog_name="femseal", standalone_mode=False)
+        if code == _INTERRUPTED:  # typer catches a Ctrl-C in some places
+            raise KeyboardInterrupt
+        if code:
+            raise SystemExit(code)
         sys.stdout.flush()
     except FemsealError as error:
         _stop(error, str(error), error.exit_code)
     except KeyboardInterrupt as error:
         _stop(error, "stopped", 1)
     except MemoryError as error:
-        text = f"out of memory ({error or 'no more is free'})"
-        _stop(error, f"{text}; `femseal check` says what a run takes", 1)
+        reason = str(error) or "no more is free"
+        _stop(error, f"out of memory ({reason}); `femseal check` says how much a run needs", 1)
     except Exception as error:
         if isinstance(error, OSError) and _is_of_output(error):
             _stop(error, f"standard output: cannot be written ({error.strerror})", 1)
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
             _stop(error, shortened(error), 2)
-        # usage errors of the parser have their own message and exit code
+        # errors in the use of the command line have their own message and exit code
         if hasattr(error, "show") and hasattr(error, "exit_code"):
             error.show()
             sys.exit(error.exit_code)
         _stop(error, f"{type(error).__name__}: {error}", 1)
     finally:
-        gc.freeze()  # at its end Python would look for garbage among the objects of all libraries for half a second
+        gc.freeze()  # otherwise Python would spend half a second looking for garbage in all libraries when it ends
 
 
 def _is_of_output(error: OSError) -> bool:
-    """Whether an error is of writing to standard output; what is left for it is dropped then."""
-    *_, (frame, _line) = traceback.walk_tb(error.__traceback__)
-    if (
-        frame.f_globals["__name__"].partition(".")[0] not in ("click", "typer", "rich")
-        and frame.f_code is not main.__code__
-    ):
+    """Find out whether an error occurred while writing to standard output; further output is discarded then."""
+    *_, (last_frame, _line) = traceback.walk_tb(error.__traceback__)
+    package = last_frame.f_globals["__name__"].partition(".")[0]
+    if package not in ("click", "typer", "rich") and last_frame.f_code is not main.__code__:
         return False
     with open(os.devnull, "w") as nowhere, suppress(OSError, ValueError):
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
@@ -367,6 +407,7 @@ def _is_of_output(error: OSError) -> bool:
 
 
 def _stop(error: BaseException, message: str, code: int) -> NoReturn:
+    """Print the message of an error and end the program with an exit code."""
     if _debug:
         traceback.print_exception(error)
     typer.echo(f"femseal: {message}", err=True)

@@ -1,4 +1,4 @@
-"""The commands that ask many runs: sweep, compare, design, calibrate."""
+"""Define the commands that use several runs: sweep, compare, design and calibrate."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,24 +22,24 @@ from .execution.terminal import (
 )
 
 #: Options that several commands have.
-Resume = Annotated[bool, flag("--resume", "Keep what is complete, and go on with the rest.")]
-Replace = Annotated[
-    bool, flag("--replace", "Replace the results of a finished run in the folder, of any case.")
+Resume = Annotated[
+    bool, flag("--resume", "Continue a run that was stopped, and keep what is complete.")
 ]
+Replace = Annotated[bool, flag("--replace", "Replace the results of a finished run in the folder.")]
 Unit = Annotated[str | None, option("Unit of leakage.", "as in the case")]
 
 
 @contextmanager
-def all_progress(quiet: bool, again: str) -> Iterator[Progress]:
-    """Progress of a command whose runs are not all of its work, with that of compiling beside them.
+def all_progress(quiet: bool, how_to_resume: str) -> Iterator[Progress]:
+    """Show the progress of a command with several runs, including that of compilation.
 
-    again : what goes on where it is stopped.
+    how_to_resume : end of the message after Ctrl-C, which says what continues the command.
     """
     try:
         with show_progress(quiet) as progress, reporting_compilation(progress):
             yield progress
     except KeyboardInterrupt:
-        raise FemsealError(f"stopped; {again}") from None
+        raise FemsealError(f"stopped; {how_to_resume}") from None
 
 
 def sweep(
@@ -62,14 +62,14 @@ def sweep(
     scheduler: Scheduler = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run a case with every combination of the values of some keys; one table and one picture for all of them."""
+    """Run a case with every combination of the values of some keys, and compare the runs in a table and a picture."""
     from .sweeps.sweeping import parsed_keys
-    from .sweeps.sweeping import sweep as over_all
+    from .sweeps.sweeping import sweep as run_sweep
 
     folder = output or Path("results") / f"{path.stem}-sweep"
     announce = None if quiet else typer.echo
     with all_progress(quiet, "the same command with --resume goes on") as progress:
-        found = over_all(
+        comparison = run_sweep(
             path,
             parsed_keys(keys),
             folder,
@@ -82,7 +82,7 @@ def sweep(
             announce=announce,
         )
     if not quiet:
-        print_table(found.table())
+        print_table(comparison.table())
         typer.echo(f"table and picture in {folder / 'sweep.csv'} and sweep.png")
 
 
@@ -98,13 +98,13 @@ def compare(
     unit: Unit = None,
 ) -> None:
     """Compare the leakage of several finished runs in one table and one picture."""
-    from .results import compare as side_by_side
+    from .results import compare as compare_runs
     from .results.run_comparison import named
 
-    found = side_by_side(named(runs), unit=unit)
-    print_table(found.table())
+    comparison = compare_runs(named(runs), unit=unit)
+    print_table(comparison.table())
     if output is not None:
-        found.write(output)
+        comparison.write(output)
         typer.echo(f"table and picture in {output / 'comparison.csv'} and comparison.png")
 
 
@@ -121,38 +121,42 @@ def design(
         ),
     ] = None,
     probability: Annotated[
-        float, typer.Option(help="Fraction of the seals that is to keep the class.")
+        float, typer.Option(help="Fraction of the realisations whose needed pressure is given too.")
     ] = 0.95,
     assembly: Annotated[
         list[str] | None,
         option(
-            "Pressure in assembly Q_A besides those of the case, such as '300 MPa'; may be given several times.",
+            "Further pressure in assembly Q_A, such as '300 MPa'; may be given several times.",
             "none",
         ),
     ] = None,
     diameter: Annotated[
-        str | None, option("Nominal diameter of valve, seat or stem.", "that of the case")
+        str | None, option("Nominal diameter of the valve, seat or stem.", "from the case")
     ] = None,
     output: Annotated[
         Path | None,
         option("Folder of results and answer.", "results/CASE, or DIR", "-o", "--output"),
     ] = None,
     solve: Annotated[
-        bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness.")
+        bool,
+        typer.Option(
+            "--solve/--no-solve",
+            help="Find the sensitivity to hardness by solving a case again.",
+        ),
     ] = True,
     replace: Replace = False,
     workers: Workers = None,
     quiet: Quiet = False,
 ) -> None:
-    """Say what pressure a seal needs in assembly (Qmin) and in service (QSmin) for leakage classes.
+    """Find the pressure that a seal needs in assembly (Qmin) and in service (QSmin) for leakage classes.
 
-    A case is run unless its folder holds its complete results; a results folder is taken as it is.
+    A case is run unless its folder contains its complete results; results in a folder are taken as they are.
     """
-    from .designs.answer import design as answer_of
+    from .designs.answer import design as find_answer
 
     folder = output or (path if path.is_dir() else Path("results") / path.stem)
-    with all_progress(quiet, "the same command goes on with what is complete") as progress:
-        answer = answer_of(
+    with all_progress(quiet, "the same command goes on, and keeps what is complete") as progress:
+        answer = find_answer(
             path,
             folder,
             classes=classes or (),
@@ -176,22 +180,27 @@ def calibrate(
         typer.Argument(metavar="DATA.csv", help="Columns of a leak test: load, branch, leakage."),
     ],
     output: Annotated[
-        Path | None, option("Folder.", "results/CASE-calibrated", "-o", "--output")
+        Path | None, option("Folder of the results.", "results/CASE-calibrated", "-o", "--output")
     ] = None,
     hardness: Annotated[
         tuple[str, str] | None,
-        option("Range of the prior, such as '2 GPa' '5 GPa'.", "a third to 3 times the case's"),
+        option(
+            "Range of the hardness, such as '2 GPa' '5 GPa'.", "1/3 to 3 times that of the case"
+        ),
     ] = None,
     shortest_wave: Annotated[
         tuple[str, str] | None,
-        option("Range of the prior, such as '4 um' '20 um'.", "8 pixels to 3 times the case's"),
+        option(
+            "Range of the shortest wave, such as '4 um' '20 um'.",
+            "8 pixels to 3 times that of the case",
+        ),
     ] = None,
     factor: Annotated[
         tuple[float, float],
-        typer.Option(help="Range of the prior of the factor between test and model."),
+        typer.Option(help="Range of the factor between test and model."),
     ] = (0.2, 5.0),
     error: Annotated[str, typer.Option(help="Relative error of a measured leakage.")] = "10 %",
-    scenes: Annotated[int, typer.Option(help="Scenes that are solved at most.")] = 40,
+    scenes: Annotated[int, typer.Option(help="Largest number of scenes that are solved.")] = 40,
     resume: Resume = False,
     replace: Replace = False,
     part: PartOption = None,
@@ -199,14 +208,14 @@ def calibrate(
     scheduler: Scheduler = None,
     quiet: Quiet = False,
 ) -> None:
-    """Find hardness, shortest wave and the factor between model and test from a measured curve of leakage."""
+    """Find hardness, shortest wave and a factor between test and model from a measured curve of leakage."""
     from .calibration.calibrating import CASE_FILE
-    from .calibration.calibrating import calibrate as calibrated
+    from .calibration.calibrating import calibrate as run_calibration
 
     folder = output or Path("results") / f"{path.stem}-calibrated"
-    again = f"`femseal calibrate {path} {data} -o {folder} --resume` goes on"
-    with all_progress(quiet, again) as progress:
-        found = calibrated(
+    how_to_resume = f"`femseal calibrate {path} {data} -o {folder} --resume` goes on"
+    with all_progress(quiet, how_to_resume) as progress:
+        calibration = run_calibration(
             path,
             data,
             folder,
@@ -222,6 +231,6 @@ def calibrate(
             progress=progress,
         )
     if not quiet:
-        print_table(found.table())
+        print_table(calibration.table())
         written = f"calibration.json, calibration.csv, calibration.png and {CASE_FILE} in {folder}"
         typer.echo(written)

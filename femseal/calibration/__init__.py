@@ -1,4 +1,4 @@
-"""Calibration: hardness, shortest wave and a factor between model and test, from a measured curve of leakage."""
+"""Calibrate hardness, shortest wave and a factor between test and model with a measured curve of leakage."""
 
 from ..base.lazy_package import lazy
 

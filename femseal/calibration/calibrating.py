@@ -1,4 +1,4 @@
-"""Calibrate a case by a leak test: few solved scenes, a surrogate of their leakage, and the posterior."""
+"""Calibrate a case with a leak test: solve a few scenes, interpolate their leakage, and find the posterior."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import json
 import logging
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
@@ -17,6 +17,8 @@ from scipy.stats import qmc
 from ..base import (
     AnyPath,
     FemsealError,
+    Flags,
+    Indices,
     InputError,
     Stage,
     made_folder,
@@ -32,7 +34,7 @@ from ..case.case import Case
 from ..case.reading import load_case, read_case
 from ..execution.resuming import begin_run, remove_run, store_folder, writing_in
 from ..execution.run import Progress, Run, no_progress, ordered_map
-from ..preparation.preparation import prepare
+from ..preparation.preparation import Prepared, prepare
 from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
 from ..store.store import Store
@@ -40,20 +42,28 @@ from ..studies.compiling import compile_ahead
 from ..studies.study_registry import usual_efforts
 from ..topography import resolved_wave
 from .calibration import FILE, Array, Calibration, calibrated_text
-from .leak_test import UNITS, LeakTest, Posterior, read_leak_test
+from .leak_test import LeakTest, read_leak_test
+from .posterior import UNITS, Posterior
 from .surrogate import Surrogate
 
+#: Ends of a range, in SI or as texts with units.
 Range = tuple[float | str, float | str]
-#: Scenes that fill the ranges, and those that are then added at a time where the posterior is; least number in all.
-FIRST, ADDED, FEWEST = 16, 6, 10
-#: Factors by which the ranges extend to either side, unless given.
+#: Number of scenes that first fill the ranges; a power of 2, as the Sobol sequence needs.
+FIRST = 16
+#: Number of scenes that are then added at a time where the posterior is.
+ADDED = 6
+#: Smallest number of scenes in all.
+FEWEST = 10
+#: Factors by which the ranges extend above and below the values of the case unless they are given.
 WIDTHS = {"hardness": 3.0, "shortest_wave": 3.0, "factor": 5.0}
-#: No more scenes are solved once the surrogate's error is this part of that of the test.
-_EXACT = 0.2
-#: The calibrated case in the folder.
+#: Error of the surrogate, as a fraction of that of the test, below which no more scenes are solved.
+_SMALL_ERROR = 0.2
+#: Name of the calibrated case in the folder.
 CASE_FILE = "calibrated.toml"
-#: Samples of the posterior between scenes, and at the end.
-_SAMPLES = 2**9, 2**12
+#: Number of samples of the posterior by which further scenes are chosen.
+_SAMPLES_BETWEEN = 2**9
+#: Number of samples of the final posterior.
+_SAMPLES_AT_END = 2**12
 
 
 @validate.removed_arguments(part=job.DIVIDED_BY_DASK)
@@ -73,26 +83,47 @@ def calibrate(
     scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Hardness, shortest wave that counts and a factor between model and test, from a measured curve of leakage.
+    """Find hardness, shortest wave and a factor between test and model from a measured curve of leakage.
 
-    The case is solved at the loads of the test for up to `scenes` pairs of hardness and shortest wave: a Sobol sequence
-    over their ranges, then where the posterior is, see `calibration.surrogate` and `calibration.leak_test`.
+    The shortest wave is the cut-off of the low-pass, below which waves do not count. The case is solved at the loads of
+    the test for up to `scenes` pairs of hardness and shortest wave. The first pairs are a Sobol sequence over the
+    ranges; further pairs lie where the posterior is large. See `calibration.surrogate` for the interpolation between
+    them, and `calibration.posterior` for the posterior.
 
     Parameters
     ----------
-    case : a case or its file. data : a file with the columns of a leak test, see `calibration.leak_test`.
-    output : folder for table, picture, data and, of a case file, the calibrated case; None writes nothing.
-    hardness, shortest_wave, factor : ranges of the priors, uniform in the logarithm, in SI or as texts with units;
-        unless given, `WIDTHS` times to either side of the case's values (of 1), no wave below 8 pixels.
-    error : of a measured leakage, relative standard deviation. scenes : solved at most.
-    resume : take the scenes of the folder that were solved for the same case, test and ranges.
-    replace_results : begin anew where the folder holds a finished calibration, and replace it.
-    workers, scheduler, progress : see `run`.
+    case : Case or path
+        The case or its file.
+    data : path
+        Text file with the leak test, see `calibration.leak_test`.
+    output : path, optional
+        Folder for table, picture and data, and for the calibrated case if the case is a file. Nothing is written unless
+        given.
+    hardness, shortest_wave, factor : pair of float or str, optional
+        Ends of the ranges of the priors, in SI or as texts with units; the priors are uniform in the logarithm. Unless
+        given, they extend by the factors `WIDTHS` above and below the values of the case, or 1; no wave is shorter than
+        8 pixels.
+    error : float or str
+        Relative standard deviation of a measured leakage.
+    scenes : int
+        Largest number of scenes that are solved.
+    resume : bool
+        Whether to take the scenes in the folder that were solved for the same case, test and ranges.
+    replace_results : bool
+        Whether to replace a finished calibration in the folder.
+    workers, scheduler, progress
+        See `run`.
+
+    Returns
+    -------
+    Calibration
 
     Raises
     ------
-    InputError : the case, the test, a range or the folder cannot be used; nothing has been computed then.
-    FemsealError : too few scenes could be solved.
+    InputError
+        The case, the test, a range or the folder cannot be used. Nothing has been computed then.
+    FemsealError
+        Too few scenes could be solved.
 
     Examples
     --------
@@ -110,27 +141,32 @@ def calibrate(
         raise InputError("output", given, expected)
     loaded = case if isinstance(case, Case) else load_case(case)
     if loaded.accuracy is not None:
-        raise InputError("accuracy", loaded.accuracy, "none: every scene is solved alike")
-    deviation = validate.tolerance("error", to_si(error, "", "error"))
+        expected = "none, because all scenes of a calibration are solved alike"
+        raise InputError("accuracy", loaded.accuracy, expected)
+    relative_error = validate.tolerance("error", to_si(error, "", "error"))
     validate.count("scenes", scenes, FEWEST)
     test = read_leak_test(Path(data), loaded)
-    tested = test.of_case(loaded)
-    ranges, memory = _ranges(
-        tested, {"hardness": hardness, "shortest_wave": shortest_wave, "factor": factor}
-    )
+    tested_case = test.of_case(loaded)
+    given_ranges = {"hardness": hardness, "shortest_wave": shortest_wave, "factor": factor}
+    prepared = prepare(tested_case)
+    ranges = _ranges(tested_case, prepared, given_ranges)
+    _check_corners(tested_case, ranges)
+    # loads of the scenes, and the load of each row of the test
     steps, rows = np.unique(test.rows_of(loaded), return_inverse=True)
-    solved = partial(_leakage, tested, test.unit, steps)
     identity = {
-        "case": tested.echo(),
+        "case": tested_case.echo(),
         "ranges": ranges.tolist(),
         "steps": steps.tolist(),
         "unit": test.unit.name,
-        "content of face files": job.face_files(tested),
+        "content of face files": job.face_files(tested_case),
         "version": numerical_versions(),
     }
-    # a case has no digest, but what its leakage depends on has one
-    stage = Stage("scenes", solved, memory, key=("scenes", json.dumps(identity, default=str)))
-    progress = progress or no_progress
+    # the case has no digest, but everything that its leakage depends on has one
+    key = ("scenes", json.dumps(identity, default=str))
+    solve_scene = partial(_solve_scene, tested_case, test.unit, steps)
+    memory = forecast(tested_case, prepared, usual_efforts(len(prepared.scene.steps))).memory
+    stage = Stage("scenes", solve_scene, memory, key=key)
+    report_progress = progress or no_progress
     with ExitStack() as stack:
         if folder is not None:
             if is_finished and not resume:
@@ -138,79 +174,111 @@ def calibrate(
             stack.enter_context(writing_in(made_folder(folder), identity, resume))
             begin_run(folder, identity)
             (folder / FILE).unlink(missing_ok=True)
-        mapper = stack.enter_context(
-            ordered_map(workers, scheduler, partial(compile_ahead, progress=progress))
-        )
+        compile_first = partial(compile_ahead, progress=report_progress)
+        mapper = stack.enter_context(ordered_map(workers, scheduler, compile_first))
         if folder is not None:
             store = stack.enter_context(Store(store_folder(folder)))
             mapper = store.over(mapper)
-        mapper = stack.enter_context(Run(mapper, progress).timed("calibration"))
-        posterior, points, leakage = _explored(
-            partial(mapper, stage), test, rows, ranges, deviation, scenes
+        mapper = stack.enter_context(Run(mapper, report_progress).timed("calibration"))
+        solve_scenes = partial(mapper, stage)
+        exploration = _explore(solve_scenes, test, rows, ranges, relative_error, scenes)
+        samples = exploration.posterior.samples(_SAMPLES_AT_END)
+        calibration = Calibration.of(
+            exploration.posterior,
+            samples,
+            exploration.scenes,
+            exploration.leakages,
+            tested_case,
         )
-        found = Calibration.of(posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested)
         if folder is not None:
-            found.write(folder)
+            calibration.write(folder)
             if not isinstance(case, Case):
-                write_text(folder / CASE_FILE, calibrated_text(*read_case(case), folder, found))
-    return found
+                tables, case_folder = read_case(case)
+                text = calibrated_text(tables, case_folder, folder, calibration)
+                write_text(folder / CASE_FILE, text)
+    return calibration
 
 
-def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
-    """Ranges of the three quantities (3, 2) in SI, whose ends are checked, and the memory of a scene [byte].
+def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> Array:
+    """Find and check the ranges of hardness, shortest wave and factor in SI (3, 2).
 
-    Raises InputError: a range that does not rise, a solid that does not yield, or ends with which the case cannot be
-    run.
+    Raises
+    ------
+    InputError
+        The ends of a range do not rise, or the softer solid has no single hardness.
     """
     table = getattr(case, case.softer)
-    known = table.solid.hardness
-    if known is None or not np.isfinite(known) or table.hardness_table is not None:
+    hardness = table.solid.hardness
+    if hardness is None or not np.isfinite(hardness) or table.hardness_table is not None:
         raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness")
-    prepared = prepare(case)
-    surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wave
-    least = {"hardness": 1.01 * prepared.scene.steps.pressures.max(), "factor": 0.0,
-             "shortest_wave": resolved_wave(surface.size, surface.shape)}  # fmt: skip
-    # two waves in a piece
-    sides = [n / (2 * c) for n, c in zip(surface.size, prepared.cells or (1, 1), strict=True)]
-    most = {"hardness": np.inf, "factor": np.inf, "shortest_wave": 0.999 * min(sides)}
-    found = []
-    for (name, unit), middle in zip(UNITS.items(), (known, wave, 1.0), strict=True):
-        if (ends := given[name]) is None:
-            width = WIDTHS[name]
-            ends = max(middle / width, least[name]), min(middle * width, most[name])
-        elif isinstance(ends, str) or len(ends) != 2:
-            raise InputError(name, shown(ends), "the two ends of a range")
-        low, high = (to_si(end, unit, name) if isinstance(end, str) else float(end) for end in ends)
+    surface = prepared.scene.surface
+    cells = prepared.cells or (1, 1)
+    half_cell = min(n / (2 * count) for n, count in zip(surface.size, cells, strict=True))
+    middles = {
+        "hardness": hardness,
+        "shortest_wave": prepared.conditioning.shortest_wave,
+        "factor": 1.0,
+    }
+    smallest = {
+        "hardness": 1.01 * prepared.scene.steps.pressures.max(),
+        "shortest_wave": resolved_wave(surface.size, surface.shape),
+        "factor": 0.0,
+    }
+    largest = {
+        "hardness": np.inf,
+        "shortest_wave": 0.999 * half_cell,  # a cell must contain two waves
+        "factor": np.inf,
+    }
+    ranges = []
+    for name, middle in middles.items():
+        ends = given[name]
+        if ends is None:
+            low = max(middle / WIDTHS[name], smallest[name])
+            high = min(middle * WIDTHS[name], largest[name])
+        else:
+            low, high = _given_ends(name, ends)
         if not 0 < low < high < np.inf:
-            raise InputError(
-                name,
-                " to ".join(to_text(end, unit) for end in (low, high)),
-                "a range above 0 that rises",
-            )
-        found.append((low, high))
-    for corner in product(*found[:2]):
-        at = with_values(case, *corner)
-        refuse_too_large(at, prepare(at))
-    return np.array(found), forecast(
-        case, prepared, usual_efforts(len(prepared.scene.steps))
-    ).memory
+            unit = UNITS[name]
+            text = f"{to_text(low, unit)} to {to_text(high, unit)}"
+            raise InputError(name, text, "a range above 0 that rises")
+        ranges.append((low, high))
+    return np.array(ranges)
+
+
+def _given_ends(name: str, ends: Range) -> tuple[float, float]:
+    """Convert the ends of a range that the user gave to SI."""
+    if isinstance(ends, str) or len(ends) != 2:
+        raise InputError(name, shown(ends), "the two ends of a range")
+    low, high = (
+        to_si(end, UNITS[name], name) if isinstance(end, str) else float(end) for end in ends
+    )
+    return low, high
+
+
+def _check_corners(case: Case, ranges: Array) -> None:
+    """Check that the case can be run at all combinations of the ends of hardness and shortest wave."""
+    hardnesses, waves = ranges[:2].tolist()
+    for hardness, wave in product(hardnesses, waves):
+        corner = with_values(case, hardness, wave)
+        refuse_too_large(corner, prepare(corner))
 
 
 def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
-    """The case with another hardness of the softer solid [Pa] and another shortest wave [m]."""
-    key = case.softer
-    solid = getattr(case, key).model_copy(update={"hardness": hardness, "yield_stress": None})
+    """Change the hardness [Pa] of the softer solid and the shortest wave [m] of a case."""
+    solid_name = case.softer
+    changed = {"hardness": hardness, "yield_stress": None}
+    solid = getattr(case, solid_name).model_copy(update=changed)
     surface = case.surface.model_copy(update={"shortest_wave": shortest_wave})
-    return case.model_copy(update={key: solid, "surface": surface})
+    return case.model_copy(update={solid_name: solid, "surface": surface})
 
 
-def _leakage(
-    case: Case, unit: LeakUnit, steps: Any, hardness: float, shortest_wave: float
+def _solve_scene(
+    case: Case, unit: LeakUnit, steps: Indices, hardness: float, shortest_wave: float
 ) -> list[float]:
-    """Leakage of a scene that decides on classes, at some load steps in a unit; NaN where it could not be solved."""
+    """Compute the leakage that decides on classes at some load steps, in a unit; NaN if the solution failed."""
     log = logging.getLogger("femseal")
     level = log.level
-    log.setLevel(logging.ERROR)  # warnings of the case are not said again for each scene
+    log.setLevel(logging.ERROR)  # the warnings of the case are the same for every scene
     try:
         results = job.run(with_values(case, hardness, shortest_wave), workers=1)
     except InputError:
@@ -219,40 +287,78 @@ def _leakage(
         return [np.nan] * len(steps)
     finally:
         log.setLevel(level)
-    values = np.abs(results.class_leakage[0][steps]) / results.class_basis.factor(unit)
-    return values.tolist()
+    leakage = np.abs(results.class_leakage[0][steps]) / results.class_basis.factor(unit)
+    return leakage.tolist()
 
 
-def _explored(
-    solve: Callable[..., Iterable[list[float]]],
+@dataclass(frozen=True)
+class _Exploration:
+    """The posterior, and the scenes that it was found from.
+
+    scenes : hardness [Pa] and shortest wave [m] of each (scenes, 2). leakages : in the unit of the test (scenes,
+    loads), NaN where the solution failed.
+    """
+
+    posterior: Posterior
+    scenes: Array
+    leakages: Array
+
+
+def _explore(
+    solve_scenes: Callable[..., Iterable[list[float]]],
     test: LeakTest,
-    rows: Any,
+    rows: Indices,
     ranges: Array,
     error: float,
-    scenes: int,
-) -> tuple[Posterior, Array, Array]:
-    """The posterior after scenes that fill the ranges, and others where it is; all scenes, and their leakages.
+    most_scenes: int,
+) -> _Exploration:
+    """Solve scenes that fill the ranges, and then others where the posterior is, until it is known well enough.
 
-    solve : gives the leakages (loads,) of scenes at hardnesses and waves in SI, NaN of those that failed.
+    Parameters
+    ----------
+    solve_scenes : callable
+        Takes lists of hardnesses [Pa] and shortest waves [m], and yields the leakages (loads,) of each scene.
+    test : LeakTest
+        The leak test.
+    rows : array of int (rows,)
+        Load of each row of the test.
+    ranges : array (3, 2)
+        Ranges of the priors in SI.
+    error : float
+        Relative standard deviation of a measured leakage.
+    most_scenes : int
+        Largest number of scenes.
     """
     low, high = np.log(ranges[:2]).T
-    points = np.empty((0, 2))
-    leakage = np.empty((0, int(max(rows)) + 1))
-    # a power of two, cut where fewer are wanted
-    wanted = qmc.Sobol(2, rng=np.random.default_rng(1)).random_base2(int(np.log2(FIRST)))[:scenes]
+
+    def to_si_units(points: Array) -> Array:
+        return np.exp(low + points * (high - low))
+
+    points = np.empty((0, 2))  # in the unit square
+    leakages = np.empty((0, int(max(rows)) + 1))
+    sobol = qmc.Sobol(2, rng=np.random.default_rng(1))
+    new_points = sobol.random_base2(int(np.log2(FIRST)))[:most_scenes]
     while True:
-        new = np.array(list(solve(*np.exp(low + wanted * (high - low)).T.tolist())))
-        points, leakage = np.r_[points, wanted], np.r_[leakage, new]
-        known = np.isfinite(leakage).all(axis=1)
-        scenes -= len(wanted)
-        if (count := known.sum()) < min(FEWEST, len(wanted)):
-            raise FemsealError(f"calibrate: only {count} of {len(wanted)} scenes could be solved")
-        surrogate = Surrogate.through(points[known], leakage[known])
+        hardnesses, waves = to_si_units(new_points).T.tolist()
+        new_leakages = np.array(list(solve_scenes(hardnesses, waves)))
+        points = np.concatenate([points, new_points])
+        leakages = np.concatenate([leakages, new_leakages])
+        is_solved = np.isfinite(leakages).all(axis=1)
+        _check_enough_solved(is_solved, len(new_points))
+        surrogate = Surrogate.through(points[is_solved], leakages[is_solved])
         posterior = Posterior(test, list(rows), ranges, surrogate, error)
-        cube = posterior.samples(_SAMPLES[0])
-        exact = np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error
-        if scenes <= 0 or exact:
-            return posterior, np.exp(low + points * (high - low)), leakage
-        # other samples each time
-        chosen = len(points) + np.arange(min(ADDED, scenes))
-        wanted = cube[chosen % len(cube), :2]
+        samples = posterior.samples(_SAMPLES_BETWEEN)
+        surrogate_error = np.median(posterior.predict(samples).deviation, axis=0).max()
+        n_left = most_scenes - len(points)
+        if n_left <= 0 or surrogate_error < _SMALL_ERROR * error:
+            return _Exploration(posterior, to_si_units(points), leakages)
+        # consecutive samples, which are different ones each time
+        chosen = len(points) + np.arange(min(ADDED, n_left))
+        new_points = samples[chosen % len(samples), :2]
+
+
+def _check_enough_solved(is_solved: Flags, n_new: int) -> None:
+    """Raise FemsealError if too few scenes could be solved."""
+    n_solved = int(is_solved.sum())
+    if n_solved < min(FEWEST, n_new):
+        raise FemsealError(f"calibrate: only {n_solved} of {n_new} scenes could be solved")

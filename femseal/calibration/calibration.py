@@ -1,7 +1,4 @@
-"""The result of a calibration: prior and posterior, the measured and the calibrated curve; tables, files, a picture.
-
-One file is the case with the calibrated values, from the tables of its own file.
-"""
+"""The result of a calibration: prior and posterior, measured and calibrated curve, as tables, files and a picture."""
 
 from __future__ import annotations
 
@@ -36,29 +33,60 @@ from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_belo
 from ..plots.leakage_panels import LeakageCurves, leakage_panel
 from ..results.load_steps import branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
-from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior
+from .leak_test import BELOW, LeakTest
+from .posterior import PROBABILITY, UNITS, Estimate, Posterior
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FILE, TABLE, PICTURE = "calibration.json", "calibration.csv", "calibration.png"
-#: Part of a range at its end, and part of the samples there from which on the range is said to be too narrow.
-_END, _MANY = 0.03, 0.1
-#: Root of the mean square of (measured − model)/error from which on the model is said not to fit.
-_MISFIT = 2.0
+#: Width of the ends of a range in the logarithm, as a fraction of the range.
+_END = 0.03
+#: Fraction of the samples in an end of a range from which on the range is said to be too narrow.
+_MANY_SAMPLES = 0.1
+#: Root mean square of the residuals, in their standard deviations, from which on the model is said not to fit.
+_LARGE_MISFIT = 2.0
+#: Units of the axes by SI unit, and the value of each in SI.
+_AXIS_UNITS = {
+    "Pa": ("MPa", 1e6),
+    "N": ("kN", 1e3),
+    "N/m": ("N/mm", 1e3),
+    "m": ("µm", 1e-6),
+    "": ("", 1.0),
+}
+#: Height of the axes of the picture [inch].
+_AXES_HEIGHT = 3.6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Plotted):
     """A calibrated case, see `calibrate`.
 
-    hardness, shortest_wave, factor : posterior [Pa], [m] and between test and model. prior : medians and ends of the
-    ranges of the priors, by name. correlation : of their logarithms (3, 3). samples : of the posterior (n, 3).
-    density : of the posterior. load_unit : of the loads. curve : lower end, median and upper end of the calibrated
-    leakage at the rows of the test (3, rows), in its unit, 0 where sealed. scenes, leakages : hardness and shortest
-    wave of what was solved (n, 2), and its leakages (n, loads). solid : table of the case whose hardness it is.
-    notes : what to keep in mind.
+    Parameters
+    ----------
+    hardness, shortest_wave, factor : Estimate
+        Posterior of the hardness [Pa], of the shortest wave [m], and of the factor between test and model.
+    prior : dict of Estimate
+        Medians and ends of the ranges of the priors by name.
+    correlation : array (3, 3)
+        Correlation of the logarithms of the three quantities.
+    samples : array (n, 3)
+        Samples of the posterior in SI.
+    density : Posterior
+        Density of the posterior.
+    load_unit : str
+        SI unit of the loads.
+    curve : array (3, rows)
+        Lower end, median and upper end of the calibrated leakage in each row of the test, in its unit; 0 where sealed.
+    scenes : array (n, 2)
+        Hardness [Pa] and shortest wave [m] of the solved scenes.
+    leakages : array (n, loads)
+        Leakages of the solved scenes in the unit of the test.
+    solid : str
+        Name of the table of the case whose hardness was calibrated.
+    notes : tuple of str
+        What to keep in mind about the result.
     """
 
     hardness: Estimate
@@ -79,38 +107,28 @@ class Calibration(Plotted):
     def of(
         cls, posterior: Posterior, cube: Array, scenes: Array, leakages: Array, case: Case
     ) -> Calibration:
-        """From samples of the posterior in the unit cube (n, 3)."""
-        samples, test = posterior.quantities(cube), posterior.test
-        prior = posterior.quantities(np.repeat([[0.5], [0.0], [1.0]], 3, axis=1))
+        """Summarise a posterior.
+
+        Parameters
+        ----------
+        posterior : Posterior
+            The posterior.
+        cube : array (n, 3)
+            Samples of it in the unit cube.
+        scenes, leakages : array
+            Solved scenes and their leakages, as in the attributes.
+        case : Case
+            The case at the loads of the test.
+        """
+        samples = posterior.quantities(cube)
         estimates = {name: Estimate.of(samples[:, n]) for n, name in enumerate(UNITS)}
-        mean, deviation, is_open = posterior.curves(cube)
-        rng = np.random.default_rng(2)
-        drawn = np.exp(mean + deviation * rng.standard_normal((len(cube), 1)))
-        drawn = np.where(rng.random((len(cube), 1)) < is_open, drawn, 0.0)
-        ends = 0.5 - PROBABILITY / 2, 0.5, 0.5 + PROBABILITY / 2
-        curve = np.quantile(drawn, ends, axis=0, method="nearest")
-        notes = [
-            f"the posterior of the {name.replace('_', ' ')} runs into the {end} end of its range"
-            for n, name in enumerate(UNITS)
-            for end, there in (("lower", cube[:, n] < _END), ("upper", cube[:, n] > 1 - _END))
-            if there.mean() > _MANY
-        ]
-        leaks = ~test.sealed & (curve[1] > 0)
-        off = np.median(deviation, axis=0)[leaks]
-        ratio = np.log(test.leakage[leaks] / curve[1][leaks]) / np.hypot(posterior.error, off)
-        if not (misfit := np.sqrt(np.mean(ratio**2))) < _MISFIT:
-            notes.append(
-                f"the model does not fit: it is {misfit:.2g} times the error off by the root mean square"
-            )
-        if missed := int((~test.sealed & (curve[1] == 0)).sum()):
-            notes.append(f"the calibrated case is sealed where the test leaks, in {missed} rows")
-        if (worst := off.max(initial=0.0)) > posterior.error:
-            notes.append(
-                f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more --scenes help"
-            )
+        middle_low_high = posterior.quantities(np.repeat([[0.5], [0.0], [1.0]], 3, axis=1))
+        prior = {name: Estimate(*map(float, middle_low_high[:, n])) for n, name in enumerate(UNITS)}
+        curve = _calibrated_curve(posterior, cube)
+        notes = _notes_on_ranges(cube) + _notes_on_fit(posterior, cube, curve[1])
         return cls(
             **estimates,
-            prior={name: Estimate(*map(float, prior[:, n])) for n, name in enumerate(UNITS)},
+            prior=prior,
             correlation=np.asarray(np.corrcoef(cube.T)),
             samples=samples,
             density=posterior,
@@ -129,77 +147,75 @@ class Calibration(Plotted):
 
     @property
     def posterior(self) -> dict[str, Estimate]:
-        """The posterior by name."""
+        """Posterior of the three quantities by name."""
         return {name: getattr(self, name) for name in UNITS}
 
     def rows(self) -> list[dict[str, Any]]:
-        """One dictionary for each row of the test: load, measured and calibrated leakage in the unit of the test."""
-        loads = zip(("load", "unloaded from"), pressures_and_peaks(self.test.steps), strict=True)
-        columns: dict[str, Any] = {f"{name} [{self.load_unit}]": p for name, p in loads}
-        columns["sealed or below"] = self.test.sealed
+        """List the rows of the test: load, measured and calibrated leakage in the unit of the test."""
+        pressures, peaks = pressures_and_peaks(self.test.steps)
         low, median, high = self.curve
-        leakages = {
-            "measured": self.test.leakage,
-            "calibrated": median,
-            "lower": low,
-            "upper": high,
-        }
         unit = self.test.unit.name
-        return rows_of(columns | {f"{name} [{unit}]": q for name, q in leakages.items()})
+        columns = {
+            f"load [{self.load_unit}]": pressures,
+            f"unloaded from [{self.load_unit}]": peaks,
+            "sealed or below": self.test.sealed,
+            f"measured [{unit}]": self.test.leakage,
+            f"calibrated [{unit}]": median,
+            f"lower [{unit}]": low,
+            f"upper [{unit}]": high,
+        }
+        return rows_of(columns)
 
     def tables(self) -> list[TextTable]:
-        """Prior and posterior with correlations; measured and calibrated leakages."""
+        """Make the tables of the calibrated quantities and of the leakages, for `rich.print`."""
+        return [self._table_of_quantities(), self._table_of_leakages()]
 
-        def band(name: str, found: Estimate) -> str:
-            return f"{_text(name, found.lower)} to {_text(name, found.upper)}"
-
-        known = self.posterior
+    def _table_of_quantities(self) -> TextTable:
+        """Make the table of priors, posteriors and correlations."""
+        posterior = self.posterior
         columns = [
-            ("", [name.replace("_", " ") for name in UNITS]),
-            ("prior", [band(name, self.prior[name]) for name in UNITS]),
-            ("posterior", [_text(name, known[name].median) for name in UNITS]),
-            (f"{100 * PROBABILITY:g} % region", [band(name, known[name]) for name in UNITS]),
+            ("", [_plain_name(name) for name in UNITS]),
+            ("prior", [_interval_text(name, self.prior[name]) for name in UNITS]),
+            ("posterior", [_value_text(name, posterior[name].median) for name in UNITS]),
+            (_region_name(), [_interval_text(name, posterior[name]) for name in UNITS]),
         ]
-        columns += [
-            (f"correlation with {name.replace('_', ' ')}", [f"{value:+.2f}" for value in values])
-            for name, values in zip(UNITS, self.correlation, strict=True)
-        ]
-        count = counted(len(self.test.steps), "measured leakage")
-        title = f"Calibration by {count} and {counted(len(self.scenes), 'solved scene')}"
+        for name, coefficients in zip(UNITS, self.correlation, strict=True):
+            head = f"correlation with {_plain_name(name)}"
+            columns.append((head, [f"{coefficient:+.2f}" for coefficient in coefficients]))
+        n_measured = counted(len(self.test.steps), "measured leakage")
+        title = f"Calibration by {n_measured} and {counted(len(self.scenes), 'solved scene')}"
         notes = tuple(f"note: {note}" for note in self.notes)
-        first = TextTable.of_columns(title, columns, notes=notes, wrap=16)
+        return TextTable.of_columns(title, columns, notes=notes, wrap=16)
 
+    def _table_of_leakages(self) -> TextTable:
+        """Make the table of measured and calibrated leakages."""
         load_text = partial(to_text, unit=self.load_unit)
-        measured, low, median, high = (
-            [format_leakage(q, 1.0) for q in values] for values in (self.test.leakage, *self.curve)
-        )
-        steps, sealed = self.test.steps, self.test.sealed
+        steps = self.test.steps
+        measured = []
+        for leakage, is_sealed in zip(self.test.leakage, self.test.sealed, strict=True):
+            text = format_leakage(leakage, 1.0)
+            measured.append(f"{BELOW} {text}" if is_sealed else text)
+        low, median, high = ([format_leakage(q, 1.0) for q in values] for values in self.curve)
+        intervals = [f"{start} to {end}" for start, end in zip(low, high, strict=True)]
         columns = [
             ("load", [load_text(step.pressure) for step in steps]),
             ("branch", [branch_text(step.unloaded_from, load_text) for step in steps]),
-            (
-                "measured",
-                [f"{BELOW} " * s + q for s, q in zip(sealed.tolist(), measured, strict=True)],
-            ),
+            ("measured", measured),
             ("calibrated", median),
-            (
-                f"{100 * PROBABILITY:g} % band",
-                [f"{a} to {b}" for a, b in zip(low, high, strict=True)],
-            ),
+            (_region_name(), intervals),
         ]
-        title = f"Leakage [{self.test.unit.name}]"
-        return [first, TextTable.of_columns(title, columns, names=2)]
+        return TextTable.of_columns(f"Leakage [{self.test.unit.name}]", columns, names=2)
 
     def table(self) -> Any:
-        """The tables for a terminal, to be given to `rich.print`."""
+        """Make both tables for a terminal, for `rich.print`."""
         from rich.console import Group
 
         return Group(*self.tables())
 
     def __repr__(self) -> str:
         texts = [
-            f"{name.replace('_', ' ')} {_text(name, one.median)}"
-            for name, one in self.posterior.items()
+            f"{_plain_name(name)} {_value_text(name, estimate.median)}"
+            for name, estimate in self.posterior.items()
         ]
         return f"<femseal.Calibration: {', '.join(texts)}, by {counted(len(self.scenes), 'scene')}>"
 
@@ -207,22 +223,36 @@ class Calibration(Plotted):
         return "".join(table._repr_html_() for table in self.tables())
 
     def write(self, folder: AnyPath) -> list[Path]:
-        """Write `calibration.json`, `calibration.csv` and `calibration.png` into a folder, which is made if needed.
+        """Write `calibration.json`, `calibration.csv` and `calibration.png`.
 
-        Raises InputError: the folder cannot be written.
+        Parameters
+        ----------
+        folder : path
+            Folder to write into; made if needed.
+
+        Returns
+        -------
+        list of Path
+            The files written.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written.
         """
         target = made_folder(folder)
-        pairs = combinations(enumerate(UNITS), 2)
         estimates = {
-            name: asdict(one) | {"prior": asdict(self.prior[name])}
-            for name, one in self.posterior.items()
+            name: asdict(estimate) | {"prior": asdict(self.prior[name])}
+            for name, estimate in self.posterior.items()
+        }
+        correlations = {
+            f"{first}, {second}": self.correlation[i, j]
+            for (i, first), (j, second) in combinations(enumerate(UNITS), 2)
         }
         content = estimates | {
             "units": {name: unit or "1" for name, unit in UNITS.items()},
             "probability": PROBABILITY,
-            "correlation": {
-                f"{one}, {other}": self.correlation[a, b] for (a, one), (b, other) in pairs
-            },
+            "correlation": correlations,
             "solid": self.solid,
             "error": self.density.error,
             "scenes": len(self.scenes),
@@ -237,99 +267,185 @@ class Calibration(Plotted):
             return [write_text(target / FILE, text), table, picture]
 
 
-def _text(name: str, value: float) -> str:
+def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
+    """Find the lower end, median and upper end of the calibrated leakage (3, rows), 0 where sealed.
+
+    The curve includes the error of the surrogate, by one random leakage for each sample of the posterior.
+    """
+    prediction = posterior.predict(cube)
+    rng = np.random.default_rng(2)
+    scores = rng.standard_normal((len(cube), 1))  # the same for all rows of a sample
+    leakage = np.exp(prediction.mean + prediction.deviation * scores)
+    leakage = np.where(rng.random((len(cube), 1)) < prediction.is_open, leakage, 0.0)
+    probabilities = 0.5 - PROBABILITY / 2, 0.5, 0.5 + PROBABILITY / 2
+    return np.asarray(np.quantile(leakage, probabilities, axis=0, method="nearest"))
+
+
+def _notes_on_ranges(cube: Array) -> list[str]:
+    """Note the ranges that may be too narrow, because many samples (n, 3) of the unit cube lie at an end."""
+    notes = []
+    for n, name in enumerate(UNITS):
+        for end, is_there in (("lower", cube[:, n] < _END), ("upper", cube[:, n] > 1 - _END)):
+            if is_there.mean() > _MANY_SAMPLES:
+                notes.append(
+                    f"the {_plain_name(name)} may lie beyond the {end} end of its range, where many samples are: "
+                    "give it a wider range"
+                )
+    return notes
+
+
+def _notes_on_fit(posterior: Posterior, cube: Array, median: Array) -> list[str]:
+    """Note where the calibrated median curve (rows,) does not fit the test, or is not known well enough."""
+    notes = []
+    test = posterior.test
+    both_leak = ~test.sealed & (median > 0)
+    surrogate_error = np.median(posterior.predict(cube).deviation, axis=0)[both_leak]
+    residuals = np.log(test.leakage[both_leak] / median[both_leak])
+    standardised = residuals / np.hypot(posterior.error, surrogate_error)
+    misfit = np.sqrt(np.mean(standardised**2))
+    if not misfit < _LARGE_MISFIT:
+        notes.append(
+            f"the model does not fit the test: the differences are {misfit:.2g} times the error (root mean square)"
+        )
+    n_sealed = int((~test.sealed & (median == 0)).sum())
+    if n_sealed:
+        rows = counted(n_sealed, "row")
+        notes.append(f"the calibrated case is sealed in {rows} in which the test leaks")
+    largest_error = surrogate_error.max(initial=0.0)
+    if largest_error > posterior.error:
+        notes.append(
+            f"the interpolation between solved scenes has an error of {100 * largest_error:.2g} % at some load, more "
+            "than the test: solve more --scenes"
+        )
+    return notes
+
+
+def _plain_name(name: str) -> str:
+    """Write the name of a quantity with spaces."""
+    return name.replace("_", " ")
+
+
+def _value_text(name: str, value: float) -> str:
+    """Write the value of a quantity with its unit."""
     return to_text(value, UNITS[name], 3) if UNITS[name] else f"{value:.3g}"
 
 
-#: Units of the axes, by those in SI, and what is 1 in them.
-_SCALES = {
-    "Pa": ("MPa", 1e6),
-    "N": ("kN", 1e3),
-    "N/m": ("N/mm", 1e3),
-    "m": ("µm", 1e-6),
-    "": ("", 1.0),
-}
-#: Height of the axes [inch].
-_HEIGHT = 3.6
+def _interval_text(name: str, estimate: Estimate) -> str:
+    """Write the ends of an interval."""
+    return f"{_value_text(name, estimate.lower)} to {_value_text(name, estimate.upper)}"
+
+
+def _region_name() -> str:
+    """Name the regions of the posterior."""
+    return f"{100 * PROBABILITY:g} % interval"
+
+
+# --- the picture ------------------------------------------------------------------------------------------
 
 
 @shows(Calibration)
-def calibration_figure(found: Calibration) -> Figure:
-    """Hardness against shortest wave and factor, then leakage against load, log scale."""
-    test = found.test
+def calibration_figure(calibration: Calibration) -> Figure:
+    """Draw the hardness against the shortest wave and the factor, and the leakage against load."""
+    test = calibration.test
     pressure, peaks = pressures_and_peaks(test.steps)
+    unit, unit_in_si = _AXIS_UNITS[calibration.load_unit]
+    # loading upwards, then unloading downwards
     order = np.argsort(np.where(np.isnan(peaks), pressure, -pressure))
-    low, median, high = found.curve[:, order]
-    unit, size = _SCALES[found.load_unit]
+    low, median, high = calibration.curve[:, order]
     curves = LeakageCurves(
         pressure[order],
         peaks[order],
         median,
         "",
         band=(low, high),
-        band_name=f"band of {100 * PROBABILITY:g} %",
+        band_name=_region_name(),
         scale=(1.0, f"leakage [{test.unit.name}]"),
-        force=None if found.load_unit == "Pa" else (unit, 1 / size),
+        force=None if calibration.load_unit == "Pa" else (unit, 1 / unit_in_si),
     )
-    below = 0.75 + LEGEND_LINE * (len(curves.branches) + 2)
-    sheet = Sheet([_HEIGHT, _HEIGHT, _HEIGHT + below])
-    axes = sheet.panel(2, replace(LINES, top=0.15, bottom=below))
-    kinds = (~test.sealed, "D", "measured"), (test.sealed, "v", "measured: sealed, or below this")
-    measured = [
-        axes.plot(pressure[rows] / size, test.leakage[rows], marker, color=GREY, label=label)[0]
-        for rows, marker, label in kinds
-    ]
+    legend_height = 0.75 + LEGEND_LINE * (len(curves.branches) + 2)
+    sheet = Sheet([_AXES_HEIGHT, _AXES_HEIGHT, _AXES_HEIGHT + legend_height])
+    _draw_samples(sheet.panel(0, LINES), calibration, "shortest_wave")
+    _draw_samples(sheet.panel(1, LINES), calibration, "factor")
+    axes = sheet.panel(2, replace(LINES, top=0.15, bottom=legend_height))
+    measured = []
+    for rows, marker, label in (
+        (~test.sealed, "D", "measured"),
+        (test.sealed, "v", "measured: sealed, or below this"),
+    ):
+        load = pressure[rows] / unit_in_si
+        (points,) = axes.plot(load, test.leakage[rows], marker, color=GREY, label=label)
+        measured.append(points)
     handles = leakage_panel(axes, curves, "calibrated, ")
-    for row, name in enumerate(("shortest_wave", "factor")):
-        _pair(sheet.panel(row, LINES), found, "hardness", name)
     legend_below(sheet.figure, [*handles, *measured])
     return sheet.figure
 
 
-def _pair(axes: Axes, found: Calibration, across: str, up: str) -> None:
-    """Samples of two quantities, with solved scenes where they have both, and the medians."""
-    (x, x_size), (y, y_size) = (_SCALES[UNITS[name]] for name in (across, up))
-    columns = [list(UNITS).index(name) for name in (across, up)]
-    samples = found.samples[:, columns] / (x_size, y_size)
+def _draw_samples(axes: Axes, calibration: Calibration, name: str) -> None:
+    """Draw samples and medians of a quantity against the hardness, and the solved scenes if they have both."""
+    names = list(UNITS)
+    columns = [names.index("hardness"), names.index(name)]
+    hardness_unit, hardness_in_si = _AXIS_UNITS[UNITS["hardness"]]
+    unit, unit_in_si = _AXIS_UNITS[UNITS[name]]
+    units_in_si = (hardness_in_si, unit_in_si)
+    samples = calibration.samples[:, columns] / units_in_si
     axes.plot(*samples.T, ".", color=STYLES[0]["color"], ms=1.5, alpha=0.3, zorder=1)
-    if up == "shortest_wave":
-        scenes = found.scenes / (x_size, y_size)
+    if name == "shortest_wave":
+        scenes = calibration.scenes / units_in_si
         axes.plot(*scenes.T, "+", color=GREY, ms=6, label="solved scenes")
         axes.legend(loc="upper right", fontsize=8.5, frameon=False)
     axes.plot(*np.median(samples, axis=0), "o", color="black", ms=6)
-    name = f"{up.replace('_', ' ')} [{y}]" if y else "factor between test and model"
-    axes.set(xlabel=f"{across} [{x}]", ylabel=name)
-    axes.set_title(f"correlation {found.correlation[tuple(columns)]:+.2f}", fontsize=9)
+    axes.set_xlabel(f"hardness [{hardness_unit}]")
+    axes.set_ylabel(f"{_plain_name(name)} [{unit}]" if unit else "factor between test and model")
+    correlation = calibration.correlation[columns[0], columns[1]]
+    axes.set_title(f"correlation {correlation:+.2f}", fontsize=9)
     axes.grid(alpha=0.25, lw=0.6)
 
 
-def calibrated_text(data: dict[str, Any], base: Path, folder: Path, found: Calibration) -> str:
-    """TOML of the tables of a case, whose files are relative to `base`, for a file in `folder`."""
-    tables: dict[str, Any] = {name: _moved(value, base, folder) for name, value in data.items()}
-    solid = dict(tables[found.solid])
+# --- the calibrated case ----------------------------------------------------------------------------------
+
+
+def calibrated_text(
+    tables: dict[str, Any], case_folder: Path, folder: Path, calibration: Calibration
+) -> str:
+    """Write the case with the calibrated values as TOML.
+
+    Parameters
+    ----------
+    tables : dict
+        Tables of the case file.
+    case_folder : Path
+        Folder to which the names of files in the case are relative.
+    folder : Path
+        Folder of the new case, to which they are made relative.
+    calibration : Calibration
+        The calibration, whose medians are taken.
+    """
+    calibrated = {name: _relocate(value, case_folder, folder) for name, value in tables.items()}
+    solid = dict(calibrated[calibration.solid])
     solid.pop("yield_stress", None)
-    tables[found.solid] = solid | {"hardness": f"{found.hardness.median / 1e9:.5g} GPa"}
-    tables["surface"] = tables.get("surface", {}) | {
-        "shortest_wave": f"{found.shortest_wave.median * 1e6:.5g} um"
-    }
+    solid["hardness"] = f"{calibration.hardness.median / 1e9:.5g} GPa"
+    calibrated[calibration.solid] = solid
+    shortest_wave = f"{calibration.shortest_wave.median * 1e6:.5g} um"
+    calibrated["surface"] = calibrated.get("surface", {}) | {"shortest_wave": shortest_wave}
     lines = [
-        "# Hardness and shortest wave by a calibration with a leak test, medians of the posterior.",
-        f"# The test leaked {found.factor.median:.3g} times as much as this case does.",
-        *(f"{bare_key(name)} = {as_toml(value)}" for name, value in tables.items()),
+        "# Hardness and shortest wave are medians of the posterior of a calibration with a leak test.",
+        f"# The test leaked {calibration.factor.median:.3g} times as much as this case does.",
+        *(f"{bare_key(name)} = {as_toml(value)}" for name, value in calibrated.items()),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _moved(value: Any, base: Path, folder: Path) -> Any:
-    """A value with the names of files that are there, relative to another folder."""
+def _relocate(value: Any, case_folder: Path, folder: Path) -> Any:
+    """Make the names of existing files in a value, which are relative to one folder, relative to another."""
     if isinstance(value, dict):
-        return {key: _moved(inner, base, folder) for key, inner in value.items()}
+        return {key: _relocate(inner, case_folder, folder) for key, inner in value.items()}
     if isinstance(value, list):
-        return [_moved(inner, base, folder) for inner in value]
-    if isinstance(value, str):
-        # "lay.vtu:name" is a field of a file
-        for name in (value, value.rpartition(":")[0]):
-            if name and (base / name).is_file():
-                path = os.path.relpath(base / name, folder).replace(os.sep, "/")
-                return path + value.removeprefix(name)
+        return [_relocate(inner, case_folder, folder) for inner in value]
+    if not isinstance(value, str):
+        return value
+    # "lay.vtu:name" is a field of a file
+    for file_name in (value, value.rpartition(":")[0]):
+        if file_name and (case_folder / file_name).is_file():
+            path = os.path.relpath(case_folder / file_name, folder).replace(os.sep, "/")
+            return path + value.removeprefix(file_name)
     return value

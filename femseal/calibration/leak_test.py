@@ -1,21 +1,13 @@
-"""A leak test, read from a file and checked against the case that it is of, and the posterior that it gives.
-
-Posterior of hardness, shortest wave and factor by Bayes' rule, with a surrogate of the leakage. The test is the factor
-times the model: ln(measured) is normal around ln(factor) + ln(model), with the error of the test, independent at each
-row, and that of the surrogate, correlated between loads. A sealed row is one whose model is closed, or leaks less than
-the limit. Priors are uniform in the logarithm within ranges.
-"""
+"""Read a leak test from a file, and check it against the case of the tested seal."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtr
-from scipy.stats import qmc
 
 from ..base import Array, Flags, InputError, InputErrors, counted, shortened, shown, to_si, to_text
 from ..base.leak_units import LeakUnit, leak_unit
@@ -24,24 +16,43 @@ from ..case.quantity_types import Amount
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
 from ..seal.seal_files import text_rows
-from .surrogate import Surrogate
 
+#: Columns of a leak test, for messages.
 COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"
 BRANCHES = ("loading", "unloading")
-#: What a sealed row says, and how one below the detection limit begins.
+#: Text of the leakage of a sealed row, and first character of a limit of detection.
 SEALED, BELOW = "sealed", "<"
-_HEAD = re.compile(r"\s*([^\[(]+?)\s*(?:[\[(]\s*(.*\S)\s*[\])])?\s*")
-_COMMA = re.compile(r"\d+,\d+")
-_NAMES = {"pressure": "load", "load": "load", "force": "load", "branch": "branch", "unloaded from": "peak",
-          "leakage": "leakage"}  # fmt: skip
+#: Fewest different loads at which a leakage must have been measured.
+_FEWEST_LOADS = 3
+#: Relative tolerance of loads compared with the range of the case.
+_LOAD_TOLERANCE = 1e-9
+_NAME_AND_UNIT = re.compile(r"\s*([^\[(]+?)\s*(?:[\[(]\s*(.*\S)\s*[\])])?\s*")
+_DECIMAL_COMMA = re.compile(r"\d+,\d+")
+#: Column of each name that a head may have.
+_COLUMN_OF_NAME = {
+    "pressure": "load",
+    "load": "load",
+    "force": "load",
+    "branch": "branch",
+    "unloaded from": "peak",
+    "leakage": "leakage",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class LeakTest:
-    """Measured leakages (rows,) of one seal.
+    """Measured leakages of one seal.
 
-    steps : load of each row in the unit of the loads of the case. leakage : in `unit`; of a sealed row, the limit below
-    which it lies. sealed : which rows are sealed or below the detection limit.
+    Parameters
+    ----------
+    steps : tuple of LoadStep
+        Load of each row, in the unit of the loads of the case.
+    leakage : array (rows,)
+        Leakage in `unit`; for a sealed row, the limit below which it lies.
+    sealed : array of bool (rows,)
+        Which rows are sealed or below the limit of detection.
+    unit : LeakUnit
+        Unit of the leakage.
     """
 
     steps: tuple[LoadStep, ...]
@@ -50,247 +61,210 @@ class LeakTest:
     unit: LeakUnit
 
     def of_case(self, case: Case) -> Case:
-        """The case at the loads of the test alone, without what the calibration does not need."""
+        """Reduce a case to the loads of the test, and leave out what the calibration does not need."""
+        loading = {step.pressure for step in self.steps if step.unloaded_from is None}
+        unloading = {step.pressure for step in self.steps if step.unloaded_from is not None}
+        peaks = {step.unloaded_from for step in self.steps if step.unloaded_from is not None}
         unit = case.load.unit
-        peaks = sorted({s.unloaded_from for s in self.steps if s.unloaded_from is not None})
-        loading = {s.pressure for s in self.steps if s.unloaded_from is None} or {*peaks}
-        down = sorted({s.pressure for s in self.steps if s.unloaded_from is not None}, reverse=True)
-        loads = {"loading": sorted(loading), "unload_from": peaks, "unloading": down}
-        changed = {
-            name: tuple(Amount(load, unit) for load in values) for name, values in loads.items()
+
+        def amounts(loads: list[float]) -> tuple[Amount, ...]:
+            return tuple(Amount(load, unit) for load in loads)
+
+        changed_load = {
+            "loading": amounts(sorted(loading or peaks)),
+            "unload_from": amounts(sorted(peaks)),
+            "unloading": amounts(sorted(unloading, reverse=True)),
+            "relaxation": 0.0,
         }
-        load = case.load.model_copy(update=changed | {"relaxation": 0.0})
-        left_out = dict.fromkeys(("budget", "pictures", "report", "fields"), False)
-        output = case.output.model_copy(update={**left_out, "paraview": "none"})
-        return case.model_copy(update={"output": output, "compare": (), "load": load})
+        changed_output = {
+            "budget": False,
+            "pictures": False,
+            "report": False,
+            "fields": False,
+            "paraview": "none",
+        }
+        return case.model_copy(
+            update={
+                "load": case.load.model_copy(update=changed_load),
+                "output": case.output.model_copy(update=changed_output),
+                "compare": (),
+            }
+        )
 
     def rows_of(self, case: Case) -> list[int]:
-        """Load step of each row in a run of `of_case`."""
-        loads = self.of_case(case).load
-        programme = LoadProgramme.of(loads.loading, loads.unload_from, loads.unloading)
+        """Find the load step of each row in a run of `of_case`."""
+        load = self.of_case(case).load
+        programme = LoadProgramme.of(load.loading, load.unload_from, load.unloading)
         return [programme.index(step) for step in self.steps]
 
 
+class _Column(NamedTuple):
+    """Position of a column in the rows, and the value of its unit in the unit of the case."""
+
+    position: int
+    factor: float
+
+
+class _Leakage(NamedTuple):
+    """Leakage of a row, or its limit if the row is sealed; NaN for a sealed row without a limit."""
+
+    value: float
+    is_sealed: bool
+
+
 def read_leak_test(path: Path, case: Case) -> LeakTest:
-    """Read a leak test of a case from a file with columns.
+    """Read a leak test of a case from a text file with columns.
 
-    The first line that is no comment (#) has the names of the columns with their units, `COLUMNS`, see `text_rows`. A
-    leakage is a number, "sealed", or "< 0.1" below a detection limit; sealed rows without a limit leak less than the
-    least that was measured.
+    The first line that is no comment (#) contains the names and units of the columns, see `COLUMNS`. A leakage is a
+    number, "sealed", or a limit of detection such as "< 0.1". Sealed rows without a limit leak less than the smallest
+    leakage that was measured.
 
-    Raises InputError: the file cannot be read, a column or a unit is unknown or missing, or rows cannot be used: no
-    number, no known branch, a load beyond those of the case; one line for each fault, with its line in the file.
+    Parameters
+    ----------
+    path : Path
+        File to read.
+    case : Case
+        Case of the tested seal.
+
+    Returns
+    -------
+    LeakTest
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a column or a unit is unknown or missing, or some rows cannot be used. The message has
+        a line for each fault with its line in the file.
     """
     (_, _, heads), *lines = text_rows(path, "data")
     if not lines:
-        raise InputError("data", f"'{path}' without rows", f"a line of heads, {COLUMNS}, and rows")
-    columns, unit = _columns(heads, case)
-    rows, faults = [], []
-    for number, _, row in lines:
+        given = f"'{path}' without rows"
+        raise InputError("data", given, f"a line of column names, {COLUMNS}, and rows")
+    columns, unit = _read_heads(heads, case)
+    steps: list[LoadStep] = []
+    leakages: list[_Leakage] = []
+    faults = []
+    for number, _, cells in lines:
         try:
-            if len(row) != len(heads):
-                raise InputError("row", counted(len(row), "cell"), f"{len(heads)} as in the heads")
-            cell = {name: (row[n].strip(), factor) for name, (n, factor) in columns.items()}
-            rows.append((_step(cell, case), *_leakage(cell["leakage"][0])))
+            if len(cells) != len(heads):
+                given = counted(len(cells), "cell")
+                raise InputError("row", given, f"{len(heads)}, as many as column names")
+            steps.append(_read_step(cells, columns, case))
+            leakages.append(_read_leakage(cells[columns["leakage"].position].strip()))
         except InputError as error:
             what = f"data, line {number}: {error.what}"
             faults.append(InputError(what, error.given, error.expected))
     if faults:
         raise InputErrors(faults)
-    steps, leakage, sealed = zip(*rows, strict=True)
-    values, below = np.array(leakage), np.array(sealed)
-    if (count := len({step for step, _, low in rows if not low})) < 3:
-        expected = "leakages at three loads or more, besides rows that are sealed"
-        raise InputError("data", f"{counted(count, 'load')} with a leakage", expected)
-    values[np.isnan(values)] = values[~below].min()
-    return LeakTest(steps, values, below, unit)
+    values = np.array([leakage.value for leakage in leakages])
+    is_sealed = np.array([leakage.is_sealed for leakage in leakages])
+    leaking_steps = {step for step, sealed in zip(steps, is_sealed, strict=True) if not sealed}
+    if len(leaking_steps) < _FEWEST_LOADS:
+        given = f"{counted(len(leaking_steps), 'load')} with a leakage"
+        raise InputError("data", given, "leakages at three loads or more, besides sealed rows")
+    values[np.isnan(values)] = values[~is_sealed].min()
+    return LeakTest(tuple(steps), values, is_sealed, unit)
 
 
-def _columns(heads: list[str], case: Case) -> tuple[dict[str, tuple[int, float]], LeakUnit]:
-    """Place of each known column, with the unit of loads in SI; and the unit of leakage."""
-    found: dict[str, tuple[int, float]] = {}
-    leakage_in: LeakUnit | None = None
-    for n, head in enumerate(heads):
-        match = _HEAD.fullmatch(head)
-        name = _NAMES.get(match[1].lower()) if match else None
-        if match is None or name is None:
+def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakUnit]:
+    """Find the columns by their names, and the unit of leakage."""
+    columns: dict[str, _Column] = {}
+    unit_of_leakage: LeakUnit | None = None
+    for position, head in enumerate(heads):
+        match = _NAME_AND_UNIT.fullmatch(head)
+        column = _COLUMN_OF_NAME.get(match[1].lower()) if match else None
+        if match is None or column is None:
             raise InputError("data: columns", shown(head), COLUMNS)
-        if name in found:
+        if column in columns:
             raise InputError("data: columns", f"{shortened(head)} twice", "each column once")
-        unit, factor = match[2] or "", 1.0
-        if name != "branch" and not unit:
+        unit = match[2] or ""
+        if column != "branch" and not unit:
             raise InputError("data: columns", f"{shown(head)} without a unit", COLUMNS)
-        if name == "leakage":
-            basis = leak_basis((case.output.test_fluid or case.fluid).fluid, 1.0)
-            if lack := basis.lacks(leakage_in := leak_unit(unit)):
-                raise InputError("data: columns", shown(head), lack)
-        elif name != "branch":
+        factor = 1.0
+        if column == "leakage":
+            unit_of_leakage = _leakage_unit(unit, head, case)
+        elif column != "branch":
             factor = to_si(f"1 {unit}", case.load.unit, f"data: column {match[1]}")
-        found[name] = n, factor
-    if "load" not in found or leakage_in is None:
+        columns[column] = _Column(position, factor)
+    if "load" not in columns or unit_of_leakage is None:
         raise InputError("data: columns", ", ".join(heads), COLUMNS)
-    return found, leakage_in
+    return columns, unit_of_leakage
 
 
-def _number(text: str, what: str, expected: str) -> float:
+def _leakage_unit(name: str, head: str, case: Case) -> LeakUnit:
+    """Find a unit of leakage by its name; raise InputError if it does not suit the fluid of the test."""
+    unit = leak_unit(name)
+    fluid = (case.output.test_fluid or case.fluid).fluid
+    reason = leak_basis(fluid, 1.0).lacks(unit)
+    if reason:
+        raise InputError("data: columns", shown(head), reason)
+    return unit
+
+
+def _read_number(text: str, what: str, expected: str) -> float:
+    """Read a number >= 0."""
     try:
         value = float(text)
     except ValueError:
         value = np.nan
-    if not (np.isfinite(value) and value >= 0):
-        meant = f"; perhaps meant: {text.replace(',', '.')}" if _COMMA.fullmatch(text) else ""
-        raise InputError(what, shown(text), expected + meant)
-    return value
-
-
-def _step(row: dict[str, tuple[str, float]], case: Case) -> LoadStep:
-    """Load step of a row by its texts and their units in SI, in the unit of the loads of the case."""
-    loads, unit = case.load, case.load.unit
-    most = loads.highest
-    least = min((*loads.loading, *loads.unloading))
-
-    def within(key: str, what: str) -> float:
-        text, factor = row[key]
-        value = float(f"{_number(text, what, 'a number >= 0') * factor:.12g}")
-        if not least * (1 - 1e-9) <= value <= most * (1 + 1e-9):
-            range_ = f"a load of the case, from {to_text(least, unit)} to {to_text(most, unit)}"
-            raise InputError(what, to_text(value, unit), range_)
+    if np.isfinite(value) and value >= 0:
         return value
+    if _DECIMAL_COMMA.fullmatch(text):
+        expected += f"; perhaps meant: {text.replace(',', '.')}"
+    raise InputError(what, shown(text), expected)
 
-    load, (branch, _) = within("load", "load"), row.get("branch", (BRANCHES[0], 1.0))
+
+def _read_step(cells: list[str], columns: dict[str, _Column], case: Case) -> LoadStep:
+    """Read the load step of a row, in the unit of the loads of the case."""
+    unit = case.load.unit
+
+    def read_load(column: str, what: str) -> float:
+        text = cells[columns[column].position].strip()
+        number = _read_number(text, what, "a number >= 0") * columns[column].factor
+        load = float(f"{number:.12g}")  # without the rounding of the unit, as loads are compared
+        _check_range(load, what, case)
+        return load
+
+    load = read_load("load", "load")
+    branch = BRANCHES[0]
+    if "branch" in columns:
+        branch = cells[columns["branch"].position].strip()
     if branch.lower() not in BRANCHES:
         raise InputError("branch", shown(branch), " or ".join(BRANCHES))
     if branch.lower() == BRANCHES[0]:
         return LoadStep(load)
-    if "peak" in row and row["peak"][0]:
-        peak = within("peak", "unloaded from")
-    elif loads.peaks:
-        peak = float(max(loads.peaks))
+    if "peak" in columns and cells[columns["peak"].position].strip():
+        peak = read_load("peak", "unloaded from")
+    elif case.load.peaks:
+        peak = float(max(case.load.peaks))
     else:
-        expected = f"a column 'unloaded from [M{unit}]', as the case has no unload_from"
+        expected = f"a column 'unloaded from [M{unit}]', because the case has no unload_from"
         raise InputError("unloaded from", "nothing", expected)
-    if not load < peak:
+    if load >= peak:
         expected = f"a load below that from which it is unloaded, {to_text(peak, unit)}"
         raise InputError("load", to_text(load, unit), expected)
     return LoadStep(load, peak)
 
 
-def _leakage(text: str) -> tuple[float, bool]:
-    """Leakage or limit of a row (NaN without one), and whether it is sealed."""
+def _check_range(load: float, what: str, case: Case) -> None:
+    """Raise InputError if a load is outside the loads of the case."""
+    unit = case.load.unit
+    lowest = min((*case.load.loading, *case.load.unloading))
+    highest = case.load.highest
+    if not lowest * (1 - _LOAD_TOLERANCE) <= load <= highest * (1 + _LOAD_TOLERANCE):
+        expected = f"a load of the case, from {to_text(lowest, unit)} to {to_text(highest, unit)}"
+        raise InputError(what, to_text(load, unit), expected)
+
+
+def _read_leakage(text: str) -> _Leakage:
+    """Read the leakage of a row, "sealed", or a limit of detection."""
     expected = f"a leakage >= 0, '{SEALED}', or a limit such as '{BELOW} 0.1'"
     if text.lower() == SEALED:
-        return np.nan, True
-    below = text.startswith(BELOW)
-    value = _number(text.removeprefix(BELOW).strip(), "leakage", expected)
-    if below and value == 0:
+        return _Leakage(np.nan, True)
+    is_limit = text.startswith(BELOW)
+    value = _read_number(text.removeprefix(BELOW).strip(), "leakage", expected)
+    if value > 0:
+        return _Leakage(value, is_limit)
+    if is_limit:
         raise InputError("leakage", shown(text), expected)
-    return (value, below) if value else (np.nan, True)
-
-
-#: What is calibrated, in the order of all arrays, with its unit.
-UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
-#: Probability of the regions that are given.
-PROBABILITY = 0.9
-#: Part of the mass of the posterior that is left out where the best cells are divided; slabs along ln(factor), and how
-#: far they reach to either side of its mean, in deviations.
-_LEFT, _SLABS, _FAR = 1e-4, 24, 4.5
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A quantity in SI: its median, and the shortest interval that holds it with the probability `PROBABILITY`."""
-
-    median: float
-    lower: float
-    upper: float
-
-    @classmethod
-    def of(cls, values: Array) -> Estimate:
-        """From samples of a posterior."""
-        ordered = np.sort(values)
-        count = int(np.ceil(PROBABILITY * len(ordered)))
-        n = np.argmin(np.log(ordered[count - 1 :] / ordered[: len(ordered) - count + 1]))
-        return cls(float(np.median(ordered)), float(ordered[n]), float(ordered[n + count - 1]))
-
-
-@dataclass(frozen=True, eq=False)
-class Posterior:
-    """Density of the three quantities in the unit cube: their logarithms between the ends of their ranges (3, 2).
-
-    rows : load of the surrogate of each row of the test. error : relative, of the measured leakages.
-    """
-
-    test: LeakTest
-    rows: list[int]
-    ranges: Array
-    surrogate: Surrogate
-    error: float
-
-    def quantities(self, cube: Array) -> Array:
-        """The quantities in SI (n, 3) at points of the unit cube."""
-        low, high = np.log(self.ranges).T
-        return np.asarray(np.exp(low + cube * (high - low)))
-
-    def curves(self, cube: Array) -> tuple[Array, Array, Array]:
-        """ln(leakage) of the test by the model, its error by the surrogate, and whether it is open, (n, rows)."""
-        mean, deviation, is_open = (part[:, self.rows] for part in self.surrogate.at(cube[:, :2]))
-        return mean + np.log(self.quantities(cube)[:, 2:]), deviation, is_open
-
-    def along_factor(self, plane: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
-        """At hardnesses and waves (n, 2): mean and deviation of ln(factor) by the rows that leak, each (n, 1), as it is
-        normal; and a function that gives the ln of the density at ln(factors) (n, m).
-        """
-        mean, deviation, is_open = (part[:, self.rows] for part in self.surrogate.at(plane))
-        low = self.test.sealed
-        rest = np.log(self.test.leakage) - mean
-        steps = np.array(self.rows)[~low]
-        errors = deviation[:, ~low]
-        correlation = self.surrogate.correlation[np.ix_(steps, steps)]
-        covariance = correlation * errors[:, :, None] * errors[:, None]
-        root = np.linalg.cholesky(covariance + self.error**2 * np.eye(len(steps)))
-        both = np.linalg.solve(root, np.stack([rest[:, ~low], np.ones_like(errors)], axis=-1))
-        white, one = both[..., 0], both[..., 1]
-        width = (one**2).sum(1, keepdims=True) ** -0.5
-        middle = (one * white).sum(1, keepdims=True) * width**2
-        least = ((white - one * middle) ** 2).sum(1, keepdims=True)
-        fixed = np.log(is_open[:, ~low]).sum(1) - np.log(np.diagonal(root, axis1=1, axis2=2)).sum(1)
-
-        def density(factor: Array) -> Array:
-            found = fixed[:, None] - 0.5 * (least + ((factor - middle) / width) ** 2)
-            for row in np.flatnonzero(low):
-                wide = np.hypot(deviation[:, row, None], self.error)
-                above = ndtr((factor - rest[:, row, None]) / wide)
-                found += np.log(1 - is_open[:, row, None] * above)
-            return found
-
-        return middle, width, density
-
-    def samples(self, count: int) -> Array:
-        """Samples of the posterior in the unit cube (count, 3), evenly drawn; `count` is a power of 2.
-
-        The cube is divided into four cells a sample along hardness and wave, of which the quarter with the most mass is
-        divided further as long as it holds nearly all, and into slabs along the factor. A Sobol sequence draws from
-        them: last digits of the density move few samples, and to the next cell, unlike the states of a Markov chain.
-        """
-        low, high = np.log(self.ranges[2])
-        side = round(2 * count**0.5)
-        plane = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side
-        while True:
-            middle, width, density = self.along_factor(plane)
-            inside = np.clip(middle, low, high)
-            first, last = (np.clip(inside + far * width, low, high) for far in (-_FAR, _FAR))
-            middles = first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS
-            weight = density(middles) + np.log(last - first)
-            weight = np.exp(weight - weight.max())
-            mass = weight.sum(1)
-            best = np.sort(np.argsort(-mass, kind="stable")[: len(mass) // 4])
-            if not mass[best].sum() >= (1 - _LEFT) * mass.sum():
-                break
-            side *= 2
-            quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)
-            plane = (plane[best, None] + quarters).reshape(-1, 2)
-        drawn = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
-        ends = np.cumsum(weight) / weight.sum()
-        cell, slab = np.divmod(np.searchsorted(ends[:-1], drawn[:, 0]), _SLABS)
-        factor = first[cell, 0] + (last - first)[cell, 0] * (slab + drawn[:, 3]) / _SLABS
-        return np.c_[plane[cell] + (drawn[:, 1:3] - 0.5) / side, (factor - low) / (high - low)]
+    return _Leakage(np.nan, True)

@@ -1,1 +1,1 @@
-"""Sweeps: a case run with several values of some of its keys, and the runs side by side."""
+"""Run a case with several values of some of its keys, and compare the runs."""

@@ -1,4 +1,4 @@
-"""A sweep: every combination of the values of some keys of a case, run one after the other and set side by side."""
+"""Run a case with every combination of the values of some of its keys, and compare the runs."""
 
 import copy
 import logging
@@ -34,14 +34,36 @@ from ..runs import job
 from ..runs.forecast import refuse_too_large
 
 log = logging.getLogger("femseal.sweeps")
-#: Subfolder of the store that the cases share while the sweep is under way.
+#: Subfolder of the store that the cases share while the sweep is running.
 SHARED = ".shared"
-#: Files of the table and the picture.
+#: Name of the files of the table and the picture, without ending.
 STEM = "sweep"
-#: No sweep has more cases.
+#: Largest number of cases of a sweep.
 MOST_CASES = 1000
-#: Longest name of a folder, in characters.
+#: Longest name of the folder of a case, in characters.
 _LONGEST_NAME = 100
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One case of a sweep.
+
+    Parameters
+    ----------
+    name : str
+        Name of its folder.
+    setting : str
+        The keys with their values, for people.
+    values : tuple of str
+        Values of the keys as texts.
+    case : Case
+        The case with these values.
+    """
+
+    name: str
+    setting: str
+    values: tuple[str, ...]
+    case: Case
 
 
 @validate.removed_arguments(part=job.DIVIDED_BY_DASK)
@@ -58,31 +80,44 @@ def sweep(
     progress: job.Progress | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> RunComparison:
-    """Run a case with every combination of some values of its keys, and compare the leakages.
+    """Run a case with every combination of the values of some keys, and compare the leakages.
 
-    Every case is checked before the first is run. What two cases have in common is computed once, such as the contact
-    of a face that no key changes.
+    All cases are checked before the first is run. What several cases have in common is computed once, for example the
+    contact of a surface that no key changes.
 
     Parameters
     ----------
-    case : path of a case file.
-    keys : values of dotted keys, such as {"material.hardness": ["3 GPa", "4 GPa"], "cells.count": [[4, 8], [8, 16]]};
-        quantities are texts with their unit as in the file. "face.0.pitch" is a key of the first of two faces.
-    output : folder, made if needed: a results folder for each case, `sweep.csv` and `sweep.png`.
-    resume : take the cases that are complete, and go on with those that are not.
-    replace_results : compute cases whose folders hold results of finished runs, and replace these.
-    workers, scheduler : of each run, see `run`. unit : of the comparison, see `compare`.
-    progress : called as progress(stage, done, total), also with the stage "cases". announce : called with a line for
-        each case before it is run.
+    case : path
+        Case file.
+    keys : mapping of sequences
+        Values of dotted keys, such as {"material.hardness": ["3 GPa", "4 GPa"], "cells.count": [[4, 8], [8, 16]]}.
+        Quantities are texts with their unit as in the file. "face.0.pitch" is a key of the first of two faces.
+    output : path
+        Folder for a results folder of each case, `sweep.csv` and `sweep.png`; made if needed.
+    resume : bool
+        Whether to take the cases that are complete, and to go on with those that are not.
+    replace_results : bool
+        Whether to replace the results of finished runs in the folders of the cases.
+    workers, scheduler
+        See `run`.
+    unit : str, optional
+        Unit of leakage of the comparison, see `compare`.
+    progress : callable, optional
+        Called as progress(stage, done, total), also with the stage "cases".
+    announce : callable, optional
+        Called with a line of text before each case is run.
 
     Returns
     -------
-    The runs side by side, without those that failed.
+    RunComparison
+        The runs side by side, without those that failed.
 
     Raises
     ------
-    InputError : a key or a value cannot be used, or a folder cannot be written; nothing has been computed then.
-    FemsealError : cases failed; the others are complete in their folders, and `resume` tries again those that are not.
+    InputError
+        A key or a value cannot be used, or a folder cannot be written. Nothing has been computed then.
+    FemsealError
+        Some cases failed. The others are complete in their folders, and `resume` tries the failed ones again.
 
     Examples
     --------
@@ -91,112 +126,172 @@ def sweep(
     cases = variations(*read_case(case), keys)
     folder = job.checked_output(output, resume)
     assert folder is not None
-    report = progress or no_progress
+    report_progress = progress or no_progress
     for variation in cases:
-        try:
-            refuse_too_large(variation.case, prepare(variation.case))
-        except InputError as error:
-            raise with_setting(error, variation.setting) from error
-        if not resume:
-            refuse_unfinished(folder / variation.name)
-        if not replace_results:
-            job.refuse_finished(folder / variation.name, variation.case if resume else None)
+        _check_before_run(variation, folder, resume, replace_results)
     if not resume:
         refuse_unfinished(folder, SHARED)
+    finished: list[tuple[Variation, Results]] = []
+    failures: list[str] = []
     with alone_in(made_folder(folder)):
-        kept: list[tuple[Variation, Results]] = []
-        failures: list[str] = []
-        report("cases", 0, len(cases))
-        for n, variation in enumerate(cases):
+        report_progress("cases", 0, len(cases))
+        for number, variation in enumerate(cases, start=1):
             if announce is not None:
-                announce(f"case {n + 1} of {len(cases)}: {variation.setting}")
+                announce(f"case {number} of {len(cases)}: {variation.setting}")
             try:
-                where = folder / variation.name, resume, workers, scheduler
-                shared = folder / SHARED
                 results = job.run(
                     variation.case,
-                    *where,
-                    shared=shared,
+                    folder / variation.name,
+                    resume,
+                    workers,
+                    scheduler,
+                    shared=folder / SHARED,
                     replace_results=replace_results,
-                    progress=report,
+                    progress=report_progress,
                 )
-                kept.append((variation, results))
+                finished.append((variation, results))
             except InputError:
                 raise
             except FemsealError as error:
                 failures.append(f"{variation.name}: {error}")
                 log.warning("%s", failures[-1])
-            report("cases", n + 1, len(cases))
-        if not kept:
+            report_progress("cases", number, len(cases))
+        if not finished:
             raise FemsealError(f"sweep: every case failed; the first: {failures[0]}")
-        done, runs = zip(*kept, strict=True)
-        names, settings = [one.name for one in done], tuple(one.values for one in done)
-        shorts = short_names(list(keys))
-        found = compared(names, runs, unit=unit, keys=shorts, settings=settings)
-        found.write(folder, STEM)
+        comparison = compared(
+            [variation.name for variation, _ in finished],
+            tuple(results for _, results in finished),
+            unit=unit,
+            keys=short_names(list(keys)),
+            settings=tuple(variation.values for variation, _ in finished),
+        )
+        comparison.write(folder, STEM)
         if failures:
-            text = f"sweep: {len(failures)} of {counted(len(cases), 'case')} failed; --resume tries them again"
-            raise FemsealError("\n".join([text, *failures]))
+            n_cases = counted(len(cases), "case")
+            summary = f"sweep: {len(failures)} of {n_cases} failed; --resume tries them again"
+            raise FemsealError("\n".join([summary, *failures]))
         shutil.rmtree(folder / SHARED, ignore_errors=True)
-    return found
+    return comparison
 
 
-@dataclass(frozen=True)
-class Variation:
-    """One case of a sweep.
+def _check_before_run(
+    variation: Variation, folder: Path, resume: bool, replace_results: bool
+) -> None:
+    """Raise InputError if a case is too large for the machine or its folder cannot be written to."""
+    try:
+        refuse_too_large(variation.case, prepare(variation.case))
+    except InputError as error:
+        raise with_setting(error, variation.setting) from error
+    if not resume:
+        refuse_unfinished(folder / variation.name)
+    if not replace_results:
+        job.refuse_finished(folder / variation.name, variation.case if resume else None)
 
-    name : of its folder. setting : the keys with their values, as text. values : of the keys, as texts. case : the
-    case with these values.
-    """
 
-    name: str
-    setting: str
-    values: tuple[str, ...]
-    case: Case
+# --- the cases --------------------------------------------------------------------------------------------
 
 
 def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
-    """Values of the keys from texts such as "material.hardness=3GPa,4GPa".
+    """Parse texts such as "material.hardness=3GPa,4GPa".
 
-    Values are those of TOML, where text in a list has quotes; other text needs none: 3GPa is "3GPa".
+    Values are written as in TOML, but texts need no quotes unless they are in a list: 3GPa is "3GPa".
 
-    Raises InputError: a text without "=", a key without values, or a key that is given twice.
+    Parameters
+    ----------
+    arguments : sequence of str
+        One text for each key.
 
+    Returns
+    -------
+    dict of lists
+        Values by key.
+
+    Raises
+    ------
+    InputError
+        A text has no "=", a key has no values, or a key is given twice.
+
+    Examples
+    --------
     >>> parsed_keys(["cells.count=[4, 8],[8,16]", "seed=1,2", "material.hardness=3 GPa"])
     {'cells.count': [[4, 8], [8, 16]], 'seed': [1, 2], 'material.hardness': ['3 GPa']}
     """
-    keys: dict[str, list[Any]] = {}
+    values_by_key: dict[str, list[Any]] = {}
     for text in arguments:
-        key, sign, values = text.partition("=")
-        if not sign or not key.strip() or not values.strip():
+        left, sign, values = text.partition("=")
+        key = left.strip()
+        if not sign or not key or not values.strip():
             expected = "a key of the case and its values, such as seed=1,2,3"
             raise InputError("sweep", shown(text), expected)
-        if (key := key.strip()) in keys:
+        if key in values_by_key:
             raise InputError("sweep", f"the key {key} twice", "each key once, with all its values")
-        keys[key] = _values(values)
-    return keys
+        values_by_key[key] = _parse_values(values)
+    return values_by_key
 
 
-def _values(text: str) -> list[Any]:
-    """Values as a list of TOML, else texts at the commas, each of which may be a value."""
+def _parse_values(text: str) -> list[Any]:
+    """Parse values as a list of TOML, or else as texts between commas, each of which may be a value of TOML."""
     try:
         return list(tomllib.loads(f"values = [{text}]")["values"])
     except (tomllib.TOMLDecodeError, RecursionError):
         parts = [part.strip() for part in text.split(",")]
-    return parts if len(parts) == 1 else [value for part in parts for value in _values(part)]
+    if len(parts) == 1:
+        return parts
+    values = []
+    for part in parts:
+        values += _parse_values(part)
+    return values
 
 
 def variations(
     data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]
 ) -> list[Variation]:
-    """Every combination of the values, the first key slowest; all of them are checked.
+    """Make and check the case of every combination of values; the values of the last key change fastest.
 
-    data : the tables of the case. folder : of the case file, to which its paths are relative.
-    keys : values of dotted keys such as "material.hardness"; "face.0.pitch" is in the first of several faces.
+    Parameters
+    ----------
+    data : dict
+        Tables of the case.
+    folder : Path
+        Folder of the case file, to which the paths in the case are relative.
+    keys : mapping of sequences
+        Values of dotted keys, see `sweep`.
 
-    Raises InputError: no key, a key without values or with one value twice, a key that cannot be, more than
-    `MOST_CASES` cases, or a case that cannot be used; one line for each fault.
+    Returns
+    -------
+    list of Variation
+
+    Raises
+    ------
+    InputError
+        There is no key, a key has no values or the same value twice, a key cannot exist, there are more than
+        `MOST_CASES` cases, or a case cannot be used. The message has a line for each fault.
     """
+    _check_values(keys)
+    short_keys = short_names(list(keys))
+    cases: list[Variation] = []
+    faults: list[InputError] = []
+    for values in product(*keys.values()):
+        texts = tuple(value_text(value) for value in values)
+        pairs = list(zip(short_keys, texts, strict=True))
+        setting = ", ".join(f"{key} = {text}" for key, text in pairs)
+        changed_data = copy.deepcopy(data)
+        for key, value in zip(keys, values, strict=True):
+            _set_key(changed_data, key, copy.deepcopy(value))
+        try:
+            case = parse_case(changed_data, folder)
+        except InputError as error:
+            single_faults = getattr(error, "faults", (error,))
+            faults += [with_setting(fault, setting) for fault in single_faults]
+            continue
+        cases.append(Variation(_folder_name(pairs), setting, texts, case))
+    if faults:
+        raise InputErrors(faults)
+    return _with_usable_names(cases)
+
+
+def _check_values(keys: Mapping[str, Sequence[Any]]) -> None:
+    """Raise InputError if the values of a sweep cannot be used, or if they are too many."""
     if not keys:
         expected = "at least one key of the case with its values, such as seed=1,2,3"
         raise InputError("sweep", "no key", expected)
@@ -204,92 +299,90 @@ def variations(
         if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not len(values):
             raise InputError(f"sweep: {shortened(key)}", shown(values), "a list of values")
         texts = [value_text(value) for value in values]
-        if len({*texts}) < len(texts):
+        if len(set(texts)) < len(texts):
             raise InputError(f"sweep: {shortened(key)}", shown(values), "values that differ")
-    if (count := prod(map(len, keys.values()))) > MOST_CASES:
-        raise InputError("sweep", f"{count} cases", f"at most {MOST_CASES}")
-    shorts = short_names(list(keys))
-    found: list[Variation] = []
-    faults: list[InputError] = []
-    for values in product(*keys.values()):
-        texts = [value_text(value) for value in values]
-        pairs = list(zip(shorts, texts, strict=True))
-        setting = ", ".join(f"{short} = {text}" for short, text in pairs)
-        changed = copy.deepcopy(data)
-        for key, value in zip(keys, values, strict=True):
-            _put(changed, key, copy.deepcopy(value))
-        try:
-            case = parse_case(changed, folder)
-        except InputError as error:
-            faults += [with_setting(fault, setting) for fault in getattr(error, "faults", (error,))]
-            continue
-        # letters, numbers and few signs
-        name = "_".join(f"{short}={text}" for short, text in pairs)
-        name = re.sub(r"[^\w.=+-]+", "-", name.replace(" ", "")).strip("-.")
-        found.append(Variation(name, setting, tuple(texts), case))
-    if faults:
-        raise InputErrors(faults)
-    names = {variation.name.lower() for variation in found}
-    if len(names) == len(found) and max(map(len, names)) <= _LONGEST_NAME:
-        return found
-    # others would be too long, or the same on a file system
-    return [replace(variation, name=f"case-{n}") for n, variation in enumerate(found, 1)]
+    n_cases = prod(len(values) for values in keys.values())
+    if n_cases > MOST_CASES:
+        raise InputError("sweep", f"{n_cases} cases", f"at most {MOST_CASES}")
+
+
+def _folder_name(pairs: list[tuple[str, str]]) -> str:
+    """Make a folder name from keys and values, with letters, digits and a few signs that all file systems allow."""
+    name = "_".join(f"{key}={text}" for key, text in pairs).replace(" ", "")
+    return re.sub(r"[^\w.=+-]+", "-", name).strip("-.")
+
+
+def _with_usable_names(cases: list[Variation]) -> list[Variation]:
+    """Number the cases if their names are too long, or equal on file systems that ignore upper case."""
+    names = {variation.name.lower() for variation in cases}
+    if len(names) == len(cases) and max(len(name) for name in names) <= _LONGEST_NAME:
+        return cases
+    return [replace(variation, name=f"case-{n}") for n, variation in enumerate(cases, 1)]
 
 
 def with_setting(error: InputError, setting: str) -> InputError:
-    """The error of a case of a sweep, with the settings of the case."""
+    """Append the setting of a case of a sweep to an error."""
     return InputError(error.what, error.given, f"{error.expected} (with {shortened(setting)})")
 
 
 def short_names(keys: Sequence[str]) -> tuple[str, ...]:
-    """Last parts of dotted keys, as many as it takes to tell them apart.
+    """Shorten dotted keys to as many of their last parts as are needed to distinguish them.
 
+    Examples
+    --------
     >>> short_names(["material.young", "counter_material.young", "stochastic.length"])
     ('material.young', 'counter_material.young', 'length')
     """
 
-    def short(key: str) -> str:
+    def shorten(key: str) -> str:
         parts = key.split(".")
-        names = (".".join(parts[-count:]) for count in range(1, len(parts) + 1))
-        of_one = (n for n in names if sum(f".{one}".endswith(f".{n}") for one in keys) == 1)
-        return next(of_one, key)
+        for count in range(1, len(parts) + 1):
+            ending = ".".join(parts[-count:])
+            n_matching = sum(f".{other}".endswith(f".{ending}") for other in keys)
+            if n_matching == 1:
+                return ending
+        return key
 
-    return tuple(map(short, keys))
+    return tuple(shorten(key) for key in keys)
 
 
 def value_text(value: Any) -> str:
-    """A value as short text.
+    """Write a value of a key as a short text.
 
+    Examples
+    --------
     >>> value_text([8, 16]), value_text("3 GPa"), value_text(True), value_text({"angle": "30 deg"})
     ('[8, 16]', '3 GPa', 'true', '{angle = 30 deg}')
     """
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(value_text, value))}]"
+        items = ", ".join(value_text(item) for item in value)
+        return f"[{items}]"
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{key} = {value_text(inner)}' for key, inner in value.items())}}}"
+        items = ", ".join(f"{key} = {value_text(item)}" for key, item in value.items())
+        return f"{{{items}}}"
     return str(value)
 
 
-def _put(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key; tables on the way that do not exist are made."""
-    inside: Any = data
+def _set_key(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key in nested tables and lists; tables that do not exist are made."""
     parts = key.split(".")
+    table: Any = data
     for n, part in enumerate(parts):
-        at: Any = part
-        if isinstance(inside, list):
-            if not part.isdecimal() or int(part) >= len(inside):
-                expected = (
-                    f"the number of one of the {len(inside)} tables '{'.'.join(parts[:n])}', from 0"
-                )
+        index: Any = part
+        if isinstance(table, list):
+            if not part.isdecimal() or int(part) >= len(table):
+                list_name = ".".join(parts[:n])
+                expected = f"the number of one of the {len(table)} tables '{list_name}', from 0"
                 raise InputError(f"sweep: {shortened(key)}", shown(part), expected)
-            at = int(part)
-        elif isinstance(inside, dict) and part:
-            inside.setdefault(part, {})
-        else:
+            index = int(part)
+        elif not isinstance(table, dict) or not part:
             expected = "a dotted key of the case, such as material.hardness"
             raise InputError("sweep", shown(key), expected)
         if n + 1 == len(parts):
-            inside[at] = value
-        inside = inside[at]
+            table[index] = value
+            return
+        if isinstance(table, dict):
+            table.setdefault(part, {})
+        table = table[index]

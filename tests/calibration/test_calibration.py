@@ -19,7 +19,8 @@ import femseal as fs
 from femseal.base.leak_units import leak_unit
 from femseal.calibration import calibrating
 from femseal.calibration.calibrating import with_values
-from femseal.calibration.leak_test import Estimate, LeakTest, Posterior, read_leak_test
+from femseal.calibration.leak_test import LeakTest, read_leak_test
+from femseal.calibration.posterior import Estimate, Posterior
 from femseal.calibration.surrogate import Surrogate
 from femseal.loads import LoadStep
 from femseal.store.store import Store
@@ -95,7 +96,7 @@ def posterior(leakage, sealed=(False, False, False), surrogate=None, error=0.05)
 def log_density(posterior, cube):
     """ln of the density of a calibration in the unit cube (n, 3), but for a constant (n,)."""
     factor = np.log(posterior.quantities(cube)[:, 2:])
-    return posterior.along_factor(cube[:, :2])[2](factor)[:, 0]
+    return posterior.along_factor(cube[:, :2]).log_density(factor)[:, 0]
 
 
 def test_a_posterior_of_a_linear_model_is_that_of_linear_regression():
@@ -333,7 +334,9 @@ def test_a_calibration_is_not_one_of_last_digits(case, tmp_path, monkeypatch):
     options = {"shortest_wave": ("8 um", "20 um"), "scenes": calibrating.FIRST, "workers": 1}
 
     def estimates(seed):
-        monkeypatch.setattr(calibrating, "_leakage", partial(model, np.random.default_rng(seed)))
+        monkeypatch.setattr(
+            calibrating, "_solve_scene", partial(model, np.random.default_rng(seed))
+        )
         found = fs.calibrate(case, test, **options)
         return np.log([[one.median, one.lower, one.upper] for one in found.posterior.values()])
 

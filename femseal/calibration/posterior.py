@@ -1,0 +1,224 @@
+"""Find the posterior of hardness, shortest wave and factor that a leak test gives, by Bayes' rule.
+
+The measured leakage is the factor times the leakage of the model. ln(measured) is normal around ln(factor) + ln(model),
+with the error of the test, which is independent for each row, and the error of the surrogate, which is correlated
+between loads. In a row that is sealed, the model is closed or leaks less than the limit of the row. The priors are
+uniform in the logarithm within their ranges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+from scipy.stats import qmc
+
+from ..base import Array
+from .leak_test import LeakTest
+from .surrogate import Prediction, Surrogate
+
+#: Units of the calibrated quantities, in the order of all arrays.
+UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
+#: Probability of the regions that are given.
+PROBABILITY = 0.9
+#: Fraction of the probability that may be lost when only the best cells are divided further.
+_LOST_PROBABILITY = 1e-4
+#: Number of slabs into which each cell is divided along ln(factor).
+_SLABS = 24
+#: Distance of the first and the last slab from the mean of ln(factor), in its standard deviations.
+_SLAB_RANGE = 4.5
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A quantity in SI: its median, and the shortest interval that contains it with the probability `PROBABILITY`."""
+
+    median: float
+    lower: float
+    upper: float
+
+    @classmethod
+    def of(cls, values: Array) -> Estimate:
+        """Estimate a positive quantity from samples (n,); the interval is the shortest in the logarithm."""
+        ordered = np.sort(values)
+        count = int(np.ceil(PROBABILITY * len(ordered)))
+        starts = ordered[: len(ordered) - count + 1]
+        ends = ordered[count - 1 :]
+        shortest = np.argmin(np.log(ends / starts))
+        return cls(float(np.median(ordered)), float(starts[shortest]), float(ends[shortest]))
+
+
+@dataclass(frozen=True, eq=False)
+class FactorDensity:
+    """Posterior density along ln(factor) at several pairs of hardness and shortest wave.
+
+    The rows that leak give a normal density; each sealed row multiplies it by a probability.
+
+    Parameters
+    ----------
+    mean, deviation : array (pairs, 1)
+        Mean and standard deviation of ln(factor) by the rows that leak.
+    misfit : array (pairs, 1)
+        Sum of the squares of the standardised residuals of these rows at the mean.
+    log_scale : array (pairs, 1)
+        ln of the factor of the density that does not depend on the residuals.
+    sealed_limit : array (pairs, sealed rows)
+        ln(limit) − ln(model) of the sealed rows.
+    sealed_deviation : array (pairs, sealed rows)
+        Its standard deviation.
+    sealed_is_open : array (pairs, sealed rows)
+        Probability that the model is open.
+    """
+
+    mean: Array
+    deviation: Array
+    misfit: Array
+    log_scale: Array
+    sealed_limit: Array
+    sealed_deviation: Array
+    sealed_is_open: Array
+
+    def log_density(self, log_factor: Array) -> Array:
+        """Compute ln of the density, up to a constant, at ln(factor) (pairs, m)."""
+        standardised = (log_factor - self.mean) / self.deviation
+        log_density = self.log_scale - 0.5 * (self.misfit + standardised**2)
+        for row in range(self.sealed_limit.shape[1]):
+            limit = self.sealed_limit[:, row, None]
+            leaks_more = ndtr((log_factor - limit) / self.sealed_deviation[:, row, None])
+            log_density += np.log(1 - self.sealed_is_open[:, row, None] * leaks_more)
+        return log_density
+
+
+@dataclass(frozen=True, eq=False)
+class _Slabs:
+    """Slabs of equal width along ln(factor) in every cell.
+
+    first, last : ends of the range of the slabs (cells, 1). probability : up to a constant (cells, slabs).
+    """
+
+    first: Array
+    last: Array
+    probability: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Posterior density in the unit cube of the logarithms of the three quantities between the ends of their ranges.
+
+    Parameters
+    ----------
+    test : LeakTest
+        The leak test.
+    rows : list of int
+        Load of the surrogate for each row of the test.
+    ranges : array (3, 2)
+        Ends of the ranges of the priors in SI.
+    surrogate : Surrogate
+        Prediction of the leakage of the model.
+    error : float
+        Relative standard deviation of the measured leakages.
+    """
+
+    test: LeakTest
+    rows: list[int]
+    ranges: Array
+    surrogate: Surrogate
+    error: float
+
+    def quantities(self, cube: Array) -> Array:
+        """Convert points of the unit cube (n, 3) to the quantities in SI (n, 3)."""
+        low, high = np.log(self.ranges).T
+        return np.asarray(np.exp(low + cube * (high - low)))
+
+    def predict(self, cube: Array) -> Prediction:
+        """Predict the leakage of every row of the test at points of the unit cube (n, 3), including the factor."""
+        model = self._predict_rows(cube[:, :2])
+        log_factor = np.log(self.quantities(cube)[:, 2:])
+        return Prediction(model.mean + log_factor, model.deviation, model.is_open)
+
+    def _predict_rows(self, plane: Array) -> Prediction:
+        """Predict the leakage of the model for every row of the test at hardnesses and waves (pairs, 2)."""
+        mean, deviation, is_open = self.surrogate.at(plane)
+        return Prediction(mean[:, self.rows], deviation[:, self.rows], is_open[:, self.rows])
+
+    def along_factor(self, plane: Array) -> FactorDensity:
+        """Find the density along ln(factor) at hardnesses and waves (pairs, 2) of the unit square."""
+        mean, deviation, is_open = self._predict_rows(plane)
+        is_sealed = self.test.sealed
+        leaks = ~is_sealed
+        residuals = np.log(self.test.leakage) - mean  # (pair, row)
+        loads = np.array(self.rows)[leaks]
+        errors = deviation[:, leaks]
+        correlation = self.surrogate.correlation[np.ix_(loads, loads)]
+        surrogate_covariance = correlation * errors[:, :, None] * errors[:, None]
+        covariance = surrogate_covariance + self.error**2 * np.eye(len(loads))  # (pair, row, row)
+        # generalised least squares for ln(factor), by whitening with the Cholesky factor
+        root = np.linalg.cholesky(covariance)
+        columns = np.stack([residuals[:, leaks], np.ones_like(errors)], axis=-1)
+        white_columns = np.linalg.solve(root, columns)
+        white_residuals = white_columns[..., 0]
+        white_ones = white_columns[..., 1]
+        factor_deviation = (white_ones**2).sum(1, keepdims=True) ** -0.5
+        factor_mean = (white_ones * white_residuals).sum(1, keepdims=True) * factor_deviation**2
+        misfit = ((white_residuals - white_ones * factor_mean) ** 2).sum(1, keepdims=True)
+        log_open = np.log(is_open[:, leaks]).sum(1)
+        log_determinant = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(1)
+        return FactorDensity(
+            mean=factor_mean,
+            deviation=factor_deviation,
+            misfit=misfit,
+            log_scale=(log_open - log_determinant)[:, None],
+            sealed_limit=residuals[:, is_sealed],
+            sealed_deviation=np.hypot(deviation[:, is_sealed], self.error),
+            sealed_is_open=is_open[:, is_sealed],
+        )
+
+    def samples(self, count: int) -> Array:
+        """Take evenly distributed samples of the posterior in the unit cube.
+
+        The square of hardness and wave is divided into four cells per sample. As long as the quarter of the cells with
+        the most probability contains nearly all of it, these cells are divided further. Each cell is divided into slabs
+        along ln(factor). A Sobol sequence then chooses slabs, and points in them. The last digits of the density move
+        few samples, and only to the next cell, whereas they would change all states of a Markov chain.
+
+        Parameters
+        ----------
+        count : int
+            Number of samples, a power of 2.
+
+        Returns
+        -------
+        array (count, 3)
+        """
+        low, high = np.log(self.ranges[2])
+        side = round(2 * count**0.5)
+        cells = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side  # centres (cell, 2)
+        while True:
+            slabs = self._slabs(cells)
+            cell_probability = slabs.probability.sum(1)
+            best = np.sort(np.argsort(-cell_probability, kind="stable")[: len(cells) // 4])
+            kept_probability = cell_probability[best].sum()
+            if not kept_probability >= (1 - _LOST_PROBABILITY) * cell_probability.sum():
+                break
+            side *= 2
+            to_quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)
+            cells = (cells[best, None] + to_quarters).reshape(-1, 2)
+        random = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
+        cumulative = np.cumsum(slabs.probability) / slabs.probability.sum()
+        cell, slab = np.divmod(np.searchsorted(cumulative[:-1], random[:, 0]), _SLABS)
+        plane = cells[cell] + (random[:, 1:3] - 0.5) / side
+        width = (slabs.last - slabs.first)[cell, 0]
+        log_factor = slabs.first[cell, 0] + width * (slab + random[:, 3]) / _SLABS
+        return np.c_[plane, (log_factor - low) / (high - low)]
+
+    def _slabs(self, cells: Array) -> _Slabs:
+        """Divide cells (cells, 2) into slabs along ln(factor), around its mean and within its range."""
+        low, high = np.log(self.ranges[2])
+        density = self.along_factor(cells)
+        centre = np.clip(density.mean, low, high)
+        first = np.clip(centre - _SLAB_RANGE * density.deviation, low, high)
+        last = np.clip(centre + _SLAB_RANGE * density.deviation, low, high)
+        middles = first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS
+        log_probability = density.log_density(middles) + np.log(last - first)
+        return _Slabs(first, last, np.exp(log_probability - log_probability.max()))
