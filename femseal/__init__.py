@@ -8,6 +8,8 @@ The flow of data, top to bottom::
     flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
     face         a face cut into pieces, and their permeability along any path of the pressure
+    scene        surface + loads + fluid -> its contact states           Scene
+    checks       plausibility checks and the quick estimate of a scene
     studies      the chains: deterministic, two-scale, stochastic
     budget       error of every leakage, source by source             error_budget
     results      one dataset: netCDF, tables, files for ParaView         open_results
@@ -58,12 +60,12 @@ if TYPE_CHECKING:
     from .report import write_report
     from .results import Results, RunComparison, compare, open_results
     from .runs.job import run
+    from .scene import Scene
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies.blocks import by_blocks
     from .studies.drawn_study import stochastic
     from .studies.face_study import FaceResult, deterministic, two_scale
     from .studies.sampling import Sampling
-    from .studies.scene import Scene
     from .studies.stochastic_result import StochasticResult
     from .sweeps.sweeping import sweep
     from .topography import (

@@ -31,6 +31,8 @@ ROOMS = (
     "fluids",
     "seal",
     "face",
+    "scene",
+    "checks",
     "studies",
     "budget",
     "results",

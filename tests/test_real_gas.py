@@ -14,10 +14,10 @@ from scipy.integrate import quad
 from small_cases import CASE, steel_scene
 
 import femseal as fs
+from femseal.checks import gas_warnings
 from femseal.fluids import FLUIDS, potential_of
 from femseal.named_fluids import TABLE, ideal_gas_error
 from femseal.studies import FluidState
-from femseal.studies.doubts import gas_warnings
 from femseal.studies.other_fluid import limit_factors
 
 needs_coolprop = pytest.mark.skipif(

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.special import bdtr, ndtri, stdtrit
 
 from ..base import Array, Flags, Pair, counted
+from ..checks import FormEffect
 from ..loads import LoadProgramme
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
-from ..studies.doubts import FormEffect
 from ..studies.drawn_error import COVERAGE, interval_widths
 from ..studies.patch_state import PatchState
 from ..studies.study_registry import contact_fraction_of, open_leakage_of

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..base import Array, FemsealError, Mapper, NotKept, Shape
+from ..checks import FormEffect
 from ..studies import STUDIES, Sampling, Scene, StochasticResult, Study, study_of_result
-from ..studies.doubts import FormEffect
 from ..studies.sampling import FEWEST_SEALS
 from ..topography import Conditioning, Continuation, Representative, Surface
 from .changed_models import FormTolerance, ModelChange

@@ -19,8 +19,8 @@ from ..contact import ContactLaw, softer_of
 from ..flow.problem import SOLVERS
 from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus
+from ..scene.choices import FLUID_EFFECTS
 from ..seal.layouts import Layout, MeshLayout, lay_of
-from ..studies.choices import FLUID_EFFECTS
 from .completion import complete, least_detrend
 from .faces import Face, FileFace, SurfaceTable
 from .faults import inside, unusable

@@ -20,9 +20,9 @@ from pydantic import (
 
 from ..base import InputError
 from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
+from ..scene.choices import NOMINALS
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, Profile, Uniform
 from ..seal.seal_files import read_pressure_field
-from ..studies.choices import NOMINALS
 from .faults import unusable
 from .quantity_types import (
     Amount,

@@ -10,7 +10,7 @@ from ..base import InputError
 from ..base.leak_rates import BUBBLE, DROP, KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..budget.error_parts import MODEL_PARTS
-from ..studies.choices import FIELDS_LIMIT, FORMATS
+from ..results.file_options import FIELDS_LIMIT, FORMATS
 from .faults import of_value
 from .quantity_types import FileSize, Length, Temperature, UsualRange, Volume, VolumeRate
 from .seal_tables import AnyFluid

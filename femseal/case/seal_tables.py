@@ -29,7 +29,7 @@ from .quantity_types import (
 from .table_types import ParameterTable, key, table_for_each
 
 if TYPE_CHECKING:
-    from ..studies.scene import FluidState
+    from ..scene import FluidState
 
 # --- [fluid] ----------------------------------------------------------------------------------------------------
 
@@ -54,7 +54,7 @@ class FluidTable(ParameterTable):
     @property
     def state(self) -> FluidState:
         """The fluid with its pressures."""
-        from ..studies.scene import FluidState
+        from ..scene import FluidState
 
         return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
 

@@ -15,12 +15,12 @@ import numpy as np
 from ..base import InputError, Shape, free_memory, to_text
 from ..case.case import Case, CellsTable
 from ..case.faces import FileFace, TurnedFace
+from ..checks import FormEffect, solve_form_effect
 from ..face.pieces import Cut, usual_pieces
 from ..seal.lay import Lay
 from ..seal.layouts import AnnularLayout, Layout, RectangularLayout
 from ..studies import Scene
 from ..studies.blocks import PIECES, usual_blocks
-from ..studies.doubts import FormEffect, form_effect
 from ..topography import (
     MOST_POINTS,
     Conditioning,
@@ -300,7 +300,7 @@ def measured_patch(
     if said or not loads:
         return holds, None
     chosen = sorted({loads[n * (len(loads) - 1) // 3] for n in range(4)})
-    return holds, form_effect(surface, scene.modulus, scene.law, chosen, scene.boundary)
+    return holds, solve_form_effect(surface, scene.modulus, scene.law, chosen, scene.boundary)
 
 
 def wound_layout(case: Case) -> Layout:

@@ -12,16 +12,16 @@ from typing import Any
 
 from ..base import Array, InputError, Mapper, to_text
 from ..budget import FormTolerance, ModelChange
+from ..budget.longer_waves import longer_waves
 from ..case.case import Case
 from ..case.table_types import unusual_values
+from ..checks import FormEffect, QuickEstimate, estimate_scene, gas_warnings, scene_warnings
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.form import SealForm
 from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, cut_and_tiles, laid_out
 from ..studies.blocks import blocks_of, check_blocks
-from ..studies.doubts import FirstAnswer, FormEffect, gas_warnings, of_scene, scene_warnings
-from ..studies.longer_waves import longer_waves
 from ..studies.patch_state import open_leakage_per_permeability
 from ..studies.sampling import check_map
 from ..studies.seal_contact import form_on_grid
@@ -122,7 +122,7 @@ class Prepared:
     warnings: tuple[str, ...] = ()
 
     def longer_waves(self, surface: Surface, mapper: Mapper) -> Array | None:
-        """Changes of ln(leakage) of drawn seals by waves longer than the patch, see `studies.longer_waves`.
+        """Changes of ln(leakage) of drawn seals by waves longer than the patch, see `budget.longer_waves`.
 
         surface : the face, also on fewer points. None where nothing is to be expected.
         """
@@ -143,14 +143,14 @@ class Prepared:
         )
 
     @property
-    def first_answer(self) -> FirstAnswer | None:
+    def quick_estimate(self) -> QuickEstimate | None:
         """Contact and leakage by the spectrum of the face alone; None where a form, a map or a spiral decides."""
         if self.sampling is None:
-            return of_scene(self.scene)
+            return estimate_scene(self.scene)
         if not self.sampling.presses_evenly:
             return None
         seal = self.cut_and_tiles[1].seal
-        return of_scene(self.scene, open_leakage_per_permeability(self.scene, seal))
+        return estimate_scene(self.scene, open_leakage_per_permeability(self.scene, seal))
 
     @property
     def studies(self) -> list[Study]:
@@ -305,7 +305,7 @@ def prepare(case: Case) -> Prepared:
                 *groove_question(case, surface),
                 *conditioning.spike_doubts,
                 *(holds.doubts if holds else ()),
-                *(effect.doubts if effect else ()),
+                *(effect.warnings if effect else ()),
                 *doubts,
             ),
         )

@@ -14,9 +14,9 @@ from ..base import InputError, as_text, to_si, to_text, validate, writing
 from ..case.case import Case
 from ..case.faces import SurfaceTable
 from ..case.template import as_toml, table_to_paste
+from ..checks import FormEffect, estimate_surface, solve_form_effect
 from ..contact.law import PerfectlyPlastic
 from ..plots import survey_figure
-from ..studies.doubts import FormEffect, first_answer, form_effect
 from ..topography import (
     Conditioning,
     Instrument,
@@ -74,7 +74,7 @@ class _Look:
     report: SurfaceReport
     conditioning: Conditioning | None = None
     patch: tuple[Representative | FormEffect, ...] = ()
-    first: str = ""
+    quick_estimate: str = ""
     reasons: tuple[str, ...] = ()
 
 
@@ -123,8 +123,8 @@ def survey(
         texts.append(_ORIENTATION)
     if found.conditioning is not None:
         texts += notes(found.report, found.conditioning)
-        texts += [text for one in found.patch for text in one.doubts or [str(one)]]
-        texts += [found.first] if found.first else []
+        texts += [text for one in found.patch for text in _warnings_of(one) or [str(one)]]
+        texts += [found.quick_estimate] if found.quick_estimate else []
     lines = [str(path), *_indented(found.report)]
     if found.conditioning is not None:
         lines += ["what a run does to it", *_indented(found.conditioning)]
@@ -187,9 +187,17 @@ def look(
     # leakage does not depend on E* itself
     hardness = _HARDNESS * curved.rms_slope
     pressures = [part * hardness for part in _PRESSURES]
-    form = form_effect(curved, 1.0, PerfectlyPlastic(hardness), pressures, loads=_LOADS)
-    first = first_answer(curved, 1.0, hardness, pressures)
-    return replace(found, patch=(representative(kept), form), first=f"at {_LOADS} {first}")
+    form = solve_form_effect(curved, 1.0, PerfectlyPlastic(hardness), pressures, loads=_LOADS)
+    estimate = estimate_surface(curved, 1.0, hardness, pressures)
+    return replace(
+        found,
+        patch=(representative(kept), form),
+        quick_estimate=f"quick estimate at {_LOADS}: {estimate}",
+    )
+
+
+def _warnings_of(patch: Representative | FormEffect) -> list[str]:
+    return patch.warnings if isinstance(patch, FormEffect) else patch.doubts
 
 
 def _indented(report: object) -> list[str]:
@@ -252,7 +260,7 @@ def case_of_face(
     if found.conditioning is not None:
         texts = notes(found.report, found.conditioning)
         questions += [text for text in texts if "shortest_wave" not in text]
-        questions += [text for one in found.patch for text in one.doubts]
+        questions += [text for one in found.patch for text in _warnings_of(one)]
         measured, kept = found.report.shortest_wave, found.conditioning.shortest_wave
         wave = to_text(max(measured, kept), "m", 3)
         why = "the shortest one above noise, of 8 pixels or more"

@@ -20,12 +20,12 @@ from ..base import (
 )
 from ..base.files import is_inside
 from ..results.dataset_file import FILE_NAME, save
+from ..results.file_options import FIELDS_LIMIT
 from ..results.pixel_fields import NAME as FIELDS
 from ..results.pixel_fields import plan_fields, write_fields
 from ..results.results import Results
 from ..results.tables import rows, write_workbook
 from ..results.vtk_files import write_vtk
-from ..studies.choices import FIELDS_LIMIT
 from ..topography import Surface
 from .page import FILES, REPORT_NAME, draw_all, write_report
 

@@ -37,10 +37,10 @@ from ..budget import ErrorBudget
 from ..face.pieces import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis
 from ..loads import LoadStep
+from ..scene import FluidState
 from ..studies import FaceResult, Scene, StochasticResult
 from ..studies.other_fluid import OtherLeakage, limit_factors
 from ..studies.piece_states import FacePieces, PlaceLeakage
-from ..studies.scene import FluidState
 from ..topography import Patches, Surface
 from .best_leakage import basis_attributes
 from .load_steps import pressures_and_peaks

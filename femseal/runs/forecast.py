@@ -19,6 +19,7 @@ from ..budget import BudgetRequest, versions_of_budget
 from ..case.case import Case
 from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
+from ..checks import flow_warnings
 from ..materials import METALS
 from ..preparation.preparation import START_MEMORY, Prepared
 from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
@@ -26,7 +27,6 @@ from ..results.results import cycle_text
 from ..results.variables import fluid_text
 from ..studies import Scene, drop_ratio
 from ..studies.blocks import blocks_of
-from ..studies.doubts import flow_warnings
 from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
 from ..studies.sampling import FEWEST_SEALS, MOST_SEALS, describe_map
 from ..studies.study_registry import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
@@ -113,9 +113,9 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     further = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
     yield "expected", f"{attempt}{times}; {expected.memory / 1e9:.1f} GB of memory, {further}"
     yield "disk", str(disk(case, prepared, again))
-    quick = prepared.first_answer
+    quick = prepared.quick_estimate
     fast = () if quick is None else flow_warnings(prepared.scene, quick.leakage, quick.mean_gap)
-    for text in (*prepared.warnings, *(f"by the first answer, {text}" for text in fast)):
+    for text in (*prepared.warnings, *(f"by the quick estimate: {text}" for text in fast)):
         yield "warning", text
 
 
@@ -296,8 +296,8 @@ def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield from _study_facts(prepared)
     if str(scene.layout) != "a strip":
         yield "seal", str(scene.layout)
-    if (first := prepared.first_answer) is not None:
-        yield "first answer", str(first)
+    if (estimate := prepared.quick_estimate) is not None:
+        yield "quick estimate", str(estimate)
 
 
 def solids_text(case: Case) -> str:
@@ -354,8 +354,10 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
-    known = [one for one in (prepared.holds, prepared.form_effect) if one and not one.doubts]
-    for text in (*map(str, known), str(prepared.continuation or ""), report.unseen):
+    holds, effect = prepared.holds, prepared.form_effect
+    of_waves = str(holds) if holds is not None and not holds.doubts else ""
+    of_form = str(effect) if effect is not None and not effect.warnings else ""
+    for text in (of_waves, of_form, str(prepared.continuation or ""), report.unseen):
         if text:
             yield "", text
     shortest = report.shortest_wave

@@ -5,9 +5,6 @@
 `stochastic` draws the pieces for the tiles of a seal of any size and shape. All take a `Scene`, and each is an
 entry of `STUDIES`, by which runs solve, forecast and compare it.
 
-    scene               the face, its load, its fluid              -> contact_states: contact at every step
-    fluid_coupling      contact of the whole face and flow through its gap, solved in turn: the fluid presses it apart
-    trapped_liquid      pressures of pockets that keep their liquid
     piece_states        the pieces of a face along a ladder of nominal pressures; leakage of its measured places
     face_study          states of a face -> a FaceResult, also with its pieces
     blocks              a large face by blocks in their own contact -> a BlocksResult
@@ -21,13 +18,12 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
+    from ..scene import FluidState, Scene
     from .blocks import BlocksResult, by_blocks
-    from .choices import FLUID_EFFECTS, NOMINALS
     from .drawn_study import cut_and_tiles, stochastic
     from .face_study import FaceResult, deterministic, two_scale
     from .other_fluid import OtherLeakage, drop_ratio
     from .sampling import Sampling, laid_out
-    from .scene import FluidState, Scene
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
 else:

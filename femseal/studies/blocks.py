@@ -15,19 +15,19 @@ import numpy as np
 
 from ..base import Array, InputError, Mapper, Shape, Shown, Stage
 from ..base.fields import PIECE, STEP, declared
+from ..checks import QuickEstimate, estimate_scene, result_warnings
 from ..contact import HalfSpace
 from ..face.flow_concentration import STRIPS
 from ..face.piece_flow import Failed, SolveCounts
 from ..face.pieces import FEWEST_POINTS, Cut
 from ..loads import LoadProgramme
+from ..scene import Scene
 from ..seal.tiles import face_tiles
 from ..topography import Patches, Topography
 from .cells_in_order import flow_in_order
-from .doubts import result_warnings
 from .patch_state import PatchState
 from .piece_states import along_paths, ladder_of, pieces_on_ladder
 from .sampling import TileFluid
-from .scene import Scene
 from .seal_contact import Cells, RoughLayer, opened, solved_steps
 
 #: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the leakage
@@ -56,7 +56,8 @@ class BlocksResult(Shown):
     counts : flows through cells of the blocks in their states.
     patch_state : contact states of the whole surface, from which the width of the interval follows.
     failures : reasons of values that are NaN.
-    warnings : reasons to doubt the result.
+    warnings : what is not plausible, one sentence each.
+    quick_estimate : by the spectrum of the surface; None where that does not tell.
     """
 
     steps: LoadProgramme
@@ -76,6 +77,7 @@ class BlocksResult(Shown):
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     patch_state: PatchState | None = field(default=None, repr=False)
+    quick_estimate: QuickEstimate | None = field(default=None, repr=False)
 
     method: ClassVar[str] = "blocks"
     kind: ClassVar[str] = "by blocks"
@@ -143,7 +145,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
             failed[s] = through.reason
         leakage[s] = through.per_length
     mean = k.mean(axis=0)
-    mean_gap = separation + opening
+    mean_gap, estimate = separation + opening, estimate_scene(scene)
     return BlocksResult(
         scene.steps,
         blocks,
@@ -154,7 +156,8 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         mean_gap,
         counts=SolveCounts.total(counts for _, counts, _ in found),
         failures=tuple(f"{scene.steps[s].name}: {failed[s]}" for s in sorted(failed)),
-        warnings=result_warnings(scene, leakage, mean_gap.mean(axis=(1, 2))),
+        warnings=result_warnings(scene, leakage, mean_gap.mean(axis=(1, 2)), estimate),
+        quick_estimate=estimate,
         patch_state=state,
     )
 

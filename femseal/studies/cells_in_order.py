@@ -10,9 +10,9 @@ from ..base import Array, Pair
 from ..face.piece_flow import Failed, attempt
 from ..face.pieces import Cut
 from ..flow.permeability_table import tabulated
+from ..scene import Scene
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
-from .scene import Scene
 
 
 def cells_in_order(scene: Scene, size: Pair, k: Array, boundary: str) -> Leakage | Failed:

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, FemsealError, Indices, InputError, Mapper, Shape, Stage
+from ..checks import estimate_scene, line_contact_warnings, result_warnings
 from ..face.curves import PieceCurves
 from ..face.piece_flow import Failed, SolveCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
+from ..scene import Scene
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
-from .doubts import line_contact_warnings, result_warnings
 from .drawn_error import interval_widths
 from .face_study import cut_into_pieces, fields_of_rows
 from .patch_state import PatchState, open_leakage_per_permeability
@@ -32,7 +33,6 @@ from .sampling import (
     laid_out,
     pressure_fractions,
 )
-from .scene import Scene
 from .seal_contact import SealContact, seal_contact, without_waves_of
 from .stochastic_result import MedianSeal, StochasticResult, at_every_step, nearest_to_median
 
@@ -113,13 +113,9 @@ def stochastic(
     rows = fields_of_rows(pieces.rows, scene.surface.spacing[0]) if tiles.in_place else {}
     if formed is not None and formed.grid.has_rows:
         rows = fields_of_rows(formed.rows, formed.grid.spacing[0])
-    warnings = result_warnings(
-        scene,
-        at_every_step(leakage, np.median),
-        supply.over_tiles(mean_gap),
-        unit_leakage=unit_leakage,
-        is_pressed_evenly=sampling.presses_evenly,
-    )
+    estimate = estimate_scene(scene, unit_leakage) if sampling.presses_evenly else None
+    median_leakage = at_every_step(leakage, np.median)
+    warnings = result_warnings(scene, median_leakage, supply.over_tiles(mean_gap), estimate)
     if formed is not None and "row_pressure" in rows:
         warnings += line_contact_warnings(scene, rows["row_pressure"])
     unsolved = (f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved)
@@ -135,6 +131,7 @@ def stochastic(
         **rows,
         median_seal=median,
         failures=(*pieces.failures, *chain(*texts), *unsolved),
+        quick_estimate=estimate,
         warnings=(*warnings, *tiles.warnings, *map_warnings),
         solvers=SolveCounts.total((pieces.counts, *counts)),
     )

@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from ..base import Array, InputError, Mapper, Pair, Shape, Shown, Singles, Stage
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
+from ..checks import QuickEstimate, estimate_scene, result_warnings
 from ..contact import LoadState
 from ..contact.workspace import KEPT_POINTS
 from ..face.flow_concentration import blocks_of_one_wave, participation_number, strip_scatter
 from ..face.piece_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
 from ..face.pieces import Cut, PieceState
 from ..loads import LoadProgramme
+from ..scene import Scene
+from ..scene.fluid_coupling import CoupledContact
 from ..topography import Patches
-from .doubts import result_warnings
-from .fluid_coupling import CoupledContact
 from .piece_states import FacePieces, PlaceLeakage, joined, permeabilities_of_places
-from .scene import Scene
 
 #: Memory that a pixel of a state takes [byte]: gap, contact pressure and potential, and a bit that says whether it is
 #: plastic; and of a result, with the fluid pressure.
@@ -115,7 +115,8 @@ class FaceResult(Shown):
     states : of the surface at every step.
     residual : largest residual of the contacts.
     failures : reasons of values that are NaN.
-    warnings : reasons to doubt the result.
+    warnings : what is not plausible, one sentence each.
+    quick_estimate : by the spectrum of the surface; None where that does not tell.
     face_solvers : number of systems by solver, of the whole surface.
     """
 
@@ -161,6 +162,7 @@ class FaceResult(Shown):
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     face_solvers: SolveCounts = field(default_factory=SolveCounts)
+    quick_estimate: QuickEstimate | None = field(default=None, repr=False)
 
     @property
     def solvers(self) -> SolveCounts:
@@ -221,8 +223,14 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     >>> [f"{leak:.2g} m²/s" for leak in result.leakage]
     ['2.7e-06 m²/s', '1.3e-06 m²/s']
     """
-    face = solve_face(scene, mapper)
-    return replace(face, warnings=result_warnings(scene, face.leakage, face.mean_gap))
+    return _checked(scene, solve_face(scene, mapper))
+
+
+def _checked(scene: Scene, face: FaceResult) -> FaceResult:
+    """Add the quick estimate and the plausibility warnings to a solution."""
+    estimate = estimate_scene(scene)
+    warnings = result_warnings(scene, face.leakage, face.mean_gap, estimate)
+    return replace(face, warnings=warnings, quick_estimate=estimate)
 
 
 def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
@@ -306,8 +314,7 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
     >>> two_scale(scene, (2, 4)).pieces.mean_gap.shape  # of two load steps
     (2, 2, 4)
     """
-    face = cut_into_pieces(scene, Cut.of(scene.surface, cells), mapper)
-    return replace(face, warnings=result_warnings(scene, face.leakage, face.mean_gap))
+    return _checked(scene, cut_into_pieces(scene, Cut.of(scene.surface, cells), mapper))
 
 
 def cut_into_pieces(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..base import Array
-from .scene import FluidState, Scene
+from ..scene import FluidState, Scene
 
 
 @dataclass(frozen=True, eq=False)

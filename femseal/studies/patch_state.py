@@ -11,8 +11,8 @@ from ..base import Array
 from ..face.piece_flow import attempt
 from ..face.pieces import MOST_FACTOR
 from ..loads import LoadProgramme
+from ..scene import Scene
 from .piece_states import FacePieces
-from .scene import Scene
 
 #: Permeability for which the leakage of an open seal is solved [m³]: of a gap of 1 µm.
 _OPEN_PERMEABILITY = 1e-18 / 12

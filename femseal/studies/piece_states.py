@@ -27,9 +27,9 @@ from ..face.piece_flow import (
 )
 from ..face.pieces import Cut, PieceState, factors
 from ..loads import LoadProgramme, LoadStep, least_counted
+from ..scene import Scene
 from ..topography.patches import divided
 from .cells_in_order import cells_in_order, cells_permeability_along_x2
-from .scene import Scene
 
 #: Fewest measured patches whose scatter shows how far the leakage of more of them may differ.
 FEWEST = 3

@@ -11,12 +11,12 @@ import numpy as np
 
 from ..base import Array, Indices, InputError, Shape, to_text, validate
 from ..face.pieces import Cut, usual_pieces
+from ..scene import Scene
 from ..seal.form import SealForm
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, Uniform, is_uniform
 from ..seal.tiles import PieceSize, SealTiles
 from ..topography import Surface
-from .scene import Scene
 
 #: Fewest and most realisations, where their number is not given.
 FEWEST_SEALS, MOST_SEALS = 3, 200

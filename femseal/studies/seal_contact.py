@@ -32,11 +32,11 @@ from ..contact.convolution import Convolution
 from ..face.pieces import Cut
 from ..flow.law import cubic_law
 from ..loads import LoadProgramme, LoadStep
+from ..scene import Scene
 from ..seal.contact_grid import ContactGrid
 from ..seal.form import SealForm
 from ..seal.tiles import SealTiles
 from ..topography.seat import check_form
-from .scene import Scene
 
 #: Pressures at which the layer is solved, in fractions of the highest; numbers of those from which it is unloaded; and
 #: the fractions of these peaks at which unloading is known, of which the last, 0, is extrapolated.

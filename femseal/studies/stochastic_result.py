@@ -21,6 +21,7 @@ from ..base.fields import (
     Field,
     declared,
 )
+from ..checks import QuickEstimate
 from ..face.piece_flow import SolveCounts
 from ..loads import FLOOR, LoadProgramme
 from ..seal.mesh_seal import ElementSeal
@@ -119,7 +120,8 @@ class StochasticResult(Shown):
     places : leakage by measured patches; None of one patch.
     median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
     failures : reasons of values that are NaN or left out.
-    warnings : reasons to doubt the result.
+    warnings : what is not plausible, one sentence each.
+    quick_estimate : by the spectrum of the surface; None where that does not tell.
     solvers : number of systems by solver, of cells and seals.
     """
 
@@ -151,6 +153,7 @@ class StochasticResult(Shown):
     solvers: SolveCounts = field(default_factory=SolveCounts)
     kind: str = field(default="anywhere", repr=False)
     patch_state: PatchState | None = field(default=None, repr=False)
+    quick_estimate: QuickEstimate | None = field(default=None, repr=False)
 
     method: ClassVar[str] = "stochastic"
     computed_fields: ClassVar[dict[str, Field]] = {

@@ -17,12 +17,12 @@ import numpy as np
 
 from ..base import Array, Pair, Shape, validate
 from ..loads import LoadProgramme
+from ..scene import Scene
 from ..seal.tiles import SealTiles
 from .blocks import BlocksResult, blocks_of, by_blocks
 from .drawn_study import cut_and_tiles, stochastic
 from .face_study import FaceResult, deterministic, state_memory, states_memory, two_scale
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
-from .scene import Scene
 from .stochastic_result import StochasticResult
 
 #: Pixels of the contact by which the effort of a load step is given.

@@ -23,9 +23,9 @@ import femseal as fs
 from common import BAND_HEAD, band_cells, table
 from drawn_seals import commands, state_rows
 from femseal.budget import error_budget, longer_waves_part, patch_form_part
+from femseal.budget.longer_waves import longer_waves
+from femseal.checks import solve_form_effect
 from femseal.seal import MeasuredForm
-from femseal.studies.doubts import form_effect
-from femseal.studies.longer_waves import longer_waves
 from femseal.topography import representative
 
 MODULUS, PIXEL, POINTS = 115e9, 1e-6, 192
@@ -150,7 +150,9 @@ def unknown_form(patch, q, size):
     """Parts of the budget of a seal whose form is not known."""
     holds, steps = representative(patch.surface), patch.steps
     changes = longer_waves(patch, *size, holds, flatness=None, seed=1)
-    effect = form_effect(patch.surface, patch.modulus, patch.law, patch.loading, patch.boundary)
+    effect = solve_form_effect(
+        patch.surface, patch.modulus, patch.law, patch.loading, patch.boundary
+    )
     parts = [patch_form_part(effect, steps, q, rises=holds.rises)]
     parts.append(None if changes is None else longer_waves_part(changes, False, steps, q))
     return filter(None, parts)

@@ -12,8 +12,8 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.face.piece_flow import FlowSettings, resolved_flow
 from femseal.flow.cell import harmonic_fill
+from femseal.scene.fluid_coupling import LEAST_FRACTION, FluidPressure
 from femseal.studies import Sampling, deterministic, stochastic, two_scale
-from femseal.studies.fluid_coupling import LEAST_FRACTION, FluidPressure
 
 E, H = 115e9, 2.3e9
 D = 1e-6
@@ -143,7 +143,7 @@ def test_rounds_end_early_and_within_their_tolerance(
 ):
     found = coupled(surface, load, fraction * load, boundary)
     assert found.rounds <= 10
-    monkeypatch.setattr("femseal.studies.fluid_coupling.RTOL", 1e-6)
+    monkeypatch.setattr("femseal.scene.fluid_coupling.RTOL", 1e-6)
     exact = coupled(surface, load, fraction * load, boundary)
     assert_allclose(found.flow.permeability, exact.flow.permeability, rtol=2e-3)
 

@@ -9,7 +9,7 @@ from small_cases import steel_scene
 
 import femseal.face.piece_flow
 import femseal.face.pieces
-import femseal.studies.scene
+import femseal.scene.scene
 from femseal import analytic
 from femseal.base import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
@@ -325,7 +325,7 @@ def test_a_state_of_which_a_piece_failed_is_not_drawn_from(rough, failing):
 
 def test_a_flow_through_a_seal_that_fails_is_named(rough, failing):
     # first the pieces in their own order, then the open seal
-    failing(femseal.studies.scene, "seal_leakage", calls={5 + 1 + 5 + 1})
+    failing(femseal.scene.scene, "seal_leakage", calls={5 + 1 + 5 + 1})
     result = stochastic(rough, (4, 6), replace(SAMPLING, realisations=3))
     assert result.failures == ("realisation 1, loading 300 MPa: did not converge",)
     assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])
@@ -333,7 +333,7 @@ def test_a_flow_through_a_seal_that_fails_is_named(rough, failing):
 
 
 def test_a_contact_that_fails_is_a_fault(rough, failing):
-    failing(femseal.studies.scene, "solve_contact", pressure=3e8)
+    failing(femseal.scene.scene, "solve_contact", pressure=3e8)
     with pytest.raises(NotConverged):
         stochastic(rough, (4, 6), SAMPLING)
 

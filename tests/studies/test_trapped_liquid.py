@@ -11,9 +11,9 @@ import femseal as fs
 from femseal.case import parse_case
 from femseal.face.piece_flow import FlowSettings
 from femseal.preparation import prepare
+from femseal.scene.fluid_coupling import FluidPressure
+from femseal.scene.trapped_liquid import label_pockets
 from femseal.seal import Profile
-from femseal.studies.fluid_coupling import FluidPressure
-from femseal.studies.trapped_liquid import label_pockets
 
 E, D = 115e9, 1e-6
 N = 64

@@ -18,12 +18,12 @@ from ..base import Array, Mapper, Pair
 from ..contact import LoadState
 from ..face.curves import PieceCurves
 from ..face.piece_flow import Failed, FlowSettings, attempt, resolved_flow
+from ..scene import Scene
 from ..seal.form import SealForm
 from ..seal.pressure_map import Frame
 from ..seal.tiles import PieceSize, SealTiles
+from ..studies.seal_contact import RoughLayer, layer_states, seal_contact
 from ..topography import Representative
-from .scene import Scene
-from .seal_contact import RoughLayer, layer_states, seal_contact
 
 #: Forms that are drawn, and waves of each.
 DRAWS, _WAVES = 8, 200

@@ -8,9 +8,10 @@ from small_cases import HARDENED, steel_scene
 
 import femseal as fs
 from femseal.case import parse_case
+from femseal.checks import estimate_scene, estimate_surface, result_warnings
+from femseal.checks.quick_estimate import LIGHT_CONTACT
 from femseal.preparation import prepare
 from femseal.studies.blocks import blocks_of, by_blocks
-from femseal.studies.doubts import LIGHT, first_answer, result_warnings
 
 FACE = {
     "kind": "self-affine",
@@ -89,24 +90,24 @@ ROUGH = fs.self_affine((128, 128), (1e-3, 1e-3), hurst=0.8, rms_height=5e-7, rol
 
 @pytest.mark.parametrize("ratio", [1e-3, 1e3])
 def test_leakage_far_from_the_quick_estimate_is_warned_of(ratio):
-    """Whatever the direction of the flow, but not where the pressure of a seal is uneven."""
+    """Whatever the direction of the flow, but not where the spectrum does not tell."""
     scene = steel_scene(ROUGH, loading=(25e6,))
     result = fs.deterministic(scene)
     assert result.warnings == ()
     wrong, gap = ratio * result.leakage, np.full(1, np.nan)
-    (text,) = result_warnings(scene, wrong, gap)
-    assert "plausible" in text
+    (text,) = result_warnings(scene, wrong, gap, estimate_scene(scene))
+    assert "times the quick estimate" in text
     reverse = replace(scene, inlet_pressure=0.0, outlet_pressure=1e6)
-    assert result_warnings(reverse, -wrong, gap) == (text,)
-    assert result_warnings(scene, wrong, gap, is_pressed_evenly=False) == ()
+    assert result_warnings(reverse, -wrong, gap, estimate_scene(reverse)) == (text,)
+    assert result_warnings(scene, wrong, gap, None) == ()
 
 
 def test_a_surface_that_touches_by_its_form_is_not_compared_with_its_spectrum():
     """A crown of 20 µm on a roughness of 0.5 µm leaks thousands of times less than its spectrum tells."""
     crown = -2e-5 * np.linspace(-1, 1, 128) ** 2
     scene = steel_scene(ROUGH.with_form(crown), loading=(100e6,))
-    by_spectrum = first_answer(scene.surface, scene.modulus, scene.hardness, [100e6])
+    by_spectrum = estimate_surface(scene.surface, scene.modulus, scene.hardness, [100e6])
     result = fs.deterministic(scene)
     assert result.leakage[0] < 1e-3 * scene.unit_leakage * by_spectrum.permeability[0]
-    assert by_spectrum.area[0] < LIGHT
+    assert by_spectrum.area[0] < LIGHT_CONTACT
     assert result.warnings == ()

@@ -52,8 +52,8 @@ class Scene:
     rtol : residual of each contact, see `contact.solve_contact`.
     layout : shape of drawn seals, see `seal.layouts`; the face itself is a strip.
     solver : of all flow, in cells and over the seal; see `flow.cell_permeability`.
-    fluid_pressure : "acts": it presses the faces apart, see `studies.fluid_coupling`; "trapped": and liquid in closed
-        pockets keeps its volume, see `studies.trapped_liquid`; "ignored": the faces lie as dry ones.
+    fluid_pressure : "acts": it presses the faces apart, see `scene.fluid_coupling`; "trapped": and liquid in closed
+        pockets keeps its volume, see `scene.trapped_liquid`; "ignored": the faces lie as dry ones.
     nominal : what carries the nominal pressures where it acts: "total", contact and fluid together; or "contact".
     surroundings : pressure around the seal [Pa]; unless given 1 atm of a gas, and 0 of a liquid.
 
@@ -183,7 +183,7 @@ class Scene:
         """Steps at which the fluid between parted faces carries all of the load, by their number, and what that means.
 
         Pieces along a ladder are open there. The contact of a whole face may hold the fluid back, see
-        `studies.fluid_coupling`.
+        `scene.fluid_coupling`.
         """
         if (fluid := self.acting_fluid) is None:
             return ()

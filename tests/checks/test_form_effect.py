@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.budget import patch_form_part
+from femseal.checks import FormEffect, solve_form_effect
 from femseal.contact import PerfectlyPlastic
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
-from femseal.studies.doubts import FormEffect, form_effect
 from femseal.topography import representative
 
 N, D = 192, 1e-6
@@ -98,7 +98,7 @@ def test_of_several_places_the_one_with_fewest_waves_is_told():
 @pytest.mark.parametrize("seed", range(3))
 def test_the_parabola_of_a_face_has_its_height_and_radius(seed):
     height = 2e-6
-    effect = form_effect(crowned(height, seed), E, PerfectlyPlastic(H), [0.06 * H])
+    effect = solve_form_effect(crowned(height, seed), E, PerfectlyPlastic(H), [0.06 * H])
     assert_allclose(effect.height, height, rtol=0.15)
     assert_allclose(effect.radii[0], SIDE**2 / (8 * height), rtol=0.15)
     assert effect.radii[1] > 5 * effect.radii[0]
@@ -118,19 +118,19 @@ def solved(face, pressures):
 @pytest.mark.parametrize("height", [0.0, 1e-6, 2e-6])
 def test_few_points_tell_what_the_form_does(height):
     face, loads = crowned(height), [0.02 * H, 0.06 * H, 0.15 * H]
-    effect = form_effect(face, E, PerfectlyPlastic(H), loads)
+    effect = solve_form_effect(face, E, PerfectlyPlastic(H), loads)
     whole = solved(face, loads)
     true = [whole - solved(short, loads) for short in (face.detrend(2), face.high_pass(SIDE / 2))]
     assert_allclose(effect.changes, true, rtol=0.1, atol=0.15)
     assert (np.abs(true[0]).max() > np.log(1.5)) == (height > 0)
-    assert bool(effect.doubts) == (height > 0)
+    assert bool(effect.warnings) == (height > 0)
 
 
 def test_places_are_one_beside_the_other():
     places, loads = (crowned(1e-6), rough(2)), [0.06 * H]
-    two = form_effect(fs.Patches(places), E, PerfectlyPlastic(H), loads)
+    two = solve_form_effect(fs.Patches(places), E, PerfectlyPlastic(H), loads)
     one, other = (
-        form_effect(place, E, PerfectlyPlastic(H), loads).permeability for place in places
+        solve_form_effect(place, E, PerfectlyPlastic(H), loads).permeability for place in places
     )
     assert abs(np.log(one[0] / one[1])) > 0.5
     assert_allclose(two.changes, np.log((one + other)[0] / (one + other)[1:]), atol=0.15)
@@ -148,7 +148,7 @@ def test_a_load_that_seals_the_few_points_is_taken_as_lower():
     body = fs.HalfSpace(few.shape, few.spacing, E, ("free", "periodic"))
     sealed = fs.solve_contact(few.gap(), body, pressure=load)
     assert fs.cell_permeability(sealed.gap, few.spacing, sides="periodic").value == 0
-    effect = form_effect(face, E, PerfectlyPlastic(np.inf), [load])
+    effect = solve_form_effect(face, E, PerfectlyPlastic(np.inf), [load])
     assert (effect.permeability[:2] > 0).all()
 
 
@@ -184,7 +184,7 @@ def test_loads_at_which_nothing_leaks_tell_nothing():
     shut = replace(EFFECT, permeability=np.zeros((3, 2)))
     assert shut.distance(np.array([1e6])) is None
     assert patch_form_part(shut, LoadProgramme.of((1e6,)), np.ones(1)) is None
-    assert shut.doubts == []
+    assert shut.warnings == []
 
 
 CASE = """

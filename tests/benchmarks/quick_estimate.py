@@ -1,10 +1,10 @@
-"""How far first answers by the spectrum alone are from contact and flow that are solved.
+"""How far quick estimates by the spectrum alone are from contact and flow that are solved.
 
-    python tests/benchmarks/first_answer.py --write
+    python tests/benchmarks/quick_estimate.py --write
 
 It solves 100 faces of 128² to 256² points, self-affine ones with waves as long as the face, with a
 roll-off, and bumpy ones of few waves, and turned ones; two thirds of them yield; contact fractions
-of 5 to 60 % by the first answer. It takes about a minute.
+of 5 to 60 % by the quick estimate. It takes about a minute.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import numpy as np
 import femseal as fs
 from common import machine, print_report, table
 from femseal.analytic import persson_area
-from femseal.studies.doubts import LIGHT, first_answer
+from femseal.checks import estimate_surface
+from femseal.checks.quick_estimate import LIGHT_CONTACT
 
 SCENES, SIZE, MODULUS = 100, 1e-3, 1.15e11
 KINDS = ("self-affine", "with a roll-off", "bumpy", "turned")
@@ -41,7 +42,7 @@ def face(kind: str, rng: np.random.Generator) -> fs.Topography:
 
 
 def compare(number: int) -> tuple[float, float, float, float]:
-    """Contact fraction and permeability [m³] of a scene as solved, and by the first answer."""
+    """Contact fraction and permeability [m³] of a scene as solved, and by the quick estimate."""
     rng = np.random.default_rng([2026, number])
     surface = face(KINDS[number % len(KINDS)], rng)
     stiffness = MODULUS * surface.rms_slope
@@ -53,7 +54,7 @@ def compare(number: int) -> tuple[float, float, float, float]:
     body = fs.HalfSpace(surface.shape, surface.spacing, MODULUS)
     contact = fs.solve_contact(surface.gap(), body, pressure=pressure, hardness=hardness, rtol=1e-4)
     solved = fs.cell_permeability(contact.gap, surface.spacing, sides="periodic").value
-    found = first_answer(surface, MODULUS, hardness, [pressure])
+    found = estimate_surface(surface, MODULUS, hardness, [pressure])
     return contact.area_fraction, solved, float(found.area[0]), float(found.permeability[0])
 
 
@@ -76,17 +77,17 @@ def report() -> str:
     found = np.array([compare(number) for number in range(SCENES)])
     kind = np.arange(SCENES) % len(KINDS)
     head = ["faces", "scenes", "open both ways", "median of the ratio", "factor, 50 %"]
-    head += ["factor, 95 %", "sealed as solved alone", "sealed by the first answer alone"]
+    head += ["factor, 95 %", "sealed as solved alone", "sealed by the quick estimate alone"]
     head += ["contact fraction over that solved"]
     lines = [line(name, found[kind == n]) for n, name in enumerate(KINDS)]
-    light = found[:, 2] < LIGHT
+    light = found[:, 2] < LIGHT_CONTACT
     lines += [
-        line(f"contact {name} {100 * LIGHT:g} %", found[part])
+        line(f"contact {name} {100 * LIGHT_CONTACT:g} %", found[part])
         for name, part in (("below", light), ("above", ~light))
     ]
-    text = "Contact fractions are of the first answer, factors of scenes that are open both ways."
+    text = "Contact fractions are of the quick estimate, factors of scenes that are open both ways."
     return f"{machine()}\n\n{table(head, [*lines, line('all', found)])}\n\n{text}"
 
 
 if __name__ == "__main__":
-    print_report(__file__, "First answers", report(), write="--write" in sys.argv)
+    print_report(__file__, "Quick estimates", report(), write="--write" in sys.argv)

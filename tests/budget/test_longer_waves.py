@@ -10,10 +10,10 @@ from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal.budget import longer_waves_part
+from femseal.budget.longer_waves import DRAWS, _drawn, _rms_between, longer_waves
 from femseal.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.seal import AnnularLayout, Frame, MeasuredForm, WavyForm
-from femseal.studies.longer_waves import DRAWS, _drawn, _rms_between, longer_waves
 from femseal.topography import Representative, representative
 
 D, N = 1e-6, 64

@@ -1,0 +1,120 @@
+"""Plausibility of a scene and of its solution: numbers that are likely to be a mistake or outside the model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+
+from ..base import Array, counted, to_text
+from ..fluids import leak_basis
+from ..materials import LINE_CONTACT_YIELD, YOUNG_LIMITS
+from ..scene import Scene
+from .flow_limits import flow_warnings, gas_warnings
+from .quick_estimate import QuickEstimate
+
+#: Fraction of the hardness from which on the nominal pressure flattens most of the surface, where the hardness is no
+#: constant.
+_FLATTENING_FRACTION = 0.5
+#: Largest rms slope for which a surface is near to a half-space.
+_STEEP = 1.0
+
+
+def result_warnings(
+    scene: Scene, leakage: Array, mean_gap: Array, estimate: QuickEstimate | None
+) -> tuple[str, ...]:
+    """Check a scene and its solution, and return a sentence for everything that is not plausible.
+
+    Parameters
+    ----------
+    scene : what was solved.
+    leakage : array (steps,) of the leakage per length of seal [m²/s], NaN where it is unknown.
+    mean_gap : array (steps,) of the mean gap that the fluid passes [m], NaN where it is unknown.
+    estimate : by the spectrum of the surface, see `estimate_scene`; None where the spectrum does not tell.
+    """
+    texts = [*scene_warnings(scene)]
+    if estimate is not None:
+        texts += estimate.leakage_warnings(leakage, [step.name for step in scene.steps])
+    texts += flow_warnings(scene, leakage, mean_gap)
+    return tuple(texts)
+
+
+def scene_warnings(scene: Scene) -> tuple[str, ...]:
+    """Check a scene before it is solved, and return a sentence for everything that is not plausible."""
+    outlet, fluid = scene.outlet_pressure, scene.fluid
+    return (
+        *_modulus_warnings(scene),
+        *_separation_warnings(scene),
+        *_vacuum_warnings(scene),
+        *gas_warnings("fluid", fluid, scene.inlet_pressure, outlet),
+        *_load_warnings(scene),
+        *_slope_warnings(scene),
+    )
+
+
+def line_contact_warnings(scene: Scene, row_pressure: Array) -> tuple[str, ...]:
+    """Warn where the form of a seal presses so hard that the body below a line contact yields.
+
+    row_pressure : array (steps, rows) of the mean contact pressure of rows [Pa].
+    """
+    highest = float(row_pressure.max())
+    limit = LINE_CONTACT_YIELD * scene.law.mean_hardness
+    if highest <= limit:
+        return ()
+    return (
+        "The band in contact is broader, and its pressure lower, than computed: the form presses with up to "
+        f"{to_text(highest, 'Pa', 3)}, and the body below a line contact yields from {to_text(limit, 'Pa', 3)} on "
+        "(1.79 times its yield stress), which the model does not follow",
+    )
+
+
+def _modulus_warnings(scene: Scene) -> Iterator[str]:
+    low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
+    if not low <= scene.modulus <= high:
+        usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
+        yield (
+            f"The unit of the modulus may be wrong: the contact modulus {to_text(scene.modulus, 'Pa')} is not that of "
+            f"metals ({usual})"
+        )
+
+
+def _separation_warnings(scene: Scene) -> Iterator[str]:
+    """Warn of steps at which the fluid between separated surfaces carries all of the load."""
+    steps, fluid = scene.steps, scene.acting_fluid
+    separated = [steps[s] for s, _ in scene.parted_steps if steps[s].pressure > 0]
+    if fluid is None or not separated:
+        return
+    first, others = separated[0], separated[1:]
+    more = f" and {counted(len(others), 'more step')}" if others else ""
+    yield (
+        f"The seal is open at {first.name}{more}, unless its contact holds the fluid back: the fluid carries all of "
+        f"{to_text(first.pressure, 'Pa')}, and the surfaces separate below about {to_text(fluid.carried, 'Pa', 3)}. "
+        "Raise the load or lower the fluid pressure"
+    )
+
+
+def _vacuum_warnings(scene: Scene) -> Iterator[str]:
+    if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
+        yield (
+            "The outlet is a vacuum (0 Pa absolute). For leakage into air set fluid.outlet_pressure = '1 atm'; a case "
+            "takes gauge pressures as '10 bar(g)'"
+        )
+
+
+def _load_warnings(scene: Scene) -> Iterator[str]:
+    highest = max(step.pressure for step in scene.steps)
+    hardness = scene.law.mean_hardness
+    if isfinite(hardness) and highest > _FLATTENING_FRACTION * hardness:
+        yield (
+            "Most of the surface is plastic, for which the model is not made: the nominal pressure of "
+            f"{to_text(highest, 'Pa')} is {highest / hardness:.0%} of the hardness {to_text(hardness, 'Pa')}. Check "
+            "the units of loads and hardness"
+        )
+
+
+def _slope_warnings(scene: Scene) -> Iterator[str]:
+    slope = scene.surface.rms_slope
+    if slope > _STEEP:
+        yield (
+            f"The surface is too steep for the model: its rms slope is {slope:.2g}, and a half-space is for slopes "
+            "well below 1. Check the units of heights and pixel, or set a longer surface.shortest_wave"
+        )
