@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, Mapper
+from ..checks import FormEffect
 from ..studies import StochasticResult, study_of_result
 from ..studies.study_registry import contact_fraction_of
 from ..topography.conditioning import UNSEEN
@@ -51,11 +52,13 @@ class BudgetRequest:
     version : the input of the run.
     model_parts : names of the parts of the model that are wanted.
     hardness : relative error of the hardness.
+    form_effect : of a measured patch; None where it was not solved.
     """
 
     version: Version
     model_parts: Sequence[str] = ()
     hardness: float = 0.1
+    form_effect: FormEffect | None = None
 
     @cached_property
     def coarser(self) -> Version | None:
@@ -192,10 +195,11 @@ def _form_of_the_patch(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     version = evaluation.request.version
-    if version.form_effect is None:
+    effect = evaluation.request.form_effect
+    if effect is None:
         return []
     rises = bool(version.holds and version.holds.rises)
-    return [patch_form_part(version.form_effect, result.steps, leakage_of(result), rises=rises)]
+    return [patch_form_part(effect, result.steps, leakage_of(result), rises=rises)]
 
 
 def _longer_waves(

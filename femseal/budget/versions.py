@@ -11,7 +11,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..base import Array, FemsealError, Mapper, NotKept, Shape
-from ..checks import FormEffect
 from ..studies import STUDIES, Sampling, Scene, StochasticResult, Study, study_of_result
 from ..studies.sampling import FEWEST_SEALS
 from ..topography import Conditioning, Continuation, Representative, Surface
@@ -58,11 +57,6 @@ class Version(Protocol):
     @property
     def form(self) -> FormTolerance | None:
         """Errors of the forms of seal and seat."""
-        ...
-
-    @property
-    def form_effect(self) -> FormEffect | None:
-        """What the form in the patch does."""
         ...
 
     @property

@@ -268,7 +268,9 @@ def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
     solid_name = case.softer
     changed = {"hardness": hardness, "yield_stress": None}
     solid = getattr(case, solid_name).model_copy(update=changed)
-    surface = case.surface.model_copy(update={"shortest_wave": shortest_wave})
+    # a case that has `detrend` says what is form: its effect is then not solved for every scene
+    treatment = {"shortest_wave": shortest_wave, "detrend": case.surface.detrend}
+    surface = case.surface.model_copy(update=treatment)
     return case.model_copy(update={solid_name: solid, "surface": surface})
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from ..base import InputError, Shape, free_memory, to_text
 from ..case.case import Case, CellsTable
 from ..case.faces import FileFace, TurnedFace
-from ..checks import FormEffect, solve_form_effect
 from ..face.pieces import Cut, usual_pieces
 from ..seal.lay import Lay
 from ..seal.layouts import AnnularLayout, Layout, RectangularLayout
@@ -29,7 +28,6 @@ from ..topography import (
     Overlap,
     Patches,
     Repair,
-    Representative,
     Surface,
     Topography,
     check_wave,
@@ -37,7 +35,6 @@ from ..topography import (
     continuation_of,
     default_wave,
     repair,
-    representative,
     resolved_wave,
     resolving_shape,
     smooth,
@@ -285,22 +282,22 @@ def filter_doubts(case: Case, face: Surface, surface: Conditioning) -> Iterator[
         )
 
 
-def measured_patch(
-    case: Case, surface: Surface, scene: Scene
-) -> tuple[Representative | None, FormEffect | None]:
-    """What a measured face holds of its long waves, and what its form does where the case neither says nor has one.
+def is_measured(case: Case, surface: Surface) -> bool:
+    """Tell whether a surface that is not flat was measured, at least one of its faces."""
+    return bool(surface.rms_slope) and any(isinstance(table, FileFace) for table in case.face)
 
-    surface : without the form of a seat.
+
+def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
+    """Choose the nominal pressures at which the effect of the form of a measured patch is to be solved [Pa].
+
+    These are up to four of those on loading. There are none where the case says what is form: by `detrend`, by the
+    form of a seat, or by that of the whole seal.
     """
-    if not surface.rms_slope or not any(isinstance(table, FileFace) for table in case.face):
-        return None, None
-    holds = representative(surface)
     loads = [pressure for pressure in scene.steps.loading if pressure > 0]
-    said = "detrend" in case.surface.model_fields_set or case.seat.kind != "flat" or case.seal.form
-    if said or not loads:
-        return holds, None
-    chosen = sorted({loads[n * (len(loads) - 1) // 3] for n in range(4)})
-    return holds, solve_form_effect(surface, scene.modulus, scene.law, chosen, scene.boundary)
+    has_form = case.seat.kind != "flat" or bool(case.seal.form)
+    if not loads or has_form or "detrend" in case.surface.model_fields_set:
+        return ()
+    return tuple(sorted({loads[n * (len(loads) - 1) // 3] for n in range(4)}))
 
 
 def wound_layout(case: Case) -> Layout:

@@ -15,7 +15,14 @@ from ..budget import FormTolerance, ModelChange
 from ..budget.longer_waves import longer_waves
 from ..case.case import Case
 from ..case.table_types import unusual_values
-from ..checks import FormEffect, QuickEstimate, estimate_scene, gas_warnings, scene_warnings
+from ..checks import (
+    FormEffect,
+    QuickEstimate,
+    estimate_scene,
+    gas_warnings,
+    scene_warnings,
+    solve_form_effect,
+)
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.form import SealForm
 from ..seal.layouts import AnnularLayout, Layout
@@ -39,8 +46,9 @@ from .face import (
     check_memory,
     conditioned_face,
     filter_doubts,
+    form_check_pressures,
     groove_question,
-    measured_patch,
+    is_measured,
     with_keys,
     wound_layout,
 )
@@ -99,12 +107,24 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Prepared:
-    """Input of the studies: the scene, its pieces, the sampling of seals; and the history of the surface.
+    """Input of the studies, made from a case, and how its surface was made.
 
-    cells : number of pieces along x1 and x2; None where there are none. continuation : of the spectrum of the face,
-    None without. methods : to be run. seat : its form, "" where it is flat; form : that and its error. holds : what a
-    measured face holds of its long waves. form_effect : of what is form in it, where nothing says that; None
-    elsewhere. flatness : of the seal [m], None where it is not given. warnings : what is not plausible in the case.
+    Attributes
+    ----------
+    scene : surface, loads and fluid.
+    cells : number of cells along x1 and x2; None where the surface is not cut.
+    sampling : options of the stochastic seals; None without.
+    conditioning : how the surface was repaired and filtered.
+    overlap : of two measured faces; None of one.
+    continuation : of the spectrum of the surface; None without.
+    methods : names of the studies to be run.
+    seat : the form of the seat as text; "" where it is flat.
+    form : the forms of seal and seat with their errors; None of flat ones.
+    holds : how many of its longest waves a measured patch has; None of generated surfaces.
+    form_pressures : nominal pressures at which the effect of the form of a measured patch is to be solved [Pa]; none
+        where the case says what is form.
+    flatness : of the seal [m]; None where it is not given.
+    warnings : what is not plausible in the case, one sentence each.
     """
 
     scene: Scene
@@ -117,7 +137,7 @@ class Prepared:
     seat: str = ""
     form: FormTolerance | None = None
     holds: Representative | None = None
-    form_effect: FormEffect | None = None
+    form_pressures: tuple[float, ...] = ()
     flatness: float | None = None
     warnings: tuple[str, ...] = ()
 
@@ -142,15 +162,29 @@ class Prepared:
             mapper=mapper,
         )
 
-    @property
-    def quick_estimate(self) -> QuickEstimate | None:
-        """Contact and leakage by the spectrum of the face alone; None where a form, a map or a spiral decides."""
+    def estimate(self) -> QuickEstimate | None:
+        """Estimate contact and leakage by the spectrum of the surface alone, see `checks.estimate_scene`.
+
+        None where a form, a map of the pressure or a spiral decides. Of a solved study, its result has the estimate.
+        """
         if self.sampling is None:
             return estimate_scene(self.scene)
         if not self.sampling.presses_evenly:
             return None
         seal = self.cut_and_tiles[1].seal
         return estimate_scene(self.scene, open_leakage_per_permeability(self.scene, seal))
+
+    def solve_form_effect(self) -> FormEffect | None:
+        """Solve contact and flow of a measured patch with and without its form, see `checks.solve_form_effect`.
+
+        None where the case says what is form, and for surfaces that were not measured.
+        """
+        if not self.form_pressures:
+            return None
+        scene = self.scene
+        return solve_form_effect(
+            scene.surface, scene.modulus, scene.law, self.form_pressures, scene.boundary
+        )
 
     @property
     def studies(self) -> list[Study]:
@@ -256,6 +290,9 @@ class Prepared:
 def prepare(case: Case) -> Prepared:
     """Make or read the faces, condition their sum, cut it into pieces, and lay out the seals that are drawn.
 
+    Neither contact nor flow is solved: see `Prepared.solve_form_effect` and `Prepared.estimate` for the checks that
+    compute.
+
     Raises InputError: a face that cannot be read or used, or pieces or seals that do not suit it.
     """
     with refused_if_too_large(), with_keys(_SCENE_KEYS):
@@ -277,7 +314,8 @@ def prepare(case: Case) -> Prepared:
                 scene.check_spiral()
             if "blocks" in methods:
                 check_blocks(scene, blocks_of(cells))
-        holds, effect = measured_patch(case, surface, scene)
+        measured = is_measured(case, surface)
+        holds = representative(surface) if measured else None
         tested: Iterator[str] = iter(())
         if (test := case.output.test_fluid) is not None:
             ends = test.inlet_pressure, test.outlet_pressure
@@ -293,7 +331,7 @@ def prepare(case: Case) -> Prepared:
             seat="" if seat is None else str(seat),
             form=_form_tolerance(case, sampling, seat),
             holds=holds,
-            form_effect=effect,
+            form_pressures=form_check_pressures(case, scene) if measured else (),
             flatness=case.seal.flatness,
             warnings=(
                 *unusual_values(case),
@@ -305,7 +343,6 @@ def prepare(case: Case) -> Prepared:
                 *groove_question(case, surface),
                 *conditioning.spike_doubts,
                 *(holds.doubts if holds else ()),
-                *(effect.warnings if effect else ()),
                 *doubts,
             ),
         )

@@ -19,7 +19,7 @@ from ..budget import BudgetRequest, versions_of_budget
 from ..case.case import Case
 from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
-from ..checks import flow_warnings
+from ..checks import FormEffect, QuickEstimate, flow_warnings
 from ..materials import METALS
 from ..preparation.preparation import START_MEMORY, Prepared
 from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
@@ -85,10 +85,12 @@ def describe(case: Case, made: Prepared) -> list[str]:
 def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     """Name and text of each line; one that goes on with the name before has none."""
     prepared, attempt = made, ""
+    form_effect = made.solve_form_effect()
     yield "case", f"{case.title or '(no title)'}: valid"
     if case.accuracy is not None:
         prepared, attempt = first_version(case, made), "first attempt: "
-    yield from described(case, prepared)
+    estimate = prepared.estimate()
+    yield from described(case, prepared, estimate, form_effect)
     if case.accuracy is not None:
         chosen = first_settings(case, made)
         first = f"{as_text(grid_points(made, chosen.grid))} points, contact.rtol {chosen.rtol:.0e}"
@@ -113,9 +115,13 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     further = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
     yield "expected", f"{attempt}{times}; {expected.memory / 1e9:.1f} GB of memory, {further}"
     yield "disk", str(disk(case, prepared, again))
-    quick = prepared.quick_estimate
-    fast = () if quick is None else flow_warnings(prepared.scene, quick.leakage, quick.mean_gap)
-    for text in (*prepared.warnings, *(f"by the quick estimate: {text}" for text in fast)):
+    warnings = list(prepared.warnings)
+    if form_effect is not None:
+        warnings += form_effect.warnings
+    if estimate is not None:
+        fast = flow_warnings(prepared.scene, estimate.leakage, estimate.mean_gap)
+        warnings += [f"by the quick estimate: {text}" for text in fast]
+    for text in warnings:
         yield "warning", text
 
 
@@ -267,8 +273,16 @@ def _size(size: float) -> str:
     return to_text(float(f"{size:.1e}"), "B", 3)
 
 
-def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
-    """Name and text of each line on a prepared case; one that goes on with the name before has none."""
+def described(
+    case: Case,
+    prepared: Prepared,
+    estimate: QuickEstimate | None,
+    form_effect: FormEffect | None,
+) -> Iterator[tuple[str, str]]:
+    """Describe a prepared case in lines, each with a name and a text; a line without a name continues the one before.
+
+    estimate, form_effect : of the case, None where they do not apply.
+    """
     scene = prepared.scene
     files = (
         ", ".join(str(patch.path) for patch in face.patches or [face])
@@ -277,7 +291,7 @@ def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
         for face in case.face
     )
     yield "face", " against ".join(files)
-    yield from _surface_facts(prepared)
+    yield from _surface_facts(prepared, form_effect)
     if prepared.seat:
         yield "seat", prepared.seat
     yield "load", _load_text(case, scene)
@@ -296,7 +310,7 @@ def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield from _study_facts(prepared)
     if str(scene.layout) != "a strip":
         yield "seal", str(scene.layout)
-    if (estimate := prepared.quick_estimate) is not None:
+    if estimate is not None:
         yield "quick estimate", str(estimate)
 
 
@@ -334,7 +348,7 @@ def _load_text(case: Case, scene: Scene) -> str:
     return text
 
 
-def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _surface_facts(prepared: Prepared, form_effect: FormEffect | None) -> Iterator[tuple[str, str]]:
     """Points, roughness and filter of the face."""
     scene, report = prepared.scene, prepared.conditioning
     surface = scene.surface
@@ -354,9 +368,9 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
-    holds, effect = prepared.holds, prepared.form_effect
+    holds = prepared.holds
     of_waves = str(holds) if holds is not None and not holds.doubts else ""
-    of_form = str(effect) if effect is not None and not effect.warnings else ""
+    of_form = str(form_effect) if form_effect is not None and not form_effect.warnings else ""
     for text in (of_waves, of_form, str(prepared.continuation or ""), report.unseen):
         if text:
             yield "", text

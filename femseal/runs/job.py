@@ -195,6 +195,7 @@ def _interrupts() -> Iterator[None]:
 def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Results:
     """Solve the studies of a prepared case, and put their results together."""
     log.info("case %s: surface %s", case.title or "without title", made.scene.surface)
+    form_effect = made.solve_form_effect()
     prepared, studies, refined = made, {}, None
     if case.accuracy is not None:
         refined = refine_to_accuracy(case, made, run)
@@ -211,17 +212,23 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
-        request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
+        request = BudgetRequest(
+            prepared, case.output.model_parts, case.hardness_tolerance, form_effect
+        )
         with run.timed("error budget") as mapper:
             budgets = budgets_of(request, studies, mapper, known)
+    estimate = studies[prepared.answer.key].quick_estimate
+    description = [*described(case, prepared, estimate, form_effect)]
     attributes = {
         "seat": prepared.seat,
         "face_files": json.dumps(faces),
         "solids": solids_text(case),
-        "description": json.dumps([*described(case, prepared)], ensure_ascii=False),
+        "description": json.dumps(description, ensure_ascii=False),
         "chosen": json.dumps(_chosen(case, made)),
     }
     warnings = prepared.warnings
+    if form_effect is not None:
+        warnings += tuple(form_effect.warnings)
     if refined is not None:
         warnings += refined.warnings
         attributes["accuracy"] = json.dumps(refined.as_data(budgets[prepared.answer.key]))

@@ -1,6 +1,7 @@
 """What a measured patch knows of its face: how many of its long waves it holds, and what its form does to the leakage."""
 
 import warnings
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +9,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
+import femseal.checks.form_effect
+import femseal.checks.quick_estimate
 from femseal.budget import patch_form_part
+from femseal.calibration.calibrating import with_values
 from femseal.checks import FormEffect, solve_form_effect
 from femseal.contact import PerfectlyPlastic
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
+from femseal.runs.forecast import describe
 from femseal.topography import representative
 
 N, D = 192, 1e-6
@@ -259,8 +264,63 @@ def test_a_seat_or_a_form_of_the_seal_says_what_is_form(case, tmp_path, table, m
     path = tmp_path / "case.toml"
     text = path.read_text().replace('"deterministic"', f'"{method}"')
     path.write_text(text + table)
-    assert (prepare(fs.load_case(path)).form_effect is None) == bool(table)
-    assert prepare(case("detrend = 2")).form_effect is None
+    assert (prepare(fs.load_case(path)).solve_form_effect() is None) == bool(table)
+    assert prepare(case("detrend = 2")).solve_form_effect() is None
+
+
+@pytest.fixture
+def count_calls(monkeypatch):
+    """Count the effects of a form and the quick estimates that are computed."""
+    counts = Counter()
+
+    def counted(module, name, kind):
+        function = getattr(module, name)
+
+        def call(*args, **keys):
+            counts[kind] += 1
+            return function(*args, **keys)
+
+        monkeypatch.setattr(module, name, call)
+
+    counted(femseal.checks.form_effect, "fit_form", "form effect")
+    counted(femseal.checks.form_effect, "solve_contact", "contact of a form")
+    counted(femseal.checks.quick_estimate, "critical_junction", "junction at a load")
+    return counts
+
+
+LOADS = 4
+
+
+def test_preparing_a_case_solves_nothing(case, count_calls):
+    prepare(case())
+    assert not count_calls
+
+
+def test_a_check_computes_form_and_estimate_once(case, count_calls):
+    loaded = case()
+    describe(loaded, prepare(loaded))
+    assert count_calls["form effect"] == 1
+    assert count_calls["junction at a load"] == LOADS
+
+
+def test_a_run_computes_form_and_estimate_once(case, count_calls):
+    fs.run(case(output="budget = false"), workers=1)
+    assert count_calls["form effect"] == 1
+    assert count_calls["junction at a load"] == LOADS
+
+
+def test_a_sweep_computes_the_form_once_for_each_case(case, count_calls, tmp_path):
+    case(output="budget = false")
+    fs.sweep(tmp_path / "case.toml", {"seed": [1, 2]}, tmp_path / "swept", workers=1)
+    assert count_calls["form effect"] == 2
+
+
+def test_a_scene_of_a_calibration_has_no_effect_of_form(case, count_calls):
+    loaded = case(output="budget = false")
+    scene = with_values(loaded, 0.9e9, 2e-5)
+    assert scene.surface.detrend == loaded.surface.detrend
+    fs.run(scene, workers=1)
+    assert not count_calls["form effect"]
 
 
 def test_a_new_case_asks_what_is_form_where_it_matters(femseal, tmp_path):

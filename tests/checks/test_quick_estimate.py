@@ -146,7 +146,7 @@ def test_helium_into_a_vacuum_is_what_the_spectrum_says():
     leakages = []
     for outlet in ("0 Pa", "1e-3 mbar", "1 mbar"):
         given = case(helium | {"outlet_pressure": outlet}, rms_height="0.5 um")
-        leakages.append(prepare(given).quick_estimate.leakage[0])
+        leakages.append(prepare(given).estimate().leakage[0])
     assert_allclose(leakages, leakages[0], rtol=0.01)
     results = fs.run(case(helium | {"outlet_pressure": "0 Pa"}, rms_height="0.5 um"), workers=1)
     assert leakages[0] / results.leakage.values[0] == pytest.approx(1, abs=0.9)
@@ -162,7 +162,7 @@ def test_an_oil_in_narrow_gaps_is_not():
     words = "Reynolds", "choked", "quick estimate"
     assert not any(word in text for text in results.warnings for word in words)
     assert choked_flux(fs.Liquid(1e-3), 1e6) == np.inf
-    estimate = prepare(given).quick_estimate
+    estimate = prepare(given).estimate()
     assert estimate.leakage[0] / results.leakage.values[0] == pytest.approx(1, abs=0.9)
     for wrong in (1e4, 1e-4):
         assert estimate.leakage_warnings(wrong * estimate.leakage, ["here"])
@@ -170,4 +170,4 @@ def test_an_oil_in_narrow_gaps_is_not():
 
 def test_a_seat_has_no_quick_estimate():
     crowned = case(OIL, {"kind": "crowned", "radius": "1 m"}, rms_height="0.5 um")
-    assert prepare(crowned).quick_estimate is None
+    assert prepare(crowned).estimate() is None
