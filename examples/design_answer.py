@@ -1,8 +1,9 @@
 """Pressure in assembly and in service
 ====================================
 
-What nominal pressure keeps the leakage of a seal within a limit: when it is assembled (Qmin), and down to which it may
-fall afterwards (QSmin). From a results folder: ``femseal run examples/turned_seal.toml -o results/turned_seal``.
+This script finds the nominal pressure in assembly that keeps the leakage of a seal below a limit (Qmin), and
+the pressure to which it may fall in service (QSmin). It reads a results folder. To create one, run ``femseal
+run examples/turned_seal.toml -o results/turned_seal``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import femseal as fs
 
 
 def margin(answer: fs.Design) -> dict[float, float]:
-    """Part of each pressure in assembly that may be lost in service, for the first class that is asked for."""
+    """Return the fraction of each pressure in assembly that may be lost in service, for the first class."""
     service = answer.requirements[0].service
     return {
         assembly: 1 - needed.value / assembly

@@ -1,7 +1,8 @@
 """Elastic contact of a wave
 =========================
 
-The share in contact of a wave against the closed form of Westergaard, and what a grid of 128 points does to it.
+This script compares the contact fraction of a sinusoidal wave on a grid of 128 points with the closed form of
+Westergaard.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ POINTS = 128
 
 
 def contact_shares(ratios: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Share in contact at mean pressures in shares of that of full contact: solved, and exact."""
+    """Return the computed and the exact contact fraction at mean pressures relative to that of full contact."""
     spacing = WAVELENGTH / POINTS
     x = (np.arange(POINTS) + 0.5) * spacing
     gap = HALF_HEIGHT * (1 - np.cos(2 * np.pi * x / WAVELENGTH))[:, None] * np.ones((1, 4))

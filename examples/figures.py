@@ -1,17 +1,17 @@
-"""The figures of Pérez-Ràfols et al. (2018) from a folder of results.
+"""Draw the figures of Pérez-Ràfols et al. (2018) from a results folder.
 
     python examples/figures.py RESULTS OUT [CASE]
 
-0 face           heights of the face, and the leakage of its seals over the load cycle
-1 two_scales     fluid pressure, contact pressure, and three pieces seen closely
-2 cycles         permeability of single pieces on loading and unloading, and its scatter over all
-3 permeability   against mean gap, with the asymptote h̄³/12, and against pressure
-4 leakage        of seals of several lengths, and of one unloaded from four loads
-5 constrictions  the part of the pressure drop over the narrowest pieces
+0 face           heights of the surface, and the leakage of its seals over the load cycle
+1 two_scales     fluid pressure, contact pressure, and three cells in detail
+2 cycles         permeability of single cells on loading and unloading, and its scatter over all cells
+3 permeability   permeability against mean gap, with the asymptote h̄³/12, and against pressure
+4 leakage        leakage of seals of several lengths, and of a seal that is unloaded from four loads
+5 constrictions  fraction of the pressure drop in the narrowest cells
 
-0 comes from any folder of results, 1 and 5 from that of a two-scale run, 2 and 3 also from that of a stochastic one,
-whose pieces are then those that seals are drawn from. The case of the run, if given, is used for figure 4. Every
-picture is written as .pdf and .png, 183 mm wide.
+Figure 0 can be drawn from any results folder. Figures 1 and 5 need a two-scale run. Figures 2 and 3 need a two-scale
+or a stochastic run; for a stochastic run, they show the cells from which the tiles take their permeability. Figure 4
+needs the case of the run as a third argument. Every picture is written as .pdf and .png, 183 mm wide.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ import femseal as fs
 
 WIDTH = 7.2  # 183 mm, two columns of a journal
 CLOSED, RED = "#B0B0B0", "#D7191C"
-#: Colours that are apart in grey as well, line styles, hatching.
+#: Colours that differ in grey as well, line styles and hatching.
 BRANCHES = (("loading", "#E69F00", "-", None), ("unloading", "#00467F", "--", "////"))
 PRINT = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "axes.grid": False,
          "axes.linewidth": 0.6, "legend.frameon": False, "savefig.dpi": 300, "pdf.fonttype": 42}  # fmt: skip
-#: Colour, line and marker of pieces, lengths and peaks.
+#: Colour, line and marker of cells, lengths and peaks.
 LINES = (("#D55E00", "-", "o"), ("#0072B2", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "D"),
          ("#56B4E9", (0, (5, 1, 1, 1, 1, 1)), "v"))  # fmt: skip
-#: Figure 5: numbers of the narrowest pieces, and their colours.
+#: Figure 5: numbers of the narrowest cells, and their colours.
 NARROWEST = 1, 3, 10
 SHADES = ("#00467F", "#009E73", "#E69F00")
-#: Figure 4: fractions of the highest load from which seals are unloaded, and of the peak at which they are looked at.
+#: Figure 4: peaks as fractions of the highest load, and unloading steps as fractions of the peak.
 PEAKS, STOPS = (0.25, 0.5, 0.75, 1.0), (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04)
-#: Figure 4: lengths of seals in lengths of the face.
+#: Figure 4: lengths of the seals, divided by the length of the surface.
 LENGTHS = (0.25, 1, 4, 16)
 QUANTILES, BAND = (0.05, 0.95), "5–95 %"
-#: Figure 4: seals of each length, where the case does not say; as many as the quantiles need.
+#: Figure 4: realisations for each length, unless the case gives them; as many as the quantiles need.
 SEALS = 20
 
 
@@ -56,7 +56,7 @@ def _sheet(height):
 
 
 def face_and_leakage(results: fs.Results) -> Figure:
-    """Figure 0: heights of the face, and the leakage over the load cycle."""
+    """Draw figure 0: the heights of the surface, and the leakage over the load cycle."""
     heights = results.dataset["face_height"]
     size = [1e3 * float(heights[axis][0] + heights[axis][-1]) for axis in heights.dims]
     figure = _sheet(4.8)
@@ -75,12 +75,14 @@ def face_and_leakage(results: fs.Results) -> Figure:
     )
     look = {"ncols": 2, "frameon": False, "fontsize": 7.5, "title": title.get_text()}
     inside.remove()
-    figure.legend(handles, labels, loc="outside lower right", **look)  # clear of the bands
+    figure.legend(
+        handles, labels, loc="outside lower right", **look
+    )  # does not overlap with the ranges
     return figure
 
 
 def two_scales(results: fs.Results, step: int | None = None) -> Figure:
-    """Figure 1, of a two-scale run, at the highest load that leaks unless given."""
+    """Draw figure 1 of a two-scale run; the default step is that of the highest load that leaks."""
     data = _with(results, "piece_k1", "a two-scale run")
     leaking = np.flatnonzero(np.nan_to_num(data["leakage_two_scale"].values))
     highest = data["nominal_pressure"].values[leaking]
@@ -105,7 +107,7 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
         for letter, (i, j) in zip("ABC", pieces, strict=False):
             for width, colour in ((2.4, "black"), (1.2, "white")):
                 axes.add_patch(Rectangle((i * w1, j * w2), w1, w2, fill=False, ec=colour, lw=width))
-            # beside the piece, on the side of the middle
+            # beside the cell, on the side of the middle
             right = i < data.sizes["piece1"] / 2
             axes.annotate(letter, ((i + right) * w1, (j + 0.5) * w2), (2 if right else -2, 0), weight="bold",
                           textcoords="offset points", ha="left" if right else "right", va="center",
@@ -116,9 +118,10 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
 
 
 def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, np.ndarray]]:
-    """Gap [µm], contact [MPa], fluid pressure for a unit drop and its flow, of pieces with largest to smallest k1.
+    """Return the fields of three cells, with the largest, the median and the smallest k1.
 
-    The flow is that between pixels, over the largest.
+    The fields are the gap [µm], the contact pressure [MPa], the fluid pressure for a unit drop, and the flow between
+    pixels divided by its largest value.
     """
     pieces, k = {}, results.dataset["piece_k1"].values[step]
     is_open = np.argwhere(k > 0)
@@ -132,10 +135,10 @@ def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, n
 
 
 def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.ndarray]:
-    """Fluid pressure for a unit drop through a piece's gap [m], and the flow at its pixels."""
+    """Solve the fluid pressure for a unit drop through the gap of a cell [m]; return it with the flow at the pixels."""
     p = fs.cell_permeability(gap, spacing).fluid_pressure
     k, known = gap**3, np.nan_to_num(p)
-    # the inlet at a pressure of 1 and the outlet at 0 lie half a pixel beyond the ends
+    # the inlet (pressure 1) and the outlet (pressure 0) are half a pixel beyond the ends
     ends = 2 * k[[0, -1]] * np.abs(known[[0, -1]] - [[1.0], [0.0]])
     q1 = np.vstack([ends[:1], -_between(k) * np.diff(known, axis=0), ends[1:]]) / spacing[0]
     q2 = np.pad(_between(k.T).T * np.diff(known, axis=1), ((0, 0), (1, 1))) / spacing[1]
@@ -144,7 +147,7 @@ def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.nd
 
 
 def _between(k):
-    """Harmonic means of neighbouring rows; 0 where one of them is."""
+    """Return the harmonic means of neighbouring rows; a mean is 0 if one of the two values is 0."""
     total = k[:-1] + k[1:]
     return np.divide(2 * k[:-1] * k[1:], total, out=np.zeros_like(total), where=total > 0)
 
@@ -179,7 +182,7 @@ def _draw_closely(figure, pieces, extent):
 
 
 def pieces_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
-    """Prefix of the steps' names; pressure, permeability and mean gap (pieces, steps), at steps or in states."""
+    """Return the prefix of the names of the steps, and pressure, permeability and mean gap (cells, steps)."""
     kind = "state" if "state_k1" in results.dataset else "piece"
     data = _with(results, f"{kind}_k1", "a two-scale or a stochastic run")
     fields = [data[f"{kind}_{name}"].values for name in ("pressure", "k1", "mean_gap")]
@@ -189,7 +192,7 @@ def pieces_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndar
 
 
 def up_and_down(results: fs.Results, prefix: str) -> list[np.ndarray]:
-    """Steps of the loading, and of the unloading from the highest peak."""
+    """Return the steps of the loading, and those of the unloading from the highest peak."""
     pressure, peaks = (
         results.dataset[f"{prefix}{n}"].values for n in ("nominal_pressure", "unloaded_from")
     )
@@ -207,7 +210,7 @@ def _with(results, name, allowed):
 
 
 def cycles(results: fs.Results, count: int = 4) -> Figure:
-    """Figure 2. `count` pieces along the loading and the unloading from the highest peak, and quantiles of all."""
+    """Draw figure 2: `count` cells on loading and on unloading from the highest peak, and quantiles of all cells."""
     prefix, _, k, _ = pieces_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     up, down = up_and_down(results, prefix)
@@ -248,7 +251,10 @@ def cycles(results: fs.Results, count: int = 4) -> Figure:
 
 
 def typical(k: np.ndarray, up: np.ndarray, down: np.ndarray, count: int) -> np.ndarray:
-    """Pieces evenly in the order of steps at which they are open, then of k at the peak; those never open left out."""
+    """Choose cells evenly, in the order of the number of steps at which they are open, then of k at the peak.
+
+    Cells that are never open are left out.
+    """
     path = k[:, np.r_[up, down[1:]]]
     order = np.lexsort((k[:, up[-1]], (path > 0).sum(axis=1)))
     order = order[(path[order] > 0).any(axis=1) & np.isfinite(path[order]).all(axis=1)]
@@ -256,7 +262,7 @@ def typical(k: np.ndarray, up: np.ndarray, down: np.ndarray, count: int) -> np.n
 
 
 def permeability(results: fs.Results) -> Figure:
-    """Figure 3. Pieces on loading and on unloading from the highest peak: k against gap and against their pressure."""
+    """Draw figure 3: k of cells on loading and on unloading from the highest peak, against gap and pressure."""
     prefix, pressure, k, gap = pieces_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     figure = _sheet(3.2)
@@ -276,7 +282,7 @@ def permeability(results: fs.Results) -> Figure:
     left.set(
         xscale="log",
         yscale="log",
-        xlabel=r"mean gap $\bar h$ of the piece [µm]",
+        xlabel=r"mean gap $\bar h$ of the cell [µm]",
         ylabel="permeability $k_1$ [m³]",
     )
     if plates[-1] < 100 * plates[0]:
@@ -284,19 +290,19 @@ def permeability(results: fs.Results) -> Figure:
         left.xaxis.set_major_formatter("{x:g}")
         left.xaxis.set_minor_formatter(NullFormatter())
     left.set_ylim(_floor(k), 3 * max(np.nanmax(k), (plates[-1] * 1e-6) ** 3 / 12))
-    right.set(xlabel="pressure of the piece [MPa]", xlim=(0, None))
+    right.set(xlabel="pressure of the cell [MPa]", xlim=(0, None))
     for axes in (left, right):
         axes.legend(loc="lower right", markerscale=2)
     return figure
 
 
 def _floor(k):
-    """End of a scale: below the smallest, or twelve decades below the largest, which is as good as closed."""
+    """Return the lower end of a scale: below the smallest value, but at most twelve decades below the largest."""
     return max(k[k > 0].min() / 3, 1e-12 * np.nanmax(k))
 
 
 def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
-    """Results of seals of several lengths, in lengths of the face, unloaded from four loads."""
+    """Simulate seals of several lengths, given in lengths of the surface, which are unloaded from four loads."""
     prepared, count = fs.preparation.prepare(case), case.stochastic.realisations or SEALS
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(part * top for part in PEAKS)
@@ -314,7 +320,7 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
 
 
 def leakage(seals: list) -> Figure:
-    """Figure 4. Median leakage over load: seals of all lengths unloaded from the highest load, the longest from all."""
+    """Draw figure 4: the median leakage of all lengths from the highest peak, and of the longest from all peaks."""
     figure = _sheet(3.4)
     left, right = figure.subplots(1, 2, sharey=True)
     steps = seals[0].steps
@@ -366,18 +372,18 @@ def leakage(seals: list) -> Figure:
 
 
 def _path(steps, peak):
-    """Steps of the loading up to a peak, and of the unloading from there."""
+    """Return the steps of the loading up to a peak, and those of the unloading from there."""
     up = [n for n, s in enumerate(steps) if s.unloaded_from is None and s.pressure <= peak]
     return up, [up[-1], *(n for n, s in enumerate(steps) if s.unloaded_from == peak)]
 
 
 def _open(values):
-    """No line where nothing flows."""
+    """Replace values without flow by NaN, so that no line is drawn there."""
     return np.where(values > 0, values, np.nan)
 
 
 def constrictions(results: fs.Results) -> Figure:
-    """Figure 5. Shares of the pressure drop over the leakage, and where it drops at the least."""
+    """Draw figure 5: fractions of the pressure drop against the leakage, and a map of them at the smallest leakage."""
     data = _with(results, "piece_drop_fraction", "a two-scale run")
     q, fractions = data["leakage_two_scale"].values, data["piece_drop_fraction"].values
     leaking = np.flatnonzero(np.nan_to_num(q) != 0)
@@ -399,7 +405,7 @@ def constrictions(results: fs.Results) -> Figure:
     left.set(
         xscale="log",
         xlabel="leakage / leakage at the first load",
-        ylabel="part of the pressure drop",
+        ylabel="fraction of the pressure drop",
         ylim=(0, 1.03),
     )
     left.invert_xaxis()
@@ -409,7 +415,7 @@ def constrictions(results: fs.Results) -> Figure:
     image = right.imshow(
         100 * fractions[least].T, origin="lower", extent=(0, sides[0], 0, sides[1]), cmap="Blues"
     )
-    figure.colorbar(image, ax=right, shrink=0.7, label="pressure drop in a piece [%]")
+    figure.colorbar(image, ax=right, shrink=0.7, label="pressure drop in a cell [%]")
     right.set(
         xlabel="$x_1$, inlet at 0 [mm]",
         ylabel="$x_2$ [mm]",

@@ -1,8 +1,9 @@
 """A lens ring
 ===========
 
-A turned ring whose crown is pressed on a cone: the form decides on how broad it touches, and so on the leakage under
-the same force. Hertz's band, of a smooth crown, is narrower than that of a rough one.
+The crown of a turned ring is pressed against a cone. Its radius determines the breadth of the contact band, and
+therefore the leakage under a given force. The contact band of a rough crown is broader than that of a smooth
+crown, which Hertz's theory gives.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ FORCES = np.array([20e3, 50e3, 100e3, 200e3])
 
 
 def lens_rings() -> dict[float, fs.FaceResult]:
-    """Contact and flow of crowns of several radii [m] under forces per length of 20 to 200 N/mm."""
+    """Solve contact and flow of crowns of several radii [m] under forces per length of 20 to 200 N/mm."""
     turned = fs.turned(
         (512, 128),
         (1.024e-3, 0.256e-3),
@@ -45,7 +46,7 @@ def lens_rings() -> dict[float, fs.FaceResult]:
 
 
 def hertz_band(radius: float, force: float) -> float:
-    """Breadth of the band of a smooth crown under a force per length [N/m]: 2 √(4 W R/(π E*)) [m]."""
+    """Return the breadth [m] of the contact band of a smooth crown, 2 √(4 W R/(π E*)), at W newtons per metre."""
     modulus = fs.contact_modulus(fs.Solid(210e9, 0.3), fs.Solid(210e9, 0.3))
     return float(2 * np.sqrt(4 * force * radius / (np.pi * modulus)))
 

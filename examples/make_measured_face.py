@@ -1,10 +1,11 @@
-"""Write measured_face.x3p: a ground steel face as an interference microscope would give it.
+"""Write measured_face.x3p: a ground steel face as an interference microscope would measure it.
 
-Marks along the seal, a little askew, under self-affine roughness, without the waves that the optics do not resolve; on
-top of them what a measurement adds: tilt, a slightly cylindrical form, noise, undefined points where the face is steep,
-a few outliers, heights in whole nanometres.
+The surface consists of grinding marks, which are slightly inclined to the seal, and of self-affine roughness.
+Waves that the optics do not resolve are removed. Then the artefacts of a measurement are added: a tilt, a
+slightly cylindrical form, noise, undefined points where the surface is steep, and a few outliers. The heights
+are rounded to whole nanometres.
 
-Run it to write the file anew: python examples/make_measured_face.py
+To write the file again, run: python examples/make_measured_face.py
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import femseal as fs
 SEED = 11
 POINTS = (300, 600)  # along x1, the leakage, and along x2, the seal
 PIXEL = 1e-6
-RESOLUTION = 10e-6  # shortest wave that the optics resolve
+RESOLUTION = 10e-6  # shortest wavelength that the optics resolve
 LAY_ANGLE = np.deg2rad(1.5)
 TILT = (2e-3, -1e-3)
 CURVATURE = 20.0  # along x2 [1/m]: a cylinder of radius 50 mm
@@ -30,7 +31,7 @@ STEEP_SHARE, SPOTS, OUTLIERS = 0.016, 60, 40
 
 
 def marks(x1: np.ndarray, x2: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Scratches of many grits, each of its own depth and width, across s = x1 cos α + x2 sin α."""
+    """Return the heights [m] of scratches of different depth and width, across s = x1 cos α + x2 sin α."""
     s = x1 * np.cos(LAY_ANGLE) + x2 * np.sin(LAY_ANGLE)
     z = np.zeros(np.broadcast_shapes(x1.shape, x2.shape))
     for centre in np.arange(s.min(), s.max(), 6e-6):
@@ -42,11 +43,11 @@ def marks(x1: np.ndarray, x2: np.ndarray, rng: np.random.Generator) -> np.ndarra
 
 
 def measured_face() -> np.ndarray:
-    """Heights (n1, n2) [m], NaN where undefined."""
+    """Return the heights (n1, n2) [m], which are NaN at undefined points."""
     rng = np.random.default_rng(SEED)
     n1, n2 = POINTS
     x1, x2 = ((np.arange(n1) + 0.5) * PIXEL)[:, None], ((np.arange(n2) + 0.5) * PIXEL)[None, :]
-    # a part of a larger periodic face: what lies under a microscope does not repeat itself
+    # a part of a larger periodic surface, because the field of view of a microscope is not periodic
     whole = fs.self_affine((2 * n1, 2 * n2), (2 * n1 * PIXEL, 2 * n2 * PIXEL), hurst=0.8, rms_height=0.65e-6,
                            roll_off=28e-6, cut_off=3e-6, rng=rng)  # fmt: skip
     z = whole.heights[:n1, :n2] + marks(x1, x2, rng)
@@ -68,7 +69,7 @@ if __name__ == "__main__":
     record = x3pio.Metadata.for_software(
         "femseal example", "1", date=datetime(2024, 1, 1, tzinfo=UTC)
     )
-    # rows of the format run along its y, which is x2
+    # the rows of the file format run along its y axis, which is x2
     x3pio.write(path, measured_face().T, x_scale=PIXEL, y_scale=PIXEL, z_scale=1e-9, z_type=x3pio.DataType.INT16,
                 metadata=record)  # fmt: skip
     print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB")

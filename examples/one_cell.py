@@ -1,7 +1,8 @@
 """One cell along a load cycle
 ===========================
 
-Contact, then the permeability of the gap. The cell is closed at the peak, and opens again late on unloading.
+This script solves the contact of a cell, and the permeability of its gap, at every step of a load cycle. The
+cell closes at the peak load, and it opens again only at the end of the unloading.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ STEEL = fs.Solid(young=210e9, poisson=0.3, yield_stress=1e9)
 
 
 def cycle() -> tuple[fs.LoadCycle, np.ndarray]:
-    """States of a periodic self-affine cell, and its permeability along x1 at each of them [m³]."""
+    """Return the contact states of a periodic self-affine cell, and its permeability along x1 in each state [m³]."""
     face = fs.self_affine(
         (128, 128), (100e-6, 100e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, rng=3
     )

@@ -1,8 +1,9 @@
-"""The paper's own method
-======================
+"""The method of the paper
+=======================
 
-Two scales as Pérez-Ràfols, Larsson, van Riet and Almqvist (2018) solve them, and seals drawn by
-derivatives of the permeability, beside the face at full resolution and femseal's own drawn seals.
+This script solves a seal by the method of Pérez-Ràfols, Larsson, van Riet and Almqvist (2018). The paper builds
+random seals from derivatives of the permeability. The leakage is compared with that of the surface at full
+resolution, and with the stochastic seals of femseal.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ import numpy as np
 
 import femseal as fs
 
-#: Cells of the paper's method, and of femseal's own seals, whose cells stay in order: two a side.
+#: Numbers of cells: of the method of the paper, and of the stochastic seals of femseal, whose cells stay in order.
 CELLS, OWN_CELLS = (8, 8), (2, 2)
-#: Windows in a group that is alike: in pressure at the highest load, in permeability at others.
+#: Number of windows that form a group of similar ones: in pressure at the highest load, in permeability at other loads.
 ALIKE_IN_PRESSURE, ALIKE_IN_PERMEABILITY = 16, 5
 
 
 def strip(points: int = 256, seed: int = 2) -> fs.Scene:
-    """A self-affine face, a point for each µm, loaded to 1 GPa and unloaded."""
+    """Return a scene: a self-affine surface with one point per µm, loaded to 1 GPa and unloaded."""
     steel = fs.Solid(young=210e9, poisson=0.3, yield_stress=1.2e9)
     size = (points * 1e-6, points * 1e-6)
     return fs.Scene(
@@ -38,7 +39,7 @@ def strip(points: int = 256, seed: int = 2) -> fs.Scene:
 
 
 def cut(field: np.ndarray, cells: tuple[int, int], axis: int) -> np.ndarray:
-    """Windows (row, column, n1, n2), each centred on its link between two nodes along an axis."""
+    """Cut a field into windows (row, column, n1, n2), each centred on its link between two nodes along an axis."""
     (rows, columns), (n1, n2) = cells, np.array(field.shape) // cells
     if axis == 1:  # half a cell from the windows of the links along x1, which are the cells
         field = np.roll(field, (-(n1 // 2), -(n2 // 2)), axis=(0, 1))
@@ -46,7 +47,7 @@ def cut(field: np.ndarray, cells: tuple[int, int], axis: int) -> np.ndarray:
 
 
 def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
-    """States of the waves longer than half a cell, and raw gaps of all waves over them (n1, n2)."""
+    """Return the contact states of the waves longer than half a cell, and the raw gaps with all waves (n1, n2)."""
     face = scene.surface
     smooth = face.low_pass(face.size[0] / cells[0] / 2)
     coarse = smooth.resample((face.shape[0] // 2, face.shape[1] // 2))
@@ -63,7 +64,7 @@ def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
 
 
 def window_contact(gap0, raw_gap, body, pressure, hardness, deformation):
-    """Gap and plastic deformation of a window [m]; without pressure it keeps its raw gap."""
+    """Return the gap and the plastic deformation of a window [m]; a window without pressure keeps its raw gap."""
     if pressure == 0:
         apart = raw_gap + deformation
         return apart - min(apart.min(), 0.0), deformation
@@ -73,10 +74,10 @@ def window_contact(gap0, raw_gap, body, pressure, hardness, deformation):
 
 
 def windows_of_links(scene: fs.Scene, axis: int, states: list, cells=CELLS) -> np.ndarray:
-    """Pressure [Pa], mean raw gap [m] and permeability [m³] of each window (step, row, column)."""
+    """Return the pressure [Pa], the mean raw gap [m] and the permeability [m³] of all windows (step, row, column)."""
     gap0 = cut(scene.surface.gap(), cells, axis)
     body = fs.HalfSpace(gap0.shape[2:], scene.surface.spacing, scene.modulus, "mirror")
-    left = {None: np.zeros_like(gap0)}  # plastic deformation by the peak of an unloading
+    left = {None: np.zeros_like(gap0)}  # plastic deformation at the peak before an unloading
     found = []
     for state, of_face in states:
         raw_gap = cut(of_face, cells, axis)
@@ -93,7 +94,7 @@ def windows_of_links(scene: fs.Scene, axis: int, states: list, cells=CELLS) -> n
 
 
 def leakage(scene: fs.Scene, k1: np.ndarray, k2: np.ndarray) -> np.ndarray:
-    """Leakage over links along x1 and x2 (step, row, column) at every step [m²/s]."""
+    """Return the leakage [m²/s] at every step of a network of links along x1 and x2 (step, row, column)."""
     seal = fs.RectangularSeal(scene.surface.size, k1.shape[1:])
     drop = {"inlet_pressure": scene.inlet_pressure, "outlet_pressure": scene.outlet_pressure}
     flows = (fs.seal_leakage(seal, k, scene.fluid, **drop) for k in zip(k1, k2, strict=True))
@@ -101,14 +102,14 @@ def leakage(scene: fs.Scene, k1: np.ndarray, k2: np.ndarray) -> np.ndarray:
 
 
 def alike(rank, first, last, count, rng) -> np.ndarray:
-    """A rank from the same group as each rank: groups of `count`, from `first` to before `last`."""
+    """Replace each rank by a random one of its group; groups have `count` ranks and lie between `first` and `last`."""
     rank = np.minimum(rank, last - 1)
     low = first + (rank - first) // count * count
     return rng.integers(low, np.minimum(low + count, last))
 
 
 def step_down(k, start, end, change, rng) -> np.ndarray:
-    """Add dk/dp of windows of like k, whose own goes from start to end; closed take closed ones."""
+    """Add dk/dp of windows with a similar k (from start to end); closed windows take that of closed ones."""
     order, closed = np.argsort(start, kind="stable"), np.count_nonzero(start == 0)
     first, last = np.where(k > 0, closed, 0), np.where(k > 0, start.size, closed)
     count = np.where(k > 0, ALIKE_IN_PERMEABILITY, closed)
@@ -118,7 +119,7 @@ def step_down(k, start, end, change, rng) -> np.ndarray:
 
 
 def drawn_links(scene: fs.Scene, windows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Permeability (step, row, column) of the links along one axis of a drawn seal."""
+    """Return the permeabilities (step, row, column) of the links along one axis of a random seal."""
     steps, load = scene.steps, scene.steps.pressures
     pressure, separation, of_windows = (field.reshape(len(steps), -1) for field in windows)
     top, links = len(steps.loading) - 1, of_windows.shape[1]
@@ -132,7 +133,7 @@ def drawn_links(scene: fs.Scene, windows: np.ndarray, rng: np.random.Generator) 
 
 
 def drawn_seals(scene: fs.Scene) -> np.ndarray:
-    """Median leakage of femseal's own drawn seals, as large as the face [m²/s]."""
+    """Return the median leakage [m²/s] of femseal's stochastic seals of the size of the surface."""
     sampling = fs.Sampling(scene.surface.size[1], realisations=16, seed=1)
     return fs.stochastic(scene, OWN_CELLS, sampling).quantile(0.5)
 

@@ -1,11 +1,11 @@
-"""The two-scale view in ParaView: where the pressure drops in the pieces, contact pressure over all pixels.
+"""Draw two scales in ParaView: the pressure drop of the cells, and the contact pressure on all pixels.
 
-As a macro (Macros > Import new macro): open `vtk/pieces.pvd` of a results folder, select it, run the macro. Without a
-window, the last argument being the load step:
+To use the script as a macro (Macros > Import new macro), open `vtk/pieces.pvd` of a results folder, select it,
+and run the macro. To use it without a window, give the folder, the picture and the load step:
 
     xvfb-run -a pvpython examples/paraview_two_scale.py results/turned_seal view.png 8
 
-It was tried with ParaView 5.11. Time is the index of the load step. Where nothing flows, pieces are grey.
+It was tried with ParaView 5.11. The time is the index of the load step. Cells without flow are grey.
 """
 
 import os
@@ -18,7 +18,7 @@ GREY = [0.69, 0.69, 0.69]
 
 
 def opened(folder):
-    """The pieces of the face and the fields over all pixels."""
+    """Open the files of the cells and of the fields on all pixels."""
     paths = [os.path.join(folder, *name) for name in (("vtk", "pieces.pvd"), ("fields.pvd",))]
     missing = [path for path in paths if not os.path.isfile(path)]
     if missing:
@@ -30,7 +30,7 @@ def opened(folder):
 
 
 def coloured(source, array, title, palette, view, time):
-    """Show a source with a colour bar over the range at this time."""
+    """Show a source with a colour bar for the range of its values at this time."""
     source.UpdatePipeline(time)
     shown = pv.Show(source, view)
     shown.SetRepresentationType("Surface")
@@ -48,13 +48,13 @@ def coloured(source, array, title, palette, view, time):
 
 
 def look(view, bounds, time):
-    """From above, x1 to the right."""
+    """Point the camera at the surface from above, with x1 to the right."""
     x1, x2 = bounds[1], bounds[3]
     view.ViewTime = time
     view.UseColorPaletteForBackground, view.Background = 0, [1.0, 1.0, 1.0]
     view.OrientationAxesVisibility = 0
     view.InteractionMode = "2D"
-    pv.Render(view)  # the first time ParaView moves the camera itself
+    pv.Render(view)  # on the first rendering, ParaView moves the camera itself
     view.CameraParallelProjection = 1
     view.CameraFocalPoint = [x1 / 2, x2 / 2, 0]
     view.CameraPosition = [x1 / 2, x2 / 2, x2]
@@ -64,7 +64,7 @@ def look(view, bounds, time):
 
 
 def draw(folder, time):
-    """A layout with both views; returns it."""
+    """Make a layout with both views, and return it."""
     seal, contact = opened(folder)
     pv.GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
     pv.GetAnimationScene().AnimationTime = time
@@ -96,7 +96,7 @@ def draw(folder, time):
 
 
 def selected_folder():
-    """Results folder of the file that is open in ParaView."""
+    """Return the results folder of the file that is open in ParaView."""
     name = pv.GetActiveSource().FileName
     return os.path.dirname(os.path.dirname(name if isinstance(name, str) else name[0]))
 

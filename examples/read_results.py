@@ -1,8 +1,8 @@
 """Results of a case
 =================
 
-Read a results folder back: the table, single numbers by their names, pictures, and the page that tells the run. Run a
-case first: ``femseal run examples/turned_seal.toml -o results/turned_seal``.
+This script reads a results folder: its table, single numbers by their names, pictures and the report. To create the
+folder, run ``femseal run examples/turned_seal.toml -o results/turned_seal``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import femseal as fs
 
 
 def loading_over_unloading(results: fs.Results) -> dict[float, float]:
-    """Leakage on loading over that on unloading from the highest peak, by nominal pressure [Pa]."""
+    """Return the leakage on loading divided by that on unloading from the highest peak, by nominal pressure [Pa]."""
     leakage = dict(zip(results.steps, results.leakage.values, strict=True))
     peak = max(step.pressure for step in leakage)
     loading = {

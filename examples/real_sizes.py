@@ -2,14 +2,15 @@
 
     python examples/real_sizes.py OUT [--realisations 3]
 
-1. Single pieces of a face scatter by orders of magnitude, and some close while the face is loaded.
-2. Permeability against mean gap collapses onto h̄³/12; against pressure, loading and unloading separate.
-3. On unloading the leakage stays nearly constant over a good part of the release. Seals 1 mm to 0.1 m long and 0.5
-   to 5 mm broad are drawn from one face for each hardness.
-4. At small leakage a few constrictions carry the pressure drop, whatever the size of the face.
+1. The permeabilities of single cells scatter by orders of magnitude, and some cells close during loading.
+2. Plotted against the mean gap, the permeability approaches h̄³/12. Plotted against the pressure, loading and unloading
+   follow different curves.
+3. On unloading, the leakage stays nearly constant at first. For each hardness, seals of 1 mm to 0.1 m length and 0.5 to
+   5 mm breadth are simulated from one surface.
+4. If the leakage is small, a few constrictions carry the pressure drop, whatever the size of the surface.
 
-Faces are self-affine (Hurst 0.8), their pieces 50 µm long and broad. OUT gets real_sizes.csv (finding 3),
-real_sizes_pieces.csv (findings 1, 2 and 4) and a picture.
+The surfaces are self-affine (Hurst exponent 0.8), and their cells are 50 µm long and broad. The script writes
+real_sizes.csv (finding 3), real_sizes_pieces.csv (findings 1, 2 and 4) and a picture into the folder OUT.
 """
 
 from __future__ import annotations
@@ -22,25 +23,25 @@ import numpy as np
 
 import femseal as fs
 
-PIECE, POINTS = 50e-6, 48  # side [m] of a piece, and its points
+PIECE, POINTS = 50e-6, 48  # side of a cell [m], and its number of points
 MODULUS, SLOPE = 115e9, 0.2
-#: Nominal pressures over the hardness.
+#: Nominal pressures divided by the hardness.
 LOADING = (0.01, 0.03, 0.06, 0.1, 0.15, 0.2)
 PEAKS = (0.1, 0.2)
 UNLOADING = (0.17, 0.13, 0.1, 0.075, 0.05, 0.03, 0.015, 0.007)
-#: Of the faces whose pieces are looked at: up to closing, and back.
+#: Loads for the study of single cells, up to closing and back, divided by the hardness.
 TO_CLOSING = (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.33, 0.36, 0.39)
 #: H/(E*·rms slope); sizes (x1, x2) [m] of the seals.
 PLASTICITY = (0.05, 0.1, 0.3)
 SIZES = ((0.5e-3, 1e-3), (0.5e-3, 1e-2), (0.5e-3, 0.1), (2e-3, 1e-2), (5e-3, 1e-2))
-#: Pieces along each side of the faces whose pieces are looked at.
+#: Numbers of cells along each side of the surfaces in the study of single cells.
 FACES = (4, 8)
 
 
 def scene(
     plasticity: float, pieces: int = 4, loading=LOADING, peaks=PEAKS, unloading=UNLOADING
 ) -> fs.Scene:
-    """A dry face of so many pieces a side, and its cycle."""
+    """Return a scene: a dry surface with a number of cells per side, and its load cycle."""
     n, size = pieces * POINTS, pieces * PIECE
     pixel = PIECE / POINTS
     face = fs.self_affine(
@@ -62,7 +63,9 @@ def scene(
 
 
 def doubling_share(pressure: np.ndarray, leakage: np.ndarray) -> float:
-    """Fraction of the peak load lost when the leakage has doubled; steps from the peak down; NaN if it never does.
+    """Return the fraction of the peak load that is lost when the leakage has doubled; NaN if it never doubles.
+
+    The arrays begin at the peak and continue along the unloading.
 
     >>> doubling_share(np.array([4.0, 2.0, 1.0]), np.array([1.0, 2.0, 8.0]))
     0.5
@@ -74,7 +77,7 @@ def doubling_share(pressure: np.ndarray, leakage: np.ndarray) -> float:
 
 
 def study(plasticity=PLASTICITY, sizes=SIZES, realisations=3, mapper=map):
-    """Finding 3: a row for each hardness, size and peak."""
+    """Study finding 3; return a row for each hardness, size and peak."""
     rows = []
     for ratio in plasticity:
         case = scene(ratio)
@@ -107,16 +110,17 @@ def study(plasticity=PLASTICITY, sizes=SIZES, realisations=3, mapper=map):
 
 
 def pieces_of_faces(faces=FACES, plasticity=0.1, mapper=map) -> dict[int, fs.FaceResult]:
-    """Pieces of faces with so many of them a side, up to closing and back."""
+    """Solve the cells of surfaces with several numbers of cells per side, up to closing and back."""
     load = {"loading": TO_CLOSING, "peaks": TO_CLOSING[-1:], "unloading": TO_CLOSING[-2::-2]}
     return {n: fs.two_scale(scene(plasticity, n, **load), (n, n), mapper=mapper) for n in faces}
 
 
 def scatter(result: fs.FaceResult, hardness: float):
-    """Findings 1, 2 and 4: a row for each load.
+    """Study findings 1, 2 and 4; return a row for each load.
 
-    decades : of k1 from the 5 % to the 95 % quantile of the open pieces. closed : fraction of pieces.
-    over_plates : median of k1 over h̄³/12. half_of_drop : fewest pieces over which half of the pressure drops.
+    The entries of a row are: decades, the scatter of k1 between the 5 % and the 95 % quantile of the open cells;
+    closed, the fraction of closed cells; over_plates, the median of k1 divided by h̄³/12; half_of_drop, the smallest
+    number of cells that carry half of the pressure drop.
     """
     rows = []
     for s, step in enumerate(result.steps):
@@ -140,7 +144,7 @@ def scatter(result: fs.FaceResult, hardness: float):
 
 
 def draw(rows, faces, path):
-    """Above: permeability of pieces against pressure and gap, their pressure drop. Below: unloading against size."""
+    """Draw the permeability and the pressure drop of cells, and below them the unloading against the size."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -171,7 +175,7 @@ def draw(rows, faces, path):
             ylim=(1, None),
         )
         ax.grid(alpha=0.3)
-    axes[1, 0].set_ylabel("leakage after half of the load is lost,\nover that at the peak")
+    axes[1, 0].set_ylabel("leakage after half of the load is lost,\ndivided by that at the peak")
     for ax in axes[1, len(ratios) :]:
         ax.axis("off")
     handles, names = axes[1, 0].get_legend_handles_labels()
@@ -209,10 +213,10 @@ def _draw_pieces(axes, faces):
     axes[0].set(
         yscale="log",
         xlabel="nominal pressure [MPa]",
-        ylabel="permeability of pieces [m³]",
-        title="pieces",
+        ylabel="permeability of cells [m³]",
+        title="cells",
     )
-    axes[1].set(yscale="log", xscale="log", xlabel="mean gap of the piece [µm]", title="pieces")
+    axes[1].set(yscale="log", xscale="log", xlabel="mean gap of the cell [µm]", title="cells")
     axes[1].xaxis.set_minor_formatter("")
     for ax in axes[:2]:
         ax.set_ylim(floor, None)
@@ -220,9 +224,9 @@ def _draw_pieces(axes, faces):
     for (n, result), marker in zip(faces.items(), "os^", strict=False):
         found = [r for r in scatter(result, 1.0) if r["half_of_drop"]]
         axes[2].plot([r["leakage_over_first"] for r in found], [r["half_of_drop"] for r in found], ls="", ms=4,
-                     marker=marker, label=f"{n * n} pieces")  # fmt: skip
-    axes[2].set(xscale="log", yscale="log", xlabel="leakage over that of the first load",
-                ylabel="pieces that take half of the pressure drop", title="constrictions")  # fmt: skip
+                     marker=marker, label=f"{n * n} cells")  # fmt: skip
+    axes[2].set(xscale="log", yscale="log", xlabel="leakage divided by that at the first load",
+                ylabel="cells that carry half of the pressure drop", title="constrictions")  # fmt: skip
     axes[2].invert_xaxis()
     axes[2].legend(fontsize=7)
 

@@ -1,12 +1,12 @@
 #!/bin/bash
-# Run femseal on the cores of a SLURM cluster. One job starts a Dask scheduler, a Dask worker for every task but one, and
-# the command, whose work the workers compute:
+# Run femseal on the cores of a SLURM cluster. One job starts a Dask scheduler, a Dask worker for every task except one, and
+# the femseal command, which distributes its work to the workers:
 #   sbatch --nodes=2 --ntasks-per-node=32 examples/slurm.sh run CASE.toml -o FOLDER
-# Any command that takes --scheduler will do: run, sweep, calibrate. Only the first node reads the case and writes the folder.
-# Further jobs may add workers, and leave, while it is under way, if they see the folder from which it was submitted:
+# The command may be run, sweep or calibrate. Only the first node reads the case and writes the output folder. While the job
+# runs, further jobs may add workers and remove them, if they can read the folder from which the job was submitted:
 #   sbatch --array=1-16 --wrap "dask worker --scheduler-file dask-JOBID.json --nthreads 1 --death-timeout 60"
-# Shortly before the time limit the command is stopped and the job queued again, as SLURM does after a node failed. It goes
-# on from what its folder has.
+# Shortly before its time limit the command is stopped and the job is queued again, as SLURM does after the failure of a node.
+# It then continues with the results in its folder.
 #SBATCH --job-name=femseal
 #SBATCH --cpus-per-task=1
 #SBATCH --mem-per-cpu=2G
@@ -21,7 +21,7 @@ dask scheduler --port 0 --no-dashboard --scheduler-file "$connection" &
 until [ -s "$connection" ]; do sleep 1; done
 address=$(python3 -c 'import json, sys; print(json.load(open(sys.argv[1]))["address"])' "$connection")
 
-# one task is left to the scheduler and the command itself; of a node that fails, the others take the work
+# one task remains for the scheduler and the command itself; if a node fails, the other workers take over its work
 workers=$((SLURM_NTASKS - 1))
 if [ "$workers" -gt 0 ]; then
     srun --ntasks="$workers" --no-kill --kill-on-bad-exit=0 \

@@ -1,9 +1,9 @@
-"""Which input decides the leakage
-===============================
+"""Which input matters most for the leakage
+=========================================
 
-Sobol indices over ranges of three inputs: the part of the variance of ln(leakage) that each explains alone (first
-order), and with its interactions (total). A case gives its scene by
-``femseal.preparation.prepare(fs.load_case("seal.toml")).scene``.
+This script computes Sobol indices for ranges of three inputs. The first-order index is the part of the variance
+of ln(leakage) that an input explains alone. The total index also includes its interactions with other inputs.
+To use the scene of a case file, write ``femseal.preparation.prepare(fs.load_case("seal.toml")).scene``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SCENE = fs.Scene(
 
 
 def log_leakage(values: np.ndarray) -> np.ndarray:
-    """ln of the leakage [m²/s] (n,) at values (3, n) of hardness, factor of the heights, and viscosity."""
+    """Return ln of the leakage [m²/s] (n,) at values (3, n) of hardness, factor of the heights, and viscosity."""
     found = []
     for hardness, roughness, viscosity in values.T:
         face = fs.Topography(roughness * FACE.heights, FACE.spacing)
@@ -33,7 +33,7 @@ def log_leakage(values: np.ndarray) -> np.ndarray:
 
 
 def indices(count: int = 128) -> tuple[np.ndarray, np.ndarray]:
-    """First-order and total indices (3,) from 5 × `count` scenes; `count` is a power of 2."""
+    """Return the first-order and the total indices (3,) from 5 × `count` scenes; `count` is a power of 2."""
     found = sobol_indices(
         func=log_leakage, n=count, dists=[loguniform(*ends) for ends in RANGES.values()], rng=1
     )

@@ -1,9 +1,10 @@
-"""The two-scale view of a results folder: where the pressure drops in its pieces, contact pressure over all pixels.
+"""Draw two scales of a results folder: the pressure drop of the cells, and the contact pressure on all pixels.
 
     python examples/two_scale_view.py results/turned_seal view.png
 
-It reads `vtk/pieces.pvd` and `fields.pvd`. Without a display, set
-VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow (or vtkOSOpenGLRenderWindow). `paraview_two_scale.py` draws the same.
+The script reads `vtk/pieces.pvd` and `fields.pvd`. On a machine without a display, set
+VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow (or vtkOSOpenGLRenderWindow). `paraview_two_scale.py` draws the
+same view.
 """
 
 import sys
@@ -17,7 +18,7 @@ COLOURS = "magma", "inferno"
 
 
 def read(path, step):
-    """The mesh at a step; lengths in µm."""
+    """Read the mesh at a load step, with lengths in µm."""
     reader = pv.get_reader(path)
     reader.set_active_time_value(step)
     (mesh,) = reader.read()
@@ -25,7 +26,7 @@ def read(path, step):
 
 
 def draw(folder, step):
-    """A plotter with both views at a step: inlet at the left, x1 to the right."""
+    """Return a plotter with both views at a load step, with the inlet at the left and x1 to the right."""
     folder = Path(folder)
     seal, face = read(folder / "vtk" / "pieces.pvd", step), read(folder / "fields.pvd", step)
     x1, x2 = seal.bounds[1], seal.bounds[3]
@@ -57,7 +58,7 @@ def draw(folder, step):
             scalar_bar_args=bar,
             copy_mesh=True,
         )
-        # from above, x1 to the right
+        # the view from above, with x1 to the right
         centre = x1 / 2, x2 / 2
         plotter.camera_position = [(*centre, x1), (*centre, 0), (0, 1, 0)]
         plotter.enable_parallel_projection()
@@ -73,7 +74,7 @@ def draw(folder, step):
 
 
 def tightest_leaking_step(folder):
-    """The step of the highest load that still leaks."""
+    """Return the load step with the highest load that still leaks."""
     import femseal as fs
 
     data = fs.open_results(folder).dataset
@@ -84,7 +85,7 @@ def tightest_leaking_step(folder):
 if __name__ == "__main__":
     if len(sys.argv) != 3:
         sys.exit(
-            "two arguments: a results folder of the two-scale method, and the picture to write"
+            "give two arguments: a results folder of the two-scale method, and the picture to write"
         )
     source, picture = sys.argv[1:]
     draw(source, tightest_leaking_step(source)).screenshot(picture)
