@@ -467,13 +467,19 @@ def _gap_of_touching_parts(
     square_slope, area : mean square slope and contact fraction with the waves up to each wave number (waves + 1,).
     """
     x, erf_x, G = _gap_integral()
-    # contact modulus of an elastic solid with the same contact fraction
-    softer = sqrt(2) * pressure / (sqrt(square_slope[-1]) * np.interp(area[-1], erf_x, x))
-    # mean square slope of the waves between the row's wave number and the column's (row, column)
-    slope_between = (square_slope[1:] + square_slope[:-1]) / 2 - square_slope[:-1, None]
+    # An elastic solid with this modulus would have the same contact fraction as the solid that yields.
+    rms_slope = sqrt(square_slope[-1])
+    softer_modulus = sqrt(2) * pressure / (rms_slope * np.interp(area[-1], erf_x, x))
+    lowest_modulus = min(modulus, softer_modulus)
+    # In the arrays below a row stands for the shortest wave that is considered, and a column for one of the shorter waves,
+    # which separate the parts. The integrand is 0 in the columns of longer waves.
+    middle = (
+        square_slope[1:] + square_slope[:-1]
+    ) / 2  # mean square slope up to the middle of a wave (column,)
+    slope_between = middle - square_slope[:-1, None]
     w = np.sqrt(2 / np.where(slope_between > 0, slope_between, inf))
-    y = np.maximum(w * pressure / (area[:-1, None] * min(modulus, softer)), x[0])
-    integrand = q * power * w * np.interp(np.log(y), np.log(x), G)
+    lower_limit = np.maximum(w * pressure / (area[:-1, None] * lowest_modulus), x[0])
+    integrand = q * power * w * np.interp(np.log(lower_limit), np.log(x), G)
     return integrand.sum(axis=1) / (2 * sqrt(pi))
 
 
