@@ -471,8 +471,8 @@ def _gap_of_touching_parts(
     rms_slope = sqrt(square_slope[-1])
     softer_modulus = sqrt(2) * pressure / (rms_slope * np.interp(area[-1], erf_x, x))
     lowest_modulus = min(modulus, softer_modulus)
-    # In the arrays below a row stands for the shortest wave that is considered, and a column for one of the shorter waves,
-    # which separate the parts. The integrand is 0 in the columns of longer waves.
+    # In the arrays below a row stands for the shortest wave that is considered, and a column for one of the shorter
+    # waves, which separate the parts. The integrand is 0 in the columns of longer waves.
     middle = (
         square_slope[1:] + square_slope[:-1]
     ) / 2  # mean square slope up to the middle of a wave (column,)
