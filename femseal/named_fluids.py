@@ -575,14 +575,14 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
             limit = to_text(real.highest_pressure, "Pa")
             temperature = f"{gas.temperature - 273.15:.4g} °C"
             reason = (
-                f"it seems to be {name}, which condenses at {limit} and {temperature}, and is a "
-                "liquid then"
+                f"the gas seems to be {name}, which condenses at {limit} and {temperature} and is then "
+                "a liquid"
             )
             return IdealGasError(name, reason=reason)
         real.check_pressure("inlet", inlet)
         real.check_pressure("outlet", outlet)
     except InputError as error:
-        return IdealGasError(name, reason=f"it seems to be {name}, and of that {error}")
+        return IdealGasError(name, reason=f"the gas seems to be {name}: {error}")
     ideal_drop = gas.potential(inlet) - gas.potential(outlet)
     real_drop = real.potential(inlet) - real.potential(outlet)
     return IdealGasError(name, float(ideal_drop / real_drop) if real_drop else nan)

@@ -170,7 +170,7 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
                 first_task = _submit(client, remote_stage, first_item)
         else:
             raise FemsealError(
-                f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out"
+                f"scheduler: the workers of a task died {RETRIES} times, perhaps because memory ran out"
             )
         yield result
 
@@ -204,7 +204,7 @@ def _wait_for_result(client: Any, task: Any) -> Any:
         try:
             return task.result(timeout=ANSWER_SECONDS)
         except KilledWorker as error:
-            reason = "several workers died with the same task, as when memory runs out"
+            reason = "several workers died with the same task, perhaps because memory ran out"
             raise FemsealError(f"scheduler: {reason} ({error})") from error
         except TimeoutError:
             if task.status == "error":

@@ -98,7 +98,7 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         for result in results:  # noqa: UP028, as `yield from` would close the generator here
             yield result
     except TerminatedWorkerError as error:
-        reason = "a process died, as when memory runs out; try fewer workers"
+        reason = "a process died, perhaps because memory ran out; try fewer workers"
         raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
     finally:
         with warnings.catch_warnings():

@@ -165,7 +165,7 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
     changed = [key for key in old | new if old.get(key) != new.get(key)]
     if not changed:
         return True
-    lines = [f"that of the same case, files and versions; remove '{path.parent}' to start anew"]
+    lines = [f"a run of the same case, files and versions; remove '{path.parent}' to start anew"]
     for key in changed[:_MOST_CHANGES]:
         old_value = shortened(old.get(key, "not given"))
         new_value = shortened(new.get(key, "not given"))

@@ -163,7 +163,7 @@ def repair(
         if not spike_points:
             raise
         expected = (
-            f"{error.expected}; {spike_points} of them are spikes, which spikes=inf leaves alone"
+            f"{error.expected}; {spike_points} of them are spikes, which spikes=inf would keep"
         )
         raise TooManyUndefined(error.what, error.given, expected, {"spikes": inf}) from None
     above_filling = topography.heights - form.heights - flat.heights
@@ -224,7 +224,7 @@ class Conditioning(Labelled):
 
     undefined_fraction: float = labelled("undefined points, filled", percent=True)
     spike_points: int = labelled("points in spikes, filled")
-    spikes_extreme: float = labelled("extremes hanging on spikes", percent=True)
+    spikes_extreme: float = labelled("extremes that depend on spikes", percent=True)
     removed_tilt: Pair = labelled("tilt removed along x1, x2", "rad")
     removed_curvature: tuple[float, float, float] = labelled("curvature removed: 11, 12, 22", "1/m")
     shortest_seen: float | None = labelled("shortest wave that the instrument sees", "m")
@@ -266,7 +266,7 @@ class Conditioning(Labelled):
             "contact and leakage may depend on spikes that were removed: "
             f"{self.spikes_extreme:.0%} of the highest or deepest points would be others with them "
             f"({counted(self.spike_points, 'point')} in spikes). Set surface.spikes = inf to keep "
-            "them and compare both leakages, or mask by face.mask what is no part of the face"
+            "them and compare both leakages, or mask points that are not part of the face with face.mask"
         ]
 
     @property
@@ -274,16 +274,16 @@ class Conditioning(Labelled):
         """A sentence on the waves that the instrument does not see; "" if no limit is known or they were added."""
         if self.shortest_seen is None or self.unseen_slope == 0:
             return ""
-        limit = f"the instrument sees no wave below {to_text(self.shortest_seen, 'm', 3)}"
+        limit = f"the instrument does not see waves below {to_text(self.shortest_seen, 'm', 3)}"
         if self.unseen_slope is None:
             return (
-                f"{limit}; without a power law in the spectrum only what the map has of such waves "
-                "counts as removed"
+                f"{limit}. The spectrum has no power law, so that only the part of these waves which "
+                "is in the map counts as removed"
             )
         return (
-            f"{limit}; by the power law of the spectrum the next decade has a rms slope of "
-            f"{self.unseen_slope:.3g}, beside {self.rms_slope_measured:.3g} of those measured; the "
-            "error budget counts it as removed"
+            f"{limit}. By the power law of the spectrum, the next decade of waves has an rms slope of "
+            f"{self.unseen_slope:.3g}, in addition to {self.rms_slope_measured:.3g} of the measured ones. "
+            "The error budget counts it as removed"
         )
 
 

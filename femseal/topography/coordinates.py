@@ -234,7 +234,9 @@ def _notes_on_grid(
     if missing:
         fraction = as_text(missing / (n1 * n2), percent=True)
         verb = "is" if missing == 1 else "are"
-        note += f"; {counted(missing, 'point')} of them, {fraction}, {verb} not in it: undefined"
+        note += (
+            f"; {counted(missing, 'point')} ({fraction}) {verb} missing in it and {verb} undefined"
+        )
     notes = [note]
     if min(columns) == 0 and table_columns > 3:
         notes.append(f"columns of the table after x, y and z are not read: {table_columns} in all")

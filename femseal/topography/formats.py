@@ -109,20 +109,17 @@ def read_x3p(path: Path, options: Reading) -> Raw:
     except x3pio.X3pChecksumError as error:
         if options.verify_checksum:
             given = f"a file that was changed or damaged after it was written ({error})"
-            expected = (
-                "an intact one, or verify_checksum=False (--no-verify-checksum) to read it all the "
-                "same"
-            )
+            expected = "an intact one, or verify_checksum=False (--no-verify-checksum) to read it nevertheless"
             raise InputError("file", given, expected) from None
         file = x3pio.read(path, verify=False)
         notes = (
-            f"{error}: it was changed or damaged after it was written, and is read all the same",
+            f"{error}: the file was changed or damaged after it was written, and is read nevertheless",
         )
     if isinstance(file, x3pio.Profile):
         profile = pick(list(file.layers), options.channel, "layer")
         raise profile_error(profile.z, "of ISO 5436-2")
     if not isinstance(file, x3pio.Surface) or not file.is_regular_grid:
-        given = f"a {type(file).__name__} on no regular grid"
+        given = f"a {type(file).__name__} that is not on a regular grid"
         raise InputError("file", given, "a surface on a regular grid")
     layer = pick(list(file.layers), options.channel, "layer")
     spacing = file.header.x.increment, file.header.y.increment

@@ -349,5 +349,5 @@ def _check_generator(rng: Any) -> np.random.Generator:
             raise TypeError
         return np.random.default_rng(rng)
     except (TypeError, ValueError):
-        expected = "a numpy Generator or a seed, so that the face can be made again"
+        expected = "a numpy Generator or a seed, so that the surface can be reproduced"
         raise InputError("rng", repr(rng), expected) from None

@@ -107,8 +107,8 @@ def _select_channel(channels: list[Any], options: Reading) -> Any:
         return channel
     usable = [i for i, c in enumerate(channels) if c.dim == 2 and c.is_height_channel]
     maps = _list_channels(usable, names) or f"none in this file; {_GIVE_UNITS}"
-    unit = f" in {channel.data_unit!r}" if getattr(channel, "data_unit", None) else ""
-    given = f"channel={options.channel} ({channel.name}), which is no map of heights{unit}"
+    unit = f" but is in {channel.data_unit!r}" if getattr(channel, "data_unit", None) else ""
+    given = f"channel={options.channel} ({channel.name}), which is not a map of heights{unit}"
     raise InputError("file", given, f"a map of heights: {maps}")
 
 
@@ -220,7 +220,7 @@ def _read_gwyddion_field(path: Path, file: Any, options: Reading) -> Raw:
     height_unit = _gwyddion_unit(field, "si_unit_z")
     lateral_unit = _gwyddion_unit(field, "si_unit_xy")
     if options.height_unit is None:
-        given = f"{counted(len(fields), 'field')} whose unit is no length ({height_unit})"
+        given = f"{counted(len(fields), 'field')} whose unit is not a length ({height_unit})"
         raise InputError("file", given, f"a map of heights; {_GIVE_UNITS}")
     spacing = None
     metres = length_unit(lateral_unit)

@@ -100,8 +100,8 @@ def without_no_data(
         )
         if not _is_mark(value):
             expected = (
-                f"heights: no_data={value:g} (--no-data {value:g}) takes such points for not measured, "
-                "no_data='none' (--no-data none) for part of the face"
+                f"heights. With no_data={value:g} (--no-data {value:g}) such points count as not "
+                "measured, with no_data='none' (--no-data none) as heights"
             )
             question = bad_file(path, description, expected)
             return Defined(heights, tuple(notes), (question,))

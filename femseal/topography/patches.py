@@ -153,7 +153,7 @@ class Patches(Plotted):
         waves = np.array(
             [2 * np.pi * patch.rms_height / (patch.rms_slope or np.inf) for patch in self.patches]
         )
-        expected = "like waves: a shortest wave that all of them carry makes them alike"
+        expected = "similar waves: set a shortest wave that all of them contain"
         _check_alike("waves of about", waves, _UNLIKE_WAVES, expected)
 
     def detrend(self, order: int | None = 1) -> Patches:
@@ -246,7 +246,7 @@ def check_single_patch(name: str, surface: object) -> None:
     """Raise InputError if several patches were given to an operation on a single map."""
     if isinstance(surface, Patches):
         given = f"{len(surface.patches)} patches"
-        raise InputError(name, given, "a single map: one of their `patches` after the other")
+        raise InputError(name, given, "a single map; call it for each of their `patches`")
 
 
 def divided(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
@@ -261,7 +261,7 @@ def _check_patches(patches: Sequence[Topography]) -> None:
     """Raise InputError if maps cannot be patches of the same surface, see `Patches`."""
     if len(patches) < 2:
         given = f"{len(patches)} of them"
-        raise InputError("patches", given, "at least two: a single one is given by itself")
+        raise InputError("patches", given, "at least two; give a single one as it is")
     if not all(isinstance(patch, Topography) for patch in patches):
         raise InputError("patches", "other than maps", "a list of Topography")
     for (a, first), (b, second) in combinations(enumerate(patches, start=1), 2):

@@ -249,10 +249,10 @@ def _notes_on_overrides(raw: Raw, given: Reading, height_unit: float | None) -> 
     if given.height_unit is not None and height_unit is not None:
         file_unit = raw.height_unit
         if file_unit is None and raw.unclear and raw.needs_unit:
-            yield f"height_unit {given.height_unit} is taken; the file has the {raw.unclear}"
+            yield f"height_unit {given.height_unit} is used; the file has the {raw.unclear}"
         elif file_unit is not None and abs(file_unit / height_unit - 1) > _SAME:
             yield (
-                f"height_unit {given.height_unit} is taken; the file says "
+                f"height_unit {given.height_unit} overrides the file, which says "
                 f"{to_text(file_unit, 'm')} per number"
             )
     if raw.spacing is None or (given.spacing is None and given.size is None):
@@ -268,8 +268,8 @@ def _notes_on_overrides(raw: Raw, given: Reading, height_unit: float | None) -> 
     if any(abs(a / b - 1) > _SAME for a, b in zip(file_pixel, pixel, strict=True)):
         name = "spacing" if given.size is None else "size"
         yield (
-            f"{name} is taken, a pixel of {as_text(pixel, 'm')}; the file says "
-            f"{as_text(file_pixel, 'm')}"
+            f"{name} overrides the file, which says a pixel of {as_text(file_pixel, 'm')}: it is "
+            f"{as_text(pixel, 'm')}"
         )
 
 

@@ -158,14 +158,14 @@ def check_form(
         slope = max(slope, float(np.nanmax(steps, initial=0.0)))
     is_unknown = (np.isnan(heights) & inside).any()
     if is_unknown and np.isnan(known).all():
-        fault = "no height that is known"
+        fault = "no known height"
     elif is_unknown:
         fault = "slopes up to vertical"
     elif not slope <= MOST_SLOPE:
         fault = f"slopes up to {slope:.2g}"
     else:
         return
-    expected = f"heights with slopes up to {MOST_SLOPE:g}: the faces are half-spaces"
+    expected = f"slopes of at most {MOST_SLOPE:g}, because the faces are treated as half-spaces"
     raise InputError(key, f"{shown} with {fault}", expected)
 
 

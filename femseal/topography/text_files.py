@@ -67,8 +67,10 @@ def encoding_of(path: Path) -> str:
             for name, high_bytes in (("utf-16-le", block[1::2]), ("utf-16-be", block[::2])):
                 if high_bytes.count(0) > 0.9 * len(high_bytes):
                     return name
-            expected = "a text with numbers, or the suffix of the instrument's format"
-            raise InputError("file", "bytes that are no text", expected)
+            expected = (
+                "a text with numbers; the file of an instrument needs the suffix of its format"
+            )
+            raise InputError("file", "a file that is not a text", expected)
         decoder = codecs.getincrementaldecoder("utf-8")()
         try:
             while block:
@@ -222,7 +224,7 @@ class _RowReader:
                 given = (
                     f"{as_text(table.shape[::-1])} numbers, where its header says {as_text(points)}"
                 )
-                raise InputError("file", given, "a whole file, or a header that fits")
+                raise InputError("file", given, "a complete file, or a header that agrees with it")
         return table
 
 

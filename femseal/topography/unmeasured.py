@@ -164,7 +164,7 @@ def continuation_of(
     shortest = validate.number("continue_spectrum", cut_off, unit="m")
     law = spectrum(flat).law
     if law is None:
-        given = f"{to_text(shortest, 'm')} and a face without such a law"
+        given = f"{to_text(shortest, 'm')} for a surface whose spectrum follows no power law"
         expected = "a face whose spectrum follows a power law over a factor of 5 in wavelength, as measured"
         raise InputError("continue_spectrum", given, expected)
     first = max(law.shortest, longest or 0.0)

@@ -161,7 +161,7 @@ NOISE = fs.Topography(np.random.default_rng(1).normal(0, 1e-8, (64, 64)), (1e-6,
         (MEASURED, 5e-6, None, r"continue_spectrum: given 5 µm, expected less than 2\.67 µm"),
         (MEASURED, -1e-6, None, "continue_spectrum"),
         (MEASURED, 1e-6, (256, 256), r"shape: given .*256.*, expected 8 pixels"),
-        (NOISE, 5e-7, None, "continue_spectrum: given .* a face without such a law"),
+        (NOISE, 5e-7, None, "continue_spectrum: given .* whose spectrum follows no power law"),
     ],
 )
 def test_surfaces_without_a_power_law_are_not_continued(face, wave, shape, said):

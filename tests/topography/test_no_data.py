@@ -49,7 +49,7 @@ def test_other_numbers_far_from_all_heights_are_refused_with_a_question(tmp_path
     heights = holed(value, FACE + tilt + 1e-6 * offset)
     doubt = look(tmp_path, heights).doubts[0]
     assert f"21 points (0.911 %) at exactly {value:g}, far from all others" in str(doubt)
-    assert f"no_data={value:g} (--no-data {value:g}) takes such points" in str(doubt)
+    assert f"no_data={value:g} (--no-data {value:g}) such points count" in str(doubt)
     with pytest.raises(InputError, match="far from all others"):
         fs.read_topography(tmp_path / "face.txt", **SAID)
     assert_array_equal(np.isnan(look(tmp_path, heights, no_data=value).topography.heights), HOLE.T)

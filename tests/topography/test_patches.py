@@ -384,7 +384,7 @@ def test_invalid_patches_of_a_case_are_refused(tmp_path, files):
             {"patches": ["place0.npz", {"path": "place1.npz", "height_unit": "mm"}]},
             "same unit|unit",
         ),
-        ({"patches": ["place0.npz", "place1.npz", "smooth.npz"]}, "like waves"),
+        ({"patches": ["place0.npz", "place1.npz", "smooth.npz"]}, "similar waves"),
         ({}, r"face\.path: given none"),
         ({"patches": 3}, r"face\.patches"),
     ):

@@ -177,7 +177,7 @@ def test_coordinates_in_any_order_form_a_grid(tmp_path):
         ("1e-6|2e-6\n3e-6|4e-6\n", r"'1e-6\|2e-6' in line 1"),
         ("# nothing\n", "given no line with numbers"),
         ("", "given no line with numbers"),
-        (bytes(range(256)), "bytes that are no text"),
+        (bytes(range(256)), "a file that is not a text"),
         ("1 inf\n2 3\n", r"face\.asc: heights: given 1 point not finite"),
         ("a = 1 mm\n1 2\n3 4\nend\n", "given 'end' in line 4, .* put # before other lines"),
     ],
@@ -477,7 +477,7 @@ def test_micrometres_in_another_encoding_are_recognised(tmp_path, micron):
     same(read_topography(path))
     found = read_for_a_look(path, height_unit="nm", spacing=(1e-6, 1e-6))
     same(found.topography, 1e-3 * Z, (1e-6, 1e-6))
-    assert "height_unit nm is taken; the file says 1 µm per number" in found.notes
+    assert "height_unit nm overrides the file, which says 1 µm per number" in found.notes
 
 
 def test_an_unknown_unit_of_a_file_is_replaced_by_that_of_the_caller(tmp_path):
@@ -491,7 +491,7 @@ def test_an_unknown_unit_of_a_file_is_replaced_by_that_of_the_caller(tmp_path):
     assert "no unit of height in the file that can be read (unit 'parsnip')" in str(second)
     found = read_for_a_look(path, height_unit="um", spacing=PIXEL)
     same(found.topography)
-    assert "height_unit um is taken; the file has the unit 'parsnip'" in found.notes
+    assert "height_unit um is used; the file has the unit 'parsnip'" in found.notes
 
 
 def gwyddion(folder, heights, mask=None):
@@ -509,7 +509,9 @@ def gwyddion(folder, heights, mask=None):
 def test_a_gwyddion_file_without_units_needs_the_unit_of_the_caller(tmp_path):
     z = np.nan_to_num(Z) * 1e6 + 1
     path = gwyddion(tmp_path, z)
-    refused("1 field whose unit is no length .1., expected a map of heights; .*--height-unit", path)
+    refused(
+        "1 field whose unit is not a length .1., expected a map of heights; .*--height-unit", path
+    )
     refused("no pixel size in the file", path, height_unit="um")
     same(read_topography(path, height_unit="um", spacing=PIXEL), z * 1e-6)
     refused("channel=1, expected 0, the only field of the file", path, channel=1, height_unit="um")
@@ -527,11 +529,12 @@ def test_a_channel_that_is_no_height_is_read_in_the_unit_of_the_caller(tmp_path,
     monkeypatch.setattr(surfaces, "open_topography", lambda path: file)
     path = write(tmp_path, "face.xyz9", "x")
     refused(
-        "Phase., which is no map of heights in 'deg', .* none in this file; if its numbers", path
+        "Phase., which is not a map of heights but is in 'deg', .* none in this file; if its numbers",
+        path,
     )
     found = read_for_a_look(path, height_unit="nm")
     same(found.topography, z * 1e-9)
-    assert "height_unit nm is taken; the file has the unit 'deg' of the channel" in found.notes[0]
+    assert "height_unit nm is used; the file has the unit 'deg' of the channel" in found.notes[0]
     file.channels = []
     refused("no channel of the file has a unit of length", path)
 
@@ -547,7 +550,7 @@ def test_an_x3p_with_a_wrong_checksum_is_read_on_request(tmp_path):
     refused("changed or damaged after it was written .*--no-verify-checksum", path)
     found = read_for_a_look(path, verify_checksum=False)
     same(found.topography)
-    assert "read all the same" in found.notes[0]
+    assert "read nevertheless" in found.notes[0]
     refused(
         "verify_checksum: given False, expected for .x3p files",
         stored(tmp_path),

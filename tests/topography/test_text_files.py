@@ -231,12 +231,12 @@ def test_units_of_the_caller_replace_those_that_cannot_be_read(tmp_path):
     assert "'Value units: V'" in str(second)
     found = look(tmp_path, text, **MICRONS)
     same(found)
-    assert "height_unit um is taken; the file has the " in found.notes[0]
+    assert "height_unit um is used; the file has the " in found.notes[0]
     other = look(tmp_path, HEAD + matrix(), height_unit="nm", size=(15e-6, 24e-6))
     same(other, 1e-3 * HEIGHTS, (1e-6, 2e-6))
     assert other.notes == (
-        "height_unit nm is taken; the file says 1 µm per number",
-        "size is taken, a pixel of 1 µm × 2 µm; the file says 2 µm × 2 µm",
+        "height_unit nm overrides the file, which says 1 µm per number",
+        "size overrides the file, which says a pixel of 2 µm × 2 µm: it is 1 µm × 2 µm",
     )
 
 
@@ -300,7 +300,7 @@ def test_grid_points_that_are_missing_in_a_table_are_undefined(tmp_path, index, 
     text = table(missing=MISSING, index=index, order=order)
     found = look(tmp_path, text, "face.xyz", **MICRONS)
     same(found, without(*MISSING))
-    note = "the table x y z is a grid of 15 × 12 points; 15 points of them, 8.33 %, are not in it"
+    note = "the table x y z is a grid of 15 × 12 points; 15 points (8.33 %) are missing in it"
     assert note in found.notes[0]
 
 
