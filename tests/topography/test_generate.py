@@ -169,7 +169,7 @@ def test_the_lowest_of_all_passes_is_found_with_large_errors():
 
     rng, x1 = np.random.default_rng(1), (np.arange(300)[:, None] + 0.5) / 300
     turn = (2 * np.pi * (np.arange(4) + 0.5) / 4)[None, :]
-    z = generate._grooves(x1, turn, 10, 0.1, 5.0, (0.04, 2e-3), rng)
+    z = generate._cut_grooves(x1, turn, 10, 0.1, 5.0, (0.04, 2e-3), rng)
     rng = np.random.default_rng(1)
     constant, wander = rng.standard_normal((2, 2, 10, 1))
     along = np.cos(turn + 2 * np.pi * rng.random((2, 10, 1)))
