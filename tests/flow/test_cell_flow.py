@@ -5,6 +5,7 @@ import pytest
 from each import each
 from networks import cell_links, solve_links
 from numpy.testing import assert_allclose
+from scipy import ndimage
 from scipy.sparse.linalg import spsolve
 from skfem import Basis, BilinearForm, ElementQuad2, MeshQuad
 from skfem.helpers import dot, grad
@@ -18,6 +19,7 @@ from femseal.flow import (
 )
 from femseal.flow.grid import gap_on_links
 from femseal.flow.law import cubic_law
+from femseal.flow.solvers import choice
 
 D = 1e-6
 SIDES = ("mirror", "periodic")
@@ -490,3 +492,43 @@ def test_a_tensor_of_gaps_that_differ_by_thousands_is_that_of_two_such_cells(see
 def test_a_removed_argument_is_answered_with_what_to_do():
     with pytest.raises(InputError, match="removed; compare several grids"):
         cell_permeability(np.full((4, 4), D), (D, D), bounds=True)
+
+
+def gap_on_long_pixels(seed, n=64):
+    """Smoothed noise, 5 to 42 % of it in contact."""
+    sigma = ((3, 3), (3, 12), (4, 1.5))[seed % 3]
+    noise = ndimage.gaussian_filter(
+        np.random.default_rng(seed).standard_normal((n, n)), sigma, mode="wrap"
+    )
+    contact = (0.05, 0.2, 0.35, 0.42)[seed // 3 % 4]
+    return np.maximum(noise - np.quantile(noise, contact), 0.0)
+
+
+@each("ratio", [28.0, 1 / 28])
+def test_multigrid_on_long_pixels_gives_way_to_elimination(ratio):
+    for seed in range(24):
+        gap = gap_on_long_pixels(seed)
+        flow = cell_permeability(gap, (ratio, 1.0), solver="multigrid", rtol=1e-2)
+        assert flow.solver in ("elimination", "none")
+        exact = cell_permeability(gap, (ratio, 1.0), solver="elimination").value
+        assert_allclose(flow.value, exact, rtol=1e-9)
+    square = cell_permeability(gap_on_long_pixels(0), (1.0, 1.0), solver="multigrid")
+    assert square.solver == "multigrid"
+
+
+@each("ratio", [28.0, 1 / 28])
+def test_multigrid_on_long_pixels_of_a_large_grid_has_the_error_asked_for_or_fails(ratio):
+    """As if the grid had too many nodes for elimination."""
+    solved = 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(choice, "ELIMINATED_NODES", 0)
+        for seed in range(24):
+            gap = gap_on_long_pixels(seed)
+            try:
+                flow = cell_permeability(gap, (ratio, 1.0), solver="multigrid", rtol=1e-2)
+            except NotConverged:
+                continue
+            exact = cell_permeability(gap, (ratio, 1.0), solver="elimination").value
+            assert_allclose(flow.value, exact, rtol=1e-2)
+            solved += 1
+    assert solved > 12
