@@ -404,7 +404,7 @@ def test_notes_are_logged(tmp_path, caplog):
     path.write_text(table(missing=MISSING))
     with caplog.at_level(logging.WARNING, "femseal.topography"):
         read_topography(path, **MICRONS)
-    assert "15 points of them" in caplog.text
+    assert "15 points (8.33 %) are missing" in caplog.text
 
 
 LARGE = """
