@@ -198,7 +198,8 @@ def _form_of_the_patch(
     effect = evaluation.request.form_effect
     if effect is None:
         return []
-    rises = bool(version.holds and version.holds.rises)
+    waves = version.longest_waves
+    rises = waves is not None and waves.rises
     return [patch_form_part(effect, result.steps, leakage_of(result), rises=rises)]
 
 

@@ -60,8 +60,8 @@ class Version(Protocol):
         ...
 
     @property
-    def holds(self) -> Representative | None:
-        """What the patch holds of its long waves."""
+    def longest_waves(self) -> Representative | None:
+        """Longest waves of a measured patch; None of generated surfaces."""
         ...
 
     @property

@@ -1,6 +1,6 @@
-"""Survey of a measured face before a run: its description, the effect of its conditioning, a case to start from.
+"""Survey of a measured surface before a run: its description, what a run does to it, and a case to start from.
 
-No face is refused: one that a run refuses is described with the reason, as far as it can be.
+No surface is refused. One that a run refuses is described as far as possible, with the reason.
 """
 
 import os
@@ -32,9 +32,10 @@ from ..topography import (
     smooth,
 )
 from ..topography.text_files import is_text
-from .face import default_grid, with_keys
+from .keys import errors_with_keys
+from .surface import default_points
 
-#: Arguments of `topography` by their option.
+#: Arguments of the functions that read and condition a surface, by their option on the command line.
 SURFACE_OPTIONS = {
     "shortest_wave": "--shortest-wave",
     "max_share": "--max-undefined",
@@ -49,33 +50,61 @@ SURFACE_OPTIONS = {
     "tip_radius": "--tip-radius",
     "resolution": "--resolution",
 }
-#: How a text lies, which differs from an array of NumPy.
+#: Directions of a text file, which differ from those of an array of NumPy.
 _ORIENTATION = "a line of the text runs along x1, the leakage; transpose makes it run along x2, as rows of NumPy do"
 _PICTURES = (".png", ".pdf", ".svg")
-#: Options that are lengths, or several of them.
+#: Options with one length, or several.
 _LENGTHS = {"size", "spacing", "crop", "tip_radius", "resolution", "shortest_wave"}
-#: What no file of heights says, by the table that says it.
-_OPEN = {
+#: Questions about what no file of heights says, by the table of the case that says it.
+_OPEN_QUESTIONS = {
     "material": "how strong is the softer face as it was machined? The other one: [counter_material], rigid without",
     "load": "which contact pressures in assembly, and down to which in service? Or forces: 10 kN, 200 N/mm",
     "fluid": "which fluid, between which pressures?",
 }
-#: Pressures on a face that has neither load nor material, over the hardness, and that over E* and the rms slope.
+#: Pressures over the hardness at which a surface without load and material is checked, and its hardness over E* times
+#: its rms slope.
 _PRESSURES, _HARDNESS = (0.02, 0.15), 0.15
 _LOADS = "0.02 to 0.15 of a hardness of 0.15 E* times its slope"
-#: Lines of the description of a face that its case shows.
-_SHOWN = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest wave above")
+#: Lines of the description of a surface that its case shows.
+_SHOWN_LINES = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest wave above")
 
 
 @dataclass(frozen=True)
-class _Look:
-    """What is known of a face, and the `reasons` for which a run refuses it; None is not known."""
+class _SurveyedSurface:
+    """What is known of a surface.
+
+    Attributes
+    ----------
+    report : description of the surface as measured.
+    conditioning : what a run does to it; None where a run refuses it.
+    waves : its longest waves; None of flat surfaces.
+    form_effect : what its form does to the leakage; None of flat surfaces.
+    quick_estimate : contact and gaps by its spectrum, as text.
+    reasons : for which a run refuses it.
+    """
 
     report: SurfaceReport
     conditioning: Conditioning | None = None
-    patch: tuple[Representative | FormEffect, ...] = ()
+    waves: Representative | None = None
+    form_effect: FormEffect | None = None
     quick_estimate: str = ""
     reasons: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> list[str]:
+        """What matters of its longest waves and of its form, one sentence each."""
+        texts = [] if self.waves is None else list(self.waves.doubts)
+        return texts + ([] if self.form_effect is None else self.form_effect.warnings)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What there is to say about its longest waves, its form, contact and leakage."""
+        texts = []
+        if self.waves is not None:
+            texts += self.waves.doubts or [str(self.waves)]
+        if self.form_effect is not None:
+            texts += self.form_effect.warnings or [str(self.form_effect)]
+        return texts + ([self.quick_estimate] if self.quick_estimate else [])
 
 
 def survey(
@@ -89,49 +118,51 @@ def survey(
     channel: str = "0",
     **reading: Any,
 ) -> list[str]:
-    """Lines on the face in a file; `picture` also writes its picture.
+    """Describe the surface in a file in lines of text, and draw it.
 
+    Parameters
+    ----------
     path, channel, reading : as `read_topography` takes them, lengths as text with their unit.
-    picture : file to write, .png, .pdf or .svg.
+    picture : file to write, .png, .pdf or .svg; None draws nothing.
     spikes, detrend, shortest_wave, max_undefined : keys of the table [surface] of a case.
 
-    Raises InputError: an argument cannot be used, or a file without heights; no picture is written.
+    Raises
+    ------
+    InputError : an argument cannot be used, or the file has no heights; no picture is written then.
     """
     if picture is not None and (
         picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()
     ):
-        allowed = f"a file {', '.join(_PICTURES)} in a folder that exists"
-        raise InputError("output", f"'{picture}'", allowed)
+        expected = f"a file {', '.join(_PICTURES)} in a folder that exists"
+        raise InputError("output", f"'{picture}'", expected)
     reading = _in_metres(**reading)
     wave = _in_metres(shortest_wave=shortest_wave)["shortest_wave"]
     treatment = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
-    with with_keys(SURFACE_OPTIONS):
+    with errors_with_keys(SURFACE_OPTIONS):
         validate.number("max_undefined", max_undefined, inclusive=True)
         number = int(channel) if channel.isdecimal() else channel
-        seen = read_for_a_look(path, channel=number, **reading)
-        face = seen.topography
-        found = look(face, wave, treatment, seen.instrument)
-    reasons = [*map(str, seen.doubts), *found.reasons]
+        file_content = read_for_a_look(path, channel=number, **reading)
+        face = file_content.topography
+        surveyed = survey_surface(face, wave, treatment, file_content.instrument)
+    reasons = [*map(str, file_content.doubts), *surveyed.reasons]
     texts = [f"a run refuses this face: {reason}" for reason in reasons]
-    if seen.masked_fraction:
-        masked = as_text(seen.masked_fraction, percent=True)
+    if file_content.masked_fraction:
+        masked = as_text(file_content.masked_fraction, percent=True)
         texts.append(
             f"{masked} of the points in the file are masked in it: --no-file-mask takes their heights"
         )
-    texts += seen.notes
-    if is_text(path) and not any("x y z" in note for note in seen.notes):
+    texts += file_content.notes
+    if is_text(path) and not any("x y z" in note for note in file_content.notes):
         texts.append(_ORIENTATION)
-    if found.conditioning is not None:
-        texts += notes(found.report, found.conditioning)
-        texts += [text for one in found.patch for text in _warnings_of(one) or [str(one)]]
-        texts += [found.quick_estimate] if found.quick_estimate else []
-    lines = [str(path), *_indented(found.report)]
-    if found.conditioning is not None:
-        lines += ["what a run does to it", *_indented(found.conditioning)]
+    lines = [str(path), *_indented(surveyed.report)]
+    if surveyed.conditioning is not None:
+        texts += advice(surveyed.report, surveyed.conditioning)
+        texts += surveyed.remarks
+        lines += ["what a run does to it", *_indented(surveyed.conditioning)]
     lines += [f"note: {text}" for text in texts]
     if picture is not None:
         figure = survey_figure(
-            face, found.report, found.conditioning, detrend=detrend, spikes=spikes
+            face, surveyed.report, surveyed.conditioning, detrend=detrend, spikes=spikes
         )
         figure.suptitle(path.name, fontsize=11, parse_math=False)
         with writing("output", picture):
@@ -140,22 +171,30 @@ def survey(
     return lines
 
 
-def _in_metres(**said: Any) -> dict[str, Any]:
-    """What is said of a face, with its lengths in m where they are text, one or several."""
-    found = dict(said)
-    for name in _LENGTHS & said.keys():
-        given, option = said[name], f"--{name.replace('_', '-')}"
-        if isinstance(given, str):
-            found[name] = to_si(given, "m", option)
-        elif given is not None:
-            found[name] = tuple(to_si(one, "m", option) for one in given)
-    return found
+def _in_metres(**options: Any) -> dict[str, Any]:
+    """Convert lengths that are text with a unit, one or several, to m; other options are returned as they are."""
+    converted = dict(options)
+    for name in _LENGTHS & options.keys():
+        value, option = options[name], f"--{name.replace('_', '-')}"
+        if isinstance(value, str):
+            converted[name] = to_si(value, "m", option)
+        elif value is not None:
+            converted[name] = tuple(to_si(length, "m", option) for length in value)
+    return converted
 
 
-def look(
+def survey_surface(
     face: Topography, wave: float | None, treatment: dict[str, Any], instrument: Instrument
-) -> _Look:
-    """Describe and condition the face."""
+) -> _SurveyedSurface:
+    """Describe a surface, condition it as a run does, and check its longest waves and its form.
+
+    Parameters
+    ----------
+    face : as read.
+    wave : wavelength of the filter [m]; None lets the program choose it.
+    treatment : arguments `detrend`, `spikes` and `max_undefined` of `topography.repair`.
+    instrument : that measured the surface.
+    """
     reasons: list[str] = []
     try:
         report = describe_surface(face, **treatment)
@@ -163,63 +202,59 @@ def look(
         reasons.append(f"{error.given}, expected {error.expected}")
         report = describe_surface(face, **treatment | {"max_undefined": 1.0})
     try:
-        with with_keys(SURFACE_OPTIONS):
-            flat, repaired = repair(face, **treatment)
-            shape = default_grid(flat, wave, instrument)
-            kept, conditioning = smooth(
-                flat,
+        with errors_with_keys(SURFACE_OPTIONS):
+            level, repaired = repair(face, **treatment)
+            surface, conditioning = smooth(
+                level,
                 repaired.form,
-                [(flat, repaired)],
+                [(level, repaired)],
                 shortest_wave=wave,
-                shape=shape,
+                shape=default_points(level, wave, instrument),
                 instrument=instrument,
             )
     except InputError as error:
-        # the caller's wave, not the face
-        if wave is not None and not isinstance(error.__cause__, TooManyUndefined):
+        is_fault_of_the_surface = isinstance(error.__cause__, TooManyUndefined)
+        if wave is not None and not is_fault_of_the_surface:
             raise
-        return _Look(report, reasons=(*(reasons or [str(error)]),))
-    found = _Look(report, conditioning, reasons=tuple(reasons))
-    if not kept.rms_slope:
-        return found
-    curved = flat.with_heights(flat.heights + repaired.form.heights).detrend(None)
-    curved = curved.low_pass(conditioning.shortest_wave)
-    # leakage does not depend on E* itself
-    hardness = _HARDNESS * curved.rms_slope
-    pressures = [part * hardness for part in _PRESSURES]
-    form = solve_form_effect(curved, 1.0, PerfectlyPlastic(hardness), pressures, loads=_LOADS)
-    estimate = estimate_surface(curved, 1.0, hardness, pressures)
+        return _SurveyedSurface(report, reasons=tuple(reasons or [str(error)]))
+    surveyed = _SurveyedSurface(report, conditioning, reasons=tuple(reasons))
+    if not surface.rms_slope:
+        return surveyed
+    with_form = level.with_heights(level.heights + repaired.form.heights).detrend(None)
+    with_form = with_form.low_pass(conditioning.shortest_wave)
+    # neither ratios of leakages nor contact fractions depend on E* by itself, so that it is 1 here
+    hardness = _HARDNESS * with_form.rms_slope
+    pressures = [fraction * hardness for fraction in _PRESSURES]
+    law = PerfectlyPlastic(hardness)
+    estimate = estimate_surface(with_form, 1.0, hardness, pressures)
     return replace(
-        found,
-        patch=(representative(kept), form),
+        surveyed,
+        waves=representative(surface),
+        form_effect=solve_form_effect(with_form, 1.0, law, pressures, loads=_LOADS),
         quick_estimate=f"quick estimate at {_LOADS}: {estimate}",
     )
-
-
-def _warnings_of(patch: Representative | FormEffect) -> list[str]:
-    return patch.warnings if isinstance(patch, FormEffect) else patch.doubts
 
 
 def _indented(report: object) -> list[str]:
     return indent(str(report), "  ").splitlines()
 
 
-def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
-    """Advice that follows from the numbers."""
-    notes = conditioning.spike_doubts
+def advice(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
+    """Say what the numbers of a surface suggest: to remove noise, to look at spikes, to turn the map."""
+    texts = list(conditioning.spike_doubts)
     if report.shortest_wave > conditioning.shortest_wave * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
-        notes.append(
+        texts.append(
             f"waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them"
         )
     if conditioning.unseen:
-        notes.append(conditioning.unseen)
+        texts.append(conditioning.unseen)
     if not isnan(report.lay_direction) and abs(report.lay_direction) > pi / 4:
         angle = degrees(abs(report.lay_direction))
-        notes.append(
+        texts.append(
             f"the lay runs {angle:.0f}° off x2, nearer to x1: transpose exchanges the axes"
         )
-    return notes
+    return texts
 
 
 def case_of_face(
@@ -229,19 +264,26 @@ def case_of_face(
     spacing: tuple[str, str] | None = None,
     height_unit: str | None = None,
 ) -> str:
-    """Text of a case of a measured face, for a file in a folder; its last tables hold values of the template.
+    """Write the text of a case of a measured surface, whose last tables have the values of the template.
 
+    Parameters
+    ----------
+    path : file of the surface.
+    folder : of the case, to which the path in the case is relative.
     spacing, height_unit : pixel, with its unit, and unit of the heights, where the file does not say them.
 
-    Raises InputError: no face can be read from the file; neither it nor the caller says its pixel or its unit.
+    Raises
+    ------
+    InputError : no surface can be read from the file, or neither it nor the caller says its pixel or its unit.
     """
-    seen = read_for_a_look(path, height_unit=height_unit, **_in_metres(spacing=spacing))
-    _ask_for_scale(path, seen)
-    given = SurfaceTable().model_dump(include={"detrend", "spikes", "max_undefined"})
-    face, found = seen.topography, look(seen.topography, None, given, seen.instrument)
-    sides = [to_text(side, "m", 6) for side in face.size]
+    file_content = read_for_a_look(path, height_unit=height_unit, **_in_metres(spacing=spacing))
+    _require_scale(path, file_content)
+    face = file_content.topography
+    treatment = SurfaceTable().model_dump(include={"detrend", "spikes", "max_undefined"})
+    surveyed = survey_surface(face, None, treatment, file_content.instrument)
     name = os.path.relpath(path, folder).replace(os.sep, "/")
-    known = {"path": name, "spacing": spacing, "height_unit": height_unit}
+    keys = {"path": name, "spacing": spacing, "height_unit": height_unit}
+    size = as_toml([to_text(side, "m", 6) for side in face.size])
     lines = [
         f"# A case of {path.name}. x1 is the direction of the leakage, x2 runs along the seal.",
         "# A question mark asks for what the file does not say; `femseal check` says what a run computes.",
@@ -249,34 +291,39 @@ def case_of_face(
         f"title = {as_toml(path.stem)}",
         "",
         "[face]",
-        *(f"{key} = {as_toml(value)}" for key, value in known.items() if value is not None),
-        *(f"# {note}" for note in seen.notes),
+        *(f"{key} = {as_toml(value)}" for key, value in keys.items() if value is not None),
+        *(f"# {note}" for note in file_content.notes),
         *([f"# {_ORIENTATION}"] if is_text(path) else []),
-        f"# size = {as_toml(sides)}  # as the file says: ? is that the field of the instrument",
+        f"# size = {size}  # as the file says: ? is that the field of the instrument",
     ]
-    questions, surface = [*map(str, seen.doubts), *found.reasons], []
-    described = str(found.report).splitlines()
-    lines += [f"#   {line}" for line in described if line.startswith(_SHOWN)]
-    if found.conditioning is not None:
-        texts = notes(found.report, found.conditioning)
+    description = str(surveyed.report).splitlines()
+    lines += [f"#   {line}" for line in description if line.startswith(_SHOWN_LINES)]
+    questions = [*map(str, file_content.doubts), *surveyed.reasons]
+    surface_table: list[str] = []
+    if surveyed.conditioning is not None:
+        texts = advice(surveyed.report, surveyed.conditioning)
         questions += [text for text in texts if "shortest_wave" not in text]
-        questions += [text for one in found.patch for text in _warnings_of(one)]
-        measured, kept = found.report.shortest_wave, found.conditioning.shortest_wave
-        wave = to_text(max(measured, kept), "m", 3)
-        why = "the shortest one above noise, of 8 pixels or more"
-        surface = ["", "[surface]", f'shortest_wave = "{wave}"  # {why}']
-    lines += [f"# ? {question}" for question in questions] + surface
-    for table, question in _OPEN.items():
+        questions += surveyed.warnings
+        wave = max(surveyed.report.shortest_wave, surveyed.conditioning.shortest_wave)
+        reason = "the shortest one above noise, of 8 pixels or more"
+        surface_table = [
+            "",
+            "[surface]",
+            f'shortest_wave = "{to_text(wave, "m", 3)}"  # {reason}',
+        ]
+    lines += [f"# ? {question}" for question in questions]
+    lines += surface_table
+    for table, question in _OPEN_QUESTIONS.items():
         lines += ["", f"# ? {question}", *table_to_paste(Case, table).splitlines()]
     return "\n".join(lines) + "\n"
 
 
-def _ask_for_scale(path: Path, seen: Look) -> None:
+def _require_scale(path: Path, file_content: Look) -> None:
     """Raise InputError where nothing says the pixel of a map, or the unit of its heights; arrays of NumPy are in m."""
-    has_pixel, has_unit = seen.said
+    has_pixel, has_unit = file_content.said
     missing = {} if has_pixel else {"pixel size": "--spacing '1 um' '1 um'"}
     if not has_unit and path.suffix.lower() not in (".npy", ".npz"):
         missing["unit of heights"] = "--height-unit um"
     if missing:
-        asked = f"{' and '.join(missing.values())}, as measured"
-        raise InputError(str(path), f"no {' and no '.join(missing)}", asked)
+        expected = f"{' and '.join(missing.values())}, as measured"
+        raise InputError(str(path), f"no {' and no '.join(missing)}", expected)

@@ -9,12 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from ..base import FemsealError, NotKept, as_text, duration, format_deviation, free_memory, to_text
+from ..base import (
+    FemsealError,
+    NotKept,
+    Shape,
+    as_text,
+    duration,
+    format_deviation,
+    free_memory,
+    to_text,
+)
 from ..budget import MODEL_PARTS, BudgetRequest, ErrorBudget, budgets_of, widest_band
 from ..case.case import Case
 from ..execution.run import Run
 from ..face.pieces import FEWEST_POINTS
-from ..preparation.preparation import START_MEMORY, Pair, Prepared, refused_if_too_large
+from ..preparation.memory import START_MEMORY, refuse_impossible_sizes
+from ..preparation.preparation import Prepared
 from ..studies.study_registry import contact_tolerance
 
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
@@ -81,7 +91,7 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     return coarse if fits and "grid" not in given else settings
 
 
-def grid_points(made: Prepared, grid: int) -> Pair:
+def grid_points(made: Prepared, grid: int) -> Shape:
     """Points of the face of a case, `grid` doublings finer; as many more as its pieces ask for."""
     n1, n2 = (
         ceil(n * 2.0**grid / m) * m
@@ -111,7 +121,7 @@ def apply_settings(made: Prepared, settings: Settings) -> Prepared:
 
 def first_version(case: Case, made: Prepared) -> Prepared:
     """The first attempt at the accuracy of a prepared case."""
-    with refused_if_too_large():
+    with refuse_impossible_sizes():
         return apply_settings(made, first_settings(case, made))
 
 

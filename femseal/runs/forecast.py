@@ -21,7 +21,8 @@ from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
 from ..checks import FormEffect, QuickEstimate, flow_warnings
 from ..materials import METALS
-from ..preparation.preparation import START_MEMORY, Prepared
+from ..preparation.memory import START_MEMORY
+from ..preparation.preparation import Prepared
 from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
 from ..results.results import cycle_text
 from ..results.variables import fluid_text
@@ -368,8 +369,8 @@ def _surface_facts(prepared: Prepared, form_effect: FormEffect | None) -> Iterat
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
-    holds = prepared.holds
-    of_waves = str(holds) if holds is not None and not holds.doubts else ""
+    waves = prepared.longest_waves
+    of_waves = str(waves) if waves is not None and not waves.doubts else ""
     of_form = str(form_effect) if form_effect is not None and not form_effect.warnings else ""
     for text in (of_waves, of_form, str(prepared.continuation or ""), report.unseen):
         if text:

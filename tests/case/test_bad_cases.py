@@ -171,7 +171,11 @@ SOLID_AT_2_GPA = {
         ("cells", {"size": "61 um"}, r"size: given 61 µm, expected at most the shorter side"),
         ("cells.young", 1, r"; perhaps meant: young in \[material\]"),
         ("stochastic.length", ["1 mm", "2 mm"], "a number and a unit"),
-        ("stochastic.length", "29.9 um", "length: given 29.9 µm, .*at least one piece, 30 µm"),
+        (
+            "stochastic.length",
+            "29.9 um",
+            "length: given 29.9 µm, .*at least the length of a cell, 30 µm",
+        ),
         ("stochastic.quantiles", [0.9, 0.1], "rising"),
         ("stochastic.quantiles", [0.5, 0.5], "rising"),
         ("stochastic.realisations", 1, "greater than or equal to 2"),

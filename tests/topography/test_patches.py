@@ -14,7 +14,7 @@ from femseal.budget.error_parts import ErrorPart
 from femseal.budget.estimates import places_part
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.preparation.face import groove_pitch
+from femseal.preparation.grooves import groove_pitch
 
 PIXEL = 1e-6
 HARDNESS = 2.3e9

@@ -209,7 +209,7 @@ UNEVEN = {"map": {"kind": "profile", "fractions": [1, 2]}}
         (
             BROAD,
             {"seal": RING, "stochastic": {"realisations": 4}, "compare": ["deterministic"]},
-            "seat.kind: given a seal that takes pieces anywhere",
+            "seat.kind: given a seal that takes cells from anywhere",
         ),
     ],
 )

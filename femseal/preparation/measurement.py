@@ -1,0 +1,65 @@
+"""What is to be checked of a measured surface: waves that the filter removes, noise that it keeps, and its form."""
+
+from collections.abc import Iterator
+
+from ..base import to_text
+from ..case.case import Case
+from ..case.faces import FileFace
+from ..studies import Scene
+from ..topography import Conditioning, Surface, resolving_shape
+
+#: Fraction of the rms slope from which on a warning says that the filter removes it. Measured: with 49 % of it removed
+#: a turned surface leaks 10 to 700 times less.
+_LOST_SLOPE = 0.1
+#: Fraction of the rms slope from which on a warning says that it is noise.
+_NOISE_SLOPE = 0.25
+#: Loads at which the effect of the form is solved.
+_FORM_LOADS = 4
+
+
+def is_measured(case: Case, surface: Surface) -> bool:
+    """Tell whether a surface that is not flat was measured, at least one of its faces."""
+    return bool(surface.rms_slope) and any(isinstance(table, FileFace) for table in case.face)
+
+
+def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
+    """Choose the nominal pressures at which the effect of the form of a measured patch is to be solved [Pa].
+
+    These are up to four of those on loading. There are none where the case says what is form: by `detrend`, by the
+    form of a seat, or by that of the whole seal.
+    """
+    loads = [pressure for pressure in scene.steps.loading if pressure > 0]
+    has_form = case.seat.kind != "flat" or bool(case.seal.form)
+    if not loads or has_form or "detrend" in case.surface.model_fields_set:
+        return ()
+    last = len(loads) - 1
+    return tuple(sorted({loads[n * last // (_FORM_LOADS - 1)] for n in range(_FORM_LOADS)}))
+
+
+def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) -> Iterator[str]:
+    """Warn where the filter removes much of the measured slope, and where it keeps much noise."""
+    if case.surface.continue_spectrum is not None:
+        return
+    measured = to_text(conditioning.shortest_measured, "m", 3)
+    kept = to_text(conditioning.shortest_wave, "m", 3)
+    # waves that no instrument saw are named by the description of the surface
+    is_limited_by_instrument = conditioning.shortest_wave == conditioning.shortest_seen
+    if not is_limited_by_instrument and conditioning.lost_slope > _LOST_SLOPE:
+        size = surface.shortest_patch.size
+        points = list(resolving_shape(size, conditioning.shortest_measured))
+        remedy = f"set surface.points = {points}"
+        if case.surface.shortest_wave is not None:
+            also = " and surface.points" if case.surface.points else ""
+            remedy = f"leave out surface.shortest_wave{also}"
+        yield (
+            f"The leakage may be wrong by large factors: the low-pass at {kept} removes {conditioning.lost_slope:.0%} "
+            f"of the rms slope of the face, whose waves down to {measured} stand above noise. To keep them {remedy}"
+        )
+    if not conditioning.rms_slope:
+        return
+    noise = 1 - conditioning.rms_slope_measured / conditioning.rms_slope
+    if noise > _NOISE_SLOPE:
+        yield (
+            f"The surface is rougher than measured: {noise:.0%} of the rms slope is of waves from {kept} to "
+            f"{measured}, which are noise or beyond the instrument. surface.shortest_wave = '{measured}' removes them"
+        )

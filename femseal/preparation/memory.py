@@ -1,0 +1,66 @@
+"""Sizes of a case against the free memory, before anything is made."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import prod
+
+from ..base import InputError, Shape, free_memory, to_text
+from ..face.pieces import Cut, usual_pieces
+from ..seal.layouts import AnnularLayout, Layout
+from ..seal.tiles import MOST_ROWS
+from ..studies import Sampling
+from ..topography import Surface
+
+#: Memory of the libraries that a run imports [byte].
+START_MEMORY = 0.5e9
+#: Memory that a point of a surface takes at least while the surface is made, filtered and resampled [byte].
+_POINT_BYTES = 64
+#: Memory of a tile of a stochastic seal, with its element and a row of the solver [byte].
+_TILE_BYTES = 4000
+
+
+@contextmanager
+def refuse_impossible_sizes() -> Iterator[None]:
+    """Raise InputError for sizes that no array can have, and for numbers that no float can hold."""
+    try:
+        yield
+    except (MemoryError, OverflowError, RecursionError) as error:
+        reason = str(error) or type(error).__name__
+        expected = f"sizes that fit into memory and numbers of usual size ({reason})"
+        raise InputError("case", "a size or number that is too large", expected) from error
+
+
+def check_memory(key: str, given: object, needed: float) -> None:
+    """Raise InputError, which names a key and its value, if so many bytes are not free."""
+    free = free_memory()
+    if needed > free:
+        expected = (
+            f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about "
+            f"{needed / 1e9:.3g} GB"
+        )
+        raise InputError(key, given, expected)
+
+
+def check_memory_of_points(key: str, shape: Shape, patches: int = 1) -> None:
+    """Raise InputError if a surface of so many points, those of all its patches, does not fit into the free memory."""
+    together = f" of {patches} patches together" if patches > 1 else ""
+    check_memory(key, f"{shape[0]} × {shape[1]} points{together}", prod(shape) * _POINT_BYTES)
+
+
+def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Surface) -> None:
+    """Raise InputError if the tiles of a strip or a ring, as large as cells of a surface, do not fit into memory."""
+    if isinstance(layout, AnnularLayout):
+        key, length = "seal", layout.circumference
+        breadth = layout.outer_radius - layout.inner_radius
+    elif sampling.length is not None:
+        key, length = "stochastic.length", sampling.length
+        breadth = sampling.breadth or surface.size[0]
+    else:
+        return
+    side1, side2 = Cut.of(surface, usual_pieces(surface)).size
+    rows, columns = breadth / side1, length / side2
+    if rows > MOST_ROWS:  # refused when it is laid out
+        return
+    tiles = rows * columns
+    given = f"a seal {to_text(length, 'm', 3)} long, of {tiles:.3g} tiles"
+    check_memory(key, given, tiles * _TILE_BYTES)

@@ -1,0 +1,319 @@
+"""The surface of a case: its faces are made or read, repaired, added up, filtered, and resampled to its grid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from ..base import InputError, Shape, to_text
+from ..case.case import Case, CellsTable
+from ..case.faces import FileFace
+from ..face.pieces import Cut, usual_pieces
+from ..studies.blocks import PIECES, usual_blocks
+from ..topography import (
+    MOST_POINTS,
+    Conditioning,
+    Continuation,
+    Instrument,
+    Overlap,
+    Patches,
+    Repair,
+    Surface,
+    Topography,
+    check_wave,
+    combine,
+    continuation_of,
+    default_wave,
+    repair,
+    resolved_wave,
+    resolving_shape,
+    smooth,
+    spectrum,
+)
+from .keys import FACE_KEYS, SURFACE_KEYS, errors_with_keys
+from .memory import check_memory_of_points
+
+#: Fraction of the rms slope of all measured waves that the waves of 8 pixels and longer must have, so that a measured
+#: surface keeps its own pixels.
+KEPT_SLOPE = 0.99
+#: Cells have at least this many shortest waves along a side, and by default this many.
+_LEAST_WAVES, _USUAL_WAVES = 2, 8
+#: Relative error of lengths that are computed in different ways.
+_ROUNDING = 1e-9
+
+#: A level map, and what was repaired in it.
+RepairedMap = tuple[Topography, Repair]
+
+
+@dataclass(frozen=True, eq=False)
+class ConditionedSurface:
+    """The surface that a case is solved with.
+
+    Attributes
+    ----------
+    surface : filtered and resampled to the grid of the case.
+    conditioning : how it was repaired and filtered.
+    overlap : of two faces; None of one.
+    continuation : of its spectrum beyond the measured waves; None without.
+    cells : numbers of cells along x1 and x2; None where the methods need none, or as many as suit the seals.
+    """
+
+    surface: Surface
+    conditioning: Conditioning
+    overlap: Overlap | None
+    continuation: Continuation | None
+    cells: Shape | None
+
+
+def condition_surface(case: Case) -> ConditionedSurface:
+    """Make or read the faces of a case, and condition their sum.
+
+    Raises
+    ------
+    InputError : a face cannot be read or used, or cells do not suit the surface.
+    """
+    faces = _repair_faces(case)
+    level, instrument = faces.surface, faces.instrument
+    points = _choose_points(case, level, instrument)
+    continuation = None
+    with errors_with_keys(SURFACE_KEYS):
+        shortest_wave = case.surface.shortest_wave
+        if case.surface.continue_spectrum is not None:
+            continuation = continuation_of(
+                level,
+                case.surface.continue_spectrum,
+                longest=shortest_wave or instrument.resolution,
+                rng=case.seed,
+            )
+            shortest_wave = continuation.longest
+        elif not shortest_wave:
+            shortest_wave = default_wave(level, points, instrument)
+        check_memory_of_points("surface.points", points, len(level.patches))
+        patch = level.shortest_patch
+        cells = _choose_cells(case, patch, points, shortest_wave)
+        points_of_patch = (points[0], round(points[1] * patch.shape[1] / level.shape[1]))
+        check_wave(shortest_wave, patch.size, points_of_patch)
+        surface, conditioning = smooth(
+            level,
+            faces.first_repair.form,
+            faces.maps,
+            shortest_wave=shortest_wave,
+            shape=points,
+            instrument=instrument,
+        )
+    conditioning = replace(conditioning, reading=faces.notes)
+    if cells is not None:
+        Cut.of(surface.shortest_patch, cells)  # raises if cells have too few points
+        cells = over_all_patches(level, cells)
+    if continuation is not None:
+        surface = continuation.added_to(surface)
+        conditioning = replace(
+            conditioning,
+            shortest_wave=continuation.cut_off,
+            rms_slope=surface.rms_slope,
+            rms_height=surface.rms_height,
+            unseen_slope=0.0,
+        )
+    if cells is not None:
+        _check_cells(surface, cells, conditioning.shortest_wave)
+    return ConditionedSurface(surface, conditioning, faces.overlap, continuation, cells)
+
+
+def _check_cells(surface: Surface, cells: Shape, shortest_wave: float) -> None:
+    """Raise InputError if cells are shorter than two shortest waves [m]."""
+    least = _LEAST_WAVES * shortest_wave
+    sides = [length / count for length, count in zip(surface.size, cells, strict=True)]
+    if min(sides) < least * (1 - _ROUNDING):
+        given = f"cells of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
+        expected = f"cells of at least two shortest waves, {to_text(least, 'm', 3)}"
+        raise InputError("cells", given, expected)
+
+
+@dataclass(frozen=True, eq=False)
+class _RepairedFaces:
+    """The faces of a case, repaired and added up.
+
+    Attributes
+    ----------
+    surface : their level sum, of all patches.
+    first_repair : of the first patch of the sum.
+    maps : all maps that were measured or generated, each repaired by itself.
+    overlap : of the first patches of two faces; None of one face.
+    instrument : that sees what the instruments of all maps see.
+    notes : how files were understood.
+    """
+
+    surface: Surface
+    first_repair: Repair
+    maps: list[RepairedMap]
+    overlap: Overlap | None
+    instrument: Instrument
+    notes: tuple[str, ...]
+
+
+def _repair_faces(case: Case) -> _RepairedFaces:
+    """Make or read the maps of every face, repair each, and add up those of two faces.
+
+    Patch n of one face lies on patch n of the other. A face of fewer patches is taken again from its first one.
+    """
+    # every face has its own random stream, which does not depend on later draws of the studies
+    seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
+    faces: list[list[RepairedMap]] = []  # maps by face
+    instruments: list[Instrument] = []
+    notes: list[str] = []
+    for number, table in enumerate(case.face):
+        is_measured = isinstance(table, FileFace)
+        key = f"face.{number}" if len(case.face) > 1 else "face"
+        if not isinstance(table, FileFace):
+            check_memory_of_points(f"{key}.points", table.points)
+        with errors_with_keys(FACE_KEYS, key):
+            rng = np.random.default_rng(seeds[number])
+            maps = [map_table.make(case.folder, rng) for map_table in table.maps(case.folder)]
+        spikes = case.surface.spikes if is_measured else inf
+        with errors_with_keys(SURFACE_KEYS | {"heights": key}):
+            treatment = _treatment(case, spikes, is_measured)
+            faces.append([repair(face_map.topography, **treatment) for face_map in maps])
+        instruments += [face_map.instrument for face_map in maps]
+        notes += [note for face_map in maps for note in face_map.notes]
+    all_maps = list(chain(*faces))
+    instrument = _joint_instrument(instruments, [level for level, _ in all_maps])
+    if len(faces) == 1:
+        return _repaired_faces(faces[0], all_maps, None, instrument, notes)
+    count = max(len(maps) for maps in faces)
+    pairs = [[maps[n % len(maps)] for maps in faces] for n in range(count)]
+    second = case.face[1]
+    placement = second.placement if isinstance(second, FileFace) else {}
+    sums = []
+    overlaps = []
+    for (first_map, _), (second_map, _) in pairs:
+        total, overlap = combine(first_map, second_map, **placement)
+        sums.append(total)
+        overlaps.append(overlap)
+    with errors_with_keys(SURFACE_KEYS | {"heights": "face"}):
+        is_measured = any(isinstance(table, FileFace) for table in case.face)
+        treatment = _treatment(case, inf, is_measured)
+        patches = [repair(total, **treatment) for total in sums]
+    return _repaired_faces(patches, list(chain(*pairs)), overlaps[0], instrument, notes)
+
+
+def _repaired_faces(
+    patches: list[RepairedMap],
+    maps: list[RepairedMap],
+    overlap: Overlap | None,
+    instrument: Instrument,
+    notes: list[str],
+) -> _RepairedFaces:
+    """Put patches side by side."""
+    surface: Surface = patches[0][0]
+    if len(patches) > 1:
+        surface = Patches([level for level, _ in patches])
+    return _RepairedFaces(surface, patches[0][1], maps, overlap, instrument, tuple(notes))
+
+
+def _treatment(case: Case, spikes: float, is_measured: bool) -> dict[str, Any]:
+    """Arguments of `topography.repair`. A generated surface is level, and detrending would change its waves."""
+    detrend = case.surface.detrend
+    if detrend is None and not is_measured:
+        detrend = 0
+    return {"spikes": spikes, "detrend": detrend, "max_undefined": case.surface.max_undefined}
+
+
+def _joint_instrument(
+    instruments: Sequence[Instrument], level_maps: Sequence[Topography]
+) -> Instrument:
+    """Describe an instrument that sees what all instruments see of their maps."""
+    seen = [
+        instrument.shortest_wave(level)
+        for instrument, level in zip(instruments, level_maps, strict=True)
+    ]
+    made = min(instrument.made or 0.0 for instrument in instruments)
+    return Instrument(resolution=max(seen) or None, made=made or None)
+
+
+def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
+    """Choose the points of the grid of all patches side by side.
+
+    They are those of the case, which are given for one patch; those of a generated face; or those that the shortest
+    measured wave needs.
+    """
+    cut_off, points = case.surface.continue_spectrum, case.surface.points
+    if points is not None:
+        size = level.shortest_patch.size
+        if cut_off is not None and cut_off < resolved_wave(size, points) * (1 - _ROUNDING):
+            expected = f"8 pixels to continue_spectrum, {list(resolving_shape(size, cut_off))}"
+            raise InputError("surface.points", list(points), expected)
+        return over_all_patches(level, points)
+    if cut_off is not None:
+        return resolving_shape(level.size, cut_off)
+    if not any(isinstance(table, FileFace) for table in case.face):
+        return level.shape
+    return default_points(level, case.surface.shortest_wave, instrument)
+
+
+def over_all_patches(surface: Surface, counts: Shape) -> Shape:
+    """Scale numbers of points or cells of the shortest patch to all patches side by side."""
+    return counts[0], round(counts[1] * surface.shape[1] / surface.shortest_patch.shape[1])
+
+
+def default_points(level: Surface, shortest_wave: float | None, instrument: Instrument) -> Shape:
+    """Choose the points on which a measured surface is solved, see `topography.resolving_shape`.
+
+    The surface keeps its own pixels where the waves of 8 of them and longer ones have nearly all of its slope.
+
+    Parameters
+    ----------
+    level : surface without undefined points.
+    shortest_wave : wavelength of the filter [m], which decides if it is given.
+    instrument : that measured the surface.
+    """
+    own_wave = resolved_wave(level.size, level.shape)
+    wave = shortest_wave
+    if wave is None:
+        measured = max(spectrum(level).shortest_wave, instrument.shortest_wave(level))
+        slope_on_pixels = level.low_pass(own_wave).rms_slope
+        slope = level.low_pass(measured).rms_slope
+        wave = own_wave if slope_on_pixels >= KEPT_SLOPE * slope else measured
+    if wave >= own_wave and level.heights.size <= MOST_POINTS:
+        return level.shape
+    points = resolving_shape(level.size, min(wave, own_wave), most=MOST_POINTS)
+    if shortest_wave is not None and resolved_wave(level.size, points) > wave:
+        return resolving_shape(level.size, wave)
+    return points
+
+
+def _choose_cells(
+    case: Case, patch: Topography, points: Shape, shortest_wave: float
+) -> Shape | None:
+    """Choose the numbers of cells along both axes of a patch; None where the methods need none.
+
+    Unless the case gives them, they are those of blocks, those that suit stochastic seals, or those with eight
+    shortest waves or more along a side.
+    """
+    table, stochastic = case.cells or CellsTable(), case.stochastic
+    if case.methods == {"deterministic"}:
+        return None
+    if table.size is not None:
+        shorter = min(patch.size)
+        if table.size > shorter * (1 + _ROUNDING):
+            expected = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
+            raise InputError("cells.size", to_text(table.size, "m"), expected)
+        m1, m2 = (max(1, round(length / table.size)) for length in patch.size)
+        return m1, m2
+    if table.count is not None:
+        return table.count
+    if "blocks" in case.methods:
+        blocks = usual_blocks(points)
+        return PIECES * blocks[0], PIECES * blocks[1]
+    if "two-scale" not in case.methods:
+        return None
+    if stochastic is not None and "stochastic" in case.methods:
+        is_in_order = case.layout.has_length and stochastic.breadth is None
+        return usual_pieces(patch, in_place=is_in_order)
+    side = _USUAL_WAVES * shortest_wave
+    m1, m2 = (max(1, int(length / side + _ROUNDING)) for length in patch.size)
+    return m1, m2
