@@ -385,6 +385,6 @@ class NumericalErrors:
 
     def budget_of(self, parts: Sequence[ErrorPart]) -> ErrorBudget:
         """Return the budget of the study with these parts."""
-        parted = tuple(s for s, _ in self.scene.parted_steps if np.isnan(self.leakage[s]))
+        parted = tuple(s for s, _ in self.scene.separated_steps if np.isnan(self.leakage[s]))
         name = study_of_result(self.study).name
         return ErrorBudget(name, self.leakage, tuple(parts), self.scene.steps, parted)

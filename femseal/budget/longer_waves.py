@@ -1,8 +1,8 @@
-"""Waves of a face that are longer than the measured patch: what they may do to the leakage of a broader seal.
+"""Waves that are longer than the measured patch: how they may change the leakage of a broader seal.
 
-Where the spectrum of the patch still rises at its longest waves, its power law is carried on to the breadth of the
-seal. Forms are drawn from it, and go through the contact of the seal; tiles are as large as the patch, and leak as the
-face does at their pressure.
+Where the spectrum of the patch still rises at its longest waves, its power law is extrapolated to the breadth of the
+seal. Random forms with this spectrum are added to the seal, whose contact is solved. Tiles are as large as the patch,
+and have the permeability of the surface at their own pressure.
 """
 
 from __future__ import annotations
@@ -25,20 +25,24 @@ from ..seal.tiles import PieceSize, SealTiles
 from ..studies.seal_contact import RoughLayer, layer_states, seal_contact
 from ..topography import Representative
 
-#: Forms that are drawn, and waves of each.
+#: Number of random forms, and of the waves of each.
 DRAWS, _WAVES = 8, 200
-#: Breadth of a seal in sides of the patch from which on it has longer waves.
+#: Breadth of a seal over the side of the patch from which on the seal has longer waves.
 _BROADER = 1.25
-#: Least Hurst exponent by which a spectrum that rises is carried on: two octaves of one patch tell it to ± 0.4.
+#: Least Hurst exponent by which a rising spectrum is extrapolated: two octaves of one patch give it to ± 0.4.
 _LEAST_HURST = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnForm:
-    """A sum of waves of random directions and phases, alike all over a seal.
+    """A sum of waves of random directions and phases, with the same statistics all over a seal.
 
-    vectors : wave vectors (waves, 2) [rad/m]. phases : (waves,) [rad]. rms_height : [m]. flatness : most from the
-    highest to the lowest point [m]; None: any.
+    Attributes
+    ----------
+    vectors : array (waves, 2) of the wave vectors [rad/m].
+    phases : array (waves,) [rad].
+    rms_height : [m].
+    flatness : largest height from the lowest to the highest point [m]; None for any height.
     """
 
     vectors: Array
@@ -48,11 +52,11 @@ class DrawnForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Inf: the patch has none of its waves."""
+        """Shortest wave that the patch has too [m]: inf, because it has none of these waves."""
         return np.inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """√(2/waves) of the rms height times the sum of cosines."""
+        """Compute the heights at points (n, 2) [m]: the rms height times √(2/waves) times the sum of the cosines."""
         z = np.cos(points @ self.vectors.T + self.phases).sum(axis=1)
         scale = self.rms_height * (2 / len(self.phases)) ** 0.5
         return z * min(scale, np.inf if self.flatness is None else self.flatness / np.ptp(z))
@@ -62,54 +66,67 @@ def longer_waves(
     scene: Scene,
     breadth: float | None,
     length: float | None,
-    holds: Representative,
+    waves: Representative,
     *,
     flatness: float | None,
     seed: int,
     forms: Sequence[SealForm] = (),
     mapper: Mapper = map,
 ) -> Array | None:
-    """Changes of ln(leakage) by drawn waves between the side of the patch and the breadth of the seal (draws, steps).
+    """Compute how random waves between the side of the patch and the breadth of the seal change ln(leakage).
 
-    breadth, length : of a strip [m]. holds : what the patch holds of its waves. flatness : of the seal, most from the
-    highest to the lowest point [m]; None where it is not known. forms : of the seal, to which the waves come that are
-    too short for them. NaN where the seal without the waves is closed, or their contact failed.
+    Without a flatness, the spectrum is extrapolated to the breadth of the seal. With a flatness, it is extrapolated to
+    the longer side of the seal, and where the spectrum does not rise, the waves are as high as the flatness.
 
-    Without a flatness the spectrum is carried on to the breadth; with one to the larger side of the seal, and where it
-    does not rise, waves are as high as the flatness. None where a seal is hardly larger than the patch, or the patch
-    holds its longest waves and no flatness is given.
+    Parameters
+    ----------
+    scene : with the surface of the patch.
+    breadth, length : of a strip [m]; None of other seals.
+    waves : longest waves of the patch.
+    flatness : of the seal, from its lowest to its highest point [m]; None where it is not known.
+    seed : of the random waves.
+    forms : of the seal, to which only longer waves are added.
+    mapper : computes a stage for many items.
+
+    Returns
+    -------
+    Array (forms, steps), NaN where the seal without the waves is closed, or the contact with them failed. None where
+    the seal is hardly larger than the patch, or the patch has its longest waves and no flatness is given.
     """
     side = min(scene.surface.shortest_patch.size)
-    if not holds.rises and flatness is None:
+    if not waves.rises and flatness is None:
         return None
     piece = PieceSize((side, side), max(1, round(scene.surface.size[0] / side)), length, breadth)
     tiles = attempt(scene.layout.lay_out, piece)
     if isinstance(tiles, Failed):  # narrower than the patch
         return None
-    longest = (
-        tiles.seal.size[0] if flatness is None else float(np.ptp(tiles.outlines, axis=(0, 1)).max())
-    )
-    longest = min((longest, *(form.shortest_wave for form in forms)))
+    longest = tiles.seal.size[0]
+    if flatness is not None:
+        longest = float(np.ptp(tiles.outlines, axis=(0, 1)).max())
+    longest = min([longest, *(form.shortest_wave for form in forms)])
     if longest < _BROADER * side:
         return None
-    hurst = max(holds.hurst, _LEAST_HURST) if holds.rises else 1.0
-    rms = _rms_between(holds, hurst, side, longest) if holds.rises else inf
+    hurst, rms = 1.0, inf
+    if waves.rises:
+        hurst = max(waves.hurst, _LEAST_HURST)
+        rms = _rms_between(waves, hurst, side, longest)
     dry = scene.dry()
-    take = partial(
-        _gap_and_permeability, flow=replace(dry.flow, spiral=None), spacing=dry.surface.spacing
-    )
-    programme, found = layer_states(dry, take, mapper)
-    gaps, k = np.array(found).T
-    leaks = partial(
-        _leakage, dry, tiles, RoughLayer.of_gaps(dry, programme, gaps), PieceCurves(programme, k)
-    )
+    flow = replace(dry.flow, spiral=None)
+    take = partial(_gap_and_permeability, flow=flow, spacing=dry.surface.spacing)
+    programme, states = layer_states(dry, take, mapper)
+    mean_gap, permeability = np.array(states).T
+    layer = RoughLayer.of_gaps(dry, programme, mean_gap)
+    curves = PieceCurves(programme, permeability)
+    solve = partial(_leakage, dry, tiles, layer, curves)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x10E6,)))
-    still = leaks(tuple(forms))
-    moved = [
-        leaks((*forms, _drawn(rng, hurst, (side, longest), rms, flatness))) for _ in range(DRAWS)
-    ]
+    without_waves = solve(tuple(forms))
+    with_waves = []
+    for _ in range(DRAWS):
+        random_form = _draw_form(rng, hurst, (side, longest), rms, flatness)
+        with_waves.append(solve((*forms, random_form)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.log(np.where(still > 0, np.array(moved) / still, np.nan))
+        ratio = np.where(without_waves > 0, np.array(with_waves) / without_waves, np.nan)
+        return np.log(ratio)
 
 
 def _leakage(
@@ -119,7 +136,7 @@ def _leakage(
     curves: PieceCurves,
     forms: tuple[SealForm, ...],
 ) -> Array:
-    """Leakage of a seal with forms at every step (steps,) [m²/s], its tiles being as the face; NaN where it failed."""
+    """Solve the leakage of a seal with forms at every step (steps,) [m²/s]; NaN where it failed."""
     nominal, steps = scene.steps.pressures[:, None], scene.steps
     k = np.repeat(curves.along(nominal, steps), tiles.count, axis=1)
     if forms:
@@ -127,36 +144,38 @@ def _leakage(
         if isinstance(contact, Failed):  # such as a form that is too steep
             return np.full(len(steps), np.nan)
         k = curves.along(nominal * contact.fractions, steps) + contact.opened
-    found = [attempt(scene.leakage, tiles.seal, tiles.permeability(one, one)) for one in k]
-    return np.array([one.per_length for one in found])
+    leakage = [
+        attempt(scene.leakage, tiles.seal, tiles.permeability(k_at_step, k_at_step))
+        for k_at_step in k
+    ]
+    return np.array([solution.per_length for solution in leakage])
 
 
 def _gap_and_permeability(
     state: LoadState, *, flow: FlowSettings, spacing: Pair
 ) -> tuple[float, float]:
-    """Mean gap [m] of a state and permeability of the face [m³], NaN where its flow failed."""
-    found = attempt(resolved_flow, state.contact.gap, spacing, flow)
-    return float(state.contact.mean_gap), found.permeability
+    """Take the mean gap of a state [m] and the permeability of the surface [m³], NaN where its flow failed."""
+    solution = attempt(resolved_flow, state.contact.gap, spacing, flow)
+    return float(state.contact.mean_gap), solution.permeability
 
 
-def _rms_between(holds: Representative, h: float, shortest: float, longest: float) -> float:
-    """Rms height of the waves between two wavelengths [m], √((1/2π)∫q C dq) by the power law carried on."""
-    bend = 2 * pi / holds.octave
+def _rms_between(waves: Representative, h: float, shortest: float, longest: float) -> float:
+    """Compute the rms height of the waves between two wavelengths [m], √((1/2π)∫q C dq) by the power law with H = h."""
+    bend = 2 * pi / waves.octave
     integral = ((2 * pi / longest) ** (-2 * h) - (2 * pi / shortest) ** (-2 * h)) / (2 * h)
-    return float(np.sqrt(holds.density * bend ** (2 + 2 * h) * integral / (2 * pi)))
+    return float(np.sqrt(waves.density * bend ** (2 + 2 * h) * integral / (2 * pi)))
 
 
-def _drawn(
+def _draw_form(
     rng: np.random.Generator,
     hurst: float,
-    waves: Pair,
+    wavelengths: Pair,
     rms: float,
     flatness: float | None,
 ) -> DrawnForm:
-    """Waves between two lengths [m], whose numbers follow q C by the inverse of its integral."""
-    low, high = ((2 * pi / wave) ** (-2 * hurst) for wave in waves)
+    """Draw waves between two wavelengths [m], whose wavenumbers have the distribution q C."""
+    low, high = ((2 * pi / wave) ** (-2 * hurst) for wave in wavelengths)
     q = (low + (high - low) * rng.random(_WAVES)) ** (-1 / (2 * hurst))
     angle, phase = rng.uniform(0, 2 * pi, (2, _WAVES))
-    return DrawnForm(
-        q[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), phase, rms, flatness
-    )
+    directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return DrawnForm(q[:, None] * directions, phase, rms, flatness)

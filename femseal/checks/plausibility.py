@@ -80,7 +80,7 @@ def _modulus_warnings(scene: Scene) -> Iterator[str]:
 def _separation_warnings(scene: Scene) -> Iterator[str]:
     """Warn of steps at which the fluid between separated surfaces carries all of the load."""
     steps, fluid = scene.steps, scene.acting_fluid
-    separated = [steps[s] for s, _ in scene.parted_steps if steps[s].pressure > 0]
+    separated = [steps[s] for s, _ in scene.separated_steps if steps[s].pressure > 0]
     if fluid is None or not separated:
         return
     first, others = separated[0], separated[1:]

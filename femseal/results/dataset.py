@@ -339,7 +339,7 @@ def _unit_name(facts: RunFacts, basis: LeakBasis) -> str:
 def _open_steps(data: xarray.Dataset, scene: Scene) -> list[int]:
     """Return the steps without leakage at which the fluid carries all of the load."""
     carries_all = np.zeros(len(scene.steps), bool)
-    carries_all[[step for step, _ in scene.parted_steps]] = True
+    carries_all[[step for step, _ in scene.separated_steps]] = True
     if "contact_fraction" in data:
         carries_all |= data["contact_fraction"].values == 0
     steps: list[int] = np.flatnonzero(carries_all & np.isnan(best_leakage(data).values)).tolist()

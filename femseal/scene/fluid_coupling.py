@@ -1,18 +1,21 @@
-"""Contact of a face that its fluid presses apart: contact and flow give each other gap and fluid pressure.
+"""Contact under a fluid pressure that acts on the surfaces: the contact gives the gap, and the flow gives the pressure.
 
-The traction between the faces is t = p + p_f; the fluid keeps it from falling below p_f. The contact under p_f begins
-from another gap, h₁ + K p_f, and carries p̄ − mean p_f (see `contact.solve_contact`); the flow through the gap it leaves
-gives p_f. Both are solved in turn until the permeability stays. A face is open where no contact carries the rest of p̄.
-p_f counts from the pressure of the surroundings, which
-presses on the faces from outside too. In contact, and in pockets that no flow reaches, Δp_f = 0 between the pressures
-around, as in a film of even permeability, however thin.
-Several measured places of a face are in contact each by itself, and joined.
+The traction between the surfaces is t = p + p_f, with the contact pressure p and the fluid pressure p_f, below which it
+cannot fall. The contact under p_f starts from the gap h₁ + K p_f, and carries p̄ − mean p_f of the nominal pressure p̄
+(see `contact.solve_contact`). The flow through the gap that remains gives p_f. Both are solved in turn until the
+permeability no longer changes. A seal is open where no contact can carry the rest of p̄.
+
+p_f is counted from the pressure of the surroundings, which acts on the outside of the bodies too. In contact, and in
+pockets that no flow reaches, it obeys Δp_f = 0 between the pressures around, as in a film of uniform permeability.
+
+Several measured patches are in contact each by itself, and the flow passes through all of them.
+
 Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,15 +30,15 @@ from ..fluids import Fluid
 from ..topography import Patches
 from .trapped_liquid import TrappedLiquid, liquid_in_pockets
 
-#: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
-#: faces of 256² points, p̄/H .02 to .2: two to five for p_in/p̄ up to .3, at most six up to 1.
-#: Pockets of liquid that lift the faces off each other's rims take up to twenty-five.
+#: Relative change of the permeability at which the rounds end, and their largest number. Measured on self-affine and
+#: turned surfaces of 256² points with p̄/H from 0.02 to 0.2: two to five rounds for p_in/p̄ up to 0.3, and at most six up
+#: to 1. Pockets whose liquid lifts their rims take up to 25.
 RTOL, MOST_ROUNDS = 1e-3, 60
 #: Mean fluid pressure over the nominal pressure below which it changes leakage by less than 0.5 % and is left out.
 LEAST_FRACTION = 1e-4
 _POINTS = 201
-#: Part of the nominal pressure that the fluid carries at most in the first round; part left to the contact where the
-#: rounds end and the load is sought at which the faces part.
+#: Part of the nominal pressure that the fluid carries at most in the first round; and part left to the contact at which
+#: the rounds end, and the load is sought at which the surfaces separate.
 _FIRST_CARRIED, _LEAST_ROOM = 0.9, 0.01
 #: Loads of the contact over the pressure of the inlet among which the least nominal pressure is sought; the factor from
 #: one load to the next above them; relative error of a load; share of the tolerance of the rounds under it.
@@ -50,8 +53,12 @@ _MOST_OF_HARDNESS = 0.9
 class CoupledContact(Contact):
     """A contact under a fluid pressure that the flow through its gap gives.
 
-    flow : the flow; why there is none where the faces part or the rounds do not end, the gap being that of first touch
-    or of the last round. carried : mean pressure that the fluid carries [Pa]. rounds : solutions of contact and flow.
+    Attributes
+    ----------
+    flow : through the gap; or the reason why there is none, where the surfaces separate (the gap is then that of first
+        touch) or the rounds do not converge (that of the last round).
+    carried : mean pressure that the fluid carries [Pa].
+    rounds : number of solutions of contact and flow.
     trapped : liquid in pockets that keeps its volume; None where it does not.
     """
 
@@ -63,11 +70,16 @@ class CoupledContact(Contact):
 
 @dataclass(frozen=True)
 class FluidPressure:
-    """A fluid between two pressures that presses the faces apart.
+    """A fluid between two pressures that act on the surfaces.
 
-    inlet, outlet : its pressures [Pa]. nominal : "total", contact and fluid carry the nominal pressure together, or
-    "contact". settings : how the flow is solved. surroundings : see `studies.Scene`.
-    trapped : liquid in pockets keeps its volume.
+    Attributes
+    ----------
+    fluid : with its viscosity and density.
+    inlet, outlet : its pressures [Pa].
+    nominal : what carries the nominal pressure: "total", contact and fluid together; or "contact", the contact alone.
+    settings : how the flow is solved.
+    surroundings : pressure around the seal [Pa], see `Scene`.
+    trapped : whether liquid in closed pockets keeps its volume.
     """
 
     fluid: Fluid
@@ -88,25 +100,27 @@ class FluidPressure:
         )
 
     def above_surroundings(self, fraction: Any) -> Array:
-        """Fluid pressure [Pa] above that of the surroundings where the viscous potential has fractions of its drop."""
+        """Compute the fluid pressure above that of the surroundings [Pa] at fractions of the drop of the potential."""
         pressure = pressure_between(self.fluid, self.inlet, self.outlet, fraction)
         return np.asarray(pressure) - self._around
 
     @property
     def carried(self) -> float:
-        """Mean pressure above the surroundings [Pa] where the potential falls evenly, as between parted faces."""
+        """Mean pressure above the surroundings if the potential falls linearly, as between separated surfaces [Pa]."""
         return float(self.above_surroundings((np.arange(_POINTS) + 0.5) / _POINTS).mean())
 
     @property
     def mean(self) -> float:
-        """Mean pressure [Pa] where the potential falls evenly."""
+        """Mean pressure if the potential falls linearly [Pa]."""
         return self.carried + self._around
 
     def relief(self, pressure: Any) -> Array:
-        """By how much the contact pressure is below its mean over the seal, or the nominal one, under the fluid's [Pa].
+        """Compute by how much a fluid pressure reduces the contact pressure of a cell below the nominal one [Pa].
 
-        The piece lies there as it does dry under the pressure p̄ − p_f (Terzaghi's effective stress), from which that
-        of its solution follows as the seal grows broad beside the long waves of the face.
+        A cell is in contact as without a fluid under the pressure p̄ − p_f, Terzaghi's effective stress. The coupled
+        solution tends to this as the seal becomes broad in comparison with the long waves of the surface.
+
+        pressure : of the fluid in the cell [Pa].
         """
         return (
             np.asarray(pressure, dtype=float)
@@ -114,14 +128,15 @@ class FluidPressure:
             - (0.0 if self.nominal == "total" else self.carried)
         )
 
-    def parts(self, pressure: float) -> bool:
-        """Whether the fluid between parted faces carries all of a nominal pressure [Pa]."""
+    def separates(self, pressure: float) -> bool:
+        """Tell whether the fluid between separated surfaces carries the whole nominal pressure [Pa]."""
         return self.nominal == "total" and self.carried >= pressure
 
     @staticmethod
-    def parted(carried: float) -> str:
-        """Why there is no leakage where the faces part, from the mean pressure that the fluid carries [Pa]."""
-        return f"open: the faces part below {to_text(carried, 'Pa', 3)}, all of which the fluid carries"
+    def separation_text(carried: float) -> str:
+        """Say why separated surfaces have no leakage, from the mean pressure that the fluid carries [Pa]."""
+        limit = to_text(carried, "Pa", 3)
+        return f"open: the surfaces separate below {limit}, all of which the fluid carries"
 
     def contact(
         self,
@@ -133,14 +148,22 @@ class FluidPressure:
         share: float = 1.0,
         **settings: Any,
     ) -> Contact | CoupledContact:
-        """Solve contact and flow in turn at a nominal pressure [Pa] until the permeability stays.
+        """Solve contact and flow in turn until the permeability no longer changes.
 
-        The contact alone where the fluid carries less than 1e-4 of the load and none is trapped.
+        Where the fluid carries less than 1e-4 of the load and none is trapped, the contact is solved alone.
 
-        former : liquid in the pockets of the load before. share : of the tolerance. settings : other arguments of
-        `solve_contact`.
+        Parameters
+        ----------
+        gap0 : gap of first touch, array (n1, n2) [m].
+        half_space : elastic body.
+        pressure : nominal pressure [Pa].
+        former : liquid in the pockets of the load before; None at the first load.
+        share : factor on the tolerance.
+        settings : other arguments of `solve_contact`.
 
-        Raises NotConverged: a contact failed.
+        Raises
+        ------
+        NotConverged : a contact failed.
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
@@ -172,7 +195,7 @@ class FluidPressure:
     def _first_pressure(
         self, shape: Shape, pressure: float, former: TrappedLiquid | None, most_trapped: float
     ) -> Array:
-        """Choose the fluid pressure (n1, n2) [Pa] of the first round: that of a viscous potential that falls evenly.
+        """Choose the fluid pressure (n1, n2) [Pa] of the first round: that of a potential that falls linearly.
 
         Where it would carry nearly the whole nominal pressure [Pa], it is reduced, and the contact carries the rest.
 
@@ -251,11 +274,12 @@ class FluidPressure:
     def _near_opening(
         self, gap0: Array, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
     ) -> CoupledContact:
-        """The contact at a nominal pressure [Pa] near to that at which the faces part, or below it.
+        """Solve the contact at a nominal pressure [Pa] near that at which the surfaces separate, or below it.
 
-        A load that the contact carries has a solution whatever the fluid carries besides, and both together are the
-        nominal pressure. The faces part at the least of these. Above it the higher of two loads of the contact is
-        taken, which a face has that is unloaded, or let under pressure, from where it is closed. No pockets are left.
+        For every load of the contact there is a solution, and the load together with what the fluid carries is a
+        nominal pressure. The surfaces separate at the least of these. Above it there are two loads of the contact. The
+        higher one is taken, which belongs to a surface that is unloaded, or put under pressure, from a closed state.
+        Liquid in pockets is left out.
         """
         from scipy.optimize import brentq, minimize_scalar
 
@@ -294,16 +318,19 @@ class FluidPressure:
             gap0, half_space, pressure=float(even.mean()), fluid_pressure=even, **settings
         )
         rounds = sum(c.rounds for c in known.values())
-        flow = Failed(self.parted(opening))
+        flow = Failed(self.separation_text(opening))
         return CoupledContact(**vars(contact), flow=flow, carried=pressure, rounds=rounds)
 
     def _pressure(self, flow: FaceFlow, former: Array) -> Array:
-        """Pressure above the surroundings (n1, n2) [Pa] of a flow, also in contact; the former one if no gap is wet."""
+        """Compute the pressure of a flow above the surroundings, also in contact (n1, n2) [Pa].
+
+        Where the flow reaches no gap it is the former pressure.
+        """
         found = harmonic_fill(self.above_surroundings(flow.potential))
         return found if np.isfinite(found).all() else former
 
     def even_drop(self, shape: Shape) -> Array:
-        """Pressure above the surroundings (n1, n2) [Pa] where the potential falls evenly along x1."""
+        """Compute the pressure above the surroundings (n1, n2) [Pa] of a potential that falls linearly along x1."""
         n1, n2 = shape
         return np.repeat(
             self.above_surroundings(1 - (np.arange(n1) + 0.5) / n1)[:, None], n2, axis=1
@@ -340,8 +367,8 @@ class _Round:
     def change(self, previous: _Round | None, step: float, scale: float) -> float:
         """Compute the relative change of the permeability since the previous round; inf in the first round.
 
-        Of closed faces it is the change of the fluid pressure over the highest pressure; of faces that stay closed over
-        trapped liquid, that of the volumes of the liquid alone.
+        Of closed surfaces it is the change of the fluid pressure over the highest pressure. Of surfaces that stay
+        closed over trapped liquid, it is that of the volumes of the liquid alone.
 
         step : part of the change of the fluid pressure that was taken. scale : pressure of the fluid's ends [Pa].
         """
@@ -399,34 +426,45 @@ def _mixed_pressure(solved: _Round, previous: _Round | None) -> Array:
     return (1 - weight) * solved.resulting + weight * previous.resulting
 
 
-def contact_of_places(
+def contact_of_patches(
     gap0: Array,
     half_space: HalfSpace,
     *,
-    places: Patches,
+    patches: Patches,
     solve: Callable[..., Contact],
     flow: FlowSettings,
     hardness: ContactLaw,
     deformation: Array | None = None,
     **settings: Any,
 ) -> Contact:
-    """Solve the contact of each place under the same pressure, and join them; other arguments are those of `solve`.
+    """Solve the contact of each measured patch under the same pressure, and join their fields.
 
-    A fluid that presses the places apart flows through the gap of all of them at last.
+    Where a fluid pressure acts on the patches, the flow through the gap of all of them is solved at last.
 
-    Raises InputError: a law that differs from place to place. NotConverged : a contact failed.
+    Parameters
+    ----------
+    gap0, half_space, hardness, deformation, settings : arguments of `solve`, for all patches side by side.
+    patches : the surface.
+    solve : solves the contact of one patch.
+    flow : how the flow through all patches is solved.
+
+    Raises
+    ------
+    InputError : the contact law differs from patch to patch.
+    NotConverged : a contact failed.
     """
     if not hardness.is_uniform:
-        raise InputError(
-            "hardness",
-            "a law that differs from place to place",
-            "the same everywhere in several places",
-        )
-    former = [None] * len(places.widths) if deformation is None else places.divided(deformation)
+        given = "a law that differs from patch to patch"
+        raise InputError("hardness", given, "the same everywhere in several patches")
+    former: Iterable[Array | None]
+    if deformation is None:
+        former = [None] * len(patches.widths)
+    else:
+        former = patches.divided(deformation)
     found = []
-    for gap, left in zip(places.divided(gap0), former, strict=True):
+    for gap, left in zip(patches.divided(gap0), former, strict=True):
         body = replace(half_space, shape=gap.shape)
-        # gaps are counted from the highest point of the place
+        # gaps are counted from the highest point of the patch
         from_highest = np.ascontiguousarray(gap - gap.min())
         found.append(solve(from_highest, body, hardness=hardness, deformation=left, **settings))
     arrays = ("pressure", "gap", "plastic_deformation", "plastic")
@@ -434,7 +472,7 @@ def contact_of_places(
         name: np.concatenate([getattr(c, name) for c in found], axis=1) for name in arrays
     }
     joined |= {
-        "approach": float(np.average([c.approach for c in found], weights=places.widths)),
+        "approach": float(np.average([c.approach for c in found], weights=patches.widths)),
         "residual": max(c.residual for c in found),
         "iterations": max(c.iterations for c in found),
         "fft_pairs": sum(c.fft_pairs for c in found),
@@ -448,6 +486,6 @@ def contact_of_places(
     return CoupledContact(
         **joined,
         flow=(*failed, attempt(resolved_flow, joined["gap"], half_space.spacing, flow))[0],
-        carried=float(np.average(carried, weights=places.widths)),
+        carried=float(np.average(carried, weights=patches.widths)),
         rounds=max(c.rounds for c in coupled),
     )

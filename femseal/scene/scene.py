@@ -31,31 +31,33 @@ from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Patches, Topography
 from .choices import FLUID_EFFECTS, NOMINALS
-from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_places
+from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_patches
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A rough face under load, and the fluid that it seals.
+    """A rough surface under load, and the fluid that it seals.
 
     Parameters
     ----------
-    surface : heights of the combined faces; high points touch first. A list of maps is `topography.Patches`, several
-        measured places of the face: each is in contact by itself, and the fluid flows through all of them.
+    surface : heights of the combined surfaces; high points touch first. A list of maps is `topography.Patches`, several
+        measured patches of the surface: each is in contact by itself, and the fluid flows through all of them.
     modulus : contact modulus E* [Pa].
-    hardness : H [Pa] of perfect plasticity, inf is elastic; or a contact law, such as `LinearHardening`.
+    hardness : H [Pa] of perfect plasticity, inf for an elastic surface; or a contact law, such as `LinearHardening`.
     fluid : the fluid that leaks.
     inlet_pressure, outlet_pressure : of the fluid at both ends of x1 [Pa]; the highest inlet pressure where the layout
         gives each inlet its own.
-    boundary : contact boundary of the whole face along x1 and x2, see `HalfSpace`.
+    boundary : contact boundary of the whole surface along x1 and x2, see `HalfSpace`.
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     rtol : residual of each contact, see `contact.solve_contact`.
-    layout : shape of drawn seals, see `seal.layouts`; the face itself is a strip.
+    layout : shape of stochastic seals, see `seal.layouts`; the surface itself is a strip.
     solver : of all flow, in cells and over the seal; see `flow.cell_permeability`.
-    fluid_pressure : "acts": it presses the faces apart, see `scene.fluid_coupling`; "trapped": and liquid in closed
-        pockets keeps its volume, see `scene.trapped_liquid`; "ignored": the faces lie as dry ones.
-    nominal : what carries the nominal pressures where it acts: "total", contact and fluid together; or "contact".
-    surroundings : pressure around the seal [Pa]; unless given 1 atm of a gas, and 0 of a liquid.
+    fluid_pressure : "acts": the fluid pressure acts on the surfaces, see `scene.fluid_coupling`; "trapped": besides,
+        liquid in closed pockets keeps its volume, see `scene.trapped_liquid`; "ignored": the surfaces are in contact as
+        without a fluid.
+    nominal : what carries the nominal pressures where the fluid pressure acts: "total", contact and fluid together; or
+        "contact", the contact alone.
+    surroundings : pressure around the seal [Pa]; unless given, 1 atm for a gas and 0 for a liquid.
 
     Examples
     --------
@@ -101,37 +103,39 @@ class Scene:
         if undefined := int(np.isnan(self.surface.heights).sum()):
             given = f"{undefined} of {self.surface.heights.size} points undefined"
             expected = (
-                "a face without undefined points: fill them first, see Topography.fill_undefined"
+                "a surface without undefined points: fill them first, see Topography.fill_undefined"
             )
             raise InputError("surface", given, expected)
         several = isinstance(self.surface, Patches)
         if self.traps_liquid and (
             several or flow.spiral or not hasattr(self.fluid, "bulk_modulus")
         ):
-            given = "'trapped' with a gas, several places or a spiral"
-            expected = "'acts' there: what is trapped is a liquid, in one place, between grooves that do not wind"
+            given = "'trapped' with a gas, several patches or a spiral"
+            expected = (
+                "'acts' there: only a liquid can be trapped, in a single patch without a spiral lay"
+            )
             raise InputError("fluid_pressure", given, expected)
         if isinstance(self.surface, Patches):
             self.surface.check_waves()
 
     @property
     def law(self) -> ContactLaw:
-        """What the points of the faces can carry."""
+        """Contact law: the pressure that the points of the surface can carry."""
         return contact_law(self.hardness)
 
     @property
     def steps(self) -> LoadProgramme:
-        """The load programme."""
+        """Load programme."""
         return LoadProgramme.of(self.loading, self.unload_from, self.unloading)
 
     @property
     def half_space(self) -> HalfSpace:
-        """Elastic body of the whole face."""
+        """Elastic body of the whole surface."""
         return HalfSpace(self.surface.shape, self.surface.spacing, self.modulus, self.boundary)
 
     @property
     def is_dry(self) -> bool:
-        """Whether the faces lie as dry ones, whatever the fluid."""
+        """Whether the surfaces are in contact as without a fluid."""
         return self.fluid_pressure == "ignored"
 
     @property
@@ -140,12 +144,12 @@ class Scene:
         return self.fluid_pressure == "trapped"
 
     def dry(self, **changes: Any) -> Self:
-        """The scene with dry faces, and other changes."""
+        """Return the scene without the effect of the fluid on the contact, and with other changes."""
         return replace(self, fluid_pressure="ignored", **changes)
 
     @property
     def acting_fluid(self) -> FluidPressure | None:
-        """The fluid that presses the faces apart; None where it does not, or not enough to change the leakage."""
+        """Fluid whose pressure acts on the surfaces; None where it does not, or not enough to change the leakage."""
         # the viscosity of a liquid does not change how its pressure falls: contacts are those of all viscosities
         own = self.fluid
         if isinstance(own, Liquid) and own.pressure_viscosity == 0:
@@ -164,33 +168,33 @@ class Scene:
 
     @property
     def fluid_effect(self) -> str:
-        """What the fluid does to the contact, as a text."""
+        """What the fluid pressure does to the contact, as text."""
         if self.is_dry:
-            return "its pressure on the faces is ignored"
+            return "its pressure on the surfaces is ignored"
         if (fluid := self.acting_fluid) is None:
             return "it carries less than 0.01 % of every load: that changes leakage by less than 0.5 %, and is left out"
         carried = to_text(abs(fluid.carried), "Pa", 3)
         if fluid.carried < 0:
-            return f"it sucks the faces together with {carried} on the mean"
+            return f"it pulls the surfaces together with a mean pressure of {carried}"
         given = "with the contact" if self.nominal == "total" else "besides the contact's"
         least = min((p for p in self.steps.pressures if p > 0), default=np.inf)
         most = f", up to {fluid.carried / least:.2g} of the load"
         stays = "; liquid in closed pockets keeps its volume" if fluid.trapped else ""
-        return f"it presses the faces apart, and carries about {carried} {given}{most}{stays}"
+        return f"it pushes the surfaces apart, and carries about {carried} {given}{most}{stays}"
 
     @property
-    def parted_steps(self) -> tuple[tuple[int, str], ...]:
-        """Steps at which the fluid between parted faces carries all of the load, by their number, and what that means.
+    def separated_steps(self) -> tuple[tuple[int, str], ...]:
+        """Numbers of the steps at which the fluid between separated surfaces carries the whole load, and what it means.
 
-        Pieces along a ladder are open there. The contact of a whole face may hold the fluid back, see
+        Cells at tabulated pressures are open there. The contact of a whole surface may hold the fluid back, see
         `scene.fluid_coupling`.
         """
         if (fluid := self.acting_fluid) is None:
             return ()
         return tuple(
-            (s, fluid.parted(fluid.carried))
+            (s, fluid.separation_text(fluid.carried))
             for s, p in enumerate(self.steps.pressures)
-            if fluid.parts(p)
+            if fluid.separates(p)
         )
 
     def contact_states(
@@ -201,9 +205,16 @@ class Scene:
         memory: float | None = None,
         mapper: Mapper,
     ) -> Iterator[Any]:
-        """Solve the contact of the whole face at every step, see `contact.load_states`; with its fluid if that acts.
+        """Solve the contact of the whole surface at every step, with the fluid pressure where it acts.
 
-        steps : in place of those of the scene.
+        See `contact.load_states`.
+
+        Parameters
+        ----------
+        take : makes the result of a step from its `LoadState`.
+        steps : load programme; that of the scene unless given.
+        memory : that a step takes [byte]; estimated unless given.
+        mapper : computes a stage for many items.
         """
         gap0 = self.surface.heights.max() - self.surface.heights
         fluid = self.acting_fluid
@@ -211,7 +222,7 @@ class Scene:
             solve_contact if fluid is None else partial(FluidPressure.contact, fluid)
         )
         if isinstance(self.surface, Patches):
-            solve = partial(contact_of_places, places=self.surface, solve=solve, flow=self.flow)
+            solve = partial(contact_of_patches, patches=self.surface, solve=solve, flow=self.flow)
         steps = self.steps if steps is None else steps
         return load_states(
             steps,
@@ -225,22 +236,22 @@ class Scene:
 
     @property
     def flow(self) -> FlowSettings:
-        """How the flow through faces and their pieces is solved."""
+        """How the flow through surfaces and their cells is solved."""
         drop = PressureDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
         return FlowSettings(self.solver, drop, getattr(self.layout, "spiral", None))
 
     def check_spiral(self) -> None:
-        """Refuse grooves that wind where the flow through the face cannot follow them.
-
-        Raises InputError: a lead that does not suit the face.
-        """
+        """Raise InputError if the lead of a spiral does not suit the surface, whose flow cannot follow its grooves."""
         if (spiral := self.flow.spiral) is not None:
             spiral.seam(self.surface.shape, self.surface.spacing)
 
     def entry_pressures(self, gaps: Iterable[Floats]) -> Array | None:
-        """Capillary entry pressure of the critical constriction of the gaps (n1, n2) [m] at every step [Pa].
+        """Compute the capillary entry pressure of the critical constriction of the gap at every step [Pa].
 
-        Below it the liquid does not enter; inf where the gap is closed. None for fluids that wet the faces.
+        Below this pressure the liquid does not enter; it is inf where the gap is closed. None for fluids that wet the
+        surfaces.
+
+        gaps : of every step, arrays (n1, n2) [m].
         """
         if np.isnan(capillary_entry_pressure(self.fluid, 1.0)):
             return None
@@ -253,7 +264,7 @@ class Scene:
         )
 
     def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5) -> Leakage:
-        """Solve the leakage of a seal between the scene's fluid pressures; rtol as in `seal_leakage`.
+        """Solve the leakage of a seal between the fluid pressures of the scene, see `seal_leakage`.
 
         Raises NotConverged: the linear solver failed.
         """
@@ -269,11 +280,11 @@ class Scene:
 
     @property
     def unit_leakage(self) -> float:
-        """Leakage per length [m²/s] of a face whose permeability is 1 m³."""
+        """Leakage per length of a surface whose permeability is 1 m³ [1/(m s)]."""
         return FluidState.of(self).drop / self.surface.size[0]
 
     def pressure_at(self, potential: Floats) -> Array:
-        """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
+        """Compute the fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
         return pressure_between(self.fluid, self.inlet_pressure, self.outlet_pressure, potential)
 
 
@@ -287,11 +298,11 @@ class FluidState:
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
-        """The fluid of a scene."""
+        """Take the fluid of a scene."""
         return cls(scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
 
     def in_scene(self, scene: Scene) -> Scene:
-        """The scene with this fluid instead of its own."""
+        """Return a scene with this fluid instead of its own."""
         return replace(
             scene,
             fluid=self.fluid,
@@ -311,7 +322,7 @@ class FluidState:
 
     @property
     def drop(self) -> float:
-        """Volume rate for a conductance of 1 m³, at the reference density [1/s]: the drop of the potential over ρ."""
+        """Drop of the potential over the reference density: volume rate for a conductance of 1 m³ [1/s]."""
         inlet, outlet = (
             float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure)
         )

@@ -136,7 +136,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     state = _state_of(scene, [block for *_, block in found], k, separation + opening)
     fluid, tiles = TileFluid.of(scene), face_tiles(scene.surface.size, shape)
     leakage = np.full(len(scene.steps), np.nan)
-    failed = dict(scene.parted_steps)
+    failed = dict(scene.separated_steps)
     for s in range(len(scene.steps)):
         if s in failed:
             continue

@@ -252,7 +252,7 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         k = pieces.corrected_k.reshape(*pieces.k.shape[:3], 1, -1)
     else:
         k = fluid.own(along_paths(pieces, each, steps))
-    return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.parted_steps)
+    return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.separated_steps)
 
 
 #: Leakage of one drawn seal at every step (steps,) [m²/s], NaN where it failed, why it did, and what was solved.

@@ -10,7 +10,7 @@ from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal.budget import longer_waves_part
-from femseal.budget.longer_waves import DRAWS, _drawn, _rms_between, longer_waves
+from femseal.budget.longer_waves import DRAWS, _draw_form, _rms_between, longer_waves
 from femseal.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.seal import AnnularLayout, Frame, MeasuredForm, WavyForm
@@ -49,7 +49,7 @@ def test_the_height_of_the_waves_is_the_integral_of_their_spectrum(hurst):
 
 def test_drawn_waves_have_that_height_and_lie_between_both_lengths():
     rng = np.random.default_rng(0)
-    form = _drawn(rng, 0.8, (SIDE, 8 * SIDE), 1e-6, None)
+    form = _draw_form(rng, 0.8, (SIDE, 8 * SIDE), 1e-6, None)
     waves = 2 * np.pi / np.hypot(*form.vectors.T)
     assert SIDE <= waves.min() < waves.max() <= 8 * SIDE
     # the median wave by the integral of q C is where q^(−2H) is half way between both ends

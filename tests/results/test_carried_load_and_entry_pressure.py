@@ -28,7 +28,7 @@ def test_results_say_what_the_fluid_does(scene):
     shut = assemble(scene, study)
     assert_allclose(shut.dataset["fluid_carried_pressure"].values, study.carried_pressure)
     effect = shut.dataset.attrs["fluid_effect"]
-    assert effect.startswith("it presses the faces apart, and carries about 20 MPa")
+    assert effect.startswith("it pushes the surfaces apart, and carries about 20 MPa")
     parted = replace(scene, inlet_pressure=200e6)
     opened = assemble(parted, fs.deterministic(parted))
     said = "the surfaces separate below about 100 MPa"

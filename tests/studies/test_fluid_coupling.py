@@ -1,4 +1,4 @@
-"""A fluid that presses the faces apart: contact under its pressure, coupled with the flow, in all studies."""
+"""A fluid pressure that acts on the surfaces: contact under its pressure, coupled with the flow, in all studies."""
 
 import re
 from dataclasses import replace
@@ -150,11 +150,11 @@ def test_rounds_end_early_and_within_their_tolerance(
 
 def test_a_load_below_the_fluid_pressure_is_open():
     found = coupled(rough(32, 32), 0.05, 0.21)
-    assert found.flow.reason.startswith("open: the faces part below")
+    assert found.flow.reason.startswith("open: the surfaces separate below")
     assert found.pressure.max() == 0
     assert found.carried == 0.05 * H
-    assert acting(0.21 * H).parts(0.1 * H)
-    assert not acting(0.21 * H, nominal="contact").parts(0.1 * H)
+    assert acting(0.21 * H).separates(0.1 * H)
+    assert not acting(0.21 * H, nominal="contact").separates(0.1 * H)
 
 
 @pytest.mark.parametrize(
@@ -253,7 +253,7 @@ def test_open_steps_have_no_leakage_and_say_why():
         leakage = np.atleast_2d(result.leakage)
         assert np.isnan(leakage[:, [0, 2]]).all()
         assert (leakage[:, 1] > 0).all()
-        assert sum("open: the faces part below" in text for text in result.failures) == 2
+        assert sum("open: the surfaces separate below" in text for text in result.failures) == 2
     fields = result.median_seal.permeability
     assert np.isnan(fields[[0, 2]]).all()  # not solved
     assert np.isfinite(fields[1]).all()

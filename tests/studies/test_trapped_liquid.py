@@ -147,7 +147,7 @@ def test_drawn_seals_in_the_rows_of_the_face_have_its_contact():
     ],
 )
 def test_a_gas_and_several_places_are_refused(given):
-    with pytest.raises(fs.InputError, match="'trapped' with a gas, several places or a spiral"):
+    with pytest.raises(fs.InputError, match="'trapped' with a gas, several patches or a spiral"):
         scene(**given)
 
 
