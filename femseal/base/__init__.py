@@ -1,4 +1,4 @@
-"""Tools: errors, quantities with units, fields, tables of texts, files, checks of arguments."""
+"""Provide what all rooms use: errors, quantities with units, fields of results, tables, files, checks of arguments."""
 
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,10 @@
-"""Heights of seal faces: read or generated, conditioned, and the map that the solvers take.
+"""Read, generate, describe and condition the heights of seal faces.
 
-read_topography (measured) or self_affine, turned (generated) -> Topography -> describe_surface -> SurfaceReport
-repair (spikes, undefined points) -> combine (two faces) -> condition (form, waves, grid) -> Topography, Conditioning
+A surface passes through these steps, each of which is a function:
+
+read_topography (measured) or self_affine, turned (generated) -> Topography
+describe_surface -> SurfaceReport
+repair (spikes and undefined points) -> combine (two faces) -> condition (form, waves, grid) -> Topography, Conditioning
 """
 
 from typing import TYPE_CHECKING
