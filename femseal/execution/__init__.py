@@ -1,1 +1,1 @@
-"""How the items of a stage are computed: processes, a Dask cluster, locks, progress. No physics."""
+"""Compute the items of stages in processes or on a Dask cluster, lock output folders, and report progress."""
