@@ -216,4 +216,4 @@ def test_results_of_a_gas_contain_pressure_times_volume(studied):
     assert_allclose(cold.leakage_in("mbar·L/s") * 293.15 / 273.15, throughput * 10)
     assert_allclose(cold.leakage_in("std cm³/s"), cold.leakage_in("mbar·L/s") / 1.01325)
     assert "273.15 K" in cold.dataset["leakage_total_throughput"].attrs["long_name"]
-    assert "pressure × volume is that at 273.15 K" in report_html(cold)
+    assert "pressure × volume at 273.15 K" in report_html(cold)

@@ -223,7 +223,7 @@ def test_a_list_of_files_removes_nothing_outside_the_folder(tmp_path):
     names += ["~/kept", "one", "two", "vtk/a.vtu", "missing", "missing/b", "vtk", ".", ""]
     names += ["\x00", "x" * 5000, "loop/x", "loop", "\x1b[2J"]
     (out / "files.txt").write_text("\n".join(names))
-    report_folder._remove(out, report_folder._former(out))
+    report_folder._remove_files(out, report_folder._files_of_earlier_run(out))
     assert (outside / "kept").read_text() == (tmp_path / "kept").read_text() == "kept"
     assert sorted(p.name for p in out.iterdir()) == ["files.txt", "linked", "mine.txt"]
 
@@ -244,7 +244,7 @@ def test_a_list_of_files_that_is_none_is_passed_over(tmp_path, kind):
         path.mkdir()
     else:
         path.write_bytes(b"kept\n\xff")
-    report_folder._remove(tmp_path, report_folder._former(tmp_path))
+    report_folder._remove_files(tmp_path, report_folder._files_of_earlier_run(tmp_path))
     assert (tmp_path / "kept").exists()
 
 
