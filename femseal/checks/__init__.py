@@ -1,4 +1,4 @@
-"""Plausibility checks: what to doubt about a scene and its leakage, and a quick estimate to compare it with.
+"""Plausibility checks: what is not plausible in a scene and its leakage, and a quick estimate to compare it with.
 
 plausibility     a scene and its solution -> warnings; every study calls `result_warnings`
 quick_estimate   contact and leakage from the spectrum of the surface alone

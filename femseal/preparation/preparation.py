@@ -288,8 +288,8 @@ def prepare(case: Case) -> Prepared:
                 *_test_fluid_warnings(case),
                 *filter_warnings(case, surface, conditioned.conditioning),
                 *groove_warnings(case, surface),
-                *conditioned.conditioning.spike_doubts,
-                *(longest_waves.doubts if longest_waves is not None else ()),
+                *conditioned.conditioning.spike_warnings,
+                *(longest_waves.warnings if longest_waves is not None else ()),
                 *seal_warnings,
             ),
         )

@@ -93,7 +93,7 @@ class _SurveyedSurface:
     @property
     def warnings(self) -> list[str]:
         """What matters of its longest waves and of its form, one sentence each."""
-        texts = [] if self.waves is None else list(self.waves.doubts)
+        texts = [] if self.waves is None else list(self.waves.warnings)
         return texts + ([] if self.form_effect is None else self.form_effect.warnings)
 
     @property
@@ -101,7 +101,7 @@ class _SurveyedSurface:
         """What there is to say about its longest waves, its form, contact and leakage."""
         texts = []
         if self.waves is not None:
-            texts += self.waves.doubts or [str(self.waves)]
+            texts += self.waves.warnings or [str(self.waves)]
         if self.form_effect is not None:
             texts += self.form_effect.warnings or [str(self.form_effect)]
         return texts + ([self.quick_estimate] if self.quick_estimate else [])
@@ -144,7 +144,7 @@ def survey(
         file_content = read_for_a_look(path, channel=number, **reading)
         face = file_content.topography
         surveyed = survey_surface(face, wave, treatment, file_content.instrument)
-    reasons = [*map(str, file_content.doubts), *surveyed.reasons]
+    reasons = [*map(str, file_content.errors), *surveyed.reasons]
     texts = [f"a run refuses this face: {reason}" for reason in reasons]
     if file_content.masked_fraction:
         masked = as_text(file_content.masked_fraction, percent=True)
@@ -241,7 +241,7 @@ def _indented(report: object) -> list[str]:
 
 def advice(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     """Say what the numbers of a surface suggest: to remove noise, to look at spikes, to turn the map."""
-    texts = list(conditioning.spike_doubts)
+    texts = list(conditioning.spike_warnings)
     if report.shortest_wave > conditioning.shortest_wave * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
         texts.append(
@@ -298,7 +298,7 @@ def case_of_face(
     ]
     description = str(surveyed.report).splitlines()
     lines += [f"#   {line}" for line in description if line.startswith(_SHOWN_LINES)]
-    questions = [*map(str, file_content.doubts), *surveyed.reasons]
+    questions = [*map(str, file_content.errors), *surveyed.reasons]
     surface_table: list[str] = []
     if surveyed.conditioning is not None:
         texts = advice(surveyed.report, surveyed.conditioning)

@@ -370,7 +370,7 @@ def _surface_facts(prepared: Prepared, form_effect: FormEffect | None) -> Iterat
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
     waves = prepared.longest_waves
-    of_waves = str(waves) if waves is not None and not waves.doubts else ""
+    of_waves = str(waves) if waves is not None and not waves.warnings else ""
     of_form = str(form_effect) if form_effect is not None and not form_effect.warnings else ""
     for text in (of_waves, of_form, str(prepared.continuation or ""), report.unseen):
         if text:

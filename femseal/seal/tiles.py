@@ -234,8 +234,9 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     if narrow < _NARROWEST:
         expected = f"at least {_NARROWEST:.0%}; a mesh has none of them"
         raise InputError("inner_radius", given, expected)
-    doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
-    warnings = doubts if narrow < _NARROW else ()
+    warnings: tuple[str, ...] = ()
+    if narrow < _NARROW:
+        warnings = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     wound = lay.name == "spiral"
     alike = wound or lay.name in ("radial", "circumferential")
     cells = rows, pieces.columns(rows, whole) if alike else whole

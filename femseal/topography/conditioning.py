@@ -258,7 +258,7 @@ class Conditioning(Labelled):
         return min(self.rms_slope, self.rms_slope_measured) / total
 
     @property
-    def spike_doubts(self) -> list[str]:
+    def spike_warnings(self) -> list[str]:
         """A sentence that warns if spikes may decide contact and leakage; otherwise an empty list."""
         if not self.spikes_extreme > _NOTABLE:
             return []

@@ -51,13 +51,13 @@ class Defined:
         Heights, NaN where undefined.
     notes : tuple of str
         Sentences that say which points were taken for undefined.
-    doubts : tuple of InputError
-        Questions that only the user can decide.
+    errors : tuple of InputError
+        What only the user can decide; `read_topography` raises the first.
     """
 
     heights: NDArray
     notes: tuple[str, ...] = ()
-    doubts: tuple[InputError, ...] = ()
+    errors: tuple[InputError, ...] = ()
 
 
 def without_no_data(

@@ -54,7 +54,7 @@ class Look:
     ----------
     topography : Topography
         The map.
-    doubts : tuple of InputError
+    errors : tuple of InputError
         Why `read_topography` refuses the map; empty if it does not.
     masked_fraction : float
         Fraction of points that are masked in the file.
@@ -67,7 +67,7 @@ class Look:
     """
 
     topography: Topography
-    doubts: tuple[InputError, ...]
+    errors: tuple[InputError, ...]
     masked_fraction: float
     said: Periodic
     instrument: Instrument
@@ -156,8 +156,8 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
 def read_measured(path: str | os.PathLike[str], **options: Any) -> Look:
     """Read a map like `read_topography`, together with its instrument and the notes on it."""
     look = read_for_a_look(path, **options)
-    if look.doubts:
-        raise look.doubts[0]
+    if look.errors:
+        raise look.errors[0]
     return look
 
 
@@ -182,7 +182,7 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
         height_unit = to_si(f"1 {given.height_unit}", "m", "height_unit")
     notes = (*raw.notes, *defined.notes, *_notes_on_overrides(raw, given, height_unit))
     instrument = _combine_instruments(raw.instrument, given)
-    doubts = [*_profile_doubts(path, raw), *defined.doubts]
+    errors = [*_profile_errors(path, raw), *defined.errors]
     file_mask = raw.mask if given.file_mask else None
     masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
     heights = _apply_masks(defined.heights, file_mask, given)
@@ -190,23 +190,23 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     unclear, needs_unit = raw.unclear, raw.needs_unit
     del raw, defined, file_mask  # large maps: no more than two are in memory at once
 
-    pixel_doubts = _pixel_doubts(path, pixel, heights.shape, unclear)
-    doubts += pixel_doubts
+    pixel_errors = _pixel_errors(path, pixel, heights.shape, unclear)
+    errors += pixel_errors
     if height_unit is None and needs_unit:
-        doubts.append(_unknown_unit(path, unclear))
+        errors.append(_unknown_unit(path, unclear))
     if height_unit is not None:
         heights = heights * height_unit
-    usable_pixel = pixel if pixel and not pixel_doubts else _ANY_PIXEL
+    usable_pixel = pixel if pixel and not pixel_errors else _ANY_PIXEL
     try:
         topography = Topography(heights, usable_pixel, given.periodic)
     except InputError as error:
         raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
-    if not doubts:
-        doubts = [*_implausible(path, topography, given)]
+    if not errors:
+        errors = [*_implausible(path, topography, given)]
     if given.crop is not None:
         topography = topography.crop_to(given.crop)
     is_known = pixel is not None, height_unit is not None
-    return Look(topography, tuple(doubts), masked_fraction, is_known, instrument, notes)
+    return Look(topography, tuple(errors), masked_fraction, is_known, instrument, notes)
 
 
 def _combine_instruments(of_file: Instrument, given: Reading) -> Instrument:
@@ -298,7 +298,7 @@ def _check_options(path: Path, given: Reading) -> None:
         raise InputError("size, spacing", "both", "one of the two")
 
 
-def _profile_doubts(path: Path, raw: Raw) -> list[InputError]:
+def _profile_errors(path: Path, raw: Raw) -> list[InputError]:
     """Return an error if a map is a single line."""
     if 1 not in raw.heights.shape or raw.heights.size <= _SHORTEST_PROFILE:
         return []
@@ -306,7 +306,7 @@ def _profile_doubts(path: Path, raw: Raw) -> list[InputError]:
     return [bad_file(path, error.given, error.expected)]
 
 
-def _pixel_doubts(
+def _pixel_errors(
     path: Path, pixel: Pair | None, shape: tuple[int, ...], unclear: str
 ) -> list[InputError]:
     """Return an error if the pixel size is unknown or not positive.

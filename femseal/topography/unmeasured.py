@@ -286,7 +286,7 @@ class Representative:
         return text
 
     @property
-    def doubts(self) -> list[str]:
+    def warnings(self) -> list[str]:
         """A sentence that warns if another patch of the surface may leak differently; otherwise an empty list."""
         if self.is_enough:
             return []

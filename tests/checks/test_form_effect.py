@@ -59,7 +59,7 @@ def test_a_roll_off_within_the_patch_is_found(seed):
     assert_allclose(found.longest, SIDE / 5, rtol=0.25)
     assert_allclose(found.waves, (5, 5), rtol=0.25)
     assert not found.rises
-    assert found.doubts == []
+    assert found.warnings == []
 
 
 def test_the_plateau_has_the_density_of_its_waves():
@@ -80,7 +80,7 @@ def test_a_spectrum_that_rises_up_to_the_side_is_no_whole_face(seed):
     assert found.rises
     assert found.roll_off is None
     assert min(found.waves) < 2.5
-    assert len(found.doubts) == 1
+    assert len(found.warnings) == 1
 
 
 def test_waves_without_a_power_law_are_counted_by_the_autocorrelation():

@@ -32,7 +32,7 @@ def holed(value, heights=FACE, hole=HOLE):
 @each("value", [-9999, 9999, 32767, -32768, -99999.9999, 65535, 1000001, 1.70141e38, -3.40282e38])
 def test_marks_that_programs_write_are_undefined_and_noted(tmp_path, value):
     found = look(tmp_path, holed(value))
-    assert not found.doubts
+    assert not found.errors
     assert_array_equal(np.isnan(found.topography.heights), HOLE.T)
     assert f"21 points (0.911 %) at exactly {value:g}, far from all others" in found.notes[0]
     assert "no_data = 'none' keeps them" in found.notes[0]
@@ -47,21 +47,21 @@ def test_other_numbers_far_from_all_heights_are_refused_with_a_question(tmp_path
     """Such as 0, whose points may be a stop as well; a tilt of the face, of 5 µm here, changes nothing."""
     tilt = 5e-6 * np.arange(N) / N
     heights = holed(value, FACE + tilt + 1e-6 * offset)
-    doubt = look(tmp_path, heights).doubts[0]
-    assert f"21 points (0.911 %) at exactly {value:g}, far from all others" in str(doubt)
-    assert f"no_data={value:g} (--no-data {value:g}) such points count" in str(doubt)
+    error = look(tmp_path, heights).errors[0]
+    assert f"21 points (0.911 %) at exactly {value:g}, far from all others" in str(error)
+    assert f"no_data={value:g} (--no-data {value:g}) such points count" in str(error)
     with pytest.raises(InputError, match="far from all others"):
         fs.read_topography(tmp_path / "face.txt", **SAID)
     assert_array_equal(np.isnan(look(tmp_path, heights, no_data=value).topography.heights), HOLE.T)
     kept = look(tmp_path, heights, no_data="none")
-    assert not kept.doubts
+    assert not kept.errors
     assert not kept.topography.undefined_fraction
 
 
 def test_marks_are_found_in_arrays_as_well(tmp_path):
     np.savez(tmp_path / "face.npz", z=np.where(HOLE, 32767, FACE), spacing=(2e-6, 2e-6))
     found = read_for_a_look(tmp_path / "face.npz")
-    assert not found.doubts
+    assert not found.errors
     assert_array_equal(np.isnan(found.topography.heights), HOLE)
 
 
@@ -87,7 +87,7 @@ def quantised(heights, levels):
 )
 def test_measured_surfaces_without_marks_stay_unchanged(tmp_path, heights):
     found = look(tmp_path, heights)
-    assert not found.doubts
+    assert not found.errors
     assert not found.notes
     assert not found.topography.undefined_fraction
 

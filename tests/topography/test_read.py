@@ -486,7 +486,7 @@ def test_an_unknown_unit_of_a_file_is_replaced_by_that_of_the_caller(tmp_path):
     for unit in (b"mm", b"\xb5m"):
         content = content.replace(unit.ljust(16), b"parsnip".ljust(16))
     path = write(tmp_path, "face.sur", content)
-    first, second = read_for_a_look(path).doubts
+    first, second = read_for_a_look(path).errors
     assert "no pixel size in the file (2 × 3 points; it says unit 'parsnip')" in str(first)
     assert "no unit of height in the file that can be read (unit 'parsnip')" in str(second)
     found = read_for_a_look(path, height_unit="um", spacing=PIXEL)

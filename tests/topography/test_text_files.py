@@ -32,7 +32,7 @@ def look(folder, text, name="face.txt", **said):
 
 
 def same(found, heights=HEIGHTS, pixel=PIXEL):
-    assert not found.doubts
+    assert not found.errors
     assert_allclose(found.topography.heights, heights, atol=1e-15)
     assert_allclose(found.topography.spacing, pixel)
 
@@ -182,7 +182,7 @@ def test_an_export_of_zygo_is_read(tmp_path):
     """Coordinates count pixels, whose size the head says unless the camera was not calibrated; heights are in µm."""
     same(look(tmp_path, zygo("2e-06"), "face.xyz"), without((3, 4)))
     open_pixel = look(tmp_path, zygo("0"), "face.xyz")
-    assert "no pixel size in the file" in str(open_pixel.doubts[0])
+    assert "no pixel size in the file" in str(open_pixel.errors[0])
     same(look(tmp_path, zygo("0"), "face.xyz", spacing=PIXEL), without((3, 4)))
     refused(tmp_path, "Zygo ASCII Data File - Format 2\n" + matrix(), "a Zygo ASCII file")
 
@@ -210,8 +210,8 @@ def test_an_esri_raster_with_undefined_points_is_read(tmp_path, mark):
     found = look(tmp_path, text, **MICRONS)
     same(found, without((4, 7)))
     assert "1 point (0.556 %) at -9999: undefined, as the file says" in found.notes
-    doubt = str(look(tmp_path, text, height_unit="um").doubts[0])
-    assert "no pixel size in the file (15 × 12 points; it says 'cellsize 2')" in doubt
+    error = str(look(tmp_path, text, height_unit="um").errors[0])
+    assert "no pixel size in the file (15 × 12 points; it says 'cellsize 2')" in error
     # lines may be broken anywhere where the header says the points
     whole = text[len(head) :].split()
     broken = "\n".join(" ".join(whole[n : n + 7]) for n in range(0, len(whole), 7))
@@ -224,7 +224,7 @@ def test_an_esri_raster_with_undefined_points_is_read(tmp_path, mark):
 
 def test_units_of_the_caller_replace_those_that_cannot_be_read(tmp_path):
     text = HEAD.replace("units: µm", "units: V").replace("30 µm", "9 apples") + matrix()
-    first, second = look(tmp_path, text).doubts
+    first, second = look(tmp_path, text).errors
     assert "no pixel size in the file (15 × 12 points; it says " in str(first)
     assert "'Width: 9 apples'" in str(first)
     assert "no unit of height in the file that can be read" in str(second)
@@ -336,8 +336,8 @@ def test_coordinates_without_a_unit_need_that_of_the_caller(tmp_path):
     """Metres, unless heights have another unit: then that of the coordinates is asked for."""
     same(look(tmp_path, table(2e-6, form="{:.7f} {:.7f} {:.3e}").replace("e+00", "e-06").replace(
         "e-01", "e-07").replace("e-02", "e-08").replace("e-03", "e-09")))  # fmt: skip
-    doubt = str(look(tmp_path, table(), height_unit="um").doubts[0])
-    assert "it says 'coordinates in steps of 2 and 2, without a unit" in doubt
+    error = str(look(tmp_path, table(), height_unit="um").errors[0])
+    assert "it says 'coordinates in steps of 2 and 2, without a unit" in error
 
 
 def test_an_array_of_coordinates_is_read(tmp_path):
