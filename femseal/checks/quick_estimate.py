@@ -25,9 +25,11 @@ LIGHT_CONTACT, ERROR_FACTORS = 0.3, (2.2, 10.0)
 #: Times the factor at 95 % by which a leakage may differ from the estimate before it is not plausible.
 _IMPLAUSIBLE = 10.0
 #: Part of the variance of the heights in a smooth profile along one axis from which on that profile decides where the
-#: surface touches. Self-affine surfaces without roll-off have up to 0.64, of 120; from 0.7 on, a crown makes the quick
-#: estimate wrong by factors of 10 to 1000, at 0.6 by 3 to 12. The degree of the polynomial that is the profile.
-_FORM_DECIDES, _FORM_DEGREE = 0.7, 4
+#: surface touches. Self-affine surfaces without roll-off have up to 0.64, of 120 that were made. With a crown that has
+#: 0.6 of the variance, the estimate is wrong by factors of 3 to 12; with 0.76, of 7 to more than 300.
+_FORM_DECIDES = 0.7
+#: Degree of the polynomial that is the profile.
+_FORM_DEGREE = 4
 
 
 @dataclass(frozen=True, eq=False)

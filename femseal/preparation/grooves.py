@@ -30,10 +30,11 @@ def layout_with_grooves(case: Case) -> Layout:
     if not isinstance(layout, RectangularLayout | AnnularLayout):
         return layout
     lay = layout.lay
-    is_turned = isinstance(face, TurnedFace) and face.pitch < face.size[0] and len(case.face) == 1
-    lay_is_given = "lay" in case.seal.model_fields_set
-    if is_turned and circumference is not None and not lay_is_given:
-        lay = Lay(name="spiral", lead=face.pitch)
+    is_single = len(case.face) == 1
+    if is_single and isinstance(face, TurnedFace) and face.pitch < face.size[0]:
+        lay_is_given = "lay" in case.seal.model_fields_set
+        if circumference is not None and not lay_is_given:
+            lay = Lay(name="spiral", lead=face.pitch)
     if lay.name == "spiral" and isinstance(layout, RectangularLayout) and lay.circumference is None:
         lay = replace(lay, circumference=circumference)
     return replace(layout, lay=lay)
