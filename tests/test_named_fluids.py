@@ -124,7 +124,7 @@ NAMED = 'name = "helium"\ninlet_pressure = "1 MPa"\n'
         ('viscosity = "30 uPa*s"\n', None),
         ('viscosity = "1 mPa*s"\n', r"viscosity 1 mPa·s is 51 times that of helium, 19.62 µPa·s"),
         ('molar_mass = "1 g/mol"\n', r"molar_mass .* is 4 times less than that of helium"),
-        ('kind = "liquid"\n', r"kind liquid stands for helium, which is of kind ideal-gas"),
+        ('kind = "liquid"\n', r"kind liquid is used for helium, which is of kind ideal-gas"),
     ],
 )
 def test_a_key_left_from_another_fluid_is_warned_of(tmp_path, table, said):

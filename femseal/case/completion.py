@@ -226,24 +226,36 @@ def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> Raw
     kind = fluid.get("kind", named.kind)
     if not isinstance(kind, str) or kind not in FLUIDS:
         return fluid
-    units = {
-        field.name: field.metadata["unit"]
-        for field in fields(FLUIDS[kind])
-        if "unit" in field.metadata
-    }
-    properties = {
-        key: Amount(value, units[key]) for key, value in named.parameters.items() if key in units
-    }
-    # the temperature of a named liquid chooses its properties, and is not one of its keys
-    given = {key: value for key, value in fluid.items() if key != "temperature" or key in units}
+    properties = _properties_of(named, kind)
+    given = fluid
+    if "temperature" not in _units_of(kind):
+        # it has chosen the properties, and is no key of this kind
+        given = {key: value for key, value in fluid.items() if key != "temperature"}
     density = named.parameters.get("density")
     given = _with_dynamic_viscosity({"kind": kind, **given}, table_key, density)
     if kind != named.kind:
         warnings.append(
-            f"{table_key}.kind {kind} stands for {fluid['name']}, which is of kind {named.kind}: leave it out"
+            f"{table_key}.kind {kind} is used for {fluid['name']}, which is of kind {named.kind}: leave the "
+            "kind out unless that is intended"
         )
     warnings += _odd_properties(given, properties, table_key)
     return {**properties, **given}
+
+
+def _units_of(kind: str) -> dict[str, str]:
+    """Return the units of the parameters of a kind of fluid that are quantities."""
+    parameters = fields(FLUIDS[kind])
+    return {field.name: field.metadata["unit"] for field in parameters if "unit" in field.metadata}
+
+
+def _properties_of(named: Any, kind: str) -> dict[str, Amount]:
+    """Return the properties of a named fluid that are parameters of a kind of fluid."""
+    units = _units_of(kind)
+    return {
+        name: Amount(value, units[name])
+        for name, value in named.parameters.items()
+        if name in units
+    }
 
 
 def _with_dynamic_viscosity(
@@ -314,7 +326,7 @@ def _odd_properties(
         unit = usual.unit.replace("*", "·")
         yield (
             f"{table_key}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
-            f"{to_text(usual, unit)}: right if it was measured, else leave out the key, or the name"
+            f"{to_text(usual, unit)}: keep it if it was measured, else leave out the key or the name"
         )
 
 
