@@ -193,10 +193,10 @@ class Case(Table):
 
     def _check_accuracy(self) -> None:
         if self.accuracy is not None and not self.output.budget:
-            expected = "true: attempts end by their error budget"
+            expected = "true, because the error budget says when the accuracy is reached"
             raise InputError("output.budget", "false with accuracy", expected)
         if self.time_limit is not None and self.accuracy is None:
-            expected = "one with accuracy, whose attempts it ends"
+            expected = "a time limit only with accuracy, whose attempts it limits"
             raise InputError("time_limit", "a time without accuracy", expected)
 
     def _check_loads(self) -> None:
@@ -234,9 +234,8 @@ class Case(Table):
     def _check_faces(self) -> None:
         first = self.face[0]
         if isinstance(first, FileFace) and first.placement:
-            raise InputError(
-                "face.0", ", ".join(sorted(first.placement)), "that in the second face"
-            )
+            given = ", ".join(sorted(first.placement))
+            raise InputError("face.0", given, "it in the table of the second face")
 
     def _check_seal(self) -> None:
         """Raise an InputError if the shape of the seal does not go with the method, or with the length of a strip."""
@@ -245,11 +244,12 @@ class Case(Table):
             return
         if "stochastic" not in self.methods:
             given = f"{layout.kind} with the method {self.method}"
-            raise InputError("seal.kind", given, "it with stochastic, which covers it with tiles")
+            expected = "the method stochastic, which covers a seal of this shape with tiles"
+            raise InputError("seal.kind", given, expected)
         for name in ("length", "breadth"):
             value = getattr(self.stochastic, name, None)
             if value is not None:
-                expected = f"none with a seal of kind {layout.kind}: it has its own"
+                expected = f"no {name}, because a seal of kind {layout.kind} has its own"
                 raise InputError(f"stochastic.{name}", to_text(value, "m"), expected)
 
     def _check_seat(self) -> None:
@@ -264,10 +264,10 @@ class Case(Table):
         order = 1 if self.surface.detrend is None else self.surface.detrend
         is_measured = any(isinstance(face, FileFace) for face in self.face)
         if is_measured and order < least:
-            given = f"{order} with a {kind} seat: the form would count twice"
-            raise InputError("surface.detrend", given, f"{least}: the form is that of [seat]")
+            given = f"{order} with a {kind} seat, so that its form would count twice"
+            raise InputError("surface.detrend", given, f"{least}, because [seat] gives the form")
         if self.load.map is not None:
-            expected = "none: the form gives the pressure of the rows"
+            expected = "no map, because the form of the seat determines the pressure"
             raise InputError("load.map", f"a map with a {kind} seat", expected)
         if self.layout.kind == MeshLayout.kind:
             given = f"{self.layout.kind} with a {kind} seat"
@@ -276,13 +276,13 @@ class Case(Table):
     def _check_map_and_form(self) -> None:
         """Raise an InputError if the contact pressure over the seal is given for a single face, or given twice."""
         if self.load.map is not None:
-            why = "a face has one nominal pressure"
+            why = "the other methods have one nominal pressure"
             self._check_stochastic_alone("load.map", "a map", why)
         if self.seal.form:
-            why = "a face has the form that was measured"
+            why = "the other methods have the measured form of the surface"
             self._check_stochastic_alone("seal.form", "a form", why)
             if self.load.map is not None:
-                expected = "one of them: the form gives the pressure of the tiles"
+                expected = "one of them, because the form determines the pressure as well"
                 raise InputError("load.map", "a map with seal.form", expected)
 
     def _check_stochastic_alone(self, name: str, given: str, why: str) -> None:
@@ -290,7 +290,7 @@ class Case(Table):
         others = self.methods - {"stochastic"}
         if others:
             given = f"{given} with the method {', '.join(sorted(others))}"
-            raise InputError(name, given, f"stochastic alone: {why}")
+            raise InputError(name, given, f"stochastic alone, because {why}")
 
     def _check_files(self) -> None:
         for name, path in self.files():

@@ -252,10 +252,10 @@ class FileFace(MapFile):
         """
         if self.patches is None:
             if self.path is None:
-                raise InputError("face.path", "none", "the file of the map, or patches")
+                raise InputError("face.path", "nothing", "the file of the map, or patches")
             return [self]
         if self.path is not None:
-            raise InputError("face.path", "a file besides patches", "one of them")
+            raise InputError("face.path", "a file besides patches", "either a file or patches")
         maps = [
             self._patch(patch, path) for patch in self.patches for path in _paths_of(patch, folder)
         ]
@@ -263,7 +263,9 @@ class FileFace(MapFile):
             names = ", ".join(str(patch.path) for patch in self.patches)
             count = "one file" if maps else "no file"
             given = f"'{shortened(names)}', which is {count}"
-            raise InputError("face.patches", given, "at least two; path for a single one")
+            raise InputError(
+                "face.patches", given, "at least two patches; for a single map, use path"
+            )
         return maps
 
     def _patch(self, patch: MapFile, path: Path) -> FileFace:

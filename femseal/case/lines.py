@@ -1,4 +1,4 @@
-"""Lines of a case file: where its keys are, and what a line that is no TOML may have been meant to say."""
+"""Lines of a case file: find the lines of keys, and guess what an invalid line was meant to say."""
 
 import re
 from collections import Counter
@@ -50,9 +50,9 @@ def _lines_of_keys(text: str) -> Iterator[tuple[str, int]]:
 
 
 def likely_meaning(text: str, message: str) -> str:
-    """Return a hint how the line that tomllib's message names may have been meant, "" without one.
+    """Return a hint about the line in which tomllib found an error, "" without one.
 
-    A number without quotes may lack a decimal point, or the quotes around its unit.
+    A value without quotes may lack the quotes around number and unit, or have a decimal comma.
     """
     place = re.search(r"at line (\d+)", message)
     is_repeated_key = "overwrite" in message

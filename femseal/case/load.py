@@ -211,7 +211,9 @@ class LoadTable(Table):
         loads = self._map_loads
         is_rising = loads == sorted(set(loads))
         if not self.map or len(loads) < len(self.map) or not is_rising:
-            raise unusable("one table `map`, or several that all have `at`, and whose `at` rise")
+            raise unusable(
+                "one table `map`, or several that all have `at`, and whose `at` rise from one to the next"
+            )
         return self
 
     @model_validator(mode="after")

@@ -100,7 +100,7 @@ class OutputTable(Table):
     @model_validator(mode="after")
     def _check_report(self) -> OutputTable:
         if self.report and not self.pictures:
-            expected = "false: the page is made of pictures"
+            expected = "false, because the report consists of pictures"
             raise InputError("report", "true with pictures = false", expected)
         return self
 

@@ -119,7 +119,7 @@ def table_for_each(
     base: type[Table],
     other_keys: Callable[[Any], dict[str, Any]] = lambda cls: {},
 ) -> Any:
-    """Return the type of a table that is one of several, by its key `kind`.
+    """Return a union of tables, one for each registered class, of which the key `kind` chooses one.
 
     Parameters
     ----------

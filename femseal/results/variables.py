@@ -1,7 +1,7 @@
 """Variables of the dataset: the declared fields of the studies' results, and those computed from several results.
 
-A field over the load steps becomes a column of the tables, in those for people if it has a heading. A field over cells,
-or over the tiles of a realisation, becomes an array for ParaView.
+A field over the load steps becomes a column of the file `table.csv`, and of the printed table if it has a heading. A
+field over cells, or over the tiles of a realisation, becomes an array for ParaView.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ class NeededPressure:
 
     @property
     def relation(self) -> str:
-        """Relation of the needed pressure to `bound(value)`: "=", or "<=" or ">" if only a bound is known."""
+        """Sign between the needed pressure and `bound(value)`: "=" if it is known, else "<=" or ">"."""
         return {inf: ">", 0.0: "<="}.get(self.value, "=")
 
     def bound(self, value: float) -> float:
@@ -243,7 +243,7 @@ class LeakageCurve:
 
     @property
     def assembly_step(self) -> int:
-        """Number of the step of the assembly: at the highest load from which it is unloaded, or that it reaches."""
+        """Step of the assembly: at the highest load from which the seal is unloaded, or else at the highest load."""
         loading = np.flatnonzero(self.steps.on_loading)
         pressures = self.steps.pressures[loading]
         highest = max(self.steps.unload_from, default=pressures.max())

@@ -228,8 +228,8 @@ def write_vtk(
     folder : str or path
         Created if needed.
     mapper : callable
-        Computes a stage, such as over processes of this machine, one of which writes the files: VTK blocks all other
-        threads of its process.
+        Computes a stage, as the builtin `map` does. With processes, one of them writes the files, so that VTK does not
+        block the threads of this process.
 
     Returns
     -------

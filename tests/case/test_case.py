@@ -446,7 +446,11 @@ def test_a_second_face_is_laid_on_the_first(tmp_path, two_faces):
 @each(
     ("face", "keys", "said"),
     [
-        (0, {"shift": ["1 um", "0 um"]}, r"face\.0: given shift, expected that in the second face"),
+        (
+            0,
+            {"shift": ["1 um", "0 um"]},
+            r"face\.0: given shift, expected it in the table of the second face",
+        ),
         (1, {"mirror": "x3"}, r"face\.1\.mirror"),
         (1, {"rotate": 90}, r"face\.1\.rotate"),
         (1, {"rotate": "1 um"}, r"face\.1\.rotate"),
