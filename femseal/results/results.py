@@ -30,7 +30,6 @@ from ..loads import LoadProgramme
 from ..studies import FaceResult, Scene, StochasticResult, StudyResult
 from . import best_leakage, load_steps
 from .leakage_classes import tightest_classes
-from .load_steps import cycle_text as cycle_text  # `runs.forecast` takes it from here
 
 if TYPE_CHECKING:
     import xarray

@@ -17,14 +17,14 @@ from ..base import InputError, Shape, as_text, counted, duration, free_memory, t
 from ..base.machine import storing
 from ..budget import BudgetRequest, versions_of_budget
 from ..case.case import Case
-from ..case.case_tables import SolidTable
 from ..case.faces import FileFace
+from ..case.solid_table import SolidTable
 from ..checks import FormEffect, QuickEstimate, flow_warnings
 from ..materials import METALS
 from ..preparation.memory import START_MEMORY
 from ..preparation.preparation import Prepared
 from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
-from ..results.results import cycle_text
+from ..results.load_steps import cycle_text
 from ..results.variables import fluid_text
 from ..studies import Scene, drop_ratio
 from ..studies.blocks import blocks_of

@@ -1,3 +1,0 @@
-"""Former place of `SolidTable`, which is in `solid_table`."""
-
-from .solid_table import SolidTable as SolidTable
