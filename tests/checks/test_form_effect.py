@@ -1,6 +1,5 @@
-"""What a measured patch knows of its face: how many of its long waves it holds, and what its form does to the leakage."""
+"""Effect of the form of a measured patch: its size, its row in the budget, and how often it is computed."""
 
-import warnings
 from collections import Counter
 from dataclasses import replace
 
@@ -18,7 +17,6 @@ from femseal.contact import PerfectlyPlastic
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
 from femseal.runs.forecast import describe
-from femseal.topography import representative
 
 N, D = 192, 1e-6
 SIDE = N * D
@@ -39,69 +37,8 @@ def crowned(height, seed=1):
     return face.with_heights(face.heights - height * (2 * x1[:, None] / SIDE) ** 2).detrend(1)
 
 
-@pytest.mark.parametrize("shape", [(2, 64), (64, 2), (3, 200), (1, 64), (5, 5), (4, 1000)])
-@pytest.mark.parametrize("periodic", [True, False])
-def test_a_narrow_patch_is_looked_through_without_a_warning(shape, periodic):
-    """Of an octave without waves nothing is known: the spectrum does not count as rising."""
-    heights = 1e-7 * np.random.default_rng(1).standard_normal(shape)
-    patch = fs.Topography(heights, (1e-6, 1e-6), periodic)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        found = representative(patch)
-    assert found.rises in (True, False)
-    assert np.isnan(found.density) == np.isnan(found.octave)
-    assert str(found)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_roll_off_within_the_patch_is_found(seed):
-    found = representative(rough(seed, SIDE / 5, cut_off=4 * D))
-    assert_allclose(found.longest, SIDE / 5, rtol=0.25)
-    assert_allclose(found.waves, (5, 5), rtol=0.25)
-    assert not found.rises
-    assert found.warnings == []
-
-
-def test_the_plateau_has_the_density_of_its_waves():
-    face = rough(3, SIDE / 5, cut_off=4 * D, n=2 * N)
-    found = representative(face.crop((N, N)).detrend(1))
-    assert found.roll_off == found.longest
-    # the plateau of all waves from the roll-off to the cut-off with a rms slope of 0.05
-    q = 2 * np.pi / np.array([SIDE / 5, 4 * D])
-    plateau = (
-        2 * np.pi * 0.05**2 / (q[0] ** 3.6 * (q[1] ** 0.4 - q[0] ** 0.4) / 0.4 + q[0] ** 4 / 4)
-    )
-    assert 0.5 < found.density / plateau < 2
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_spectrum_that_rises_up_to_the_side_is_no_whole_face(seed):
-    found = representative(rough(seed, roll_off=2 * SIDE))
-    assert found.rises
-    assert found.roll_off is None
-    assert min(found.waves) < 2.5
-    assert len(found.warnings) == 1
-
-
-def test_waves_without_a_power_law_are_counted_by_the_autocorrelation():
-    wave = SIDE / 12
-    x1 = (np.arange(N) + 0.5) * D
-    heights = np.cos(2 * np.pi * x1 / wave)[:, None] * np.full((1, N), 1e-7)
-    found, flat = (representative(fs.Topography(of, (D, D))) for of in (heights, 0 * heights))
-    assert_allclose(found.longest, wave * np.arccos(0.2) / (2 * np.pi) / 0.27, rtol=0.05)
-    assert found.is_enough
-    assert np.isnan(flat.longest)
-    assert flat.is_enough
-
-
-def test_of_several_places_the_one_with_fewest_waves_is_told():
-    places = [rough(1, SIDE / 5, 4 * D), rough(2, 2 * SIDE), rough(3, SIDE / 5, 4 * D)]
-    found = representative(fs.Patches(places))
-    assert found == representative(places[1])
-
-
 @pytest.mark.parametrize("seed", range(3))
-def test_the_parabola_of_a_face_has_its_height_and_radius(seed):
+def test_a_parabola_has_its_height_and_its_radius(seed):
     height = 2e-6
     effect = solve_form_effect(crowned(height, seed), E, PerfectlyPlastic(H), [0.06 * H])
     assert_allclose(effect.height, height, rtol=0.15)
@@ -121,7 +58,7 @@ def solved(face, pressures):
 
 
 @pytest.mark.parametrize("height", [0.0, 1e-6, 2e-6])
-def test_few_points_tell_what_the_form_does(height):
+def test_few_points_show_the_effect_of_the_form_on_all_points(height):
     face, loads = crowned(height), [0.02 * H, 0.06 * H, 0.15 * H]
     effect = solve_form_effect(face, E, PerfectlyPlastic(H), loads)
     whole = solved(face, loads)
@@ -131,17 +68,16 @@ def test_few_points_tell_what_the_form_does(height):
     assert bool(effect.warnings) == (height > 0)
 
 
-def test_places_are_one_beside_the_other():
-    places, loads = (crowned(1e-6), rough(2)), [0.06 * H]
-    two = solve_form_effect(fs.Patches(places), E, PerfectlyPlastic(H), loads)
-    one, other = (
-        solve_form_effect(place, E, PerfectlyPlastic(H), loads).permeability for place in places
-    )
-    assert abs(np.log(one[0] / one[1])) > 0.5
-    assert_allclose(two.changes, np.log((one + other)[0] / (one + other)[1:]), atol=0.15)
+def test_permeabilities_of_patches_add_up_side_by_side():
+    patches, loads, law = (crowned(1e-6), rough(2)), [0.06 * H], PerfectlyPlastic(H)
+    joint = solve_form_effect(fs.Patches(patches), E, law, loads)
+    first, second = (solve_form_effect(patch, E, law, loads).permeability for patch in patches)
+    assert abs(np.log(first[0] / first[1])) > 0.5
+    total = first + second
+    assert_allclose(joint.changes, np.log(total[0] / total[1:]), atol=0.15)
 
 
-def test_a_load_that_seals_the_few_points_is_taken_as_lower():
+def test_a_load_that_seals_the_coarse_surface_is_reduced():
     """Waves of a few pixels, which 128 points do not carry, keep this face open."""
     side = 512 * D
     waves = {"rms_height": 3e-9, "roll_off": 64 * D, "cut_off": 40 * D, "rng": 2}
@@ -167,7 +103,7 @@ EFFECT = FormEffect(
 )
 
 
-def test_the_row_is_straight_in_ln_of_the_load():
+def test_the_error_part_is_linear_in_the_logarithm_of_the_load():
     steps = LoadProgramme.of((1e5, 1e6, 1e7, 1e8), (1e8,), (1e7, 1e6))
     leakage = np.array([8.0, 4.0, 2.0, 1.0, 1.5, 2.0])
     part = patch_form_part(EFFECT, steps, leakage)
@@ -176,14 +112,14 @@ def test_the_row_is_straight_in_ln_of_the_load():
     assert_allclose(np.log(leakage / part.lower), distance)
 
 
-def test_after_unloading_it_is_no_less_than_at_the_peak():
+def test_the_error_part_of_an_unloading_is_at_least_that_of_its_peak():
     steps = LoadProgramme.of((1e6, 1e8), (1e8,), (1e6,))
     rising = replace(EFFECT, permeability=EFFECT.permeability[:, ::-1])
     part = patch_form_part(rising, steps, np.ones(3))
     assert_allclose(part.upper, [2, 4, 4])
 
 
-def test_loads_at_which_nothing_leaks_tell_nothing():
+def test_loads_without_leakage_are_left_out_of_the_error_part():
     sealed = replace(EFFECT, permeability=EFFECT.permeability * [1.0, 0.0])
     assert_allclose(sealed.distance(np.array([1e6, 1e8])), np.log([4, 4]))
     shut = replace(EFFECT, permeability=np.zeros((3, 2)))
@@ -238,7 +174,7 @@ def case(tmp_path):
     return written
 
 
-def test_a_run_has_the_row_unless_the_case_says_what_is_form(case):
+def test_a_run_has_the_error_part_unless_the_case_says_what_is_form(case):
     results = fs.run(case(), workers=1)
     row = results.budget.widths()["form of the patch"]
     first, second = (fs.run(case(f"detrend = {order}"), workers=1) for order in (1, 2))
@@ -323,7 +259,7 @@ def test_a_scene_of_a_calibration_has_no_effect_of_form(case, count_calls):
     assert not count_calls["form effect"]
 
 
-def test_a_new_case_asks_what_is_form_where_it_matters(femseal, tmp_path):
+def test_a_new_case_asks_what_is_form_if_it_matters(femseal, tmp_path):
     import x3pio
 
     for height, asked in ((1e-6, True), (0.0, False)):

@@ -45,19 +45,21 @@ def test_area_with_a_hardness_is_that_of_the_sine_series(spread):
 
 
 @pytest.mark.parametrize("hardness", [3e8, 1e9, np.inf])
-def test_passages_narrow_with_the_load(hardness):
+def test_contact_grows_and_gaps_narrow_with_the_load(hardness):
     loads = np.geomspace(1e5, 2.9e8, 60)
-    found = np.array([critical_junction(p, 1e11, WAVES, POWERS, hardness=hardness) for p in loads])
-    assert np.all(np.diff(found[:, 0]) > 0)
-    assert np.all(np.diff(found[:, 1:], axis=0) <= 0)
-    assert found[0, 1] > 0
+    junctions = np.array(
+        [critical_junction(p, 1e11, WAVES, POWERS, hardness=hardness) for p in loads]
+    )
+    assert np.all(np.diff(junctions[:, 0]) > 0)
+    assert np.all(np.diff(junctions[:, 1:], axis=0) <= 0)
+    assert junctions[0, 1] > 0
     slope = np.sqrt(np.sum(WAVES**2 * POWERS))
-    assert_allclose(found[:, 0], persson_area(loads, 1e11 * slope / 2, hardness))
+    assert_allclose(junctions[:, 0], persson_area(loads, 1e11 * slope / 2, hardness))
     high = [critical_junction(2 * p, 1e11, WAVES, 4 * POWERS, hardness=2 * hardness) for p in loads]
-    assert_allclose(high, found * [1, 2, 2], rtol=1e-6, atol=1e-30)
+    assert_allclose(high, junctions * [1, 2, 2], rtol=1e-6, atol=1e-30)
 
 
-def test_light_loads_part_the_faces_by_the_logarithm_of_the_load():
+def test_the_mean_gap_falls_with_the_logarithm_of_light_loads():
     """ū = −u₀ ln p + constant, u₀ = γ √π ∫ q²C w dq (Persson, Phys. Rev. Lett. 99, 2007, 125502)."""
     gaps = [critical_junction(p, 1e11, WAVES, POWERS).mean_gap for p in (1e3, 1e4, 1e5)]
     rise = np.cumsum(WAVES**2 * POWERS) - WAVES**2 * POWERS / 2
@@ -67,18 +69,20 @@ def test_light_loads_part_the_faces_by_the_logarithm_of_the_load():
     assert gaps[0] - gaps[1] == pytest.approx(length * np.log(10), rel=1e-3)
 
 
-def test_a_lay_across_closes_before_one_along():
+def test_grooves_across_the_flow_close_before_grooves_along_it():
     face = fs.self_affine((64, 64), (1e-4, 1e-4), hurst=0.8, rms_slope=0.1, rng=3)
     ridged = face.with_heights(face.heights + 3 * face.low_pass(2e-5).heights.mean(axis=1)[:, None])
     crossed = face.with_heights(ridged.heights.T)
     loads = np.geomspace(1e6, 5e9, 40)
-    across, along = (estimate_surface(one, 1e11, np.inf, loads) for one in (ridged, crossed))
+    across, along = (
+        estimate_surface(surface, 1e11, np.inf, loads) for surface in (ridged, crossed)
+    )
     assert_allclose(across.area, along.area)
     assert np.all(across.permeability <= along.permeability * (1 + 1e-9))
     assert (across.permeability == 0).sum() > (along.permeability == 0).sum()
 
 
-def test_its_factors_are_those_of_the_table():
+def test_the_stated_error_factors_are_those_of_the_benchmark():
     page = (Path(__file__).parents[1] / "benchmarks" / "quick_estimate.md").read_text(
         encoding="utf-8"
     )
@@ -99,7 +103,7 @@ def case(fluid, seat=None, **face):
     return parse_case(HARDENED | changed)
 
 
-def test_a_gas_faster_than_sound_is_warned_of():
+def test_a_gas_faster_than_sound_has_a_warning():
     nitrogen = {"name": "nitrogen", "inlet_pressure": "200 bar"}
     given = case(nitrogen, rms_height="3 um", roll_off="300 um")
     results = fs.run(given, workers=1)
@@ -141,7 +145,7 @@ def test_a_gas_that_slips_takes_the_mean_of_slip_over_p_dp(outlet):
     assert PressureDrop.of(fs.Liquid(1e-3), inlet, outlet).mean_factor_of(1e-9) == 1
 
 
-def test_helium_into_a_vacuum_is_what_the_spectrum_says():
+def test_helium_into_a_vacuum_leaks_as_the_quick_estimate():
     helium = {"name": "helium", "inlet_pressure": "1 atm"}
     leakages = []
     for outlet in ("0 Pa", "1e-3 mbar", "1 mbar"):
@@ -156,7 +160,7 @@ def test_helium_into_a_vacuum_is_what_the_spectrum_says():
 OIL = {"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}
 
 
-def test_an_oil_in_narrow_gaps_is_not():
+def test_oil_in_narrow_gaps_has_no_warning_of_its_flow():
     given = case(OIL, rms_height="0.5 um")
     results = fs.run(given, workers=1)
     words = "Reynolds", "choked", "quick estimate"
