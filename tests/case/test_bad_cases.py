@@ -331,7 +331,7 @@ def test_memory_is_refused_instead_of_ending_the_process(monkeypatch):
     ],
 )
 def test_sizes_are_weighed_before_anything_is_made(monkeypatch, data, table, key, value, words):
-    monkeypatch.setattr("femseal.preparation.face.free_memory", lambda: 4e9)
+    monkeypatch.setattr("femseal.preparation.memory.free_memory", lambda: 4e9)
     if table == "face":
         made = "femseal.case.faces.TurnedFace.make_heights"
         monkeypatch.setattr(made, lambda *_, **__: pytest.fail("made"))

@@ -12,7 +12,7 @@ import pytest
 from case_fuzz import CaseFuzz, spare_files
 
 import femseal as fs
-from femseal.preparation import face as sizes
+from femseal.preparation import memory as sizes
 from femseal.preparation import prepare
 from femseal.runs.forecast import describe, refuse_too_large
 

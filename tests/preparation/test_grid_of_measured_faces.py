@@ -8,7 +8,7 @@ from small_cases import HARDENED
 import femseal as fs
 from femseal.budget.versions import without_filtered_waves
 from femseal.case import parse_case
-from femseal.preparation import face, prepare
+from femseal.preparation import prepare, surface
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_the_default_grid_resolves_the_shortest_measured_wave(case):
 
 
 def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
-    monkeypatch.setattr(face, "MOST_POINTS", 20_000)
+    monkeypatch.setattr(surface, "MOST_POINTS", 20_000)
     prepared = prepare(case())
     lost, shortest = prepared.conditioning.lost_slope, prepared.conditioning.shortest_measured
     assert_allclose(np.prod(prepared.scene.surface.shape), 20_000, rtol=0.15)
