@@ -282,7 +282,7 @@ def slip_of_gas() -> Any:
 
 
 class Gas:
-    """Share what all gases with a temperature, a molar mass and a choice of slip have in common."""
+    """Base class of gases that have a temperature, a molar mass and a choice of slip."""
 
     #: Default outlet pressure of a case, absolute [Pa].
     outlet_pressure: ClassVar[float] = STANDARD_PRESSURE

@@ -248,7 +248,7 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
         raise InputError(name, shown(text), error.expected) from None
     if pressure < 0:
         vacuum = to_text(0.0 - reference, "Pa")
-        raise InputError(name, shown(text), f"a pressure not below a vacuum, {vacuum} there")
+        raise InputError(name, shown(text), f"a pressure of at least {vacuum}, that of a vacuum")
     return pressure
 
 

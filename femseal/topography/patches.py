@@ -267,7 +267,9 @@ def _check_patches(patches: Sequence[Topography]) -> None:
     for (a, first), (b, second) in combinations(enumerate(patches, start=1), 2):
         # NaN equals NaN here, and maps of different shapes are different
         if np.array_equal(first.heights, second.heights, equal_nan=True):
-            raise InputError("patches", f"the same map as number {a} and {b}", "each patch once")
+            raise InputError(
+                "patches", f"the same map twice, as number {a} and number {b}", "each patch once"
+            )
     pixels = [max(patch.spacing) for patch in patches]
     if max(pixels) > _UNLIKE_PIXELS * min(pixels):
         given = f"pixels from {to_text(min(pixels), 'm', 3)} to {to_text(max(pixels), 'm', 3)}"

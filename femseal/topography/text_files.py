@@ -35,7 +35,7 @@ _PLACEHOLDER = re.compile(r"-+|\*+|\?+")
 _NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
 #: Largest number of lines before the numbers.
 _LONGEST_HEADER = 1000
-#: The numbers begin where so many lines contain as many numbers.
+#: The numbers begin where this many lines in succession have equally many numbers.
 _ALIKE = 3
 #: Number of bytes that are examined to recognise a text and its encoding.
 _HEAD = 2**16
@@ -271,7 +271,7 @@ def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
 
 
 def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
-    """Return the index of the line where the numbers begin: this line and the next ones contain as many numbers.
+    """Return the index of the line where the numbers begin, because it and the next lines have equally many numbers.
 
     If no lines are alike, it is the first line of numbers, or the first one that begins with a digit, so that a message
     can show it.

@@ -376,7 +376,7 @@ def test_invalid_patches_of_a_case_are_refused(tmp_path, files):
         ({"patches": ["place0.npz"]}, r"face\.patches: given 'place0.npz', which is one file"),
         ({"patches": "none*.npz"}, r"face\.patches: given .*, which is no file"),
         ({"patches": ["place0.npz", "none.npz"]}, r"face\.patches: given 'none.npz'"),
-        ({"patches": ["place0.npz", "place0.npz"]}, "the same map as number 1 and 2"),
+        ({"patches": ["place0.npz", "place0.npz"]}, "the same map twice, as number 1 and number 2"),
         ({"patches": ["place0.npz", "place1.npz", "copy.npz"]}, "same map as number 2 and 3"),
         ({"patches": ["place0.npz", {"crop": ["0 um", "9 um", "0 um", "9 um"]}]}, "without path"),
         ({"patches": ["place0.npz", "place1.npz"], "path": "place2.npz"}, "besides patches"),
