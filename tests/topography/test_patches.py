@@ -191,7 +191,7 @@ def test_maps_of_different_surfaces_are_refused_as_patches():
         ([a], "at least two"),
         ([], "at least two"),
         ([a, a.heights], "list of Topography"),
-        ([a, b, a], "same map as number 1 and 3"),
+        ([a, b, a], "same map twice, as number 1 and number 3"),
         ([a, b, b.with_heights(1e3 * b.heights)], "heights in the same unit"),
         ([a, fs.Topography(b.heights, (8 * PIXEL, 8 * PIXEL))], "same waves"),
     ):
@@ -377,7 +377,10 @@ def test_invalid_patches_of_a_case_are_refused(tmp_path, files):
         ({"patches": "none*.npz"}, r"face\.patches: given .*, which is no file"),
         ({"patches": ["place0.npz", "none.npz"]}, r"face\.patches: given 'none.npz'"),
         ({"patches": ["place0.npz", "place0.npz"]}, "the same map twice, as number 1 and number 2"),
-        ({"patches": ["place0.npz", "place1.npz", "copy.npz"]}, "same map as number 2 and 3"),
+        (
+            {"patches": ["place0.npz", "place1.npz", "copy.npz"]},
+            "same map twice, as number 2 and number 3",
+        ),
         ({"patches": ["place0.npz", {"crop": ["0 um", "9 um", "0 um", "9 um"]}]}, "without path"),
         ({"patches": ["place0.npz", "place1.npz"], "path": "place2.npz"}, "besides patches"),
         (
