@@ -29,6 +29,7 @@ from ..budget import BudgetRequest, ErrorBudget, budgets_of
 from ..case.case import Case
 from ..case.output_table import FILE_KEYS
 from ..case.reading import load_case
+from ..checks import flow_warnings
 from ..execution.resuming import (
     alone_in,
     begin_run,
@@ -59,6 +60,7 @@ from ..results.dataset_file import FILE_NAME
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, StochasticResult, drop_ratio
 from ..studies.compiling import compile_ahead
+from ..studies.study_registry import mean_gap_of
 from .forecast import described, refuse_too_large, solids_text
 
 log = logging.getLogger("femseal")
@@ -207,8 +209,13 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     if {"deterministic", "two-scale"} <= prepared.methods:
         studies["deterministic"] = studies["two_scale"].uncut
     test = None
+    test_warnings: tuple[str, ...] = ()
     if (fluid := case.output.test_fluid) is not None:
-        test = _of_test_fluid(fluid.state, prepared, studies[prepared.answer.key], run)
+        answer = studies[prepared.answer.key]
+        test = _of_test_fluid(fluid.state, prepared, answer, run)
+        tested_scene = fluid.state.in_scene(prepared.scene)
+        texts = flow_warnings(tested_scene, test.leakage, mean_gap_of(answer))
+        test_warnings = tuple(f"Test fluid: {text}" for text in texts)
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
@@ -229,6 +236,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     warnings = prepared.warnings
     if form_effect is not None:
         warnings += tuple(form_effect.warnings)
+    warnings += test_warnings
     if refined is not None:
         warnings += refined.warnings
         attributes["accuracy"] = json.dumps(refined.as_data(budgets[prepared.answer.key]))

@@ -115,7 +115,8 @@ def stochastic(
         rows = fields_of_rows(formed.rows, formed.grid.spacing[0])
     estimate = estimate_scene(scene, unit_leakage) if sampling.presses_evenly else None
     median_leakage = at_every_step(leakage, np.median)
-    warnings = result_warnings(scene, median_leakage, supply.over_tiles(mean_gap), estimate)
+    mean_gap_of_tiles = supply.over_tiles(mean_gap)
+    warnings = result_warnings(scene, median_leakage, mean_gap_of_tiles, estimate)
     if formed is not None and "row_pressure" in rows:
         warnings += line_contact_warnings(scene, rows["row_pressure"])
     unsolved = (f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved)
@@ -132,6 +133,7 @@ def stochastic(
         median_seal=median,
         failures=(*pieces.failures, *chain(*texts), *unsolved),
         quick_estimate=estimate,
+        mean_gap=mean_gap_of_tiles,
         warnings=(*warnings, *tiles.warnings, *map_warnings),
         solvers=SolveCounts.total((pieces.counts, *counts)),
     )

@@ -114,6 +114,7 @@ class StochasticResult(Shown):
     patch_state : contact states of the patch, from which the width of the interval follows; None of results made by
         hand.
     contact_fraction : of the surface, array (steps,).
+    mean_gap : of the cells at the pressures of the tiles, array (steps,), m; None of results made by hand.
     tiles : of the seal.
     pieces : cells of the surface, at the loads of the scene or at tabulated pressures.
     row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the surface, or of a seat; None of others.
@@ -154,6 +155,7 @@ class StochasticResult(Shown):
     kind: str = field(default="anywhere", repr=False)
     patch_state: PatchState | None = field(default=None, repr=False)
     quick_estimate: QuickEstimate | None = field(default=None, repr=False)
+    mean_gap: Array | None = field(default=None, repr=False)
 
     method: ClassVar[str] = "stochastic"
     computed_fields: ClassVar[dict[str, Field]] = {

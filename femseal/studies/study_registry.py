@@ -282,6 +282,15 @@ def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
     return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)
 
 
+def mean_gap_of(study: StudyResult) -> Array:
+    """Return the mean gap of a study at every step (steps,) [m], NaN where it is unknown."""
+    if study.mean_gap is None:
+        return np.full(len(study.steps), np.nan)
+    if isinstance(study, BlocksResult):
+        return study.mean_gap.mean(axis=(1, 2))
+    return study.mean_gap
+
+
 def open_leakage_of(study: object, scene: Scene) -> Array:
     """Leakage of a study if its mean gap were the gap everywhere, at every step (steps,) [m²/s]; NaN if unknown."""
     state = getattr(study, "patch_state", None)

@@ -75,6 +75,19 @@ def test_python_functions_warn_of_what_a_run_warns_of(tables):
     assert sum("Reynolds number" in text for text in of_python) == 1
 
 
+@pytest.mark.parametrize("method", ["deterministic", "stochastic"])
+def test_a_run_warns_of_a_test_gas_faster_than_sound(method):
+    """The fluid in service is an oil, whose leakage is plausible."""
+    oil = {"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}
+    output = FAST_GAS["output"] | {"test_fluid": FAST_GAS["fluid"]}
+    seal = {"cells": {"count": [2, 2]}, "stochastic": SEAL} if method == "stochastic" else {}
+    case = FAST_GAS | {"method": method, "fluid": oil, "output": output} | seal
+    texts = fs.run(parse_case(case), workers=1).warnings
+    of_gas = [text for text in texts if "choked nozzle" in text]
+    assert len(of_gas) == 1
+    assert of_gas[0].startswith("Test fluid: ")
+
+
 def test_python_functions_warn_of_a_map_as_a_run_does():
     seal = {"stochastic": SEAL, "cells": {"count": [2, 2]}, "method": "stochastic"}
     load = {"load": {"loading": ["25 MPa"], "map": BARE}, "contact": {"fluid_pressure": "acts"}}
