@@ -18,6 +18,8 @@ def mathml(node, as_block=False):
     )  # docutils takes two digits for one number
     try:
         written = tex2mathml(tex, as_block).replace("<mo>'</mo>", "<mo>′</mo>")
+        # Chromium draws what is marked as an accent through letters such as p, and a plain overscript above them.
+        written = written.replace('<mover accent="true">', "<mover>")
         # as TeX has them: as high as letters, and without space around
         return re.sub(r'<mo(?: stretchy="false")?>([⟨⟩|‖/])</mo>', rf"<mo {PLAIN}>\1</mo>", written)
     except MathError as error:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from each import each
 
 import femseal
@@ -83,3 +84,17 @@ def test_links_of_pages_lead_somewhere(page):
     for target in re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8")):
         if not any(made in target for made in MADE):
             assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("formula", [r"\bar p", r"\hat u"])
+def test_bars_and_hats_of_formulas_stand_above_their_letters(formula, monkeypatch):
+    """Chromium draws an accent of MathML through its letter."""
+    pytest.importorskip("sphinx")
+    from docutils import nodes
+
+    monkeypatch.syspath_prepend(DOCS / "extensions")
+    from formulas import mathml
+
+    written = mathml(nodes.math("", formula))
+    assert "<mover>" in written
+    assert "accent" not in written
