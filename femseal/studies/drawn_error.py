@@ -1,19 +1,22 @@
-"""How far a seal drawn from one measured patch may be from the whole surface, and a surface by blocks: calibration.
+"""Calibrate how far a seal with cells of one measured patch, or a surface by blocks, may be from the truth.
 
-`drawn_seals.csv` holds the leakage of drawn seals and that of the whole surface, at every step of scenes drawn at
-random, with seals in the rows of the surface ("in place"), broader ones ("anywhere"), and broader ones whose form is
-known at points ("with form"); and that of surfaces solved by blocks ("by blocks"). A score is the error of ln(leakage)
-over the difficulty of the contact state, which is known without the truth and without any other load. The quantile of
-the scores of a kind, times the difficulty of a new state, is the distance from the leakage to an end of the interval.
-Errors to both sides differ in size, so that each end has a quantile of its own.
+`drawn_seals.csv` holds the leakage of seals with cells of one patch and the leakage of the whole surface, at every step
+of random scenes. The cells stay in order ("in place") or are put together at random ("anywhere"), also in seals whose
+form is known at points ("with form"). Surfaces that were solved by blocks ("by blocks") are a kind of their own.
 
-Steps of one scene have similar errors, so the scenes are what is exchangeable: every scene has the weight 1/(n + 1),
-which its steps share, and what is left is beyond all scores. Each end then misses the truth of a step of a new scene of
-the same population in at most half of the cases that the interval may miss, whatever the distribution of the errors.
+The score of a step is the error of ln(leakage) over the difficulty of its contact state. The difficulty is known
+without the truth and without any other load. The quantile of the scores of a kind, times the difficulty of a new state,
+is the distance from the leakage to an end of the interval. Errors to both sides differ in size, so that each end has a
+quantile of its own.
+
+The steps of one scene have similar errors, so that scenes are what is exchangeable. Every scene has the weight 1/(n +
+1), which its steps share; the remaining weight is beyond all scores. Each end then misses the truth of a step of a new
+scene of the same population in at most half of the cases that the interval may miss, whatever the distribution of the
+errors.
 
 Sources: Vovk, Gammerman & Shafer, Algorithmic Learning in a Random World, 2005 (a quantile for each kind);
 Papadopoulos, Gammerman & Vovk, Neural conformal prediction, 2008 (scores over difficulty); Romano, Patterson & Candès,
-Conformalized quantile regression, NeurIPS 2019 (both ends apart); Lee, Barber & Willett, J. R. Stat. Soc. B, 2025
+Conformalized quantile regression, NeurIPS 2019 (separate ends); Lee, Barber & Willett, J. R. Stat. Soc. B, 2025
 (several steps of a scene).
 """
 
@@ -30,12 +33,12 @@ import numpy as np
 from ..base import Array
 from .patch_state import PatchState
 
-#: The calibration set, which `drawn_seals.py` and `patch_and_form.py` of `tests/benchmarks` make.
+#: The calibration set. `drawn_seals.py` and `patch_and_form.py` of `tests/benchmarks` make it.
 CALIBRATION = Path(__file__).with_name("drawn_seals.csv")
-#: Kinds of drawn seals, and blocks.
+#: Kinds of seals with cells of one patch, and blocks.
 KINDS = ("in place", "anywhere", "with form", "by blocks")
-#: Columns of the calibration set. Leakage and truth are over that of an open seal, see `PatchState`; load and peak over
-#: the highest load; decades are those of the truth below that of the first load, by which tables are sorted.
+#: Columns of the calibration set. Leakage and truth are over the leakage of an open seal, see `PatchState`; load and
+#: peak are over the highest load; decades are those of the truth below that of the first load, and only sort tables.
 COLUMNS = (
     "kind",
     "surface",
@@ -52,28 +55,33 @@ COLUMNS = (
     "contact",
     "detours",
 )
-#: Fraction of the cases that an interval contains.
+#: Fraction of the truths that the intervals contain.
 COVERAGE = 0.95
-#: Leakage over that of an open seal below which a truth is not told from a sealed seal: an interval whose lower end is
+#: A truth below this fraction of the leakage of an open seal counts as sealed: an interval whose lower end would be
 #: below has the lower end 0.
 LEAST_TRUTH = 1e-4
-#: Leakage over that of an open seal up to which an open state says only that single constrictions are left: its upper
-#: end is that of a seal that leaks as much. Of 1e-3, 1e-2 and 3e-2 it contains the most truths of surfaces left out.
+#: An open state with less than this fraction of the leakage of an open seal only shows that single constrictions are
+#: left. Its upper end is that of a state with this leakage. Of 1e-3, 1e-2 and 3e-2, this value contains the most truths
+#: of kinds of surfaces that were left out of the calibration.
 LEAST_KNOWN = 1e-3
-#: Carriers, scatter of strips and detours of a sealed state: the flow that an error would open has one constriction.
+#: Carriers, scatter of strips and detours of a sealed state. A flow that an error would open has one constriction.
 _SEALED_CARRIERS, _SEALED_SCATTER, _SEALED_DETOURS = 1.0, 2.0, 0.0
 
 
 @dataclass(frozen=True)
 class Difficulty:
-    """How the size of the error to be expected depends on the contact state.
+    """How the expected size of the error depends on the contact state.
 
-    It is (0.1 + N^−½)^½ (0.2 + S)^s [1 + 0.005/(A + 0.003)] exp(gA) (1 + dF) up to a factor, the last term for the
-    upper end alone. The term in brackets counts where few asperities carry the load.
+    Up to a factor it is (0.1 + N^−½)^½ (0.2 + S)^s [1 + 0.005/(A + 0.003)] exp(gA) (1 + dF), with the last term for the
+    upper end alone. The term in brackets matters where few asperities carry the load. N are the carriers, S is the
+    scatter of strips, A the contact fraction and F the detours of the state, see `PatchState`.
 
-    N : carriers. S : scatter of strips. A : contact fraction. F : detours, see `PatchState`.
-    strips : s. below, above : growth g of the distance to the lower and to the upper end. detours : d of the upper end.
-    most : leakage over that of an open seal that an upper end does not exceed, unless twice the leakage does.
+    Parameters
+    ----------
+    strips : exponent s.
+    below, above : growth g with the contact fraction, for the lower and for the upper end.
+    detours : factor d.
+    most : largest upper end over the leakage of an open seal, unless twice the leakage is more.
     """
 
     strips: float
@@ -83,7 +91,7 @@ class Difficulty:
     most: float
 
     def distances(self, state: PatchState) -> tuple[Array, Array]:
-        """Distances of ln(leakage) to the lower and the upper end (steps,), up to a factor each."""
+        """Return the distances of ln(leakage) to the lower and the upper end (steps,), up to a factor each."""
         carriers = np.where(np.isnan(state.carriers), _SEALED_CARRIERS, state.carriers)
         scatter = np.where(np.isnan(state.strip_scatter), _SEALED_SCATTER, state.strip_scatter)
         detours = np.where(np.isnan(state.detours), _SEALED_DETOURS, state.detours)
@@ -96,15 +104,15 @@ class Difficulty:
         return below, above * (1 + self.detours * detours)
 
 
-#: Where cells stay in order, the strips of a patch show the scatter along the seal. Where they are put together at
+#: Where cells stay in order, the strips of a patch show the scatter along the seal. Where cells are put together at
 #: random, channels that cross from cell to cell are lost, which detours show; and whole surfaces close before a patch
-#: of them does, at the edges of their bodies first. No surface leaks much more than its mean gap would: of the
-#: calibration set 5 times as much at most where cells stay in order, and 15 times at random; twice that is the limit.
-#: Exponents and growths are those with the narrowest intervals, of a grid, that contain .88 of the truths of each
-#: kind of surfaces left out, see docs/evidence/drawn_seals.md.
-_IN_ORDER = Difficulty(strips=0.25, below=1.0, above=2.0, detours=0.0, most=10.0)
-_AT_RANDOM = Difficulty(strips=0.0, below=4.0, above=3.0, detours=3.0, most=30.0)
-#: The difficulty of each kind.
+#: of them does, beginning at the edges of their bodies. Without honing grooves, no surface of the calibration set leaks
+#: more than 10 times as much as its mean gap would; honed surfaces leak up to 145 times as much. Exponents, growths and
+#: limits were chosen from a grid: of those that contain at least .88 of the truths of each kind of surfaces left out of
+#: the calibration, they give nearly the narrowest intervals, see docs/evidence/drawn_seals.md.
+_IN_ORDER = Difficulty(strips=0.5, below=2.0, above=1.0, detours=0.0, most=60.0)
+_AT_RANDOM = Difficulty(strips=0.0, below=2.0, above=1.0, detours=1.0, most=30.0)
+#: Difficulty of each kind.
 DIFFICULTY = {
     "in place": _IN_ORDER,
     "anywhere": _AT_RANDOM,
@@ -115,10 +123,13 @@ DIFFICULTY = {
 
 @dataclass(frozen=True)
 class IntervalWidths:
-    """Widths of the intervals of a kind, by its scenes of the calibration set.
+    """Widths of the intervals of a kind, from its scenes of the calibration set.
 
-    kind : one of `KINDS`. scenes : their number. below, above : distance of ln(leakage) to each end over that of
-    `Difficulty.distances`.
+    Parameters
+    ----------
+    kind : one of `KINDS`.
+    scenes : their number.
+    below, above : distance of ln(leakage) to each end over that of `Difficulty.distances`.
     """
 
     kind: str
@@ -128,7 +139,7 @@ class IntervalWidths:
 
     @classmethod
     def of(cls, kind: str, rows: Sequence[Mapping[str, str]]) -> IntervalWidths:
-        """Calibrate by rows of a kind, each a step of a scene; those of two patches together are left out."""
+        """Calibrate a kind by its rows, each a step of a scene; rows of two patches together are left out."""
         rows = [row for row in rows if row["patch"] != "both"]
         scene = np.array([row["scene"] for row in rows])
         leakage, truth = (np.array([float(row[n]) for row in rows]) for n in ("leakage", "truth"))
@@ -141,9 +152,10 @@ class IntervalWidths:
         return cls(kind, np.unique(scene).size, max(0.0, below), max(0.0, above))
 
     def ends(self, leakage: Array, state: PatchState) -> tuple[Array, Array]:
-        """Lower and upper end of the interval (steps,) [m²/s], of the size of the leakage, which may be negative.
+        """Return the lower and the upper end of the interval (steps,) [m²/s].
 
-        That of a sealed state is from 0 to `sealed_end`.
+        They are of the size of the leakage, which may be negative. The interval of a sealed state is from 0 to
+        `sealed_end`.
         """
         unit_below, unit_above = DIFFICULTY[self.kind].distances(state)
         q, open_leakage = np.abs(leakage), np.abs(state.open_leakage)
@@ -156,10 +168,11 @@ class IntervalWidths:
 
 
 def errors(leakage: Array, truth: Array) -> tuple[Array, Array]:
-    """Distance of ln(leakage) by which the ends of an interval must be away: of a lower and of an upper end.
+    """Return the distances of ln(leakage) by which the lower and the upper end must be away to contain the truth.
 
-    A truth below `LEAST_TRUTH` is no further than that from a leakage above it. leakage, truth : over that of an open
-    seal.
+    A truth below `LEAST_TRUTH` counts as `LEAST_TRUTH`, if the leakage is above it.
+
+    leakage, truth : over the leakage of an open seal, arrays (rows,).
     """
     with np.errstate(divide="ignore"):
         nearest = np.where(truth >= LEAST_TRUTH, truth, np.minimum(leakage, LEAST_TRUTH))
@@ -169,16 +182,16 @@ def errors(leakage: Array, truth: Array) -> tuple[Array, Array]:
 
 
 def state_of_rows(rows: Sequence[Mapping[str, str]]) -> PatchState:
-    """The states of rows of the calibration set, with a leakage of an open seal of 1."""
+    """Return the states of rows of the calibration set, whose leakage of an open seal is 1."""
     names = "carriers", "strip_scatter", "contact", "detours"
     columns = [np.array([float(row[name]) for row in rows]) for name in names]
     return PatchState(columns[0], columns[1], columns[2], columns[3], np.ones(len(rows)))
 
 
 def weighted_quantile(score: Array, scene: Array, fraction: float) -> float:
-    """Quantile of scores whose scenes have equal weights, with one scene more beyond all scores.
+    """Return a quantile of scores whose scenes have equal weights, with one scene more beyond all scores.
 
-    Where that is the quantile it is the largest score.
+    Where the quantile lies beyond all scores, it is the largest score.
     """
     _, number = np.unique(scene, return_inverse=True)
     steps = np.bincount(number)
@@ -189,14 +202,14 @@ def weighted_quantile(score: Array, scene: Array, fraction: float) -> float:
 
 
 def calibration_rows(kind: str) -> list[dict[str, str]]:
-    """Rows of a kind of the calibration set."""
+    """Read the rows of a kind from the calibration set."""
     with CALIBRATION.open(encoding="utf-8", newline="") as file:
         return [row for row in csv.DictReader(file) if row["kind"] == kind]
 
 
 @cache
 def sealed_end() -> float:
-    """Upper end of a state that is sealed, over the leakage of an open seal, by the sealed states of all kinds."""
+    """Return the upper end of a sealed state over the leakage of an open seal, from the sealed states of all kinds."""
     rows = [row for kind in KINDS for row in calibration_rows(kind)]
     rows = [row for row in rows if float(row["leakage"]) == 0 and row["patch"] != "both"]
     truth = np.array([float(row["truth"]) for row in rows])
@@ -205,5 +218,5 @@ def sealed_end() -> float:
 
 @cache
 def interval_widths(kind: str) -> IntervalWidths:
-    """Widths of the intervals of a kind, one of `KINDS`."""
+    """Return the widths of the intervals of a kind, one of `KINDS`."""
     return IntervalWidths.of(kind, calibration_rows(kind))

@@ -27,6 +27,7 @@ KINDS = (
     "log-normal",
     "pitted",
     "scratched",
+    "deep-honed",
 )
 #: Seeds that neither the forms of the widths nor their calibration have seen.
 HELD_OUT = range(8000, 9000)
@@ -158,6 +159,13 @@ class Drawn:
             count = rng.poisson((4 + n["count"] / 12) * self.length)
             angles = np.radians(rng.uniform(20, 45)) * rng.choice([-1, 1], count)
             grooves = _grooves(shape, pixel, angles, rng.lognormal(1.0, 0.3, count), rng)
+            face = Topography(base.heights - grooves, (pixel, pixel)).low_pass(8 * PIXEL)
+        elif self.kind == "deep-honed":
+            base = self_affine(shape, size, rms_height=1.0, **rough)
+            # two to twenty grooves of unlike depth on a patch
+            count = rng.poisson(n["count"] / 8 * self.length * self.breadth)
+            angles = np.radians(rng.uniform(20, 45)) * rng.choice([-1, 1], count)
+            grooves = _grooves(shape, pixel, angles, rng.lognormal(1.0, 0.5, count), rng)
             face = Topography(base.heights - grooves, (pixel, pixel)).low_pass(8 * PIXEL)
         elif self.kind == "scratched":
             base = self_affine(shape, size, rms_height=1.0, **rough)
