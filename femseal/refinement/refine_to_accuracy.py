@@ -1,4 +1,4 @@
-"""A run whose case asks for an accuracy: what it computes with, and attempts that refine what limits the one before."""
+"""Run a case that asks for an accuracy, in attempts that each refine the largest source of error of the last one."""
 
 import json
 import logging
@@ -29,29 +29,33 @@ from ..studies.study_registry import contact_tolerance
 
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
 TIME_LIMIT = 3600.0
-#: Doublings of the points of a face by which the first attempt and the finest are coarser or finer. The shortest wave
-#: has 8 pixels on the points of a face: 4 in the first attempt, and 2 on the coarser grid that shows its error.
-#: Measured: with 2 pixels the budget may be half of the error.
+#: Doublings of the points along a side, of the first and of the finest attempt. On the points of the case the shortest
+#: wave has 8 pixels. It has 4 in the first attempt, and 2 on the coarser grid that shows the error of this attempt. With
+#: fewer, the error budget was measured to be too small by up to a factor of 2.
 FIRST_GRID, MOST_GRID = -1, 4
 #: Least residual of contact.
 LEAST_RTOL = 1e-8
-#: What is to be done about sources of error that no settings make smaller.
+#: What helps against sources of error that no settings make smaller.
 _BY_NOTHING = {
-    "filter": "short waves were removed: a shorter surface.shortest_wave with more surface.points keeps them, as far "
-    "as they were measured",
-    "patch": "it is what one measured patch does not know: more measured places make it smaller",
+    "filter": "short waves were removed; a shorter surface.shortest_wave with more surface.points keeps them, if they "
+    "were measured",
+    "patch": "one measured patch does not show more; measure a larger area or more patches",
 }
-#: Seals that are drawn at first and at most, and the factor of their number that halves its error.
+#: First and largest number of realisations, and the factor on their number that halves the error of the median.
 FIRST_SEALS, MOST_SEALS, HALVING = 20, 20480, 4
 log = logging.getLogger("femseal.refinement")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What a run computes with where its case leaves it open.
+    """What a run computes with, where its case leaves it open.
 
-    method : of the answer. grid : doublings of the points of the face a side, negative: halvings. rtol : residual of
-    contact. realisations : number of drawn seals; None without.
+    Parameters
+    ----------
+    method : name of the study that answers.
+    grid : by how many doublings the points along a side of the surface are finer; negative: halvings.
+    rtol : residual of the contact.
+    realisations : number of realisations; None without any.
     """
 
     method: str
@@ -61,7 +65,7 @@ class Settings:
 
 
 def given_settings(case: Case) -> dict[str, str]:
-    """Settings that the case gives, by the key that gives them."""
+    """Return the settings that the case gives, each with the key that gives it."""
     found: dict[str, str] = {}
     if case.surface.points is not None:
         found["grid"] = "surface.points"
@@ -73,9 +77,9 @@ def given_settings(case: Case) -> dict[str, str]:
 
 
 def first_settings(case: Case, made: Prepared) -> Settings:
-    """The settings of the first attempt: coarse pixels, and few seals.
+    """Choose the settings of the first attempt: coarse pixels, and few realisations.
 
-    made : the case as prepared, on the points of its face.
+    made : the case as prepared, on the points of its surface.
     """
     assert case.accuracy is not None
     given, sampling = given_settings(case), made.sampling
@@ -92,7 +96,7 @@ def first_settings(case: Case, made: Prepared) -> Settings:
 
 
 def grid_points(made: Prepared, grid: int) -> Shape:
-    """Points of the face of a case, `grid` doublings finer; as many more as its pieces ask for."""
+    """Return the points of the surface of a case, `grid` doublings finer; as many more as its cells need."""
     n1, n2 = (
         ceil(n * 2.0**grid / m) * m
         for n, m in zip(made.scene.surface.shape, made.points_divide_by, strict=True)
@@ -101,9 +105,9 @@ def grid_points(made: Prepared, grid: int) -> Shape:
 
 
 def apply_settings(made: Prepared, settings: Settings) -> Prepared:
-    """A case with these settings: the same face on other points, and the rest as chosen.
+    """Prepare a case with these settings: the same surface on other points, and the rest as chosen.
 
-    made : the case as prepared, on the points of its face.
+    made : the case as prepared, on the points of its surface.
     """
     surface = made.scene.surface
     points = grid_points(made, settings.grid)
@@ -120,13 +124,13 @@ def apply_settings(made: Prepared, settings: Settings) -> Prepared:
 
 
 def first_version(case: Case, made: Prepared) -> Prepared:
-    """The first attempt at the accuracy of a prepared case."""
+    """Prepare the first attempt at the accuracy of a case."""
     with refuse_impossible_sizes():
         return apply_settings(made, first_settings(case, made))
 
 
 def last_version(case: Case, made: Prepared, attempts: dict[str, Any] | None) -> Prepared:
-    """A prepared case with the settings of the last attempt of its results; the case itself without attempts."""
+    """Prepare a case with the settings of the last attempt of its results; without attempts, return the case itself."""
     if attempts is None or case.accuracy is None:
         return made
     return apply_settings(made, Settings(**attempts["settings"]))
@@ -140,10 +144,16 @@ def expected_cost(prepared: Prepared) -> tuple[float, float]:
 def refined(
     case: Case, made: Prepared, settings: Settings, part: str, memory: float
 ) -> tuple[Settings | None, str]:
-    """Settings with which a source of error is about half as large, and what they change; None, and why not.
+    """Choose settings with which a source of error is about half as large.
 
-    made : the case as prepared, on the points of its face. settings : of the last attempt.
-    part : name of a part of its budget. memory : that an attempt may take [byte].
+    Parameters
+    ----------
+    case, made : the case, and the same as prepared on the points of its surface.
+    settings : of the last attempt.
+    part : name of the part of its budget.
+    memory : that an attempt may take, byte.
+
+    Returns the settings and what they change; or None, and why there are none.
     """
     rtol, grid = settings.rtol / 10, settings.grid + 1
     seals = HALVING * (settings.realisations or 0)
@@ -173,11 +183,15 @@ def refined(
 class Attempt:
     """One attempt at an accuracy.
 
-    settings : with which it was computed. points : of the face. seconds : wall time with the coarser solution that
-    shows the error of its pixels. half_width : largest half-width of ln(leakage) of the budget at the loads that count,
-    inf where it has no end.
-    limit : the source of error that is widest there. parts : half-widths of the sources there. load : name of the load
-    where it is largest.
+    Parameters
+    ----------
+    settings : with which it was computed.
+    points : of the surface.
+    seconds : wall time, with the coarser solution that shows the error of its pixels.
+    half_width : largest half-width of ln(leakage) of the budget at the loads that count; inf where it has no end.
+    limit : the source of error with the widest interval there.
+    load : name of the load with the widest interval.
+    parts : half-widths of all sources of error at these loads.
     """
 
     settings: Settings
@@ -189,7 +203,7 @@ class Attempt:
     parts: dict[str, float]
 
     def __str__(self) -> str:
-        """The attempt as a line of the log."""
+        """Describe the attempt in a line of the log."""
         return (
             f"{self.settings.method} on {as_text(self.points)} points in {self.seconds:.3g} s, within "
             f"{format_deviation(self.half_width)} at {self.load}, limited by {self.limit}"
@@ -200,8 +214,12 @@ class Attempt:
 class RefinedAnswer:
     """Outcome of the attempts: the last of them, the finest in all, prepared and solved.
 
-    why : what hinders a further attempt; "" where the accuracy is reached. half : what half the error takes. wanted :
-    the accuracy. limit : of the time [s].
+    Parameters
+    ----------
+    why : what prevents a further attempt; "" where the accuracy is reached.
+    half : what half the error would take.
+    wanted : the accuracy.
+    limit : of the time, s.
     """
 
     prepared: Prepared
@@ -215,7 +233,7 @@ class RefinedAnswer:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """That the accuracy is not reached, and what limits it."""
+        """Warning that the accuracy is not reached, and what limits it."""
         if not self.why:
             return ()
         last, wanted = self.attempts[-1], format_deviation(np.log1p(self.wanted))
@@ -225,7 +243,7 @@ class RefinedAnswer:
         )
 
     def as_data(self, budget: ErrorBudget) -> dict[str, Any]:
-        """What the results say of the attempts, as plain data; None for a number without end or unknown.
+        """Return the attempts as plain data for the results; None for a number that is infinite or unknown.
 
         budget : with the parts of the model.
         """
@@ -248,12 +266,14 @@ class RefinedAnswer:
 
 
 def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
-    """Refine what limits the error of the answer until the accuracy of the case is reached, or cannot be.
+    """Refine what limits the error of the answer, until the accuracy of the case is reached or cannot be reached.
 
-    made : the case as prepared, on the points of its face.
-    run : solves the studies; a run that goes on takes the decisions that it took before.
+    Parameters
+    ----------
+    case, made : the case, and the same as prepared on the points of its surface.
+    run : solves the studies. A run that is resumed takes the decisions that it took before.
 
-    Raises FemsealError: the first attempt failed. One that fails later ends the attempts.
+    Raises FemsealError: the first attempt failed. A later one that fails ends the attempts.
     """
     assert case.accuracy is not None
     goal, most = np.log1p(case.accuracy), case.time_limit or TIME_LIMIT
@@ -286,7 +306,7 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
 class _Attempts:
     """The attempts of a case so far.
 
-    memory : that an attempt may take [byte].
+    memory : that an attempt may take, byte.
     """
 
     case: Case
@@ -323,9 +343,14 @@ class _Attempts:
         return prepared, result, budget
 
     def next_settings(self, goal: float, most: float) -> tuple[Settings | None, str, str]:
-        """Settings of the next attempt and what they change; or None, "", and what hinders it.
+        """Choose the settings of the next attempt.
 
-        goal : half-width of ln(leakage) that is wanted. most : time of all attempts [s].
+        Parameters
+        ----------
+        goal : wanted half-width of ln(leakage).
+        most : time of all attempts, s.
+
+        Returns the settings, what they change, and ""; or None, "", and what prevents the attempt.
         """
         last, text = self.done[-1], ""
         reasons: list[str] = []
@@ -355,15 +380,15 @@ class _Attempts:
         return json.dumps(self.case.echo(), default=str), len(self.done)
 
     def half_error(self) -> str:
-        """What half the error of the last attempt would take."""
+        """Describe what half the error of the last attempt would take."""
         last = self.done[-1]
         finer, change = refined(self.case, self.made, last.settings, last.limit, self.memory)
         if finer is None:
-            return f"cannot be had: {change}"
+            return f"not possible: {change}"
         return f"{change}, about {duration(self._expected_seconds(finer))}"
 
     def _expected_seconds(self, settings: Settings) -> float:
-        """Expected wall time of other settings, as multiple of what the last attempt took [s]."""
+        """Estimate the wall time of other settings [s], as a multiple of what the last attempt took."""
         last = self.done[-1]
         seconds, before = (
             expected_cost(apply_settings(self.made, s))[0] for s in (settings, last.settings)
