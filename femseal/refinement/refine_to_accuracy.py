@@ -30,8 +30,8 @@ from ..studies.study_registry import contact_tolerance
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
 TIME_LIMIT = 3600.0
 #: Doublings of the points along a side, of the first and of the finest attempt. On the points of the case the shortest
-#: wave has 8 pixels. It has 4 in the first attempt, and 2 on the coarser grid that shows the error of this attempt. With
-#: fewer, the error budget was measured to be too small by up to a factor of 2.
+#: wave has 8 pixels. It has 4 in the first attempt, and 2 on the coarser grid that shows the error of this attempt.
+#: With fewer, the error budget was measured to be too small by up to a factor of 2.
 FIRST_GRID, MOST_GRID = -1, 4
 #: Least residual of contact.
 LEAST_RTOL = 1e-8
