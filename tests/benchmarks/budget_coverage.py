@@ -140,7 +140,11 @@ def judged(kind, seed, found):
                 }
 
 
-HEAD = ["held, one load of each scene", "95 % interval", "held, all loads"]
+HEAD = [
+    "contained, one load of each scene",
+    "95 % interval of this fraction",
+    "contained, all loads",
+]
 HEAD += ["median error", "median half-width", "ratio"]
 
 
@@ -169,9 +173,9 @@ def report(states):
     for method, state in product(methods, ("near closing", "sealed")):
         of = [s["holds"] for s in states if (s["method"], s["state"]) == (method, state)]
         closing.append([method, state, f"{sum(of)} of {len(of)}"])
-    beyond = "Loads that leak less than 1e-3 of the first, and sealed ones:"
+    beyond = "The next table is for loads that leak less than 1e-3 of the first load, and for sealed loads:"
     faces = table(["method", "kind of face", *HEAD], cells)
-    return f"{faces}\n\n{beyond}\n\n{table(['method', 'state', 'held'], closing)}"
+    return f"{faces}\n\n{beyond}\n\n{table(['method', 'state', 'contained'], closing)}"
 
 
 def tasks_of(scenes, long, seeds=HELD_OUT):

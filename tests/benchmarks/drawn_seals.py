@@ -43,13 +43,15 @@ DECADES = ((-1.0, 1.0), (1.0, 2.0), (2.0, 3.0), (-1.0, 2.0))
 PATCHES = ("first", "second", "both")
 #: Inlet pressure of a fluid that acts, in parts of the lowest load.
 ACTS = (0.1, 0.6)
-TOLD = """Leakage of seals drawn from one patch over that of the whole surface, at the loads at which
-this leaks so many decades less than at the first. In every third scene a fluid acts."""
-SURFACES_TOLD = """Share of the loads whose truth the interval of one patch contains: of the scenes of the
-calibration; of the same scenes with their kind of surface left out of it; and of scenes that the
-calibration has not seen."""
-HALVES_TOLD = """The same by decades of the truth below that of the first load, with the median half-width
-as a factor, where the lower end is not 0. Two patches of the same surface are measured and drawn from together."""
+TOLD = """The table shows the leakage of seals that were simulated from one patch, divided by that of the
+whole surface. The loads are grouped by the number of decades by which the leakage of the whole
+surface has fallen below that at the first load. In every third scene a fluid pressure acts."""
+SURFACES_TOLD = """The table shows the fraction of the loads at which the interval of one patch contains the true
+leakage: for the scenes of the calibration, for the same scenes with their kind of surface left
+out of the calibration, and for scenes that the calibration has not seen."""
+HALVES_TOLD = """The next table groups the loads by the decades of the true leakage below that at the first load.
+The half-width is the median, as a factor, of the intervals whose lower end is not 0. Two patches
+are measured on the same surface and used together."""
 #: Kinds of drawn seals that this script calibrates.
 KINDS_OF_SEALS = ("in place", "anywhere")
 #: Heads of `ratio_cells`.

@@ -470,7 +470,7 @@ def main():
     flow, closing = fracture_tables(timed("fractures", fractures))
     metals = rows_table(timed("gaskets", gaskets))
     text = f"""{machine()}. Measured in {time.process_time() / 60:.0f} minutes of one core. \
-Numbers in brackets are the range of six faces that differ by their random phases, three of gaskets.
+The values in brackets are the range of six surfaces (three for gaskets) that differ in their random phases.
 
 ## Ground granite, unloading predicted
 
@@ -491,7 +491,7 @@ Numbers in brackets are the range of six faces that differ by their random phase
 ## Metal gaskets
 
 {metals}"""
-    print_report(__file__, "Experiments of others", text, options.write)
+    print_report(__file__, "Published experiments", text, options.write)
 
 
 if __name__ == "__main__":

@@ -147,7 +147,9 @@ def main() -> None:
             found.append(tried(seed, Path(folder), given.workers))
         print(found[-1], flush=True)
     counts, tests = table(SUMMARY, [summary(found)]), table(HEAD, map(told, found))
-    text = f"{machine(['scipy'])}\n\nIn brackets: 90 % regions.\n\n{counts}\n\n{tests}"
+    text = (
+        f"{machine(['scipy'])}\n\nThe values in brackets are 90 % regions.\n\n{counts}\n\n{tests}"
+    )
     print_report(__file__, "Calibration by leak tests", text, given.write)
 
 

@@ -490,16 +490,18 @@ def main():
     options = parser.parse_args()
     orders = element_order()
     text = [
-        "## Thin gap\n\nPermeability by Stokes over that by Reynolds' equation, in brackets with the next order.",
+        "## Thin gap\n\nThe table shows the permeability of the Stokes equations divided by that of Reynolds' equation. "
+        "The values in brackets are those of the next order of the theory of lubrication.",
         thin_gap(),
-        "Error of the first on 96 × 2 and 192 × 4 elements against 384 × 8, of the wave of amplitude 0.9 "
-        f"and slope 0.4: {', '.join(f'{e:.1e}' for e in orders)}.",
-        "## Inertia\n\nPermeability by Navier-Stokes over that by Stokes, by Reynolds number times mean gap over wave.",
+        "For the wave of amplitude 0.9 and slope 0.4, the error of the Stokes solution on 96 × 2 and 192 × 4 "
+        f"elements, compared with 384 × 8 elements, is {', '.join(f'{e:.1e}' for e in orders)}.",
+        "## Inertia\n\nThe table shows the permeability of the Navier-Stokes equations divided by that of the Stokes "
+        "equations. The columns are values of the Reynolds number multiplied by the ratio of mean gap to wavelength.",
         inertia(),
         inertia_of_classes(),
         "## Heat",
         heat(),
-        "## Thin bodies\n\nA layer on a smooth rigid base.",
+        "## Thin bodies\n\nThe body is a layer on a smooth rigid base.",
         layers(),
         "## Seats on rings",
         rings(),

@@ -85,7 +85,10 @@ def report() -> str:
         line(f"contact {name} {100 * LIGHT_CONTACT:g} %", found[part])
         for name, part in (("below", light), ("above", ~light))
     ]
-    text = "Contact fractions are of the quick estimate, factors of scenes that are open both ways."
+    text = (
+        "The contact fractions are those of the quick estimate. The factors are for scenes that are open in the "
+        "quick estimate and in the solution."
+    )
     return f"{machine()}\n\n{table(head, [*lines, line('all', found)])}\n\n{text}"
 
 
