@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 import femseal as fs
+from femseal.flow import Stencil, solve_flow
 
 #: Numbers of cells: of the method of the paper, and of the stochastic seals of femseal, whose cells stay in order.
 CELLS, OWN_CELLS = (8, 8), (2, 2)
@@ -95,10 +96,14 @@ def windows_of_links(scene: fs.Scene, axis: int, states: list, cells=CELLS) -> n
 
 def leakage(scene: fs.Scene, k1: np.ndarray, k2: np.ndarray) -> np.ndarray:
     """Return the leakage [m²/s] at every step of a network of links along x1 and x2 (step, row, column)."""
-    seal = fs.RectangularSeal(scene.surface.size, k1.shape[1:])
-    drop = {"inlet_pressure": scene.inlet_pressure, "outlet_pressure": scene.outlet_pressure}
-    flows = (fs.seal_leakage(seal, k, scene.fluid, **drop) for k in zip(k1, k2, strict=True))
-    return np.array([flow.per_length for flow in flows])
+    length1, length2 = np.divide(scene.surface.size, k1.shape[1:])
+    ends = scene.inlet_pressure, scene.outlet_pressure
+    drop = float(np.subtract(*map(scene.fluid.potential, ends))) / scene.fluid.reference_density
+    rates = []
+    for along, across in zip(k1 * length2 / length1, k2 * length1 / length2, strict=True):
+        flow = solve_flow(Stencil.network(along, across))
+        rates.append(flow.conductance * drop / scene.surface.size[1])
+    return np.array(rates)
 
 
 def alike(rank, first, last, count, rng) -> np.ndarray:

@@ -123,7 +123,7 @@ def test_a_real_gas_presses_faces_apart_and_its_mass_is_conserved_in_a_seal():
     apart = replace(pressed, fluid_pressure="acts")
     assert fs.deterministic(apart).leakage[0] > 1.1 * fs.deterministic(pressed).leakage[0]
     seal, rng = fs.RectangularSeal((1e-3, 1e-3), (6, 5)), np.random.default_rng(0)
-    k = tuple(1e-20 * np.exp(rng.normal(size=shape)) for shape in ((6, 5), (5, 5)))
+    k = 1e-20 * np.exp(rng.normal(size=(6, 5)))
     leakage = fs.seal_leakage(seal, k, real, inlet_pressure=7e7, outlet_pressure=0.0)
     assert leakage.imbalance < 1e-9
     assert_allclose(leakage.mass_rate, leakage.conductance * real.potential(7e7), rtol=1e-12)

@@ -1,7 +1,7 @@
-"""Flow through a cell: its permeability from its gap, ∇·(K ∇p) = 0 with the cubic law K = h³/12, or another one.
+"""Flow through a cell: its permeability follows from its gap, by ∇·(K ∇p) = 0 with K = h³/12 or another flow law.
 
-The unknowns are the pressures at the pixel centres; those of both ends are given. The elements between them are Q1 with
-quadrature at the midpoints of their edges, to which the gap is interpolated: links of five points, of order 2.
+The discrete problem is that of `flow.plain`, which assembles it by scikit-fem. Here the same operator is the network of
+the links between the pixels, each of which has four neighbours; its error is of the second order in the pixel.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import Array, Flags, Lengths, Pair, Shown, Singles, validate
 from ..base.compiled import compiled, inner, number, over, rows, using
 from .core_flux import core_ratio
-from .grid import Grid, Stencil, edge_weights, gap_on_rows
+from .grid import Stencil, gap_on_rows, link_weights
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
 from .percolation import ready
 from .plain import solve_plain
@@ -28,41 +28,46 @@ _FILL_RTOL, _MOST = 1e-5, 100
 
 
 def cell_stencil(gap: Array, spacing: Pair, sides: str) -> Stencil:
-    """Operator of the flow through a cell with nodes at its pixels, from the gap (n1, n2) there."""
-    grid = Grid.of_pixel_centres(gap.shape, spacing, sides)
+    """Return the network of links between the pixels of a cell and its ends, from the gap (n1, n2) at the pixels."""
     n1, n2 = gap.shape
+    is_ring = sides == "periodic"
     along = np.empty((n1 + 1, n2))
-    across = np.empty((n1, n2 if grid.ring2 else n2 - 1))
-    over(rows(n1, n2), _conductances, gap, grid.ring2, edge_weights(grid), along, across)
-    return Stencil(along, across, ring2=grid.ring2)
+    across = np.empty((n1, n2 if is_ring else n2 - 1))
+    over(rows(n1, n2), _conductances, gap, is_ring, link_weights(spacing), along, across)
+    if is_ring and n2 == 1:  # the only pixel of a row is not its own neighbour
+        across[:] = 0.0
+    return Stencil(along, across, ring2=is_ring)
 
 
 _cubic_law = inner()(cubic_law)
 
 
 @compiled()
-def _conductances(first, end, gap, ring2, weights, along, across):
-    """Write the conductances of some rows, with the last one those to the outlet."""
-    gap_on_rows(first, end, gap, False, ring2, along, across)
-    _weighted(first, end + 1 if end == len(gap) else end, along, weights.rows1, weights.columns1)
-    _weighted(first, end, across, weights.rows2, weights.columns2)
-
-
-@inner()
-def _weighted(first, end, gap, of_row, of_column):
-    """Write the conductances of edges in place of the gap on some rows of them."""
+def _conductances(first, end, gap, is_ring, weights, along, across):
+    """Write the conductances of the links of some rows, with the last row those to the outlet."""
+    gap_on_rows(first, end, gap, False, is_ring, along, across)
+    outlet = len(gap)
+    for i in range(first, end + 1 if end == outlet else end):
+        weight = weights.at_ends if i == 0 or i == outlet else weights.along
+        for j in range(along.shape[1]):
+            along[i, j] = weight * _cubic_law(along[i, j])
     for i in range(first, end):
-        for j in range(gap.shape[1]):
-            gap[i, j] = _cubic_law(gap[i, j]) * (of_row[i] * of_column[j])
+        for j in range(across.shape[1]):
+            across[i, j] = weights.across * _cubic_law(across[i, j])
 
 
 @dataclass(frozen=True, repr=False)
 class Permeability(Shown):
-    """Permeability of a cell along one axis, k with Q/L2 = (k/η) Δp/L1; exactly 0 where the gap does not percolate.
+    """Permeability of a cell along one axis.
 
-    percolating_fraction : of the pixels that are connected to both ends.
-    iterations, residual, imbalance, solver : of the linear system, see `femseal.flow.DarcyFlow`.
-    fluid_pressure : (n1, n2), NaN at pixels in contact and in pockets, which are connected to neither end.
+    Attributes
+    ----------
+    value : permeability k [m³], with which the flow per width is (k/η) Δp/L1; 0 if no open path joins both ends.
+    percolates : whether an open path joins both ends.
+    percolating_fraction : fraction of the pixels that are connected to both ends.
+    iterations, residual, imbalance, solver : how the linear system was solved, see `femseal.flow.DarcyFlow`.
+    fluid_pressure : array (n1, n2), pressure at the pixels for a unit drop; NaN at pixels in contact, and in pockets,
+        which are connected to neither end.
     """
 
     value: float = field(metadata={"unit": "m^3", "long_name": "permeability"})
@@ -93,29 +98,32 @@ def cell_permeability(
     pressure: ArrayLike | None = None,
     threads: int | None = None,
 ) -> Permeability:
-    """Permeability [m³] of a cell whose gap h >= 0 is given at pixel centres; h = 0 is contact.
+    """Compute the permeability of a cell whose gap is given at the pixel centres.
 
     Parameters
     ----------
-    gap : h (n1, n2) [m].
-    spacing : pixel (Δ1, Δ2) [m].
-    axis : direction of the flow.
-    sides : "mirror" (no flow across the sides) or "periodic".
-    rtol : relative error of k allowed to an iterative linear solver. `fluid_pressure` then has an error of about √rtol,
-        of which k has the square.
-    solver : "multigrid" or "elimination" (the fast path, see `femseal.flow.solve_flow`), "amg" or "direct" (the plain
-        path of scikit-fem, with pyamg or a factorisation: the same permeability in many times the time), or "auto".
-    field_rtol : where `fluid_pressure` is looked at, its error allowed to multigrid, in the norm of the energy; 1e-6 is
-        right to the eye everywhere, also in bays that hardly anything flows through.
-    law, pressure : permeability of a gap, see `femseal.flow.law`, such as `fluid.law`, and the pressure of the fluid, a
-        number or (n1, n2) [Pa], which a law needs that depends on it.
-    threads : that share the work on a grid of 512² points or more; those that the run leaves free, 1 without a run.
-        Any number gives the same bits.
+    gap : array (n1, n2), gap h >= 0 [m]; h = 0 is contact.
+    spacing : lengths (Δ1, Δ2) of a pixel [m].
+    axis : direction of the flow, 0 for x1 or 1 for x2.
+    sides : "mirror" (no flow through the sides) or "periodic".
+    rtol : relative error of the permeability that is allowed to an iterative solver. The pressure then has an error of
+        about √rtol, because the error of the permeability is the square of it.
+    solver : "multigrid" or "elimination" (the fast path, see `femseal.flow.solve_flow`); "amg" or "direct" (the plain
+        path by scikit-fem, with pyamg or a factorisation: the same permeability, in many times the time); or "auto".
+    field_rtol : error of the pressure that is allowed to an iterative solver, in the energy norm; None for √rtol.
+        With 1e-6 a picture of the pressure has no visible error anywhere.
+    law : flow law, the permeability of a gap between parallel plates, such as `fluid.law`; see `femseal.flow.law`.
+    pressure : pressure of the fluid, a number or an array (n1, n2) [Pa], for laws that depend on it.
+    threads : number of threads on a grid of 512² points or more; None for those that the run leaves free, which is 1
+        without a run. The result does not depend on it.
+
+    Returns
+    -------
+    Permeability
 
     Raises
     ------
-    InputError : a gap that is negative, undefined or not two-dimensional; an unknown side, axis or
-        solver.
+    InputError : a gap that is negative, undefined or not two-dimensional; an unknown side, axis or solver.
     NotConverged : the linear solver failed.
 
     Examples
@@ -154,8 +162,11 @@ def cell_permeability(
 class CellFlow:
     """Flow along the first axis of a cell for a unit drop.
 
-    factor : permeability [m³] over the conductance of `flow`.
-    core_ratio : permeability of the core of the cell over that of the whole cell, 1 if the core is the whole cell.
+    Attributes
+    ----------
+    factor : ratio of the permeability [m³] to the conductance of `flow`.
+    flow : solution with the pressure at the pixel centres and at both ends.
+    core_ratio : ratio of the permeability of the core to that of the whole cell; 1 if the core is the whole cell.
     """
 
     factor: float
@@ -179,14 +190,17 @@ def cell_flow(
     field_rtol: float | None = None,
     core: tuple[int, int] | None = None,
 ) -> CellFlow:
-    """The flow of `cell_permeability` without what that makes of it, for many small cells.
-
-    The potential is that of all nodes, those of both ends among them.
+    """Solve the flow of `cell_permeability` alone, which takes less time for many small cells.
 
     Parameters
     ----------
-    core : first column of the part of the cell whose permeability is wanted, and the column after its last one, counted
-        across the flow; None for the whole cell.
+    gap, spacing, axis, sides, solver, rtol, field_rtol : as in `cell_permeability`.
+    core : first column of the core of the cell, and the column after its last one, counted across the flow; None for
+        the whole cell. See `flow.core_flux`.
+
+    Returns
+    -------
+    CellFlow, whose permeability is that of the core.
 
     Raises
     ------

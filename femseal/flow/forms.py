@@ -16,6 +16,13 @@ from skfem.helpers import dot, grad, mul
 
 from ..base import InputError
 
+#: Midpoints of the edges of the reference square, first of those along its first axis, and their weights: a quadrature
+#: with which a bilinear element joins no corners but those of an edge.
+EDGE_MIDPOINTS = np.array([[0.5, 0.5, 0.0, 1.0], [0.0, 1.0, 0.5, 0.5]]), np.full(4, 0.5)
+#: Corners of the reference square, and their weights: a quadrature with which Raviart-Thomas fluxes through different
+#: sides of an element do not act on each other.
+CORNERS = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]]), np.full(4, 0.25)
+
 
 def _with_docstring(form: Callable[..., Any]) -> BilinearForm:
     """A bilinear form of scikit-fem that tells what its function tells."""

@@ -1,30 +1,30 @@
-"""Structured grids of nodes, and the operator of the flow on them: from the weak form to conductances of neighbours.
+"""Networks of links on a grid of nodes: the fast path of the flow, which needs no mesh.
 
-scikit-fem evaluates the form on the unit square, once for each sample of the coefficient: `elemental`. All elements of
-a grid are stretched unit squares, so that these few local matrices, weighted with the coefficient and the stretch, are
-summed to a `Stencil`. It equals scikit-fem's own assembly of the whole mesh, which takes longer than the solver.
+A bilinear element whose form is integrated at the midpoints of its edges is a network of four links, one on each edge
+(`edge_conductances`). All elements between the pixels of a cell are stretched unit squares, so that their operator is a
+network of five points, the `Stencil`: the permeability on a link times its weight (`link_weights`). It equals the
+operator that `flow.plain` assembles on a mesh.
 
-A gap is given at pixel centres. On the links between pixels, the midpoints of the edges of the elements, it is
-interpolated by a four-point cubic. It is at least a tenth and at most four times the smaller of the two pixels. A link
-is therefore open exactly where both its pixels are, and it closes continuously with them, so that a barrier of a
-vanishing gap seals. It is far below both pixels only where the gap is curved at both: of the two second differences the
-larger one then counts at most four times as much as the smaller one, so that a jump of the gap beyond a pixel hardly
-narrows the link.
+A gap is given at pixel centres. On the links between pixels it is interpolated by a four-point cubic (`gap_on_links`).
+It is at least a tenth and at most four times the smaller of the two pixels. A link is therefore open exactly where both
+its pixels are, and it closes continuously with them, so that a barrier of a vanishing gap seals. It is far below both
+pixels only where the gap is curved at both: of the two second differences the larger one then counts at most four times
+as much as the smaller one, so that a jump of the gap beyond a pixel hardly narrows the link.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
-from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
+from skfem import Basis, ElementQuad1, MeshQuad
 
-from ..base import Array, Indices, InputError
+from ..base import Array, InputError, Pair
 from ..base.compiled import compiled, inner, over, rows
 from . import forms
 
@@ -35,84 +35,24 @@ _LEAST, _MOST = 0.1, 4.0
 #: times as much as the smaller one. The fraction makes the flow through two plates of different gaps exact: the dip
 #: beside the jump adds the resistance that the link across the jump lacks.
 _DIP, _JUMP = 0.88, 4.0
-#: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that the edge of each sample joins.
-_PAIRS = (0, 2), (1, 3), (0, 1), (2, 3)
-
-
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """Elements between m1 + 1 rows and m2 + 1 columns of nodes.
-
-    A periodic or a mirrored side is an identification: the last column of a ring is the first one; the outer line of a
-    half element beside a mirror carries the degrees of freedom of its inner line.
-
-    lines1 (m1 + 1,), lines2 (m2 + 1,) : coordinates of the lines of nodes, rising. All conformal coordinates
-        will do, since the form is the same in them, such as (ln r, θ) of a ring.
-    rows (m1 + 1,), columns (m2 + 1,) : number of the degrees of freedom of each line.
-    ring1, ring2 : whether rows and columns form a ring; without ring1 the first row is the inlet, the last the outlet.
-    half_ends : the first and last elements are half pixels between an end and the centres of the pixels beside it.
-    """
-
-    lines1: Array
-    lines2: Array
-    rows: Indices
-    columns: Indices
-    ring1: bool = False
-    ring2: bool = True
-    half_ends: bool = False
-
-    @staticmethod
-    @lru_cache(maxsize=64)
-    def of_pixel_centres(shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
-        """Nodes at the centres of a cell's pixels and on its ends; the same object for the same cell.
-
-        Half elements reach from the ends, and from mirrored sides, to the first nodes.
-        """
-        (n1, n2), (d1, d2) = shape, spacing
-        lines1 = np.concatenate([[0.0], _centres(n1, d1), [n1 * d1]])
-        if sides == "periodic":
-            return replace(Grid.of_strip(lines1, d2, n2), half_ends=True)
-        lines2 = np.concatenate([[0.0], _centres(n2, d2), [n2 * d2]])
-        columns = np.clip(np.arange(-1, n2 + 1), 0, n2 - 1)
-        return Grid(lines1, lines2, np.arange(n1 + 2), columns, ring2=False, half_ends=True)
-
-    @classmethod
-    def of_torus(cls, shape: tuple[int, int], spacing: tuple[float, float]) -> Grid:
-        """Nodes at the centres of the pixels of a cell that is periodic along both axes."""
-        n1, n2 = shape
-        strip = cls.of_strip(_centres(n1 + 1, spacing[0]), spacing[1], n2)
-        return replace(strip, rows=strip.rows % n1, ring1=True)
-
-    @classmethod
-    def of_strip(cls, lines1: Array, width: float, n2: int) -> Grid:
-        """Rows of nodes at given coordinates from the inlet to the outlet, and a ring of n2 columns `width` apart."""
-        return cls(lines1, _centres(n2 + 1, width), np.arange(lines1.size), np.arange(n2 + 1) % n2)
-
-    @property
-    def elements(self) -> tuple[int, int]:
-        """Elements along both axes."""
-        return self.lines1.size - 1, self.lines2.size - 1
-
-    @property
-    def nodes(self) -> tuple[int, int]:
-        """Rows and columns of degrees of freedom."""
-        return int(self.rows.max()) + 1, int(self.columns.max()) + 1
-
-
-def _centres(n: int, spacing: float) -> Array:
-    return np.asarray((np.arange(n) + 0.5) * spacing)
 
 
 @dataclass(frozen=True)
 class Stencil:
-    """Conductances of neighbouring nodes: minus the entries of a symmetric matrix with zero row sums, in any one unit.
+    """A network of links between neighbouring nodes of a grid, by the conductances of the links in any unit.
 
-    A conductance c > 0 is that of a link between two nodes, so that a stencil, of five points, is a network of links.
+    Its matrix is symmetric and has five entries in a row, which sum to zero: minus the conductances of four links, and
+    their sum on the diagonal.
 
-    along (n1, n2) : nodes (i, j) and (i + 1, j) of n1 + 1 rows. Row 0 is the inlet, row n1 the outlet; in a `ring1`
-        the rows form a ring, row n1 being row 0.
-    across (n1 − 1, m2) : nodes (i, j) and (i, j + 1) of rows 1 … n1 − 1 (in a `ring1` of all n1 rows); m2 is n2 if the
-        columns form a ring (`ring2`), else n2 − 1. Nodes of one end have one pressure: their conductances drop out.
+    Attributes
+    ----------
+    along : array (n1, n2), conductances between the nodes (i, j) and (i + 1, j) of n1 + 1 rows. Row 0 is the inlet and
+        row n1 the outlet; with `ring1` the rows form a ring, in which row n1 is row 0.
+    across : array (n1 − 1, m2), conductances between the nodes (i, j) and (i, j + 1) of the rows 1 to n1 − 1, with
+        `ring1` of all n1 rows. m2 is n2 with `ring2`, else n2 − 1. Links between nodes of one end carry no flow and are
+        left out.
+    ring2 : whether the columns form a ring, in which the last column is next to the first one.
+    ring1 : whether the rows form a ring; there is no inlet and no outlet then.
     """
 
     along: Array
@@ -122,11 +62,17 @@ class Stencil:
 
     @classmethod
     def network(cls, along: ArrayLike, across: ArrayLike, *, ring: bool = True) -> Stencil:
-        """A network of links of given conductances, checked.
+        """Make a network of links from conductances, and check them.
 
-        along (n1, n2), across (n1 − 1, n2) : conductances >= 0; across has n2 − 1 columns if these form no `ring`.
+        Parameters
+        ----------
+        along : array (n1, n2), conductances >= 0.
+        across : array (n1 − 1, n2), or with n2 − 1 columns without `ring`, conductances >= 0.
+        ring : whether the columns form a ring.
 
-        Raises InputError: shapes that do not match, conductances that are negative or not finite.
+        Raises
+        ------
+        InputError : shapes that do not match, conductances that are negative or not finite.
         """
         try:
             if np.iscomplexobj(along) or np.iscomplexobj(across):
@@ -152,14 +98,14 @@ class Stencil:
 
     @property
     def nodes(self) -> tuple[int, int]:
-        """Rows and columns of nodes, the ends among the rows."""
+        """Numbers of rows, with both ends, and of columns of nodes."""
         n1, n2 = self.along.shape
         return (n1 if self.ring1 else n1 + 1), n2
 
     def conductances(
         self,
     ) -> Iterator[tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[int, int]]]:
-        """Arrays of conductances, numbers (row · n2 + column) of their two nodes, and steps from one to the other."""
+        """Yield the links along each axis: conductances, numbers (row · n2 + column) of both nodes, and the step."""
         rows, n2 = self.nodes
         node = np.arange(rows * n2).reshape(rows, n2)
         below = np.roll(node, -1, axis=0) if self.ring1 else node[1:]
@@ -171,25 +117,25 @@ class Stencil:
         yield self.across, inner[:, :m2], np.roll(inner, -1, axis=1)[:, :m2], (0, 1)
 
     def energy(self, pressure: Array) -> float:
-        """Σ c (Δp)² over all conductances for a pressure at the nodes, from differences, so that nothing cancels.
+        """Return the energy Σ c (Δp)² of a pressure at the nodes; rows must not form a ring.
 
-        Rows must not form a ring.
+        It is a sum of positive terms, so that it keeps its relative accuracy.
         """
         return float(
             sum(over(rows(*self.along.shape), energy_of, self.along, self.across, pressure))
         )
 
     def dissipation(self, potential: Array) -> tuple[Array, Array]:
-        """Dissipation c (Δφ)² of the conductances along both axes .
+        """Return the dissipation c (Δφ)² of the links along both axes.
 
-        `potential` (n1 + 1, n2) is NaN in pockets, where nothing flows.
+        potential : array (n1 + 1, n2), NaN in pockets, where nothing flows.
         """
         φ = np.nan_to_num(potential)
         across = (np.roll(φ, -1, axis=1) - φ)[1:-1, : self.across.shape[1]]
         return self.along * np.diff(φ, axis=0) ** 2, self.across * across**2
 
     def to_csr(self) -> sp.csr_array:
-        """The matrix of all nodes, those of the ends among them; conductances between nodes of one end are left out."""
+        """Return the matrix of all nodes, with those of both ends."""
         rows, n2 = self.nodes
         size = rows * n2
         parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in self.conductances()]
@@ -204,7 +150,7 @@ class Stencil:
 
 @compiled()
 def energy_of(begin, end, along, across, p):
-    """`Stencil.energy` of a pressure p, of some rows of conductances."""
+    """Return the part of `Stencil.energy` of some rows of links, for a pressure p at the nodes."""
     n2 = along.shape[1]
     m2 = across.shape[1]
     total = 0.0
@@ -225,125 +171,56 @@ def energy_of(begin, end, along, across, p):
     return total
 
 
-@dataclass(frozen=True)
-class Sample:
-    """A point (ξ1, ξ2) of the unit square at which the coefficient along an axis is taken, and its weight."""
+@lru_cache(maxsize=1)
+def edge_conductances() -> Pair:
+    """Return the conductances of an edge along x1 and of an edge along x2 of the unit square with K = 1.
 
-    point: tuple[float, float]
-    weight: float
-    axis: int
+    scikit-fem evaluates `forms.darcy_flow` on one bilinear element with quadrature at the midpoints of its edges, where
+    K has the component along the edge alone. Each edge is then a link between its two corners.
 
-
-def _edges(first: float, last: float) -> tuple[Sample, ...]:
-    """Edge midpoints: K11 on both edges along x1, K22 on the two along x2 with the weights given."""
-    along = [Sample((0.5, side), 0.5, 0) for side in (0.0, 1.0)]
-    return (*along, Sample((0.0, 0.5), first, 1), Sample((1.0, 0.5), last, 1))
-
-
-#: With these samples, Q1 joins no nodes across corners: every sample joins the two nodes of its own edge.
-EDGES = _edges(0.5, 0.5)
-#: Half elements at the ends take K22 at the row of pixel centres only; along an end the pressure is constant.
-EDGES_AT_INLET, EDGES_AT_OUTLET = _edges(0.0, 1.0), _edges(1.0, 0.0)
-
-
-@lru_cache(maxsize=32)
-def elemental(
-    form: BilinearForm, element: type, samples: tuple[Sample, ...], coefficient: str = "k"
-) -> Array:
-    """Local matrices of a form on the unit square, one for each sample, from scikit-fem.
-
-    form : bilinear form whose coefficient, a tensor of the name `coefficient`, is 1 along the axis of the sample.
-    element : class of a scikit-fem element of quadrilaterals.
-    samples : where the coefficient is taken.
-
-    Returns (samples, n, n), the n degrees of freedom in the order of their coordinates: Q1 corners as (0, 0), (0, 1),
-    (1, 0), (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of axis a is
-    Δ1Δ2/Δa² times as large for gradients, Δa²/Δ1Δ2 times for total fluxes through the facets.
+    Raises
+    ------
+    ValueError : the form joins corners that have no edge in common, or is not driven by differences of the pressure.
     """
-    square = MeshQuad()  # the unit square, its first axis x1
-    matrices = []
-    for s in samples:
-        basis = Basis(
-            square, element(), quadrature=(np.array(s.point)[:, None], np.array([s.weight]))
-        )
-        tensor = np.zeros((2, 2, 1, 1))
-        tensor[s.axis, s.axis] = 1.0
-        order = np.lexsort(basis.doflocs[::-1])
-        matrices.append(
-            form.assemble(basis, **{coefficient: tensor}).toarray()[np.ix_(order, order)]
-        )
-    local = np.array(matrices)
-    local.flags.writeable = False
-    return local
-
-
-def own_conductances(local: Array) -> Array:
-    """Conductance of the edge on which each sample lies, of local Q1 matrices (4, 4, 4), which have no other."""
-    drops = np.zeros((4, 4))
-    for sample, (first, last) in enumerate(_PAIRS):
-        drops[sample, [first, last]] = 1.0, -1.0
-    own = np.einsum("si,sij,sj->s", drops, local, drops) / 4
-    others = local - np.einsum("s,si,sj->sij", own, drops, drops)
-    if not np.abs(others).max() <= 1e-12 * np.abs(local).max():
+    basis = Basis(MeshQuad(), ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
+    k = np.zeros((2, 2, 1, 4))
+    k[0, 0, 0, :2] = k[1, 1, 0, 2:] = 1.0
+    matrix = forms.darcy_flow.assemble(basis, k=k).toarray()
+    along, across = -matrix[0, 1], -matrix[1, 2]
+    links = np.zeros((4, 4))
+    for a, b, c in ((0, 1, along), (3, 2, along), (1, 2, across), (0, 3, across)):
+        links[[a, b], [a, b]] += c
+        links[[a, b], [b, a]] -= c
+    if not np.allclose(matrix, links, rtol=0, atol=1e-12 * np.abs(matrix).max()):
         raise ValueError("the form is no flow that a drop of pressure along the edge drives")
-    return own
+    return float(along), float(across)
 
 
-def assemble_on_links(grid: Grid, k1: Array, k2: Array) -> Stencil:
-    """Operator ∫ K∇p·∇q of Q1 with quadrature at the midpoints of edges: a five-point stencil.
+class LinkWeights(NamedTuple):
+    """Conductances of the links between pixels with K = 1: along x1 inside a cell and at its ends, and along x2."""
 
-    grid : of the nodes.
-    k1, k2 : permeability on the edges along x1, (m1, n2), and on those along x2 between different nodes of the rows
-    that are no end, for instance (m1 − 1, n2) on a strip [m³].
+    along: float
+    at_ends: float
+    across: float
 
-    Notes
-    -----
-    The elements on both sides of an edge have the same K there, so their parts are summed before they are weighted.
+
+def link_weights(spacing: Pair) -> LinkWeights:
+    """Return the conductances of the links of a cell whose pixels have sides `spacing`, with K = 1.
+
+    scikit-fem supplies the conductances of an element. The rest is geometry: two elements lie on either side of a link,
+    and an element of d1 × d2 conducts d2/d1 times as much along x1 as a square. Links to an end are half as long.
+    Elements beside a mirror and at an end are half as broad, and count twice.
     """
-    w = edge_weights(grid)
-    along = k1 * np.multiply.outer(w.rows1, w.columns1)
-    across = k2 * np.multiply.outer(w.rows2, w.columns2)
-    return Stencil(along, across, ring1=grid.ring1, ring2=grid.ring2)
-
-
-class EdgeWeights(NamedTuple):
-    """Conductances of the edges along both axes for K = 1: the factor of the row times that of the column."""
-
-    rows1: Array
-    columns1: Array
-    rows2: Array
-    columns2: Array
-
-
-@lru_cache(maxsize=64)
-def edge_weights(grid: Grid) -> EdgeWeights:
-    """Weights of the edges of a grid by `forms.darcy_flow`, with quadrature at their midpoints."""
-    m1, m2 = grid.elements
-    d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
-    ends = (EDGES_AT_INLET, EDGES_AT_OUTLET) if grid.half_ends else (EDGES, EDGES)
-    first, inside, last = (
-        own_conductances(elemental(forms.darcy_flow, ElementQuad1, samples))
-        for samples in (ends[0], EDGES, ends[1])
-    )
-    of_rows = np.tile(inside, (m1, 1))
-    of_rows[0], of_rows[-1] = first, last
-    columns = np.zeros(grid.nodes[1])
-    rows = np.zeros(grid.nodes[0])
-    for side in (0, 1):  # an edge has an element on either side
-        columns += np.bincount(grid.columns[side : m2 + side], d2 * inside[side], columns.size)
-        rows += np.bincount(grid.rows[side : m1 + side], d1 * of_rows[:, 2 + side], rows.size)
-    # the links of a ring are all there, even that of an only column to itself
-    columns2 = 1 / d2[(grid.columns[:-1] != grid.columns[1:]) | grid.ring2]
-    if columns2.size == 1 and grid.ring2 and not grid.ring1:
-        columns2[:] = 0.0  # what an only column drives around it is nothing
-    return EdgeWeights(1 / d1, columns, rows if grid.ring1 else rows[1:-1], columns2)
+    d1, d2 = spacing
+    along, across = edge_conductances()
+    return LinkWeights(2 * along * d2 / d1, 4 * along * d2 / d1, 2 * across * d1 / d2)
 
 
 def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
-    """Gap midway between neighbouring pixels along both axes [m].
+    """Interpolate the gap midway between neighbouring pixels along both axes [m].
 
-    Along an axis that forms a ring n pixels have n links, from each to the next; otherwise the first axis has n + 1
-    links, one to each end, beyond which the gap is mirrored, and the second n − 1.
+    Along an axis that forms a ring, n pixels have n links, from each to the next. Otherwise the first axis has n + 1
+    links, with one to each end, beyond which the gap is mirrored, and the second axis has n − 1.
     """
     n1, n2 = gap.shape
     on1 = np.empty((n1 if ring1 else n1 + 1, n2))

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -41,8 +42,8 @@ from .mesh_input import (
     permeability_tensors,
 )
 from .problem import LINEAR, DarcyFlow, potential_rtol
-from .solvers.amg import solve_spd
 from .solvers.direct import Ends, LinearSolution
+from .solvers.sparse import solve_sparse
 
 #: Relative error of the flow.
 RTOL = 1e-8
@@ -133,7 +134,7 @@ class MeshSystem:
             links.append(0.0 - into[unknown])
         ends = Ends(np.array(_LEVELS), np.array(links))
         rhs = ends.levels @ ends.links
-        found = solve_spd(matrix, rhs, rtol, solver, unit_drop=True, ends=ends)
+        found = solve_sparse(matrix, rhs, rtol, solver, unit_drop=True, ends=ends)
         remainder = np.zeros(self.size)
         values[unknown] = found.x
         remainder[unknown] = found.remainder
@@ -185,7 +186,8 @@ class MeshOperators:
                 upper=bound,
             )
         tensor = invertible(tensor)
-        local = _weighted(tensor[connected.between], self._stiffness, connected.between)
+        units = self._stiffness_of_axes if self._are_axes_along_edges(tensor) else self._stiffness
+        local = _weighted(tensor[connected.between], units, connected.between)
         # the conductance is an energy, which errs by the square of the potential
         found = system.solved(local, potential_rtol(RTOL), solver)
         potential[system.dofs] = found.x[system.dofs]
@@ -214,7 +216,8 @@ class MeshOperators:
         if not connected.joined.any():
             return 0.0
         inverse = np.linalg.inv(tensor[connected.between])
-        resistance = _weighted(inverse, self._resistance, connected.between)
+        units = self._resistance_of_axes if self._are_axes_along_edges(tensor) else self._resistance
+        resistance = _weighted(inverse, units, connected.between)
         # R q = p − λ and Σq = 0 on each element give q = −S λ
         inverse = np.linalg.inv(resistance)
         column = inverse.sum(axis=2)
@@ -278,23 +281,56 @@ class MeshOperators:
 
     @cached_property
     def _stiffness(self) -> Array:
-        """Local matrices of conforming elements, of every component (3, n, vertices, vertices)."""
+        """Local matrices of conforming elements, of every component of K (3, n, vertices, vertices)."""
         element, _, order = KINDS[type(self.mesh)]
-        basis = Basis(self.mesh, element(), intorder=order)
-        return np.stack([forms.darcy_flow.coo_data(basis, k=unit).tolocal() for unit in _UNITS])
+        return _local_matrices(
+            forms.darcy_flow, Basis(self.mesh, element(), intorder=order), k=_UNITS
+        )
+
+    @cached_property
+    def _stiffness_of_axes(self) -> Array:
+        """The same of rectangles with principal axes along their edges, integrated at the midpoints of the edges."""
+        basis = Basis(self.mesh, ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
+        units = np.zeros((3, 2, 2, 1, 4))
+        units[0, 0, 0, 0, :2] = units[1, 1, 1, 0, 2:] = 1.0
+        return _local_matrices(forms.darcy_flow, basis, k=units)
 
     @cached_property
     def _resistance(self) -> Array:
-        """Local resistances of outward fluxes, of every component (3, n, facets, facets)."""
+        """Local resistances of outward fluxes, of every component of K⁻¹ (3, n, facets, facets)."""
         _, element, order = KINDS[type(self.mesh)]
-        basis = Basis(self.mesh, element(), intorder=order)
+        return self._outward(Basis(self.mesh, element(), intorder=order))
+
+    @cached_property
+    def _resistance_of_axes(self) -> Array:
+        """The same of rectangles with principal axes along their edges, integrated at the corners."""
+        return self._outward(Basis(self.mesh, ElementQuadRT0(), quadrature=forms.CORNERS))
+
+    def _outward(self, basis: Basis) -> Array:
+        """Local resistances of unit fluxes out of an element; a basis function leaves the facet's first element."""
         facets = self.mesh.t2f.T
-        # a basis function is a unit flux out of the facet's first element
-        outward = np.where(self.mesh.f2t[0, facets] == np.arange(len(facets))[:, None], 1.0, -1.0)
-        local = [
-            forms.flux_resistance.coo_data(basis, resistance=unit).tolocal() for unit in _UNITS
-        ]
-        return np.stack(local) * outward[:, :, None] * outward[:, None, :]
+        sign = np.where(self.mesh.f2t[0, facets] == np.arange(len(facets))[:, None], 1.0, -1.0)
+        local = _local_matrices(forms.flux_resistance, basis, resistance=_UNITS)
+        return local * sign[:, :, None] * sign[:, None, :]
+
+    def _are_axes_along_edges(self, tensor: Array) -> bool:
+        """Whether the elements are rectangles whose principal axes are along their edges."""
+        return self._has_rectangles and not tensor[:, 0, 1].any()
+
+    @cached_property
+    def _has_rectangles(self) -> bool:
+        """Whether the mesh is periodic and of rectangles that begin with their edge along x1."""
+        if type(self.mesh) is not MeshQuad1DG:
+            return False
+        x1, x2 = self.mesh.mapping().F(self.mesh.refdom.p)  # (element, corner)
+        along_x1 = np.array_equal(x2[:, [0, 2]], x2[:, [1, 3]])
+        return along_x1 and np.array_equal(x1[:, [0, 1]], x1[:, [3, 2]])
+
+
+def _local_matrices(form: Any, basis: Basis, **units: Array) -> Array:
+    """Local matrices of a form for every unit tensor of its coefficient (3, n, m, m)."""
+    ((name, tensors),) = units.items()
+    return np.stack([form.coo_data(basis, **{name: unit}).tolocal() for unit in tensors])
 
 
 def _weighted(tensor: Floats, units: Array, elements: Indices) -> Array:

@@ -30,7 +30,7 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
     size = np.abs(k).max(axis=(1, 2))
     skew = np.abs(k[:, 0, 1] - k[:, 1, 0]) > 1e-9 * size
     k = (k + k.transpose(0, 2, 1)) / 2
-    negative = _principal_values(k)[0] < -1e-12 * size
+    negative = principal_values(k)[0] < -1e-12 * size
     for bad, is_so, expected in (
         (skew, "a tensor that is not symmetric", "symmetric tensors"),
         (negative, "a negative principal value", "principal values >= 0 [m³]"),
@@ -40,7 +40,7 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
     return k
 
 
-def _principal_values(tensor: Array) -> tuple[Array, Array]:
+def principal_values(tensor: Array) -> tuple[Array, Array]:
     """The smaller and the larger principal value of symmetric tensors (n, 2, 2)."""
     a, b, c = tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]
     mean = (a + b) / 2
@@ -79,7 +79,7 @@ def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
 
 def invertible(tensor: Array) -> Array:
     """Tensors with a smaller principal value of CLOSED_AXIS of the larger instead of 0."""
-    least, most = _principal_values(tensor)
+    least, most = principal_values(tensor)
     half = np.flatnonzero((least <= _CLOSED * most) & (most > 0))
     if not half.size:
         return tensor
@@ -122,7 +122,7 @@ def connected_elements(
     start = [element]
     end = [ne + mesh.t2f[slot, element]]
     if through_corners:
-        least, most = _principal_values(tensor)
+        least, most = principal_values(tensor)
         is_open = np.flatnonzero(least > _CLOSED * most)
         start.append(np.tile(is_open, len(mesh.t)))
         end.append(ne + nf + mesh.t[:, is_open].ravel())
@@ -143,7 +143,7 @@ def connected_elements(
 
 def _open_ways(mesh: Mesh, tensor: Array) -> Flags:
     """Which facets (facets of an element, elements) the elements carry flow across."""
-    least, most = _principal_values(tensor)
+    least, most = principal_values(tensor)
     if (least > _CLOSED * most).all():
         return np.ones(mesh.t2f.shape, bool)
     # normals of the chords of each element: vertices of periodic meshes have no single place

@@ -55,10 +55,9 @@ class PermeabilityTable:
     Parameters
     ----------
     pressures : m different ones > 0 [Pa], such as those of `table_pressures`.
-    values : what `seal_leakage` takes as permeability, with a first axis of m: (m,) numbers, the links as a pair of
-        arrays (m, n1, n2) and (m, n1 − 1, n2), of a mesh (m, n_elements)
-        or (m, n_elements, 2) [m³]. A part that is closed at one pressure counts
-        as closed.
+    values : what `seal_leakage` takes as permeability, with a first axis of m [m³]: (m,) numbers, or one per element,
+        such as (m, n_elements) or (m, n_elements, 2), no tensors. An element that is closed at one pressure counts as
+        closed.
     piecewise : interpolate ln k between each two pressures, which may be 0 and at which a part may be closed (k is then
         linear between them); else by one polynomial in ln p.
 
@@ -96,28 +95,27 @@ class PermeabilityTable:
                 str(self.pressures),
                 f"two or more different pressures {relation} 0 [Pa]",
             )
-        pair = isinstance(self.values, tuple) and all(np.ndim(v) > 0 for v in self.values)
-        arrays = tuple(
-            np.asarray(v, dtype=float) for v in (self.values if pair else (self.values,))
-        )
-        for k in arrays:
-            if k.ndim < 1 or len(k) != p.size:
-                raise InputError(
-                    "values", f"shape {k.shape}", f"a first axis of {p.size}, one for each pressure"
-                )
-            if not np.isfinite(k).all() or k.min(initial=0.0) < 0:
-                raise InputError(
-                    "values", "negative or undefined permeabilities", "finite numbers >= 0 [m³]"
-                )
+        try:
+            values = np.asarray(self.values, dtype=float)
+        except (TypeError, ValueError):
+            expected = f"one array with a first axis of {p.size}"
+            raise InputError(
+                "values", "arrays of different shapes, or no numbers", expected
+            ) from None
+        if values.ndim < 1 or len(values) != p.size:
+            expected = f"a first axis of {p.size}, one for each pressure"
+            raise InputError("values", f"shape {values.shape}", expected)
+        if not np.isfinite(values).all() or values.min(initial=0.0) < 0:
+            expected = "finite numbers >= 0 [m³]"
+            raise InputError("values", "negative or undefined permeabilities", expected)
         object.__setattr__(self, "pressures", tuple(p.tolist()))
-        object.__setattr__(self, "values", arrays if pair else arrays[0])
+        object.__setattr__(self, "values", values)
 
     @property
     def typical(self) -> tuple[float, float]:
         """A pressure in the middle [Pa] and the median of the open permeabilities at it [m³], 0 where all is closed."""
-        first = self.values[0] if isinstance(self.values, tuple) else self.values
         middle = int(np.argsort(self.pressures)[len(self.pressures) // 2])
-        k = first[middle]
+        k = self.values[middle]
         return self.pressures[middle], float(np.median(k[k > 0])) if (k > 0).any() else 0.0
 
 
@@ -127,9 +125,7 @@ def tabulated(
     """Table of the permeabilities at each of the pressures; the only permeability where there is one."""
     if len(values) == 1:
         return values[0]
-    pair = isinstance(values[0], (tuple, list))
-    stacked = tuple(np.array(v) for v in zip(*values, strict=True)) if pair else np.array(values)
-    return PermeabilityTable(tuple(pressures), stacked, piecewise)
+    return PermeabilityTable(tuple(pressures), np.array(values), piecewise)
 
 
 class PressureCurve:

@@ -21,10 +21,7 @@ from . import forms
 from .grid import gap_on_links
 from .law import cubic_law
 from .problem import MAX_IMBALANCE, DarcyFlow, potential_rtol
-from .solvers.amg import solve_spd
-
-#: Midpoints of the edges of the reference square, and their weights.
-EDGE_MIDPOINTS = np.array([[0.5, 0.5, 0.0, 1.0], [0.0, 1.0, 0.5, 0.5]]), np.full(4, 0.5)
+from .solvers.sparse import solve_sparse
 
 
 def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
@@ -49,7 +46,7 @@ def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
         x2 = np.concatenate([[0.0], (np.arange(n2) + 0.5) * d2, [n2 * d2]])
         column = np.clip(np.arange(-1, n2 + 1), 0, n2 - 1)
     mesh = MeshQuad.init_tensor(x1, x2)
-    basis = Basis(mesh, ElementQuad1(), quadrature=EDGE_MIDPOINTS)
+    basis = Basis(mesh, ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
 
     # K at the midpoints of all edges, in tables with two entries from one line of nodes to the next.
     gap1, gap2 = gap_on_links(gap, ring1=False, ring2=sides == "periodic")
@@ -126,7 +123,7 @@ def solve_plain(
     to_inlet = -rows[:, inlet].sum(axis=1)
     to_outlet = -rows[:, outlet].sum(axis=1)
     wanted = potential_rtol(rtol, field_rtol)
-    solution = solve_spd(rows[:, unknown], to_inlet, wanted, solver, unit_drop=True)
+    solution = solve_sparse(rows[:, unknown], to_inlet, wanted, solver, unit_drop=True)
     pressure[unknown] = solution.x
     complement[unknown] = solution.complement
 

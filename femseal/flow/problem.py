@@ -1,4 +1,4 @@
-"""Problems of flow on grids and meshes: what is given, checked, and what is found."""
+"""Problems of flow on grids and meshes: names of solvers, checks of the input, and the solution."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ from .cell import cell_stencil
 from .grid import Stencil
 from .law import cubic_law
 from .problem import unit_spacing
-from .solvers.amg import solve_spd
 from .solvers.direct import Ends
+from .solvers.sparse import solve_sparse
 
 #: A conductance, and weights of nodes that make the drop over it.
 _Link = tuple[float, dict[int, float]]
@@ -213,7 +213,7 @@ def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
         load = -np.asarray(rows[:, inlet].sum(axis=1)).ravel()
         links = [-np.asarray(rows[:, end].sum(axis=1)).ravel() for end in (inlet, outlet)]
         ends = Ends(np.array([1.0, 0.0]), np.array(links))
-        potential[unknown] = solve_spd(
+        potential[unknown] = solve_sparse(
             rows[:, unknown],
             load,
             _RTOL,

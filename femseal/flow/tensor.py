@@ -9,11 +9,17 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from ..base import Array, Indices, InputError, Lengths, NotConverged
-from .grid import Grid, Stencil, assemble_on_links, gap_on_links
+from ..base import Array, Indices, Lengths, NotConverged
+from .grid import Stencil, gap_on_links, link_weights
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
-from .problem import MAX_IMBALANCE, unit_spacing, validated_gap
-from .solvers.amg import solve_spd
+from .problem import (
+    MAX_IMBALANCE,
+    PLAIN_SOLVERS,
+    check_solver,
+    unit_spacing,
+    validated_gap,
+)
+from .solvers.sparse import solve_sparse
 
 #: Relative error of the energy of the correction that is allowed to a solver; of what the first solution left over.
 _RTOLS = 1e-9, 1e-2
@@ -36,7 +42,8 @@ def permeability_tensor(
     ----------
     gap : h (n1, n2) [m].
     spacing : pixel (Δ1, Δ2) [m].
-    solver : of the linear system, "auto" (pyamg or a factorisation, whichever is expected to be faster) or "amg".
+    solver : of the linear system, "amg" (pyamg), "direct" (a factorisation), or "auto", whichever is expected to be
+        faster.
     law, pressure : as in `cell_permeability`.
 
     Raises
@@ -53,8 +60,7 @@ def permeability_tensor(
     """
     h, (d1, d2) = validated_gap(gap, spacing)
     h = gap_by_law(h, law, pressure)
-    if solver not in ("auto", "amg"):
-        raise InputError("solver", repr(solver), "'auto' or 'amg'")
+    check_solver(solver, ("auto", *PLAIN_SOLVERS))
     n1, n2 = h.shape
     scale = float(h.max()) or 1.0
     d1, d2 = unit_spacing((d1, d2))
@@ -65,7 +71,8 @@ def permeability_tensor(
     if not carrying.any():
         return np.zeros((2, 2))
     k1, k2 = (np.where(carrying, k, 0.0) for k in (k1, k2))
-    stencil = assemble_on_links(Grid.of_torus((n1, n2), (d1, d2)), k1, k2)
+    weights = link_weights((d1, d2))
+    stencil = Stencil(weights.along * k1, weights.across * k2, ring1=True)
     closed = ~winds.any(axis=(0, 1))
     tensor, error = _solved(stencil, (d1, d2), label, carrying, closed, solver)
     if not error <= MAX_IMBALANCE:
@@ -105,7 +112,7 @@ def _solved(
         load = [np.bincount(start, q, size) - np.bincount(end, q, size) for q in outflow.T]
         if unknown.size:
             rest = np.stack(load, axis=1)[unknown]
-            correction[unknown] += solve_spd(
+            correction[unknown] += solve_sparse(
                 matrix, rest, rtol, solver, largest_residual=max(rtol, 1e-8)
             ).x
         drop = mean_drop + correction[end] - correction[start]

@@ -1,14 +1,11 @@
 """Leakage of a whole seal: permeability and fluid in, rate and fluid pressure out.
 
-A permeability that depends on the pressure of the fluid, ∇·(k(p) ρ/η ∇p) = 0: the flow through a link is the difference
-of its own potential, ∫ k(p) (ρ/η) dp, between the pressures of its nodes: a network with a single solution, because
-each flow rises with its drop. It is solved as a fixed point of linear flows, in the potential ψ of a typical gap (see
-`flow.pressure_drop`), with the mean permeability of each link between its pressures. On meshes the permeability
-of an element is that at the mean of its nodes.
+A permeability that depends on the pressure of the fluid, ∇·(k(p) ρ/η ∇p) = 0, is solved as a fixed point of linear
+flows, in the potential ψ of a typical gap (see `flow.pressure_drop`). Each element takes its mean permeability between
+the lowest and the highest pressure of its corners, ∫ k(p) (ρ/η) dp over ∫ dψ.
 """
 
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -19,8 +16,7 @@ from ..flow.permeability_table import PermeabilityTable, PressureCurve
 from ..flow.pressure_drop import PressureDrop
 from ..flow.problem import DarcyFlow
 from ..fluids import Fluid, potential_of
-from .mesh_seal import ElementSeal
-from .shapes import Seal, StructuredSeal
+from .shapes import Seal
 
 
 def pressure_dependent_flow(
@@ -48,31 +44,23 @@ def pressure_dependent_flow(
     if drop.law.depends_on_pressure:
         pressure, k = table.typical
         drop = replace(drop, gap=drop.law.gap(k, pressure) if k > 0 else drop.gap)
-    curves = [
-        PressureCurve(table.pressures, k, table.piecewise)
-        for k in _on_parts(seal, table.values, len(table.pressures))
-    ]
-    joined: Any = tuple if isinstance(seal, StructuredSeal) else itemgetter(0)
+    values = _element_values(seal, table.values)
+    curve = PressureCurve(table.pressures, values, table.piecewise)
 
-    def permeability(fraction: Array) -> list[Array]:
+    def permeability(fraction: Array) -> Array:
         p = np.maximum(drop.pressure(np.nan_to_num(fraction, nan=0.5)), drop.least_pressure)
-        return [
-            c.between(_beside(first, c.shape), _beside(second, c.shape), drop.mobility)
-            for c, (first, second) in zip(curves, _ends(seal, p), strict=True)
-        ]
+        lowest, highest = _corner_range(seal, p, curve.shape)
+        return curve.between(lowest, highest, drop.mobility)
 
-    def solve(local: list[Array]) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(joined(local), solver=solver)
+    def solve(local: Array) -> tuple[float, Array, DarcyFlow]:
+        flow = seal.flow(local, solver=solver)
         return flow.conductance, flow.potential, flow
 
-    # along a uniform seal the potential falls evenly
-    first = np.full(len(seal.points), 0.5)
-    if isinstance(seal, StructuredSeal):
-        first = np.linspace(1, 0, len(seal.grid.lines1))[:, None]
-    solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
+    uniform = seal.flow(1.0, solver=solver).potential
+    solved = fixed_point(permeability, solve, uniform, rtol=rtol, name="flow through a seal")
     flow, local, rate = solved.solution, solved.coefficient, solved.rate
     if bounds:
-        flow = seal.flow(joined(local), bounds=True, solver=solver)
+        flow = seal.flow(local, bounds=True, solver=solver)
         rate = flow.conductance
     factor, fraction = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
     potential = drop.viscous_fraction(fraction)
@@ -84,48 +72,36 @@ def pressure_dependent_flow(
         potential=potential,
         complement=1 - potential,
     )
-    if drop.law.depends_on_pressure:  # what flows through each part is the same in both potentials
-        ends = _ends(seal, np.nan_to_num(fraction, nan=0.5))
-        local = [
-            k * _beside(drop.steepness(*of_parts), k.shape)
-            for k, of_parts in zip(local, ends, strict=True)
-        ]
-    return scaled, joined(local)
+    if (
+        drop.law.depends_on_pressure
+    ):  # what flows through each element is the same in both potentials
+        corners = _corner_range(seal, np.nan_to_num(fraction, nan=0.5), curve.shape)
+        local = local * drop.steepness(*corners)
+    return scaled, local
 
 
-def _on_parts(seal: Any, values: Any, pressures: int) -> tuple[Array, ...]:
-    """Values of a table, a number or two at each pressure taken for that of all parts; InputError of other shapes."""
-    if isinstance(seal, StructuredSeal):
-        n1, n2 = seal.cells
-        shapes: list[list[tuple[int, ...]]] = [[(n1, n2)], [(n1 - 1, n2)]]
-    else:
-        shapes = [[(seal.mesh.nelements,), (seal.mesh.nelements, 2)]]
-    arrays = values if isinstance(values, tuple) else (values,) * len(shapes)
-    if len(arrays) != len(shapes):
-        raise InputError("permeability", "two arrays", f"{pressures} values of each part")
-    found = []
-    for k, (shape, *others) in zip(arrays, shapes, strict=True):
-        if k.ndim == 1:
-            k = np.broadcast_to(k.reshape(-1, *(1,) * len(shape)), (pressures, *shape))
-        if k.shape[1:] not in (shape, *others):
-            expected = f"{pressures} values, or as many for each part {shape}"
-            raise InputError("permeability", f"shape {k.shape}", expected)
-        found.append(k)
-    return tuple(found)
+def _element_values(seal: Seal, values: Array) -> Array:
+    """Return a table's values for every element (m, n) or (m, n, 2), from one number or more at each of m pressures.
+
+    Raises InputError: values of another shape.
+    """
+    count = seal.element_shapes[0]
+    if values.ndim == 1:
+        values = np.broadcast_to(values[:, None], (len(values), *count))
+    if values.shape[1:] not in seal.element_shapes:
+        allowed = " or ".join(map(str, seal.element_shapes))
+        expected = f"{len(values)} values, or as many for each element {allowed}"
+        raise InputError("permeability", f"shape {values.shape}", expected)
+    has_axes = values[0].size == 2 * count[0]
+    return values.reshape(len(values), *count, *((2,) if has_axes else ()))
 
 
-def _beside(values: Array, shape: tuple[int, ...]) -> Array:
-    """Values of parts, with further axes where each part has several permeabilities."""
-    return values.reshape(values.shape + (1,) * (len(shape) - values.ndim))
-
-
-def _ends(seal: Any, p: Array) -> list[tuple[Array, Array]]:
-    """Pressures at both ends of the links along both axes, or twice the mean pressure of each element."""
-    if isinstance(seal, StructuredSeal):
-        inner = p[1:-1]
-        return [(p[:-1], p[1:]), (inner, np.roll(inner, -1, axis=1))]
-    mean = p[seal.mesh.t].mean(axis=0)
-    return [(mean, mean)]
+def _corner_range(seal: Seal, at_points: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
+    """Lowest and highest value at the corners of each element, with an axis more where k has two axes."""
+    corners = seal.corner_values(at_points)
+    lowest, highest = corners.min(axis=1), corners.max(axis=1)
+    more = (1,) * (len(shape) - 1)
+    return lowest.reshape(-1, *more), highest.reshape(-1, *more)
 
 
 def _known(unit: str, long_name: str, **options: Any) -> Any:
@@ -174,23 +150,24 @@ def seal_leakage(
     Parameters
     ----------
     seal : shape of the seal.
-    permeability : k >= 0 [m³]; a number; on structured seals of (n1, n2) cells the links (k1, k2), numbers or arrays
-        (n1, n2) and (n1 − 1, n2); on meshes (n_elements,), (n_elements, 2) along x and y, or symmetric tensors
-        (n_elements, 2, 2). A `PermeabilityTable` of any but tensors gives it at several pressures, as a rarefied gas
-        needs; anything else is taken for that of all pressures.
+    permeability : k >= 0 [m³]; a number, or one per element: (n_elements,), (n_elements, 2) along the two axes, or
+        symmetric tensors (n_elements, 2, 2). The axes are x1 and x2, of a ring the radius and the angle, of a mesh x
+        and y. Strips and rings of (n1, n2) cells also take (n1, n2) and (n1, n2, 2). A `PermeabilityTable` of any but
+        tensors gives it at several pressures, as a rarefied gas needs; anything else is taken for that of all
+        pressures.
     fluid : a `Liquid`, an `IdealGas` or anything else with a pressure potential.
     inlet_pressure, outlet_pressure : [Pa]; absolute for a gas.
-    bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
-        they enclose the flow of the network of links, on meshes that of the mesh with k constant on
-        each element; an `ElementSeal` always has them.
-    solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
+    bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. They enclose the flow of the
+        shape with k constant on each element; an `ElementSeal` always has them.
+    solver : of the linear system: "multigrid" or "elimination", of strips and rings alone, "direct" or "amg", or
+        "auto".
     rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
 
     Returns
     -------
-    Leakage; volume rates are at the fluid's reference density, `fluid_pressure` is (n1 + 1, n2) from inlet
-    to outlet on structured seals and (n_vertices,) on meshes. Nodes that only one end reaches have its
-    pressure, those that neither does NaN.
+    Leakage; volume rates are at the fluid's reference density. `fluid_pressure` is given at the corners of the
+    elements: of a strip or a ring (n1 + 1, n2) from the inlet to the outlet, of a mesh (n_vertices,). Points that only
+    one end reaches have its pressure, those that neither does NaN.
 
     Raises
     ------
@@ -209,7 +186,7 @@ def seal_leakage(
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local, drop = None, φ_in - φ_out
-    bounds = bounds or isinstance(seal, ElementSeal)  # whose flow is between them
+    bounds = bounds or seal.value_needs_bounds
     if isinstance(permeability, PermeabilityTable):
         ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
         flow, local = pressure_dependent_flow(

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -19,22 +19,23 @@ from skfem import Mesh, MeshQuad1, MeshTri1
 
 from ..base import Array, Indices, InputError, Pair, to_si, to_text
 from ..flow.mesh import MeshOperators
-from ..flow.mesh_input import CLOSED_AXIS, is_connected, permeability_tensors
-from ..flow.problem import LINEAR, DarcyFlow
+from ..flow.mesh_input import CLOSED_AXIS, is_connected, permeability_tensors, principal_values
+from ..flow.problem import LINEAR, PLAIN_SOLVERS, DarcyFlow, check_solver
+from ..flow.rectangles import Rectangles
 from .lay import check_inlet
 from .plane import polygon_areas
 from .seal_files import NAME_BOUNDARIES, read_mesh
 
 #: Names of boundaries, one or several.
 Names = str | Sequence[str]
-#: Solvers of a system on a mesh; others are of grids.
-_SOLVERS = ("auto", "direct", "amg")
 #: A piece closed along one axis keeps `CLOSED_AXIS` of its other permeability there. A seal that only this opens
 #: has measured 0.002 to 7e3 of that median in squares, an open one 7e6 and more: below this many it counts as closed.
 _SHUT = 2e5
 #: Part of the extent of the smaller element to which parts that touch may lie on each other: coordinates are rounded,
 #: and edges are chords of arcs.
 _DEPTH = 0.1
+#: Components of unit vectors below this are rounding errors.
+_ROUNDING = 1e-12
 
 
 def first_overlap(mesh: Mesh) -> tuple[int, ...]:
@@ -83,6 +84,8 @@ class MeshSeal:
     outlet: Names
     unit: str = field(default="m", repr=False)
     mesh: Mesh = field(init=False, repr=False, compare=False)
+
+    value_needs_bounds: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_inlet(self.inlet)
@@ -136,8 +139,24 @@ class MeshSeal:
         """Coordinates of the vertices (n_vertices, 2) [m]."""
         return np.ascontiguousarray(self.mesh.p.T)
 
+    @property
+    def element_shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes of a permeability of the elements that is no tensor."""
+        return (self.mesh.nelements,), (self.mesh.nelements, 2)
+
+    def corner_values(self, values: Array) -> Array:
+        """Values at the corners of the elements (n, corners), from those at the vertices."""
+        return np.asarray(values[self.mesh.t.T])
+
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Flow for a unit drop; permeability: a number, (n,), (n, 2) or (n, 2, 2) for n elements [m³]."""
+        """Solve the flow for a unit drop.
+
+        permeability : a number, (n,), (n, 2) along x and y, or tensors (n, 2, 2), of n elements [m³].
+        bounds : also enclose the flow. solver : "amg", "direct" or "auto"; others are those of structured seals, and
+            are taken for "auto".
+        """
+        check_solver(solver)
+        solver = solver if solver in PLAIN_SOLVERS else "auto"
         tensor = permeability_tensors(permeability, self.mesh.nelements)
         return MeshOperators(self.mesh, self.ends).flow(tensor, bounds=bounds, solver=solver)
 
@@ -224,14 +243,17 @@ def _names(given: Names) -> tuple[str, ...]:
 class ElementSeal:
     """A seal whose permeability is constant on each element and varies at random from one to the next.
 
-    The flow is √(upper × lower) of its two bounds, of linear elements and of Raviart-Thomas fluxes: on random maps of
+    The flow is √(upper × lower) of its two bounds, of continuous pressures and of continuous fluxes: on random maps of
     elements, whose ln k scatters symmetrically, this is within 3 % where the bounds are off by factors.
 
     mesh : straight triangles or quadrilaterals, of a ring in (ln r, θ). inlet, outlet : its boundary facets.
     size : breadth from inlet to outlet, about, and length along the seal [m].
     outlines : corners of the elements in the plane of the seal (n, corners, 2) [m].
     axes : unit vectors across and along the lay of every element, in the coordinates of the mesh (n, 2, 2).
+    rectangles : the elements of a strip or a ring, whose flow has a fast path; None of others.
     """
+
+    value_needs_bounds: ClassVar[bool] = True
 
     mesh: Mesh = field(repr=False)
     inlet: Indices = field(repr=False)
@@ -239,6 +261,7 @@ class ElementSeal:
     size: Pair
     outlines: Array = field(repr=False)
     axes: Array = field(repr=False)
+    rectangles: Rectangles | None = field(default=None, repr=False)
 
     @cached_property
     def _operators(self) -> MeshOperators:
@@ -257,18 +280,50 @@ class ElementSeal:
         points[self.mesh.t.T] = self.outlines
         return points
 
+    @property
+    def element_shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes of a permeability of the elements that is no tensor."""
+        return (self.mesh.nelements,), (self.mesh.nelements, 2)
+
+    def corner_values(self, values: Array) -> Array:
+        """Values at the corners of the elements (n, corners), from those at the vertices."""
+        return np.asarray(values[self.mesh.t.T])
+
     def tensors(self, permeability: Any) -> Array:
-        """Tensors (n, 2, 2) [m³] in the coordinates of the mesh, from a number or (n, 2) across and along the lay."""
+        """Return tensors (n, 2, 2) [m³] in the coordinates of the mesh.
+
+        permeability : a number, (n,), (n, 2) across and along the lay, or tensors (n, 2, 2) in these two directions.
+        """
         n = self.mesh.nelements
-        principal = permeability_tensors(np.broadcast_to(permeability, (n, 2)), n)
-        return np.einsum("nij,nia,njb->nab", principal, self.axes, self.axes)
+        if np.ndim(permeability) == 1:
+            permeability = np.asarray(permeability)[:, None]
+        if np.ndim(permeability) < 3:
+            permeability = np.broadcast_to(permeability, (n, 2))
+        principal = permeability_tensors(permeability, n)
+        # a unit vector along an edge has a component of 1e-16 across it, where there is none
+        axes = np.where(np.abs(self.axes) <= _ROUNDING, 0.0, self.axes)
+        return np.asarray(np.einsum("nij,nia,njb->nab", principal, axes, axes))
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Flow for a unit drop; permeability (n, 2) [m³], solvers of grids are "auto".
+        """Solve the flow for a unit drop.
 
-        bounds : solve both; otherwise the flow is that of linear elements, the upper one, with the same potential.
+        Parameters
+        ----------
+        permeability : a number, (n,), (n, 2) across and along the lay, or tensors (n, 2, 2) in these directions [m³].
+        bounds : solve for both bounds; otherwise the flow on a mesh is that of linear elements, the upper bound, with
+            the same potential.
+        solver : "multigrid" or "elimination", on rectangles whose principal axes are along their edges; "amg" or
+            "direct", on the mesh; or "auto".
+
+        Returns
+        -------
+        DarcyFlow with the potential at the vertices of the mesh.
         """
-        tensors, solver = self.tensors(permeability), _of_meshes(solver)
+        tensors = self.tensors(permeability)
+        is_plain = solver in PLAIN_SOLVERS or bool(tensors[:, 0, 1].any())
+        if self.rectangles is not None and not is_plain:
+            return self._flow_over_rectangles(self.rectangles, tensors, bounds, solver)
+        solver = solver if solver in PLAIN_SOLVERS else "auto"
         flow = self._operators.flow(tensors, bounds=bounds, solver=solver)
         if not bounds:
             return flow
@@ -276,15 +331,20 @@ class ElementSeal:
         conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))
         return replace(flow, conductance=conductance, lower=lower, percolates=lower > 0)
 
+    def _flow_over_rectangles(
+        self, rectangles: Rectangles, tensors: Array, bounds: bool, solver: str
+    ) -> DarcyFlow:
+        """Solve the flow by the fast path, with the potential in the order of the vertices of the mesh."""
+        k1, k2 = (tensors[:, a, a].reshape(rectangles.shape) for a in (0, 1))
+        flow = rectangles.flow(k1, k2, bounds=bounds, solver=solver)
+        potential, complement = np.empty((2, self.mesh.nvertices))
+        potential[rectangles.vertices] = flow.potential
+        complement[rectangles.vertices] = flow.complement
+        return replace(flow, potential=potential, complement=complement)
+
     def _through_closed_axes(self, permeability: Any) -> float:
         """Flow for a unit drop below which it may go through axes of pieces that are closed [m³]."""
-        principal = np.broadcast_to(permeability, (self.mesh.nelements, 2))
-        most = principal.max(axis=1)
-        half = (most > 0) & (principal.min(axis=1) <= 1e-14 * most)
+        least, most = principal_values(self.tensors(permeability))
+        half = (most > 0) & (least <= 1e-14 * most)
         typical = float(np.median(most[half])) if half.any() else 0.0
         return _SHUT * CLOSED_AXIS * typical * self.size[1] / self.size[0]
-
-
-def _of_meshes(solver: str) -> str:
-    """The solver, "auto" in place of those of grids."""
-    return solver if solver in _SOLVERS else "auto"

@@ -1,89 +1,42 @@
-"""Shapes of seals, and the conductance of a whole seal from the permeability of its parts.
+"""Strips and rings, and the interface of all shapes of seals.
 
-A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); one on a structured grid has a `grid`
-instead of `flow`. The form is the same in all conformal coordinates, so that a shape is a grid: (x1, x2) of a strip,
-(ln r, θ) of a ring. The permeability is given on the links between nodes (Q1 with quadrature at the midpoints of edges:
-a network of links).
+Both are rows of rectangles from the inlet to the outlet, periodic along the seal: (x1, x2) of a strip, (ln r, θ) of a
+ring, in which the form of Darcy's law is the same. Each rectangle has its own permeability, constant in it. Their flow
+is that of `femseal.flow.rectangles`.
 
-Symbols: k permeability [m³], φ potential of a node for a unit drop, c conductance of a link = permeability × width /
-length [m³], q its flow.
-Source of the bounds: Dirichlet's and Thomson's principles for networks (Doyle & Snell, Random Walks and Electric
-Networks, 1984).
+A shape is a frozen dataclass with what `Seal` lists.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from ..base import Array, InputError, Pair, Shape, counted, validate
-from ..flow import DarcyFlow, solve_flow
-from ..flow.balance import energy_gap
-from ..flow.grid import Grid, assemble_on_links
+from ..base import Array, InputError, Pair, Shape, validate
+from ..flow import DarcyFlow
 from ..flow.law import checked_permeability
+from ..flow.mesh_input import permeability_tensors
+from ..flow.problem import PLAIN_SOLVERS, check_solver
+from ..flow.rectangles import FEWEST_COLUMNS, Rectangles
 from .lay import check_ring
-
-_RTOL = 1e-8
-#: Fraction by which both bounds are moved apart: rounding errors of their sums, measured up to 3e-14 of them.
-_ROUNDING = 1e-13
-
-
-class StructuredSeal:
-    """A seal whose nodes lie on a structured grid: a shape has `cells`, `size` and `grid`.
-
-    The grid is in coordinates in which the form is that of a plane strip.
-    """
-
-    cells: Shape
-    grid: Any
-
-    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Flow for a unit drop, potential at the nodes (n1 + 1, n2), with an error of 1e-8 in the potential too.
-
-        permeability : a number, or the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2) [m³].
-        bounds : enclose the flow of the network of links, and the value, whatever the error of the solver: the upper
-            bound is the energy of the computed potential, the lower one that of a flux that balances at every node.
-        solver : see `femseal.flow.solve_flow`.
-
-        Raises InputError: a bad permeability.
-        NotConverged : see `femseal.flow.solve_flow`.
-        """
-        stencil = assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
-        flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
-        if not bounds:
-            return flow
-        lower = upper = 0.0
-        if flow.percolates:
-            potential = np.nan_to_num(flow.potential)  # pockets carry no flow
-            # an upper bound for any potential that is 1 and 0 at the ends
-            upper = stencil.energy(potential)
-            lower = max(0.0, upper * (1 - energy_gap(stencil, potential, 1 - potential)))
-            lower = min(lower, flow.conductance) * (1 - _ROUNDING)
-            upper = max(upper, flow.conductance) * (1 + _ROUNDING)
-        return replace(flow, lower=lower, upper=upper)
-
-
-def link_permeabilities(permeability: Any, cells: Shape) -> tuple[Array, Array]:
-    """k1 (n1, n2) and k2 (n1 − 1, n2) [m³] from a number, or a pair of numbers or arrays; or InputError."""
-    n1, n2 = cells
-    shapes = (n1, n2), (n1 - 1, n2)
-    pair = permeability
-    if not isinstance(permeability, (tuple, list)):
-        pair = [permeability] * (1 if np.ndim(permeability) else 2)
-    if len(pair) != 2:
-        allowed = f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}"
-        raise InputError("permeability", counted(len(pair), "array"), allowed)
-    k1, k2 = (
-        np.broadcast_to(checked_permeability(f"permeability {name}", k, shape), shape)
-        for name, k, shape in zip(("k1", "k2"), pair, shapes, strict=True)
-    )
-    return k1, k2
+from .mesh_seal import ElementSeal
 
 
 class Seal(Protocol):
-    """Interface of the shapes that `seal_leakage` takes."""
+    """Interface of the shapes that `seal_leakage` takes.
+
+    value_needs_bounds : whether the flow is computed from both of its bounds, so that `bounds` has to be asked for.
+    element_shapes : shapes of a permeability of the elements, the first with a number for each of them.
+    """
+
+    value_needs_bounds: ClassVar[bool]
+
+    @property
+    def element_shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes of a permeability of the elements."""
+        ...
 
     @property
     def length(self) -> float:
@@ -92,7 +45,11 @@ class Seal(Protocol):
 
     @property
     def points(self) -> Array:
-        """Coordinates (…, 2) [m] of the nodes at which the fluid pressure is given."""
+        """Coordinates (…, 2) [m] of the points at which the fluid pressure is given."""
+        ...
+
+    def corner_values(self, values: Array) -> Array:
+        """Values at the corners of the elements (n, corners), from those at the points."""
         ...
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
@@ -100,18 +57,116 @@ class Seal(Protocol):
         ...
 
 
+class PeriodicSeal:
+    """A strip or a ring of rectangles: a shape has `cells`, and `rectangles` in coordinates of a plane strip."""
+
+    cells: Shape
+    value_needs_bounds: ClassVar[bool] = False
+
+    @property
+    def rectangles(self) -> Rectangles:
+        """The rectangles in coordinates in which the form is that of a plane strip."""
+        raise NotImplementedError
+
+    @property
+    def element_shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes of a permeability of the elements that is no tensor."""
+        n1, n2 = self.cells
+        return (n1 * n2,), (n1, n2), (n1 * n2, 2), (n1, n2, 2)
+
+    def corner_values(self, values: Array) -> Array:
+        """Values at the corners of the elements (n, 4), from those at the points (n1 + 1, n2)."""
+        beside = np.roll(values, -1, axis=1)
+        corners = values[:-1], values[1:], beside[1:], beside[:-1]
+        return np.stack(corners, axis=-1).reshape(-1, 4)
+
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+        """Solve the flow for a unit drop.
+
+        Parameters
+        ----------
+        permeability : a number, or one per element [m³]: (n1, n2), or (n1, n2, 2) along x1 and x2 of a strip, along the
+            radius and the angle of a ring; or, with the n = n1 n2 elements row by row, (n,), (n, 2), or tensors
+            (n, 2, 2).
+        bounds : also enclose the flow between `lower` and `upper`, whatever the error of the solver.
+        solver : "multigrid" or "elimination" (the fast path), "amg" or "direct" (on a mesh of scikit-fem), or "auto".
+            Tensors whose axes are not those of the rectangles take the mesh.
+
+        Returns
+        -------
+        DarcyFlow with the potential at the corners of the rectangles, array (n1 + 1, n2).
+
+        Raises
+        ------
+        InputError : a bad permeability.
+        NotConverged : see `femseal.flow.solve_flow`.
+        """
+        check_solver(solver)
+        k = self._element_permeability(permeability)
+        is_oblique = k.ndim == 4 and bool(k[..., 0, 1].any())
+        if is_oblique or solver in PLAIN_SOLVERS:
+            return self._flow_on_mesh(k, bounds, solver if solver in PLAIN_SOLVERS else "auto")
+        k1, k2 = (k[..., 0], k[..., 1]) if k.ndim == 3 else (k[..., 0, 0], k[..., 1, 1])
+        return self.rectangles.flow(k1, k2, bounds=bounds, solver=solver)
+
+    def _element_permeability(self, permeability: Any) -> Array:
+        """Permeability along the axes (n1, n2, 2), or tensors (n1, n2, 2, 2), from all that `flow` takes."""
+        n1, n2 = self.cells
+        is_pair = isinstance(permeability, (tuple, list)) and len(permeability) == 2
+        if is_pair and any(np.ndim(k) == 2 for k in permeability):
+            expected = (
+                "one array, of shape (n1, n2), or (n1, n2, 2) for two permeabilities of each element; "
+                "a network of links is a femseal.flow.Stencil"
+            )
+            raise InputError("permeability", "a pair of arrays, as of links", expected)
+        tensors = (n1 * n2, 2, 2)
+        k = checked_permeability("permeability", permeability, *self.element_shapes, tensors)
+        if k.shape == tensors:
+            return permeability_tensors(k, n1 * n2).reshape(n1, n2, 2, 2)
+        if k.shape in ((), (n1, n2), (n1 * n2,)):
+            k = k.reshape(self.cells if k.ndim else (1, 1))[..., None]
+        else:
+            k = k.reshape(n1, n2, 2)
+        return np.broadcast_to(k, (n1, n2, 2))
+
+    def _flow_on_mesh(self, permeability: Array, bounds: bool, solver: str) -> DarcyFlow:
+        """Solve the flow by scikit-fem, with permeability (n1, n2, 2) or (n1, n2, 2, 2); few columns are repeated."""
+        n2 = self.cells[1]
+        times = -(-FEWEST_COLUMNS // n2)
+        strip = self.rectangles
+        repeated = Rectangles(strip.lines, times * strip.period, times * n2)
+        outlines = repeated.outlines
+        elements = ElementSeal(
+            repeated.mesh,
+            *repeated.ends,
+            size=(float(np.ptp(strip.lines)), repeated.period),
+            outlines=outlines,
+            axes=np.broadcast_to(np.eye(2), (len(outlines), 2, 2)),
+        )
+        k = np.concatenate([permeability] * times, axis=1)
+        flow = elements.flow(k.reshape(-1, *k.shape[2:]), bounds=True, solver=solver)
+        vertices = repeated.vertices[:, :n2]
+        return replace(
+            flow,
+            conductance=flow.conductance / times,
+            lower=flow.lower / times if bounds else np.nan,
+            upper=flow.upper / times if bounds else np.nan,
+            potential=flow.potential[vertices],
+            complement=flow.complement[vertices],
+        )
+
+
 @dataclass(frozen=True)
-class RectangularSeal(StructuredSeal):
+class RectangularSeal(PeriodicSeal):
     """A straight seal, inlet at x1 = 0, outlet at x1 = L1, periodic along x2.
 
-    Nodes lie in n1 + 1 rows and at x2 = (j + ½)Δ2; permeabilities belong to the links between them, k1 (n1, n2)
-    along the leakage and k2 (n1 − 1, n2) along the seal, from column j to j + 1. A link along the seal carries the flow
-    from half way to the row before to half way to the row after.
+    It is made of equal rectangles in n1 rows and n2 columns, each with its own permeability along x1 and x2. The fluid
+    pressure is given at their corners.
 
     Parameters
     ----------
     size : (L1, L2) [m], L1 along the leakage.
-    cells : (n1, n2).
+    cells : (n1, n2), numbers of rows and columns.
 
     Raises
     ------
@@ -141,31 +196,30 @@ class RectangularSeal(StructuredSeal):
 
     @property
     def points(self) -> Array:
-        """Coordinates of the nodes (n1 + 1, n2, 2) [m]."""
-        x2 = (np.arange(self.cells[1]) + 0.5) * (self.size[1] / self.cells[1])
-        return np.stack(np.meshgrid(self.grid.lines1, x2, indexing="ij"), axis=-1)
+        """Coordinates of the corners of the elements (n1 + 1, n2, 2) [m]."""
+        x2 = np.arange(self.cells[1]) * (self.size[1] / self.cells[1])
+        return np.stack(np.meshgrid(self.rectangles.lines, x2, indexing="ij"), axis=-1)
 
     @cached_property
-    def grid(self) -> Grid:
-        """Nodes in rows x1 and columns x2."""
-        x1 = np.linspace(0.0, self.size[0], self.cells[0] + 1)
-        return Grid.of_strip(x1, self.size[1] / self.cells[1], self.cells[1])
+    def rectangles(self) -> Rectangles:
+        """Its rectangles in (x1, x2)."""
+        lines = np.linspace(0.0, self.size[0], self.cells[0] + 1)
+        return Rectangles(lines, self.size[1], self.cells[1])
 
 
 @dataclass(frozen=True)
-class AnnularSeal(StructuredSeal):
-    """A ring, leaking along the radius; axis 0 always runs from the inlet to the outlet, axis 1 along the
-    angle.
+class AnnularSeal(PeriodicSeal):
+    """A ring, leaking along the radius.
 
-    Nodes lie at n_r + 1 radii and at n_θ angles. A radial link has the conductance k1 Δθ/ln(r₊/r₋), exact
-    for constant k; a tangential one carries the flow from half way to the radius before to half way to the one after,
-    in ln r, k2 ln(r₊/r₋)/2Δθ.
+    It is made of n_r rows of equal breadth, from the inlet to the outlet, with n_θ elements each. Every element has its
+    own permeability along the radius and the angle. In (ln r, θ) they are rectangles, with which the flow is exact
+    where the permeability is the same all around. The fluid pressure is given at their corners.
 
     Parameters
     ----------
     inner_radius, outer_radius : [m].
-    cells : (n_r, n_θ).
-    inlet : "inner" or "outer"; with "outer" the first row of k1 and of the fluid pressure lies outside.
+    cells : (n_r, n_θ), numbers of rows and columns.
+    inlet : "inner" or "outer"; with "outer" the first row of elements and of the fluid pressure lies outside.
 
     Raises
     ------
@@ -191,7 +245,7 @@ class AnnularSeal(StructuredSeal):
 
     @property
     def radii(self) -> Array:
-        """Radii of the nodes (n_r + 1,) from inlet to outlet [m]."""
+        """Radii of the lines between the rows (n_r + 1,) from inlet to outlet [m]."""
         x1 = np.linspace(0.0, self.outer_radius - self.inner_radius, self.cells[0] + 1)
         return self.inner_radius + x1 if self.inlet == "inner" else self.outer_radius - x1
 
@@ -207,12 +261,12 @@ class AnnularSeal(StructuredSeal):
 
     @property
     def points(self) -> Array:
-        """Cartesian coordinates of the nodes (n_r + 1, n_θ, 2) [m]."""
-        θ = (np.arange(self.cells[1]) + 0.5) * (2 * pi / self.cells[1])
+        """Cartesian coordinates of the corners of the elements (n_r + 1, n_θ, 2) [m]."""
+        θ = np.arange(self.cells[1]) * (2 * pi / self.cells[1])
         return self.radii[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
 
     @cached_property
-    def grid(self) -> Grid:
-        """Nodes in rows of |ln r/r₀| and columns of θ, in which the form is that of a strip."""
+    def rectangles(self) -> Rectangles:
+        """Its elements as rectangles in (|ln r/r₀|, θ), with the radius r₀ of the inlet."""
         r = self.radii
-        return Grid.of_strip(np.abs(np.log(r / r[0])), 2 * pi / self.cells[1], self.cells[1])
+        return Rectangles(np.abs(np.log(r / r[0])), 2 * pi, self.cells[1])

@@ -5,32 +5,23 @@ a ring is the same in (ln r, θ), in which the form is that of a strip; any othe
 smaller than a piece share its tile.
 """
 
-import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi
 
 import numpy as np
-from skfem import Mesh, MeshQuad
-from skfem.mesh import MeshQuad1DG
 
 from ..base import Array, Indices, InputError, Pair, Shape, counted, to_si, to_text
+from ..flow.rectangles import FEWEST_COLUMNS, Rectangles
 from ..flow.spiral import Spiral
 from .lay import Lay, check_size
 from .mesh_seal import ElementSeal, MeshSeal, boundaries_without_name, parts_without_flow
 from .plane import middles, polygon_areas
 
-# scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
-logging.getLogger("skfem.mesh.mesh").addFilter(
-    lambda record: "C_CONTIGUOUS" not in record.getMessage()
-)
-
 #: Most tiles between inlet and outlet.
 MOST_ROWS = 1000
 #: Least breadth of a seal, and length around its inner radius, in pieces and tiles.
 _NARROW, _NARROWEST = 0.7, 0.35
-#: Fewest columns of a periodic mesh.
-_FEWEST = 3
 #: Number of cells for which an element of a mesh has room from which on it is much larger than a cell, so that the
 #: leakage scatters twice as much; and part of the area in such elements from which on that is warned of.
 _MUCH_LARGER, _NOTABLE_PART = 4.0, 0.1
@@ -55,7 +46,7 @@ class PieceSize:
 
     def columns(self, rows: int, wanted: int) -> int:
         """Columns of tiles that are drawn of those of the whole seal."""
-        return wanted if self.most is None else min(wanted, max(_FEWEST, self.most // rows))
+        return wanted if self.most is None else min(wanted, max(FEWEST_COLUMNS, self.most // rows))
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +219,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
         given = f"a ring {to_text(breadth, 'm', 3)} broad"
         raise InputError("outer_radius", given, f"a ring at least as broad as a piece, {sides}")
     rows = _rows_of(breadth, d1, "outer_radius", outer)
-    whole = max(_FEWEST, round(2 * pi * middle / d2))
+    whole = max(FEWEST_COLUMNS, round(2 * pi * middle / d2))
     narrow = 2 * pi * inner / (whole * d2)
     given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
     if narrow < _NARROWEST:
@@ -243,7 +234,8 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     part = cells[1] / whole
     sign = 1.0 if inlet == "inner" else -1.0  # of the way from the inlet along the radius
     radius = np.linspace(inner, outer, cells[0] + 1)[:: int(sign)]
-    plain, ring, ends = _periodic_quads(np.abs(np.log(radius / radius[0])), 2 * pi * part, cells[1])
+    ring = Rectangles(np.abs(np.log(radius / radius[0])), 2 * pi * part, cells[1])
+    plain = ring.plain_mesh
 
     def polar(points: Array) -> tuple[Array, Array]:
         """Radius and direction from the centre at points (2, …) of the plain mesh."""
@@ -259,7 +251,14 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     frame = np.stack([sign * outward, around]).transpose(2, 0, 1)
     along = np.einsum("nab,nb->na", frame, direction)
     return SealTiles(
-        seal=ElementSeal(ring, *ends, (breadth, 2 * pi * middle * part), outlines, _axes(along)),
+        seal=ElementSeal(
+            ring.mesh,
+            *ring.ends,
+            size=(breadth, 2 * pi * middle * part),
+            outlines=outlines,
+            axes=_axes(along),
+            rectangles=ring,
+        ),
         lay=direction,
         tile=np.arange(len(along)),
         grid=cells,
@@ -327,29 +326,13 @@ def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
 
     A periodic mesh has three columns or more: fewer are repeated.
     """
-    times = -(-_FEWEST // cells[1])
+    times = -(-FEWEST_COLUMNS // cells[1])
     n1, n2 = cells[0], times * cells[1]
     whole = size[0], times * size[1]
-    plain, ring, ends = _periodic_quads(np.linspace(0.0, size[0], n1 + 1), whole[1], n2)
+    strip = Rectangles(np.linspace(0.0, size[0], n1 + 1), whole[1], n2)
     tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, times)).ravel()
-    seal = ElementSeal(ring, *ends, whole, plain.p.T[plain.t.T], _axes(lay[tile]))
+    seal = ElementSeal(strip.mesh, *strip.ends, whole, strip.outlines, _axes(lay[tile]), strip)
     return SealTiles(seal, lay[tile], tile, cells)
-
-
-def _periodic_quads(
-    first: Array, period: float, columns: int
-) -> tuple[Mesh, Mesh, tuple[Indices, Indices]]:
-    """Rectangles between rows (n1 + 1,) and equal columns, row by row: plain, periodic, and facets of both ends."""
-    grid = MeshQuad.init_tensor(first, np.linspace(0.0, period, columns + 1))
-    plain = MeshQuad(grid.p, grid.t[[0, 3, 2, 1]])  # corners anticlockwise, along x1 first
-    number = np.arange(plain.nvertices).reshape(first.size, -1)
-    ring = MeshQuad1DG.periodic(plain, number[:, -1], number[:, 0])
-    at = np.empty(ring.nvertices)
-    at[ring.t] = plain.p[0][plain.t]
-    facets = ring.boundary_facets()
-    ends = at[ring.facets[:, facets]]
-    inlet, outlet = (facets[(ends == end).all(axis=0)] for end in (first[0], first[-1]))
-    return plain, ring, (inlet, outlet)
 
 
 def _axes(lay: Array) -> Array:

@@ -22,7 +22,7 @@ from peers import CONTACTS, present
 MODULUS, HARDNESS, SPACING = 115e9, 4e9, 1e-6
 #: Residuals, and nominal pressures of 0.0004, 0.0017 and 0.009 E*; without plasticity 0.035 E* too.
 TARGETS, PRESSURES, HIGH = (1e-4, 2e-7, 1e-8), (50e6, 200e6, 1000e6), (4000e6,)
-SOLVERS = ("femseal", "ASPHER", "Tamaas", "ContactMechanics")
+PROGRAMS = ("femseal", "ASPHER", "Tamaas", "ContactMechanics")
 #: Solvers that know no hardness.
 ELASTIC = ("ASPHER",)
 
@@ -101,7 +101,7 @@ def measure(task):
 
 def series(sizes, repeats):
     """A series for each solver, hardness, pressure and residual; JSON has no infinity."""
-    for solver in ("femseal", *present(SOLVERS[1:])):
+    for solver in ("femseal", *present(PROGRAMS[1:])):
         for hardness in (None,) if solver in ELASTIC else (HARDNESS, None):
             for pressure in PRESSURES if hardness else PRESSURES + HIGH:
                 for target in TARGETS:
@@ -112,7 +112,7 @@ def series(sizes, repeats):
 
 def report(records):
     """The table of all records."""
-    head = ["n", "H [GPa]", "p̄ [MPa]", "residual", "femseal [s] (FFT pairs)", *SOLVERS[1:]]
+    head = ["n", "H [GPa]", "p̄ [MPa]", "residual", "femseal [s] (FFT pairs)", *PROGRAMS[1:]]
     found = {}
     for r in records:
         key = r["n"], r["hardness"] or math.inf, r["pressure"], -r["target"]
@@ -123,7 +123,7 @@ def report(records):
         bound = "∞" if hardness == math.inf else f"{hardness / 1e9:g}"
         line = [n, bound, f"{pressure / 1e6:g}", f"{-target:.0e}"]
         line.append(f"{own['seconds']:.3g} ({own['pairs']})")
-        cells.append([*line, *(ratio(of.get(name), own) for name in SOLVERS[1:])])
+        cells.append([*line, *(ratio(of.get(name), own) for name in PROGRAMS[1:])])
     return f"""CPU times of the peers as multiples of femseal's; "–": would have taken too long.
 
 {table(head, cells)}

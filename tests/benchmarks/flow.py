@@ -23,7 +23,7 @@ from peers import PlainFlow, present, reynoldsflow
 FRACTIONS = (0.05, 0.2, 0.35, 0.42)
 #: Pixels of the cell whose error is followed over its refinements.
 BASE, REFINEMENTS = 128, (1, 2, 4, 8, 16)
-SOLVERS = {
+PROGRAMS = {
     "femseal": (),
     "femseal, pyamg": ("pyamg",),
     "scikit-fem + pyamg": ("pyamg",),
@@ -97,7 +97,7 @@ def measure(task):
 
 def series(sizes, repeats):
     """One series over sizes for each solver and contact, and one over refinements."""
-    for solver, needs in SOLVERS.items():
+    for solver, needs in PROGRAMS.items():
         if len(present(needs)) < len(needs):
             continue
         for contact in (*FRACTIONS, "solved"):
@@ -112,7 +112,7 @@ def series(sizes, repeats):
 
 def speed_table(records):
     """Times of all solvers over sizes, and the memory of femseal."""
-    head = ["n", "contact", "femseal [ms] (iterations)", *list(SOLVERS)[1:]]
+    head = ["n", "contact", "femseal [ms] (iterations)", *list(PROGRAMS)[1:]]
     found = {}
     for r in records:
         if r["refinement"] == 1:
@@ -122,7 +122,7 @@ def speed_table(records):
         own = of["femseal"]
         how = (own["iterations"] or "direct") if own["k"] else "closed"
         line = [n, contact, f"{1e3 * own['seconds']:.3g} ({how})"]
-        line += [ratio(of.get(name), own) for name in list(SOLVERS)[1:]]
+        line += [ratio(of.get(name), own) for name in list(PROGRAMS)[1:]]
         cells.append([*line, f"{own['bytes'] / 1e6:.0f}"])
     return table([*head, "memory of femseal [MB]"], cells)
 
@@ -137,13 +137,13 @@ def error_table(records):
         limit = fine + (fine - half) / 3
         for refinement in (r for r in REFINEMENTS if r < finest):
             line = [contact, 8 * refinement]
-            for solver in SOLVERS:
+            for solver in PROGRAMS:
                 r = found.get((solver, contact, refinement), {})
                 told = "k" in r and f"{abs(r['k'] / limit - 1):.1e}, {r['seconds']:.3g}"
                 line.append(told or "–")
             cells.append(line)
     head = ["contact", "pixels per shortest wave"]
-    return table(head + [f"{name}: error, time [s]" for name in SOLVERS], cells)
+    return table(head + [f"{name}: error, time [s]" for name in PROGRAMS], cells)
 
 
 def report(records):

@@ -12,9 +12,10 @@ from femseal.base import InputError, NotConverged
 from femseal.flow import Stencil
 from femseal.flow.forms import darcy_flow
 from femseal.flow.percolation import nodes_reached
-from femseal.flow.solvers.amg import solve_amg, solve_spd
+from femseal.flow.solvers.amg import solve_amg
 from femseal.flow.solvers.choice import solve_flow
 from femseal.flow.solvers.direct import Ends, solve_direct
+from femseal.flow.solvers.sparse import solve_sparse
 from femseal.topography import self_affine
 
 
@@ -228,12 +229,12 @@ def test_what_it_cannot_solve_is_refused():
 
 def test_the_solver_is_chosen_by_its_name_and_the_size():
     matrix, rhs = chain(np.linspace(1, 3, 900))
-    assert solve_spd(matrix, rhs, 1e-8).solver == "direct"
-    assert solve_spd(matrix, rhs, 1e-8, "amg").solver == "amg"
+    assert solve_sparse(matrix, rhs, 1e-8).solver == "direct"
+    assert solve_sparse(matrix, rhs, 1e-8, "amg").solver == "amg"
     with pytest.raises(
         InputError, match=r"^solver: given 'fast', expected one of auto, amg, direct"
     ):
-        solve_spd(matrix, rhs, 1e-8, "fast")
+        solve_sparse(matrix, rhs, 1e-8, "fast")
     with pytest.raises(NotConverged):
         solve_direct(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2))
 

@@ -1,4 +1,4 @@
-"""The operator of structured grids: against scikit-fem's own assembly of the whole mesh, and the form it comes from."""
+"""The form from which every flow is assembled, and the tensor of a doubly periodic cell."""
 
 import subprocess
 import sys
@@ -6,124 +6,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from each import each
 from numpy.testing import assert_allclose
-from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
-from skfem.helpers import grad
+from skfem import BilinearForm
 
 from femseal.base import InputError
-from femseal.flow import permeability_tensor
-from femseal.flow.grid import (
-    EDGES,
-    Grid,
-    assemble_on_links,
-    elemental,
-    own_conductances,
-)
+from femseal.flow import forms, permeability_tensor
+from femseal.flow.grid import edge_conductances
 
 D = 1e-6
-UNEVEN = np.array([0.0, 0.4, 1.0, 2.5, 2.8, 4.0])
 
 
-@BilinearForm
-def energy_of_tensor(p, q, w):
-    """Written out, apart from the package."""
-    a, b = grad(p), grad(q)
-    return w.k11 * a[0] * b[0] + w.k12 * (a[0] * b[1] + a[1] * b[0]) + w.k22 * a[1] * b[1]
+@each("form", [lambda p, q, w: w.k[0, 0] * p * q, lambda p, q, w: w.k[0, 0] * p * q.grad[0]])
+def test_a_form_that_is_no_flow_is_refused(form, monkeypatch):
+    monkeypatch.setattr(forms, "darcy_flow", BilinearForm(form))
+    edge_conductances.cache_clear()
+    try:
+        with pytest.raises(ValueError, match="no flow"):
+            edge_conductances()
+    finally:
+        edge_conductances.cache_clear()
 
 
-def grids():
-    rows = np.arange(UNEVEN.size)
-    yield "strip", Grid.of_strip(UNEVEN, 0.7, 4)
-    yield "strip of one column", Grid.of_strip(UNEVEN, 0.7, 1)
-    yield "strip of two columns", Grid.of_strip(UNEVEN, 0.7, 2)
-    yield (
-        "uneven columns",
-        Grid(UNEVEN, np.array([0.0, 1.0, 1.5, 4.0]), rows, np.arange(4), ring2=False),
-    )
-    yield "torus", Grid.of_torus((5, 4), (1.0, 0.6))
-    for sides in ("mirror", "periodic"):
-        yield f"pixels, {sides}", Grid.of_pixel_centres((5, 4), (2.0, 0.7), sides)
-
-
-GRIDS = dict(grids())
-each_grid = pytest.mark.parametrize("name", GRIDS)
-
-
-def whole_mesh(grid, points, weights, coefficients):
-    """Matrix of the degrees of freedom from scikit-fem on the whole mesh; coefficients (k11, k12, k22)(e, q, i, j)."""
-    mesh = MeshQuad.init_tensor(grid.lines1, grid.lines2)
-    basis = Basis(mesh, ElementQuad1(), quadrature=(points, weights))
-    corner = mesh.p[:, mesh.t].min(axis=1)
-    i, j = (
-        np.searchsorted(lines, x)
-        for lines, x in zip((grid.lines1, grid.lines2), corner, strict=True)
-    )
-    # where each quadrature point lies in its element, whatever scikit-fem's local axes are
-    at = np.asarray(basis.global_coordinates())
-    local = [
-        (at[a] - corner[a][:, None]) / np.diff(lines)[n][:, None]
-        for a, (lines, n) in enumerate(((grid.lines1, i), (grid.lines2, j)))
-    ]
-    k11, k12, k22 = coefficients(local[0], local[1], i[:, None], j[:, None])
-    matrix = energy_of_tensor.assemble(basis, k11=k11, k12=k12, k22=k22)
-    row, column = (
-        np.searchsorted(lines, x)
-        for lines, x in zip((grid.lines1, grid.lines2), mesh.p, strict=True)
-    )
-    n2 = grid.nodes[1]
-    node = grid.rows[row] * n2 + grid.columns[column]
-    join = sp.csr_array((np.ones(node.size), (node, np.arange(node.size))))
-    return (join @ matrix @ join.T).toarray()
-
-
-def assert_same(grid, stencil, expected):
-    """Equal but for the conductances between nodes of one end, which a stencil leaves out."""
-    n2 = grid.nodes[1]
-    ours = stencil.to_csr().toarray()
-    inner = slice(None) if grid.ring1 else slice(n2, -n2)
-    assert_allclose(ours[inner], expected[inner], rtol=0, atol=1e-13 * np.abs(expected).max())
-
-
-def at(local, value):
-    return np.abs(local - value) < 1e-6
-
-
-@each_grid
-def test_edges_equal_the_assembly_of_the_whole_mesh(name):
-    grid = GRIDS[name]
-    rng = np.random.default_rng(3)
-    m1, m2 = grid.elements
-    rows, n2 = grid.nodes
-    k1 = rng.lognormal(0, 2, (m1, n2))
-    k2 = rng.lognormal(0, 2, (rows if grid.ring1 else rows - 2, m2 if grid.ring2 else n2 - 1))
-    stencil = assemble_on_links(grid, k1, k2)
-    first = 0 if grid.ring1 else 1
-
-    def coefficients(x, y, i, j):
-        """K11 on edges along x1, K22 on those along x2; half pixels at the ends take K22 at their inner edge only."""
-        on1, on2 = at(x, 0.5), at(y, 0.5)
-        column = grid.columns[j + at(y, 1)]
-        k11 = np.where(on1, k1[i + 0 * column, column], 0.0)
-        row = grid.rows[i + at(x, 1)] - first
-        apart = grid.columns[j] != grid.columns[j + 1]
-        inside = (row >= 0) & (row < len(k2)) & apart
-        k22 = np.where(
-            on2 & inside, k2[np.clip(row, 0, len(k2) - 1), grid.columns[j] % k2.shape[1]], 0.0
-        )
-        if grid.half_ends:
-            k22 = k22 * np.where((i == 0) | (i == m1 - 1), 2.0, 1.0)
-        return k11, 0 * k11, k22
-
-    points = np.array([[0.5, 0.5, 0.0, 1.0], [0.0, 1.0, 0.5, 0.5]])
-    assert_same(grid, stencil, whole_mesh(grid, points, np.full(4, 0.5), coefficients))
-
-
-def test_a_form_that_is_no_flow_is_refused():
-    mass = BilinearForm(lambda p, q, w: w.k[0, 0] * p * q)
-    with pytest.raises(ValueError, match="no flow"):
-        own_conductances(elemental(mass, ElementQuad1, EDGES))
+def test_an_edge_of_the_unit_square_conducts_half():
+    assert_allclose(edge_conductances(), 0.5, rtol=1e-14)
 
 
 DOUBLED = """

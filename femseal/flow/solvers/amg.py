@@ -1,4 +1,4 @@
-"""Symmetric positive definite systems of flow: pyamg's algebraic multigrid, or a sparse factorisation.
+"""Algebraic multigrid of pyamg for the sparse matrices of the plain path.
 
 Multigrid is Ruge–Stüben's, as the preconditioner of conjugate gradients. Its interpolation keeps constants where the
 rows of the matrix sum to zero, so the matrix is taken as it is: scaled to unit diagonal, whose rows do not, strong
@@ -17,14 +17,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...base import Array, NotConverged
-from ..problem import PLAIN_SOLVERS, check_solver
-from .direct import Ends, LinearSolution, factorised, imbalance_of, solve_direct, two_sum
+from .direct import LinearSolution, factorised, imbalance_of, two_sum
 
-#: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid. Factorisation against
-#: multigrid in ms on one core, P1, Q1, P2 and Q2: 20,000 unknowns 74:78, 58:61, 75:90, 61:76; 50,000 260:200, 160:150,
-#: 240:220, 170:170; 100,000 650:410, 350:280, 460:400, 375:345; 300,000 2000:1200, 1460:920, 2200:1330, 1420:1470; a
-#: million with P1 34,000:4500. Memory 560 against 320 MB at 300,000 with Q2, 490 against 200 MB with P1.
-DIRECT_UNKNOWNS = 50_000
 #: Unknowns of the coarsest level, which is factorised.
 _COARSEST = 500
 _MAX_ITERATIONS = 100
@@ -40,34 +34,6 @@ _ROUNDING = 16 * np.finfo(float).eps
 _STOPPED, _CONFIRMED = 0.1, 0.3
 #: Smaller errors of the potential in the norm of the energy cannot be resolved.
 _LEAST_ERROR = 1e-12
-
-
-def solve_spd(
-    matrix: Any,
-    rhs: Array,
-    rtol: float,
-    solver: str = "auto",
-    *,
-    unit_drop: bool = False,
-    largest_residual: float = 1e-8,
-    ends: Ends | None = None,
-) -> LinearSolution:
-    """Solve A x = b for a mesh by whichever solver is expected to be faster.
-
-    matrix, rhs, rtol, unit_drop : as in `solve_amg`.
-    solver : "direct", "amg", or "auto": multigrid from 50,000 unknowns on. Where it fails, the factorisation is taken.
-    largest_residual, ends : as in `solve_direct`.
-
-    Raises InputError: an unknown solver.
-    NotConverged : as `solve_direct`.
-    """
-    check_solver(solver, ("auto", *PLAIN_SOLVERS))
-    if solver == "amg" or (solver == "auto" and matrix.shape[0] > DIRECT_UNKNOWNS):
-        try:
-            return solve_amg(matrix, rhs, rtol=rtol, unit_drop=unit_drop)
-        except NotConverged:
-            pass
-    return solve_direct(matrix, rhs, largest_residual=largest_residual, ends=ends)
 
 
 def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) -> LinearSolution:
