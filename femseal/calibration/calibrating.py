@@ -240,7 +240,7 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
         if not 0 < low < high < np.inf:
             unit = UNITS[name]
             text = f"{to_text(low, unit)} to {to_text(high, unit)}"
-            raise InputError(name, text, "a range above 0 that rises")
+            raise InputError(name, text, "two values above 0, the lower one first")
         ranges.append((low, high))
     return np.array(ranges)
 
@@ -248,7 +248,7 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
 def _given_ends(name: str, ends: Range) -> tuple[float, float]:
     """Convert the ends of a range that the user gave to SI."""
     if isinstance(ends, str) or len(ends) != 2:
-        raise InputError(name, shown(ends), "the two ends of a range")
+        raise InputError(name, shown(ends), "the lower and the upper end of a range")
     low, high = (
         to_si(end, UNITS[name], name) if isinstance(end, str) else float(end) for end in ends
     )

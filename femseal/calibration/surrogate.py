@@ -114,6 +114,7 @@ class Process:
     def __init__(self, parameters: Array, points: Array, values: Array) -> None:
         self._parameters = parameters
         self._points = points
+        # the processes are those of standardised values; predictions are scaled back
         self._mean = values.mean(0)
         deviations, standardised = _standardise(values)
         solution = _solve(_covariance(parameters, points, points), standardised)
@@ -124,9 +125,13 @@ class Process:
         self._scale = deviations * np.sqrt(solution.squares / degrees_of_freedom)
 
     def at(self, points: Array) -> tuple[Array, Array]:
-        """Predict mean and standard deviation (m, k) at points (m, dimensions)."""
-        covariance = _covariance(self._parameters, points, self._points)
+        """Predict mean and standard deviation (m, k) at points (m, dimensions).
+
+        These are the usual formulas of a Gaussian process (Rasmussen and Williams, equations 2.25 and 2.26).
+        """
+        covariance = _covariance(self._parameters, points, self._points)  # (m, n)
         mean = self._mean + covariance @ self._weights
+        # variance of the prior at the points, minus what the data explain (m,)
         explained = ((self._whitening @ covariance.T) ** 2).sum(0)
         log_sizes = self._parameters[[0, points.shape[1] + 1]]
         trend_variance = _TREND_VARIANCE * (1 + ((points - 0.5) ** 2).sum(-1))

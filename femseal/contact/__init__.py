@@ -1,4 +1,4 @@
-"""Elastic-plastic contact of a half-space: from heights and load to pressure and gap."""
+"""Solve the elastic-plastic contact of a half-space: from heights and load to pressure and gap."""
 
 from typing import TYPE_CHECKING
 

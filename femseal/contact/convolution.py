@@ -1,22 +1,27 @@
-"""Products u = K p on a grid by fast Fourier transforms, for every kind of boundary.
+"""Compute products u = K p on a grid by fast Fourier transforms, for every kind of boundary.
 
-A product has three stages: rows are transformed, behind their points being laid out for it on mirror and free axes; for
-a block of columns at a time, while it is in cache, columns are transformed, waves are multiplied with the symbol, and
-columns are transformed back; rows are transformed back.
+A product has three stages:
 
-A mirror axis needs no more than the transform of its N points taken in the order 0, 2, 4 … 5, 3, 1: cosine coefficients
-k and N − k are sums of the waves k and N − k, so that K mixes these two. Source: Makhoul, IEEE Trans. Acoust. Speech
-Signal Process. 28, 1980, 27. A free axis is padded with zeros; rows of zeros are not transformed.
+1. All rows are transformed. On mirror axes the points are put into another order before, on free axes zeros are
+   appended.
+2. A block of columns at a time, while it is in the cache: the columns are transformed, the waves are multiplied with
+the
+   symbol, and the columns are transformed back.
+3. All rows are transformed back.
 
-On large grids, which no cache holds, waves take the memory of the displacement, in rows that are longer than those of
-its points, and a first axis that is free is never padded as a whole: with m points, half of the padded length, its even
-waves are the transform of the points, and its odd ones that of the points times exp(−iπk/m). Columns of large grids
-are copied to a block; others go there from strided memory.
+A mirror axis only needs the transform of its N points in the order 0, 2, 4 … 5, 3, 1. The cosine coefficients k and
+N − k are sums of the waves k and N − k, so that K mixes these two waves (Makhoul, IEEE Trans. Acoust. Speech Signal
+Process. 28, 1980, 27). A free axis is padded with zeros; rows of zeros are not transformed.
 
-FFTW plans with FFTW_ESTIMATE and without wisdom. It then chooses by a rule and not by timing, so that every process
-gets the same plans and the same bits. Measured against plans that FFTW timed, whole solutions of 256² to 1024² points
-take 0.9 to 1.03 times as long on periodic and 0.8 to 0.95 times on mirror axes. Smaller periodic grids are slower: by
-2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128².
+Large grids do not fit in any cache. Their waves use the memory of the displacement, whose rows are longer than those of
+the points. If their first axis is free, it is never padded as a whole: with m points, which is half the padded length,
+the even waves are the transform of the points, and the odd waves that of the points times exp(−iπk/m). Columns of large
+grids are copied to a block, whereas columns of small grids are transformed from strided memory.
+
+FFTW makes its plans with FFTW_ESTIMATE and without wisdom. It then chooses by a rule and not by measured times, so that
+all processes have the same plans and the same bits. With these plans, whole solutions of 256² to 1024² points take 0.9
+to 1.03 times as long on periodic axes, and 0.8 to 0.95 times as long on mirror axes, as with plans from measured times.
+Smaller periodic grids are slower: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128².
 """
 
 from __future__ import annotations
@@ -35,29 +40,35 @@ from scipy.fft import next_fast_len
 from ..base import Array, Indices, Shape
 from ..base.compiled import compiled, on_threads, parts
 
-#: Kind of each axis, periodic, mirror or free.
+#: Kind of each axis: "periodic", "mirror" or "free".
 Boundary = tuple[str, str]
-#: A call of a stage, and what plans the two of a transform there and back.
+#: A call without arguments that a stage consists of.
 Call = Callable[..., Any]
+#: A function that plans a transform and its inverse, see `planner`.
 Planned = Callable[..., tuple[Call, Call]]
-#: Number of points from which a grid is large.
+#: Number of points from which on a grid is large.
 LARGE = 2**20
-#: Bytes of a block of columns, which should fit in a level-2 cache together with the symbol.
+#: Size of a block of columns [byte], which should fit in a level-2 cache together with the symbol.
 BLOCK_BYTES = 2**18
-#: Least number of points of the rows that are transformed together, and most parts of all rows.
-ROW_POINTS, ROW_PARTS = 2**16, 16
-#: Blocks begin at multiples of so many columns, as the vector instructions of FFTW need.
+#: Smallest number of points of the rows that are transformed together.
+ROW_POINTS = 2**16
+#: Largest number of parts into which all rows are divided.
+ROW_PARTS = 16
+#: Blocks begin at multiples of this number of columns, as the vector instructions of FFTW require.
 _ALIGNED = 8
-#: Rows of waves take 8k + 3 cache lines of 64 bytes: the points of a column do not push each other out of the cache.
-LINE, _LINES, _MORE_LINES = 64, 8, 3
+#: Size of a cache line [byte].
+LINE = 64
+#: Long rows of waves take 8k + 3 cache lines, so that the points of a column do not displace each other in the cache.
+_LINES, _MORE_LINES = 8, 3
+#: FFTW makes plans in one thread at a time.
 _PLANNING = threading.RLock()
 
 
 class Axis(NamedTuple):
     """One axis of a grid.
 
-    points : number of points. length : that of its transform. order : in which points are transformed (points,).
-    is_mirror : whether it continues by its mirror image.
+    points : number of points. length : length of the transform. order : order in which the points are transformed
+    (points,). is_mirror : whether the axis continues by its mirror image.
     """
 
     points: int
@@ -67,34 +78,44 @@ class Axis(NamedTuple):
 
     @classmethod
     def of(cls, n: int, kind: str) -> Axis:
-        """The axis of n points of a kind, "periodic", "mirror" or "free"."""
+        """Make the axis of n points of a kind: "periodic", "mirror" or "free"."""
         is_mirror = kind == "mirror"
-        return cls(n, padded_length(n) if kind == "free" else n, order_of(n, is_mirror), is_mirror)
+        length = padded_length(n) if kind == "free" else n
+        return cls(n, length, order_of(n, is_mirror), is_mirror)
 
     @property
     def is_padded(self) -> bool:
-        """Whether zeros follow the points."""
+        """Whether zeros are appended to the points."""
         return self.length > self.points
 
 
 class Convolution:
-    """displacement = K pressure between two arrays of its own, in stages of which threads share the parts.
+    """The product displacement = K pressure of two arrays that it owns, in stages whose parts are shared by threads.
 
     Parameters
     ----------
-    shape : (n1, n2) points.
-    boundary : kind of each axis, "periodic", "mirror" or "free".
-    symbol : eigenvalues of K [m/Pa] as `HalfSpace.symbol` gives them; None with `over`.
-    dtype : of the arrays and the transforms, double or single precision.
-    threads : number of threads at work together.
-    over : a product with the same K, of no smaller precision, whose memory is used for all but `pressure`. Each
-        `apply` of one overwrites the displacement of the other.
+    shape : pair of int
+        Numbers of points (n1, n2).
+    boundary : pair of str
+        Kind of each axis: "periodic", "mirror" or "free".
+    symbol : array or None
+        Eigenvalues of K [m/Pa], see `HalfSpace.symbol`; None with `over`.
+    dtype : dtype
+        Type of the arrays and the transforms: double or single precision.
+    threads : int
+        Number of threads.
+    over : Convolution, optional
+        A product with the same K and at least the same precision, whose memory is used for everything but `pressure`.
+        Each `apply` of one of the two then overwrites the displacement of the other.
 
     Attributes
     ----------
-    pressure : (n1, n2) [Pa].
-    rows : memory of (n1, >= n2) numbers, whose rows begin with those of the displacement.
-    displacement : (n1, n2) [m], a view of it.
+    pressure : array (n1, n2)
+        Pressure [Pa].
+    rows : array (n1, >= n2)
+        Memory whose rows begin with those of the displacement.
+    displacement : array (n1, n2)
+        Displacement [m], a view of `rows`.
     """
 
     def __init__(
@@ -107,18 +128,19 @@ class Convolution:
         threads: int = 1,
         over: Convolution | None = None,
     ) -> None:
-        self._threads, real = threads, np.dtype(dtype)
+        self._threads = threads
+        real = np.dtype(dtype)
         kind = np.result_type(real, np.complex64)
-        axis1, axis2 = (Axis.of(n, end) for n, end in zip(shape, boundary, strict=True))
+        axis1 = Axis.of(shape[0], boundary[0])
+        axis2 = Axis.of(shape[1], boundary[1])
         is_large = math.prod(shape) >= LARGE
-        # a first axis that is not padded as a whole has a transform for its even and one for its odd waves
+        # a first axis that is not padded as a whole has one transform for its even waves and one for its odd waves
         transforms = 2 if is_large and axis1.is_padded else 1
         if over is None:
             assert symbol is not None
             self._weights = weights_of(symbol, axis1.is_mirror, axis2.is_mirror, transforms)
-            self._weights /= (
-                axis1.length * axis2.length
-            )  # with which transforms there and back multiply
+            # a transform and its inverse multiply with the number of points
+            self._weights /= axis1.length * axis2.length
         else:
             self._weights = over._weights
         waves_of_row = axis2.length // 2 + 1
@@ -126,19 +148,19 @@ class Convolution:
         count = axis1.points if transforms == 2 else axis1.length
         size = count * length * kind.itemsize
         self._memory: Any = fftw().empty_aligned(size, np.uint8) if over is None else over._memory
-        every_wave = self._memory[:size].view(kind).reshape(count, length)
-        waves = every_wave[:, :waves_of_row]
+        rows_of_waves = self._memory[:size].view(kind).reshape(count, length)
+        waves = rows_of_waves[:, :waves_of_row]
         self.pressure: Any = fftw().zeros_aligned(shape, dtype=real)
-        # a large displacement takes the memory of its waves; transforms to another one are a sixth faster
-        self.rows = (
-            every_wave[: axis1.points].view(real)
-            if is_large
-            else fftw().empty_aligned((axis1.points, axis2.length), real)
-        )
+        if is_large:
+            # the displacement uses the memory of the waves
+            self.rows = rows_of_waves[: axis1.points].view(real)
+        else:
+            # transforms to other memory are a sixth faster
+            self.rows = fftw().empty_aligned((axis1.points, axis2.length), real)
         self.displacement = self.rows[:, : axis2.points]
         with planner() as planned:
             rows: Rows | LaidOutRows
-            # large grids put columns in order as they are copied
+            # the columns of large grids are put into order when they are copied
             is_mirror = axis2.is_mirror or (axis1.is_mirror and not is_large)
             if is_mirror or axis2.is_padded:
                 order1 = np.arange(axis1.points) if is_large else axis1.order
@@ -152,53 +174,56 @@ class Convolution:
             if count > axis1.points:
                 first.append([partial(waves[axis1.points :].fill, 0)])
             self._stages = [first, columns.calls(planned, threads), last]
-        # by one thread: on small grids passing from call to call is what takes time
+        # all calls for a single thread: on small grids the time between calls matters
         self._calls = [call for stage in self._stages for part in stage for call in part]
 
     def apply(self) -> None:
-        """Fill `displacement` from `pressure`."""
+        """Compute `displacement` from `pressure`."""
         if self._threads == 1:
-            _in_turn(self._calls)
+            _run_calls(self._calls)
             return
         for parts_of_stage in self._stages:
-            on_threads(self._threads, _in_turn, parts_of_stage)
+            on_threads(self._threads, _run_calls, parts_of_stage)
 
 
 class Rows:
-    """Transforms of rows whose points are transformed as they are, on a periodic second axis.
+    """Transforms of the rows on a periodic second axis, whose points are transformed as they are.
 
-    waves : of every row of the grid, and of rows of zeros behind them.
+    waves : waves of all rows of the grid, followed by those of rows of zeros.
     """
 
     def __init__(self, product: Convolution, waves: Any, axis2: Axis) -> None:
-        self.points, self.target = product.pressure, product.rows[:, : axis2.length]
-        self.waves, self.length = waves, axis2.length
+        self.points = product.pressure
+        self.target = product.rows[:, : axis2.length]
+        self.waves = waves
+        self.length = axis2.length
 
     def calls(self, planned: Planned) -> tuple[list[list[Call]], list[list[Call]]]:
-        """The parts that threads share, and of each the calls: of points to waves, and back."""
-        there, back = [], []
+        """List the calls of the transforms and of their inverses, each as a list for every part of the rows."""
+        forward_parts, backward_parts = [], []
         n1 = len(self.target)
-        for i, end in parts(n1, max(ROW_POINTS / self.length, n1 / ROW_PARTS)):
-            some = self.points[i:end], self.waves[i:end], self.target[i:end]
-            forward, backward = planned(*some, axis=1)
-            there.append([*self.before(i, end), forward])
-            back.append([backward, *self.after(i, end)])
-        return there, back
+        rows_of_part = max(ROW_POINTS / self.length, n1 / ROW_PARTS)
+        for first, end in parts(n1, rows_of_part):
+            forward, backward = planned(
+                self.points[first:end], self.waves[first:end], self.target[first:end], axis=1
+            )
+            forward_parts.append([*self.before(first, end), forward])
+            backward_parts.append([backward, *self.after(first, end)])
+        return forward_parts, backward_parts
 
     def before(self, first: int, end: int) -> list[Call]:
-        """What is done with some rows before their transform."""
+        """List the calls that prepare the rows `first` to `end` for their transform."""
         return []
 
     def after(self, first: int, end: int) -> list[Call]:
-        """What is done with some rows after the transform back."""
+        """List the calls that follow the inverse transform of the rows `first` to `end`."""
         return []
 
 
 class LaidOutRows(Rows):
-    """Transforms of rows that are laid out before: their points in another order, or zeros behind them.
+    """Transforms of rows whose points are first put into another order, on a mirror axis, or padded, on a free one.
 
-    On a mirror axis the points change their order, rows too on small grids; on a free one zeros follow them.
-    order1 : of the rows. is_mirror : whether there is another order than that of the points.
+    order1 : order of the rows, which also changes on small grids. is_mirror : whether an order changes.
     """
 
     def __init__(
@@ -211,80 +236,88 @@ class LaidOutRows(Rows):
         is_large: bool,
     ) -> None:
         super().__init__(product, waves, axis2)
-        if is_mirror and not is_large:  # rows of large grids are put in order in their own memory
+        if is_mirror and not is_large:  # rows of large grids are put into order in their own memory
             self.target = fftw().empty_aligned(self.target.shape, self.target.dtype)
-        self.points, self.pressure = self.target, product.pressure
+        self.points = self.target
+        self.pressure = product.pressure
         self.displacement = product.displacement if is_mirror else None
         self.orders = order1, axis2.order
 
     def before(self, first: int, end: int) -> list[Call]:
-        """Write the points in order, and zeros behind them."""
+        """List the call that writes the points in order, followed by zeros."""
         return [partial(lay, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
-        """Write displacements back in the order of the points."""
+        """List the call that writes the displacement in the order of the points, if the order has changed."""
         if self.displacement is None:
             return []
         return [partial(take, self.target, self.displacement, *self.orders, first, end)]
 
 
 class StridedColumns:
-    """Transforms of columns of small grids, from strided memory to a block in the cache and back.
+    """Transforms of the columns of small grids, from strided memory to a block in the cache and back.
 
-    waves : of rows (>= n1, waves). weights : see `weights_of`. transforms : number along the first axis, 1 or 2.
+    waves : waves of the rows (>= n1, waves). weights : see `weights_of`. transforms : number of transforms along the
+    first axis, 1 or 2.
     """
 
-    #: Blocks of waves that have to fit in the cache together.
+    #: Number of blocks that have to fit in the cache together.
     blocks = 1
 
     def __init__(
         self, waves: Any, axis1: Axis, axis2: Axis, weights: Array, transforms: int
     ) -> None:
-        self.waves, self.weights, self.transforms = waves, weights, transforms
+        self.waves = waves
+        self.weights = weights
+        self.transforms = transforms
         self.length = axis1.length // transforms
         lengths = self.length, axis2.length
+        # the factors e² = exp(iπk/N) for waves of a mirror axis, see `respond`, of both axes
         self.turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in lengths]
-        kind = waves.dtype
-        self.twist = np.exp(-1j * np.pi * np.arange(axis1.points) / self.length).astype(kind)
-        if transforms == 1:
-            self.twist = self.twist[:0]
+        # the factors exp(−iπk/m) of the points that give the odd waves; none if there is only one transform
+        twist = np.exp(-1j * np.pi * np.arange(axis1.points) / self.length).astype(waves.dtype)
+        self.twist = twist if transforms == 2 else twist[:0]
         self.order = axis1.order
 
     @property
     def row_length(self) -> int:
-        """Waves in the memory of a column in a block."""
+        """Length of a column in the memory of a block, in waves."""
         return self.length
 
     def calls(self, planned: Planned, threads: int) -> list[list[Call]]:
-        """For each thread, the calls that turn columns of waves of pressure into those of displacement."""
-        count, kind = self.waves.shape[1], self.waves.dtype
+        """List, for each thread, the calls that turn columns of waves of pressure into those of displacement."""
+        n_columns = self.waves.shape[1]
+        kind = self.waves.dtype
         column_bytes = self.transforms * self.length * kind.itemsize
-        # a block and its copy fit in the cache; of fewer columns, or of 16 long ones, copies take thrice the time
+        # a block and its copy fit in the cache; with fewer columns, or with 16 long ones, copies take thrice the time
         width = BLOCK_BYTES // (column_bytes * self.blocks)
-        width = count if width >= count else max(_ALIGNED, width - width % _ALIGNED)
-        stage = []
-        for starts in np.array_split(range(0, count, width), threads):
-            block, copy = (
-                fftw().zeros_aligned((self.transforms * width, self.row_length), kind)
-                for _ in range(2)
-            )
+        if width >= n_columns:
+            width = n_columns
+        else:
+            width = max(_ALIGNED, width - width % _ALIGNED)
+        block_shape = self.transforms * width, self.row_length
+        calls_by_thread = []
+        for starts in np.array_split(range(0, n_columns, width), threads):
+            block = fftw().zeros_aligned(block_shape, kind)
+            copy = fftw().zeros_aligned(block_shape, kind)
             calls: list[Call] = []
             for first in starts:
-                some = self.waves[:, first : first + width]
-                calls += self.calls_of_block(planned, some, block, copy, first)
-            stage.append(calls)
-        return stage
+                columns = self.waves[:, first : first + width]
+                calls += self.calls_of_block(planned, columns, block, copy, first)
+            calls_by_thread.append(calls)
+        return calls_by_thread
 
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """The calls for some columns, of which `first` is the number of the first."""
-        points = block[: columns.shape[1], : self.length].T
-        there, back = planned(columns, points, columns, axis=0)
-        return [there, self.response(block, first, columns.shape[1]), back]
+        """List the calls for some columns; `first` is the number of the first one."""
+        n_columns = columns.shape[1]
+        waves = block[:n_columns, : self.length].T
+        forward, backward = planned(columns, waves, columns, axis=0)
+        return [forward, self.response(block, first, n_columns), backward]
 
     def response(self, block: Any, first: int, count: int) -> Call:
-        """The call that multiplies the waves in a block with the symbol."""
+        """Make the call that multiplies the waves in a block with the symbol."""
         is_twisted = self.transforms > 1
         return partial(
             respond, block, self.length, first, count, self.weights, is_twisted, *self.turns
@@ -292,41 +325,43 @@ class StridedColumns:
 
 
 class CopiedColumns(StridedColumns):
-    """Transforms of columns of large grids, which are copied to a block, in the order of a mirror and with a twist.
+    """Transforms of the columns of large grids, which are copied to a block.
 
-    With m points, half of the padded length of a free axis, its even waves are the transform of the points, and its odd
-    ones that of the points times the twist exp(−iπk/m).
+    The copy has the order of a mirror axis. For a free axis of m points, which is half its padded length, it also has
+    the points times the twist exp(−iπk/m): the even waves are the transform of the points, and the odd waves that of
+    the twisted points.
     """
 
     blocks = 2
 
     @property
     def row_length(self) -> int:
-        """Waves in the memory of a column in a block, with some cache lines empty behind them."""
+        """Length of a column in the memory of a block, in waves, including some unused cache lines."""
         return row_length(self.length, self.waves.dtype.itemsize)
 
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """The calls for some columns, of which `first` is the number of the first."""
-        points, waves = copy[:, : self.length], block[:, : self.length]
-        there, back = planned(points, waves, points, axis=1)
+        """List the calls for some columns; `first` is the number of the first one."""
+        points = copy[:, : self.length]
+        waves = block[:, : self.length]
+        forward, backward = planned(points, waves, points, axis=1)
         return [
             partial(gather, columns, copy, self.twist, self.order),
-            there,
+            forward,
             self.response(block, first, columns.shape[1]),
-            back,
+            backward,
             partial(scatter, columns, copy, self.twist, self.order),
         ]
 
 
 def padded_length(n: int) -> int:
-    """Even length to which a free axis of n points is padded, so that a cyclic convolution has no wrap-around."""
+    """Find the even length to which a free axis of n points is padded, for a cyclic convolution without overlap."""
     return 2 * int(next_fast_len(n, real=True)) if n > 1 else 1
 
 
 def row_length(waves: int, itemsize: int) -> int:
-    """Number of waves in the memory of a row; between long rows some cache lines stay empty."""
+    """Find the length of a row of waves in memory, in waves; between long rows some cache lines are unused."""
     lines = math.ceil(waves * itemsize / LINE)
     if lines <= _LINES:
         return waves
@@ -335,70 +370,91 @@ def row_length(waves: int, itemsize: int) -> int:
 
 @cache
 def fftw() -> Any:
-    """pyfftw without its transforms of Dask arrays, whose import takes longer than a small run (0.5 s of CPU)."""
-    hidden = "dask" not in sys.modules
-    if hidden:
+    """Import pyfftw without its transforms of Dask arrays, because importing Dask takes longer than a small run."""
+    hides_dask = "dask" not in sys.modules
+    if hides_dask:
         sys.modules["dask"] = None  # type: ignore[assignment]
     try:
         import pyfftw
     finally:
-        if hidden:
+        if hides_dask:
             del sys.modules["dask"]
     return pyfftw
 
 
 @contextmanager
 def planner() -> Iterator[Planned]:
-    """Context with a function that plans FFTW's transforms points → waves and, destroying them, waves → target.
+    """Provide a function that plans a transform points → waves, and the inverse waves → target, which destroys waves.
 
-    Earlier plans would change its choice, so that it forgets them; for the same problem as the one before it makes the
-    same plan in a tenth of the time. After the context FFTW knows what it knew before: keeping and restoring that takes
-    milliseconds.
+    The choice of FFTW depends on its earlier plans, so that these are forgotten. If a problem equals the one before,
+    the plan is kept, and made again in a tenth of the time. After the context, FFTW knows what it knew before; saving
+    and restoring this takes milliseconds.
     """
     pyfftw = fftw()
-    flags, last = ("FFTW_ESTIMATE", "FFTW_DESTROY_INPUT"), None
+    last_problem = None
 
     def planned(points: Any, waves: Any, target: Any, *, axis: int) -> tuple[Any, Any]:
-        nonlocal last
+        nonlocal last_problem
         problem = [(a.shape, a.strides, a.dtype) for a in (points, waves, target)]
-        if problem != last:
+        if problem != last_problem:
             pyfftw.forget_wisdom()
-        last = problem
-        forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1])
-        return forward.execute, pyfftw.FFTW(waves, target, (axis,), "FFTW_BACKWARD", flags).execute
+        last_problem = problem
+        forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", ("FFTW_ESTIMATE",))
+        backward = pyfftw.FFTW(
+            waves, target, (axis,), "FFTW_BACKWARD", ("FFTW_ESTIMATE", "FFTW_DESTROY_INPUT")
+        )
+        return forward.execute, backward.execute
 
     with _PLANNING:
-        known = pyfftw.export_wisdom()
+        wisdom = pyfftw.export_wisdom()
         try:
             yield planned
         finally:
             pyfftw.forget_wisdom()
-            pyfftw.import_wisdom(known)
+            pyfftw.import_wisdom(wisdom)
 
 
-def _in_turn(calls: Sequence[Call]) -> None:
+def _run_calls(calls: Sequence[Call]) -> None:
+    """Run calls one after another."""
     for call in calls:
         call()
 
 
 def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> Array:
-    """The symbol or, if an axis is a mirror, its four means of sums and differences over k and N − k, transposed.
+    """Compute the weights with which `respond` multiplies the waves.
 
-    The second and the fourth have differences along the first axis, the third and the fourth along the second. The
-    cosine coefficient N of N points is always 0, and its symbol whatever makes a difference vanish. Of two transforms
-    along the first axis, that of the even waves comes before that of the odd ones.
+    Without a mirror axis they are the symbol, transposed. If an axis is a mirror, there are four arrays: the halves of
+    sums and differences of the symbol at k and N − k. The second and the fourth have differences along the first axis,
+    the third and the fourth along the second axis. The cosine coefficient N of N points is always 0; its symbol is
+    chosen so that the difference vanishes.
+
+    Parameters
+    ----------
+    symbol : array
+        Eigenvalues of K [m/Pa].
+    mirror1, mirror2 : bool
+        Whether the first and the second axis are mirrors.
+    transforms : int
+        Number of transforms along the first axis. Of two, the one of the even waves comes first.
+
+    Returns
+    -------
+    array (1 or 4, waves along the second axis, waves along the first axis)
     """
-    means = [symbol]
-    for axis, mirror in enumerate((mirror1, mirror2)):
-        if mirror:
+    halves = [symbol]
+    for axis, is_mirror in enumerate((mirror1, mirror2)):
+        if is_mirror:
             n = symbol.shape[axis]
             k = np.arange(n // 2 + 1)
-            pairs = [(part.take(k, axis), part.take(-k % n, axis)) for part in means]
-            means = [(a + b) / 2 for a, b in pairs] + [(a - b) / 2 for a, b in pairs]
+            pairs = [(part.take(k, axis), part.take(-k % n, axis)) for part in halves]
+            halves = [(a + b) / 2 for a, b in pairs] + [(a - b) / 2 for a, b in pairs]
         elif mirror1 or mirror2:
-            means += [np.zeros_like(part) for part in means]
-    ordered = [np.concatenate([part[i::transforms] for i in range(transforms)]) for part in means]
+            halves += [np.zeros_like(part) for part in halves]
+    ordered = [np.concatenate([part[i::transforms] for i in range(transforms)]) for part in halves]
     return np.array([part.T for part in ordered], order="C")
+
+
+# --- compiled loops ---------------------------------------------------------------------------------------
 
 
 contracted = compiled(fastmath={"contract"})
@@ -406,12 +462,29 @@ contracted = compiled(fastmath={"contract"})
 
 @compiled(fastmath={"contract", "nnan", "nsz"})
 def respond(block, n, first, count, weights, twisted, turn1, turn2):
-    """Turn waves of pressure into waves of displacement in the first n places of a block whose first column is `first`.
+    """Turn the waves of pressure in a block into waves of displacement.
 
-    With C(k) = ē V(k) + e V(N − k), e = exp(iπk/2N), and 2 V(k) = e (C(k) − i C(N − k)), a symbol S(k) on C is
-    V(k) ← ½(S(k) + S(N − k)) V(k) + ½(S(k) − S(N − k)) e² V(N − k) on V. For two mirrors, V(k1, N − k2) is the
-    conjugate of V(N − k1, k2). Where `twisted`, the second half of the block has odd waves, and N − 1 − k is the place
-    of the conjugate of k.
+    Cosine coefficients C and waves V are related by C(k) = ē V(k) + e V(N − k), with e = exp(iπk/2N), and by
+    2 V(k) = e (C(k) − i C(N − k)). Multiplying C with a symbol S(k) therefore changes V to
+
+        V(k) ← ½(S(k) + S(N − k)) V(k) + ½(S(k) − S(N − k)) e² V(N − k).
+
+    For two mirrors, V(k1, N − k2) is the conjugate of V(N − k1, k2).
+
+    Parameters
+    ----------
+    block : array (columns, >= n)
+        Waves of some columns, which are replaced.
+    n : int
+        Number of waves of a column.
+    first, count : int
+        Number of the first column, and number of columns.
+    weights : array
+        See `weights_of`.
+    twisted : bool
+        Whether the second half of the block has the odd waves; the conjugate of the odd wave k is at N − 1 − k.
+    turn1, turn2 : array
+        e² of both axes.
     """
     kinds = len(weights)
     other = np.empty(n // 2 + 1, block.dtype)
@@ -451,14 +524,16 @@ def respond(block, n, first, count, weights, twisted, turn1, turn2):
 
 
 def order_of(n: int, mirror: bool) -> Indices:
-    """Points of an axis in the order in which they are transformed: 0, 2, 4 … 5, 3, 1 of a mirror."""
-    every = np.arange(n)
-    return np.concatenate((every[::2], every[1::2][::-1])) if mirror else every
+    """List the points of an axis in the order in which they are transformed: 0, 2, 4 … 5, 3, 1 for a mirror."""
+    points = np.arange(n)
+    if not mirror:
+        return points
+    return np.concatenate((points[::2], points[1::2][::-1]))
 
 
 @contracted
 def lay(points, staged, order1, order2, first, end):
-    """Write the points of some rows of the transform in its order, and zeros behind them."""
+    """Write the points of the rows `first` to `end` in the order of the transform, followed by zeros."""
     n2 = order2.size
     for i in range(first, end):
         row = points[order1[i]]
@@ -469,7 +544,7 @@ def lay(points, staged, order1, order2, first, end):
 
 @contracted
 def take(staged, points, order1, order2, first, end):
-    """Write the points back in their own order, also within one memory: the inverse of `lay`."""
+    """Write the points back in their own order, as the inverse of `lay`; both arrays may be in the same memory."""
     former = np.empty(order2.size, staged.dtype)
     for i in range(first, end):
         former[:] = staged[i, : order2.size]
@@ -480,7 +555,7 @@ def take(staged, points, order1, order2, first, end):
 
 @contracted
 def gather(columns, block, twist, order):
-    """Copy columns to rows of a block, and behind these the same columns with a twist; zeros follow."""
+    """Copy columns to the rows of a block and append zeros; with a twist, also copy the twisted columns behind them."""
     n1, count = columns.shape
     width = block.shape[0] // 2
     for i in range(n1):
@@ -498,7 +573,7 @@ def gather(columns, block, twist, order):
 
 @contracted
 def scatter(columns, block, twist, order):
-    """Copy rows of a block to columns, where there is a twist their sums without it."""
+    """Copy the rows of a block to columns; with a twist, add the rows with the twist removed."""
     n1, count = columns.shape
     width = block.shape[0] // 2
     for i in range(n1):

@@ -1,12 +1,12 @@
-"""Contact along a load programme, with the plastic deformation that every peak leaves behind.
+"""Solve the contact along a load programme, with the plastic deformation that every peak leaves behind.
 
-First loading is path independent. On unloading from a peak p_u, the plastic deformation u_p of the peak is added to the
-gap once, and the contact is solved with the law that the points have after it, the same one or a harder one. At p_u
-this returns the state of the peak; reloading follows the unloading curve, and beyond p_u it follows the first loading.
-Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018.
+First loading does not depend on the path. On unloading from a peak, the plastic deformation of the peak is added to the
+gap once, and the contact is solved with the law of points that have this deformation. At the pressure of the peak this
+gives the state of the peak. Reloading follows the unloading curve, and beyond the peak it follows first loading
+(Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018).
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf
@@ -26,31 +26,35 @@ STATE_FIELDS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class _Solved:
+class _SolvedStep:
     """A solved load step.
 
-    taken : value of `take`, or the state itself.
-    deformation : plastic deformation (n1, n2) [m] that a peak leaves to its unloading; None of other steps.
-    remembered : value of `remember`.
-    has_yielded : whether any point has deformed for good.
+    output : what `take` made of the state, or the state itself.
+    deformation : plastic deformation (n1, n2) [m] that a peak leaves to its unloading; None for other steps.
+    memory : what `remember` made of the contact for the next load.
+    has_yielded : whether any point has deformed plastically.
     """
 
-    taken: Any
+    output: Any
     deformation: np.ndarray | None = None
-    remembered: Any = None
+    memory: Any = None
     has_yielded: bool = False
 
 
-_NOTHING_BEFORE = _Solved(taken=None)
+_NOTHING_BEFORE = _SolvedStep(output=None)
 
 
 @dataclass(frozen=True, repr=False)
 class LoadState(LoadStep, Plotted):
-    """A step of a load programme and the contact there.
+    """A step of a load programme and its contact.
 
-    yielded_again : fraction of points that yield on unloading. This happens where the load moves to points that were
-    not
-        plastic at the peak.
+    Parameters
+    ----------
+    contact : Contact
+        The contact.
+    yielded_again : float
+        Fraction of the points that yield on unloading. Points that were not plastic at the peak may yield when the load
+        moves to them.
     """
 
     contact: Contact = field(kw_only=True)
@@ -64,21 +68,28 @@ class LoadState(LoadStep, Plotted):
 
 
 class LoadCycle(tuple[LoadState, ...], Plotted):
-    """The states of a load cycle: a tuple with a table and a picture."""
+    """The states of a load cycle: a tuple that has a table and a picture."""
 
     __slots__ = ()
 
     def __repr__(self) -> str:
-        return f"LoadCycle({', '.join(f'{s.name}: contact {s.contact.area_fraction:.1%}' for s in self)})"
+        texts = [f"{state.name}: contact {state.contact.area_fraction:.1%}" for state in self]
+        return f"LoadCycle({', '.join(texts)})"
 
     def _repr_html_(self) -> str:
-        head = ("step", "in contact", "at hardness", "mean gap", "residual")
+        heads = ("step", "in contact", "at hardness", "mean gap", "residual")
         lines = []
         for state in self:
-            c = state.contact
-            fractions = (f"{part:.1%}" for part in (c.area_fraction, c.plastic_fraction))
-            lines.append((state.name, *fractions, to_text(c.mean_gap, "m"), f"{c.residual:.1e}"))
-        return TextTable("load cycle", head, tuple(lines))._repr_html_()
+            contact = state.contact
+            line = (
+                state.name,
+                f"{contact.area_fraction:.1%}",
+                f"{contact.plastic_fraction:.1%}",
+                to_text(contact.mean_gap, "m"),
+                f"{contact.residual:.1e}",
+            )
+            lines.append(line)
+        return TextTable("load cycle", heads, tuple(lines))._repr_html_()
 
 
 def load_cycle(
@@ -95,20 +106,28 @@ def load_cycle(
 
     Parameters
     ----------
-    gap0 : undeformed gap (n1, n2) [m].
-    half_space : elastic body and grid.
-    loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
-    hardness : H [Pa], a number or one per point, or a law; see `solve_contact`.
-    rtol : residual of each solution, see `solve_contact`.
+    gap0 : array (n1, n2)
+        Undeformed gap [m].
+    half_space : HalfSpace
+        Elastic body and grid.
+    loading, unload_from, unloading : sequence of float
+        Nominal pressures [Pa] of first loading, of the peaks that are unloaded, and of the unloading from each peak;
+        see `LoadProgramme.of`.
+    hardness : float, array (n1, n2) or ContactLaw
+        Hardness [Pa], or a law; see `solve_contact`.
+    rtol : float
+        Residual of each solution, see `solve_contact`.
 
     Returns
     -------
-    The states in the order of the programme. On unloading, `plastic_deformation` is that of the peak plus what yields
-    afterwards.
+    LoadCycle
+        The states in the order of the programme. On unloading, `plastic_deformation` is that of the peak plus what
+        yields afterwards.
 
     Raises
     ------
-    InputError, NotConverged : as `solve_contact`; the whole programme is checked before anything is solved.
+    InputError, NotConverged
+        See `solve_contact`. The whole programme is checked before anything is solved.
 
     Examples
     --------
@@ -134,11 +153,27 @@ def contact_at_loads(
     law: ContactLaw,
     solve: Callable[..., Contact] = solve_contact,
 ) -> Callable[..., Contact]:
-    """The contact of this gap by this law at a load, `pressure` being left to give, once the programme is checked.
+    """Prepare a function that solves the contact of a gap at a load, and check the load programme.
 
-    solve : called as `solve_contact`, such as one with a fluid between the faces.
+    Parameters
+    ----------
+    gap0 : array (n1, n2)
+        Undeformed gap [m].
+    half_space : HalfSpace
+        Elastic body and grid.
+    programme : LoadProgramme
+        The load steps.
+    law : ContactLaw
+        Contact law.
+    solve : callable
+        Called like `solve_contact`; it may, for example, include a fluid between the surfaces.
+
+    Returns
+    -------
+    callable
+        `solve` with everything but `pressure` and options.
     """
-    law.tangent(half_space.shape)  # checks its shape
+    law.tangent(half_space.shape)  # raises InputError if the law has arrays of another shape
     check_capacity("loading", float(programme.pressures.max()), law)
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
     return partial(solve, gap0, half_space, hardness=law)
@@ -154,107 +189,136 @@ def load_states(
     memory: float = 0.0,
     mapper: Mapper = map,
 ) -> Iterator[Any]:
-    """Solve the contact states of a programme one after another.
+    """Solve the contact states of a load programme.
 
-    Where no point has yielded, unloading goes back along the loading: a pressure that has been solved is then not
-    solved again, and what was taken of its state is returned once more. No other state is kept.
+    If no point has yielded at a peak, the unloading goes back along the loading. A pressure that has been solved on the
+    loading is then not solved again, and its output is returned once more. No other state is kept.
 
     Parameters
     ----------
-    programme : the load steps. solve : the contact at a load, see `contact_at_loads`. rtol : as in `load_cycle`.
-    take : function of the contact of a state, called in the process that solves it; its value is returned in place of
-        the state.
-    remember : what a contact leaves to the next load besides its plastic deformation, which `solve` takes as `former`:
-        loads are then solved one after another.
-    memory : of solving a state and of `take` together [byte]; a mapper over processes solves no more states at once
-        than fit.
-    mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
+    programme : LoadProgramme
+        The load steps.
+    solve : callable
+        Solves the contact at a load, see `contact_at_loads`.
+    rtol : float
+        Residual of each solution, see `solve_contact`.
+    take : callable, optional
+        Function of a state that is called in the process that solves it; its value is returned in place of the state.
+    remember : callable, optional
+        Function of a contact that gives what it leaves to the next load besides its plastic deformation; `solve` takes
+        this as `former`. The loads of first loading are then solved one after another.
+    memory : float
+        Memory that solving a state and `take` need together [byte]. A mapper over processes solves no more states at
+        once than fit.
+    mapper : callable
+        Solves the states of a branch, which do not depend on each other: those of first loading, then of unloading.
+
+    Yields
+    ------
+    LoadState, or the value of `take`
+        In the order of the programme.
     """
-    state = partial(_state, solve=solve, rtol=rtol, take=take, remember=remember)
-    stage = Stage("contact of the whole face", state, memory)
-    return _solved(stage, programme, remember is not None, mapper)
+    solve_step = partial(_solve_step, solve=solve, rtol=rtol, take=take, remember=remember)
+    stage = Stage("contact of the whole face", solve_step, memory)
+    return _solve_programme(stage, programme, remember is not None, mapper)
 
 
-def _solved(stage: Stage, programme: LoadProgramme, in_turn: bool, mapper: Mapper) -> Iterator[Any]:
-    """Yield what is taken of every state in the order of the programme.
+def _solve_programme(
+    stage: Stage, programme: LoadProgramme, one_after_another: bool, mapper: Mapper
+) -> Iterator[Any]:
+    """Yield the output of every state in the order of the programme.
 
-    `in_turn` each load begins from what the one before has left, so that states of one pressure differ.
+    one_after_another : whether each load of first loading begins from what the one before has left. States of the same
+    pressure then differ, so that none can be taken twice.
     """
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
-    is_peak = [step.pressure in programme.unload_from for step in loading]
-    after_peak: dict[float | None, _Solved] = {}
-    elastic: dict[float, Any] = {}  # taken at a pressure at which no point has yielded
-    states = _in_turn(stage, loading, mapper) if in_turn else mapper(stage, loading, is_peak)
+    peaks: dict[float | None, _SolvedStep] = {}
+    elastic_outputs: dict[float, Any] = {}  # by pressure, where no point has yielded
+    states: Iterable[_SolvedStep]
+    if one_after_another:
+        states = _solve_one_after_another(stage, loading, mapper)
+    else:
+        is_peak = [step.pressure in programme.unload_from for step in loading]
+        states = mapper(stage, loading, is_peak)
     for step, solved in zip(loading, states, strict=True):
-        after_peak[step.pressure] = replace(solved, taken=None)
-        if step.pressure in programme.unloading and not (solved.has_yielded or in_turn):
-            elastic[step.pressure] = solved.taken
-        yield solved.taken
+        peaks[step.pressure] = replace(solved, output=None)
+        is_elastic = not (solved.has_yielded or one_after_another)
+        if is_elastic and step.pressure in programme.unloading:
+            elastic_outputs[step.pressure] = solved.output
+        yield solved.output
 
     def goes_back(step: LoadStep) -> bool:
-        """Whether unloading to a step goes back along the loading."""
-        return not (in_turn or after_peak[step.unloaded_from].has_yielded)
+        """Tell whether unloading to a step goes back along the loading."""
+        return not (one_after_another or peaks[step.unloaded_from].has_yielded)
 
-    new: list[LoadStep] = []
+    steps_to_solve: list[LoadStep] = []
     for step in unloading:
-        is_known = step.pressure in elastic or step.pressure in [
-            other.pressure for other in new if goes_back(other)
-        ]
+        elastic_pressures = [other.pressure for other in steps_to_solve if goes_back(other)]
+        is_known = step.pressure in elastic_outputs or step.pressure in elastic_pressures
         if not (goes_back(step) and is_known):
-            new.append(step)
-    peaks = [after_peak[step.unloaded_from] for step in new]
-    states = mapper(stage, new, [False] * len(new), peaks) if new else ()
-    at_new_steps = iter(states)
+            steps_to_solve.append(step)
+    peaks_before = [peaks[step.unloaded_from] for step in steps_to_solve]
+    new_states: Iterator[_SolvedStep] = iter(())
+    if steps_to_solve:
+        is_peak = [False] * len(steps_to_solve)
+        new_states = iter(mapper(stage, steps_to_solve, is_peak, peaks_before))
     for step in unloading:
         if not goes_back(step):
-            yield next(at_new_steps).taken
+            yield next(new_states).output
             continue
-        if step.pressure not in elastic:
-            elastic[step.pressure] = next(at_new_steps).taken
-        taken = elastic[step.pressure]
-        is_state = isinstance(taken, LoadState)
-        yield replace(taken, unloaded_from=step.unloaded_from) if is_state else taken
-    next(at_new_steps, None)  # a mapper may have something to do at its end
+        if step.pressure not in elastic_outputs:
+            elastic_outputs[step.pressure] = next(new_states).output
+        output = elastic_outputs[step.pressure]
+        if isinstance(output, LoadState):
+            output = replace(output, unloaded_from=step.unloaded_from)
+        yield output
+    next(new_states, None)  # a mapper may have something to do at its end
 
 
-def _in_turn(stage: Stage, loading: Sequence[LoadStep], mapper: Mapper) -> Iterator[_Solved]:
-    """Solve the states of a loading, each from what the one before has left besides plastic deformation."""
+def _solve_one_after_another(
+    stage: Stage, loading: Sequence[LoadStep], mapper: Mapper
+) -> Iterator[_SolvedStep]:
+    """Solve the states of first loading, each from what the one before has left besides plastic deformation."""
     before = _NOTHING_BEFORE
     for step in loading:
         (solved,) = mapper(stage, [step], [True], [before])
-        before = replace(_NOTHING_BEFORE, remembered=solved.remembered)
+        before = replace(_NOTHING_BEFORE, memory=solved.memory)
         yield solved
 
 
-def _state(
+def _solve_step(
     step: LoadStep,
     is_peak: bool,
-    before: _Solved = _NOTHING_BEFORE,
+    before: _SolvedStep = _NOTHING_BEFORE,
     *,
     solve: Callable[..., Contact],
     rtol: float,
     take: Callable[[LoadState], Any] | None,
     remember: Callable[[Contact], Any] | None,
-) -> _Solved:
-    """Solve a state after what the peak, or the load before, has left."""
-    settings = {} if remember is None else {"former": before.remembered}
+) -> _SolvedStep:
+    """Solve a state from what the peak, or the load before, has left."""
+    options = {} if remember is None else {"former": before.memory}
     deformation = before.deformation
-    contact = solve(pressure=step.pressure, deformation=deformation, rtol=rtol, **settings)
-    again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
-    state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
-    return _Solved(
-        taken=state if take is None else take(state),
+    contact = solve(pressure=step.pressure, deformation=deformation, rtol=rtol, **options)
+    yielded_again = 0.0
+    if deformation is not None:
+        yielded_again = _fraction_yielded_again(contact, deformation, rtol)
+    state = LoadState(
+        step.pressure, step.unloaded_from, contact=contact, yielded_again=yielded_again
+    )
+    return _SolvedStep(
+        output=state if take is None else take(state),
         deformation=contact.plastic_deformation if is_peak else None,
-        remembered=None if remember is None else remember(contact),
+        memory=None if remember is None else remember(contact),
         has_yielded=bool(contact.plastic_deformation.any()),
     )
 
 
-def _yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:
-    """Fraction of points whose plastic deformation grew by more than the residual explains."""
+def _fraction_yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:
+    """Compute the fraction of points whose plastic deformation has grown by more than the residual explains."""
     # the displacement of a pixel under the hardness is about pressure / stiffness
     spacing = contact.half_space.spacing
     depth = 4 * max(spacing) * float(contact.pressure.max()) / (np.pi * contact.half_space.modulus)
-    grown = contact.plastic_deformation - deformation > 100 * rtol * depth
-    return float(np.count_nonzero(grown) / grown.size)
+    has_grown = contact.plastic_deformation - deformation > 100 * rtol * depth
+    return float(np.count_nonzero(has_grown) / has_grown.size)

@@ -1,9 +1,9 @@
-"""Contact by steps that never raise the energy, for problems in which active sets go round in circles.
+"""Solve a contact by steps that never raise the energy, for problems whose active sets repeat themselves.
 
-Each iteration makes one step along the projected gradient, of the length of Barzilai and Borwein, which decides which
-points are free, and then conjugate gradients on the free points; a point that reaches a bound stays there, and the
-directions begin anew. The energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), ψ = ½ Σ (p − H)₊²/h where points harden, falls with every
-step and the load is kept.
+Each iteration first makes a step along the projected gradient, with the length of Barzilai and Borwein, which decides
+which points are free. Steps of conjugate gradients on the free points follow. A point that reaches a bound stays there,
+and the directions start again. The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), where ψ = ½ Σ (p − H)₊²/h if points harden. It
+falls with every step, while the load remains constant.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
 """
 
@@ -17,14 +17,17 @@ from .gradient_steps import apply_stencil
 from .projection import root
 from .workspace import Problem, Workspace
 
-#: Steps of conjugate gradients in an iteration, and the fraction of the first w·r at which they stop.
-_STEPS, _DROP = 25, 1e-3
+#: Most steps of conjugate gradients in an iteration.
+_STEPS = 25
+#: Fraction of the first w·r at which these steps stop.
+_DROP = 1e-3
 
 
 class Solution(NamedTuple):
-    """Solution of a contact problem on one grid, whose pressure and v the grid holds.
+    """Solution of a contact problem on one grid; its pressure and v are in the memory of the grid.
 
-    delta : approach δ less the offset [m]. residual : ‖p − y‖/‖y‖. iterations, products : their numbers.
+    delta : approach δ minus the offset [m]. residual : ‖p − y‖/‖y‖. iterations : number of iterations. products :
+    number of products with K.
     """
 
     delta: float
@@ -34,7 +37,11 @@ class Solution(NamedTuple):
 
 
 class _Law(NamedTuple):
-    """Law of every point (n,): H [Pa], h [Pa/m], largest pressure [Pa], and 1/h of points that harden, else 0."""
+    """Straight law of every point, as arrays (n,).
+
+    hardness : H [Pa]. slope : h [Pa/m]. limit : largest pressure [Pa]. compliance : 1/h of points that harden [m/Pa],
+    0 of others.
+    """
 
     hardness: Array
     slope: Array
@@ -42,36 +49,48 @@ class _Law(NamedTuple):
     compliance: Array
 
     def energy(self, p: Array) -> float:
-        """ψ(p), what the law adds to the energy."""
+        """Compute the part ψ(p) of the energy that comes from the law."""
         return float(0.5 * self.compliance @ np.maximum(p - self.hardness, 0.0) ** 2)
 
 
 def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit: int) -> Solution:
-    """Solve a contact problem from a pressure that lies within the bounds and carries the load.
+    """Solve a contact problem, starting from a pressure that is within the bounds and carries the load.
 
     Parameters
     ----------
-    grid : with the initial pressure.
-    problem : gap, law and load.
-    delta : first guess of the approach less the offset [m].
-    rtol : residual to reach.
-    limit : most iterations.
+    grid : Workspace
+        Grid with the initial pressure, which is replaced by the solution.
+    problem : Problem
+        Gap, law and load.
+    delta : float
+        First guess of the approach minus the offset [m].
+    rtol : float
+        Residual to reach.
+    limit : int
+        Most iterations.
+
+    Returns
+    -------
+    Solution
     """
-    p, c0 = grid.arrays.p, grid.stiffness
+    p = grid.arrays.p
+    c0 = grid.stiffness
     slope = np.broadcast_to(problem.slope, p.shape)
     hardness = np.broadcast_to(problem.hardness, p.shape)
     law = _Law(
-        hardness,
-        slope,
-        np.where(slope > 0, np.inf, hardness),
-        np.divide(1.0, slope, out=np.zeros(p.size), where=slope > 0),
+        hardness=hardness,
+        slope=slope,
+        limit=np.where(slope > 0, np.inf, hardness),
+        compliance=np.divide(1.0, slope, out=np.zeros(p.size), where=slope > 0),
     )
-    c, products, iterations = c0, 0, 0
+    c = c0
+    products = 0
+    iterations = 0
     while True:
-        # a copy, as the products of directions take the memory of the displacement
+        # a copy, because products with directions use the memory of the displacement
         v = grid.displacement().ravel() + (problem.gap0 - problem.offset)
         products += 1
-        delta, y = _projected(p, v, c0, delta, problem, law)
+        delta, y = _project(p, v, c0, delta, problem, law)
         if y.any():
             residual = float(np.linalg.norm(y - p) / np.linalg.norm(y))
         else:
@@ -81,26 +100,33 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
             return Solution(delta, residual, iterations, products)
         iterations += 1
         c = _gradient_step(grid, p, v, c, delta, problem, law)
-        products += 1 + _face_steps(grid, p, v, delta, law)
+        products += 1 + _free_point_steps(grid, p, v, delta, law)
 
 
-def _projected(
+def _project(
     p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> tuple[float, Array]:
-    """δ that carries the load, and y, the projection of p − c (v − δ) on the law."""
+    """Find the δ that carries the load, and the projection y of p − c (v − δ) on the law (n,).
+
+    delta : first guess of δ [m].
+    """
     x = p - c * v
-    every = np.arange(p.size, dtype=np.int32)
-    delta, _ = root(x, x.size, problem.hardness, problem.slope, c, every, c, problem.load, delta)
+    all_points = np.arange(p.size, dtype=np.int32)
+    hardness, slope = problem.hardness, problem.slope
+    delta, _ = root(x, x.size, hardness, slope, c, all_points, c, problem.load, delta)
     z = x + c * delta
-    beyond = np.maximum(z - law.hardness, 0.0)
-    return delta, np.clip(z, 0.0, law.hardness) + law.slope / (law.slope + c) * beyond
+    excess = np.maximum(z - law.hardness, 0.0)
+    return delta, np.clip(z, 0.0, law.hardness) + law.slope / (law.slope + c) * excess
 
 
 def _gradient_step(
     grid: Workspace, p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> float:
-    """Step to y or to the lowest energy on the way; returns the length of the next such step."""
-    delta, y = _projected(p, v, c, delta, problem, law)
+    """Move p (n,) towards its projection y, to the lowest energy on the way; return the length c of the next step.
+
+    v (n,) is updated with p.
+    """
+    delta, y = _project(p, v, c, delta, problem, law)
     d = y - p
     response = grid.response(d)
     curvature = float(d @ response)
@@ -114,13 +140,16 @@ def _gradient_step(
     return float(d @ d) / curvature
 
 
-def _face_steps(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
-    """Conjugate gradients on the free points, up to the first bound that is met, and on from there.
+def _free_point_steps(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
+    """Make steps of conjugate gradients on the free points; return the number of products with K.
 
-    The bounds of an elastic point are 0 and H, those of one that yields on a slope are H and inf. Returns the number
-    of products.
+    A step ends at the first bound that it reaches, and the directions start again from there. The bounds of an elastic
+    point are 0 and H; those of a point that yields and hardens are H and infinity. p and v (n,) are updated.
     """
-    first, former = 0.0, np.inf
+    first, former = (
+        0.0,
+        np.inf,
+    )  # w·r of the first and of the former direction; inf: there is no former one
     for step in range(_STEPS):
         if former == np.inf:
             yields = (p > law.hardness) & (law.slope > 0)
@@ -164,7 +193,7 @@ def _face_steps(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) ->
 
 
 def _preconditioned(grid: Workspace, free: NDArray[np.int32], values: Array, scale: Array) -> Array:
-    """s M s of values on the free points, s = 1 where the law does not harden."""
+    """Apply the scaled preconditioner s M s to values on the free points; s is 1 where the law does not harden."""
     out = np.empty(free.size)
     dense = grid.arrays.dense
     dense[:] = 0

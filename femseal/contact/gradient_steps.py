@@ -1,17 +1,22 @@
-"""Compiled loops of conjugate gradients on the free points, with a preconditioner M of 3 × 3 points.
+"""Compile the loops of conjugate gradients on the free points, with a preconditioner M of 3 × 3 points.
 
-`restart`, `turn` and `step` are what `active_sets` calls; they are made of loops over some points of a list, from
-`first` to `end`. The arrays p, v, state, near, near_p, near_v, free and place are those of `projection`.
+`active_sets` calls `restart`, `turn` and `step`. They consist of loops over the points `first` to `end` of a list. The
+arrays p, v, state, near, near_p, near_v, free and place are those of `projection`.
 
-Arrays of the free points, in the order of their list
------------------------------------------------------
-r, w, d : residual, preconditioned residual and direction. ones : M1.
-soft : compliance a = 1/h of a point that yields on a slope, else 0. scale : s = 1/√(1 + a m), m the largest entry of
-    the stencil: a point that yields is softer by a, and the preconditioner is s M s.
+Arrays of the free points, in the order of the list `free`
+----------------------------------------------------------
+r, w, d : residual, preconditioned residual and direction.
+ones : M1, the preconditioner applied to a vector of ones.
+soft : compliance a = 1/h of a point that yields and hardens [m/Pa], 0 of an elastic one.
+scale : s = 1/√(1 + a m), where m is the middle weight of the stencil. A point that yields is softer by a, and the
+    preconditioner is s M s.
 
-response : Kd of the points near contact. dense : on all points of the grid, 0 where a point is not free: first what
-the stencil is applied to, then d.
-weights, rows, columns : the stencil, and the index of each row and column of the padded grid, −1 outside a free axis.
+Other arrays
+------------
+response : Kd of the points near contact, in the order of the list `near`.
+dense : values at all points of the grid, 0 where a point is not free: what the stencil is applied to, or d.
+weights : the stencil of the preconditioner (3, 3).
+rows, columns : row and column that each row and column of the padded grid stands for, −1 outside a free axis.
 """
 
 import numpy as np
@@ -24,7 +29,7 @@ def restart(
     hardness, slope, state, dense, near_p, near_v, free, place, r, ones, soft,
     scale, weights, rows, columns, n_free, delta,
 ):  # fmt: skip
-    """Begin with the residual r = δ − v − a (p − H) and M1 on the free points; returns Σ M1."""
+    """Compute the residual r = δ − v − a (p − H) and M1 on the free points, for the first direction; return Σ M1."""
     lay_ones(n_free, slope, state, dense, free, soft, scale, weights)
     total_ones = preconditioned(n_free, ones, dense, free, scale, weights, rows, columns)
     total = first_residual(n_free, delta, hardness, near_p, near_v, free, place, r, soft)
@@ -34,7 +39,7 @@ def restart(
 
 @fast_loop
 def lay_ones(first, end, slope, state, dense, free, soft, scale, weights):
-    """Compliance and scale of some free points, and what M1 is found from."""
+    """Set compliance and scale of some free points, and write the values to `dense` from which M1 is computed."""
     for k in range(first, end):
         i = free[k]
         soft[k] = 1.0 / value_at(slope, i) if state[i] == 3 else 0.0
@@ -44,7 +49,7 @@ def lay_ones(first, end, slope, state, dense, free, soft, scale, weights):
 
 @fast_loop
 def first_residual(first, end, delta, hardness, near_p, near_v, free, place, r, soft):
-    """r of some free points; returns its sum."""
+    """Compute r of some free points; return its sum."""
     total = 0.0
     for k in range(first, end):
         j = place[k]
@@ -57,7 +62,7 @@ def first_residual(first, end, delta, hardness, near_p, near_v, free, place, r, 
 
 @fast_loop
 def preconditioned(first, end, out, dense, free, scale, weights, rows, columns):
-    """Write s M of `dense` at some free points to `out`; returns its sum."""
+    """Apply s M to `dense` at some free points, into `out`; return the sum."""
     listed = free[first:end]
     scale = scale[first:end]
     out = out[first:end]
@@ -71,9 +76,9 @@ def preconditioned(first, end, out, dense, free, scale, weights, rows, columns):
 
 @fast_leader
 def turn(dense, free, r, w, d, ones, scale, weights, rows, columns, n_free, former, total_ones):
-    """Next direction d = w + (w·r / former) d, where w = M r less the multiple of M1 that keeps Σ w = 0.
+    """Compute the next direction d = w + (w·r / former) d, with w = M r minus the multiple of M1 that makes Σ w = 0.
 
-    Returns w·r. Where that is not > 0, there is no direction.
+    Returns w·r. If it is not > 0, there is no direction.
     """
     total = preconditioned(n_free, w, dense, free, scale, weights, rows, columns)
     wr = level(n_free, total / total_ones, r, w, ones)
@@ -84,7 +89,7 @@ def turn(dense, free, r, w, d, ones, scale, weights, rows, columns, n_free, form
 
 @fast_loop
 def level(first, end, factor, r, w, ones):
-    """Take a multiple of M1 from w at some free points; returns w·r."""
+    """Subtract a multiple of M1 from w at some free points; return w·r."""
     r, w, ones = r[first:end], w[first:end], ones[first:end]
     wr = 0.0
     for k in range(end - first):
@@ -95,7 +100,7 @@ def level(first, end, factor, r, w, ones):
 
 @fast_loop
 def direct(first, end, beta, dense, free, w, d):
-    """d = w + beta d at some free points, and on the grid."""
+    """Set d = w + beta d at some free points, and in `dense`."""
     free, w, d = free[first:end], w[first:end], d[first:end]
     for k in range(end - first):
         d[k] = w[k] + beta * d[k] if beta > 0.0 else w[k]
@@ -107,10 +112,10 @@ def step(
     kd, compliance, dense, near, near_p, near_v, free, place, r, d, soft, scale, response,
     n_near, n_free, wr,
 ):  # fmt: skip
-    """One step of conjugate gradients, p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
+    """Make a step of conjugate gradients: p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
-    kd : the product with a direction (n1, >= n2), which `compliance` turns into Kd. Returns d·Kd, d·d and whether the
-    step was made: not where d·(Kd + a d) is not > 0.
+    kd : product of the direction with K of a unit modulus (n1, >= n2), so that Kd is `compliance` times it. Returns
+    d·Kd, d·d, and whether the step was made; it is not made unless d·(Kd + a d) > 0.
     """
     gather(n_near, kd, compliance, dense.size // kd.shape[0], near, response)
     curvature, length, stiff = curvatures(n_free, place, d, soft, response)
@@ -124,7 +129,11 @@ def step(
 
 @fast_loop
 def gather(first, end, kd, compliance, columns, near, response):
-    """Kd of some points near contact, of which each row of the grid has so many columns."""
+    """Copy Kd of some points near contact from the grid, whose rows have `columns` points, to their list.
+
+    The rows of `kd` are longer than those of the grid. The list rises, so that no division is needed to find the row of
+    a point.
+    """
     listed = near[first:end]
     out = response[first:end]
     values = kd.ravel()
@@ -141,7 +150,7 @@ def gather(first, end, kd, compliance, columns, near, response):
 
 @fast_loop
 def curvatures(first, end, place, d, soft, response):
-    """d·Kd, d·d and d·(Kd + a d) of some free points."""
+    """Compute d·Kd, d·d and d·(Kd + a d) of some free points."""
     place, d, soft = place[first:end], d[first:end], soft[first:end]
     curvature = 0.0
     length = 0.0
@@ -155,7 +164,7 @@ def curvatures(first, end, place, d, soft, response):
 
 @fast_loop
 def advance(first, end, alpha, near_p, place, r, d, soft, response):
-    """p += α d and r −= α (Kd + a d) at some free points; returns Σ r."""
+    """Compute p += α d and r −= α (Kd + a d) at some free points; return Σ r."""
     place, r, d, soft = place[first:end], r[first:end], d[first:end], soft[first:end]
     total = 0.0
     for k in range(end - first):
@@ -168,7 +177,7 @@ def advance(first, end, alpha, near_p, place, r, d, soft, response):
 
 @fast_loop
 def advance_gap(first, end, alpha, near_v, response):
-    """v += α Kd at some points near contact."""
+    """Compute v += α Kd at some points near contact."""
     v, kd = near_v[first:end], response[first:end]
     for j in range(end - first):
         v[j] += alpha * kd[j]
@@ -176,7 +185,10 @@ def advance_gap(first, end, alpha, near_v, response):
 
 @fast_loop
 def spread_residual(first, end, mean, dense, free, r, scale):
-    """Write residuals to the points of the grid, less their mean, which only the rounding of the load leaves over."""
+    """Subtract the mean from the residuals of some free points, and write the scaled residuals to `dense`.
+
+    The mean differs from 0 only because the load has a rounding error.
+    """
     free, r, scale = free[first:end], r[first:end], scale[first:end]
     for k in range(end - first):
         r[k] -= mean
@@ -185,7 +197,7 @@ def spread_residual(first, end, mean, dense, free, r, scale):
 
 @fast
 def apply_stencil(listed, dense, out, weights, rows, columns):
-    """Write stencil ∗ dense at the listed points to `out`."""
+    """Apply the stencil to `dense` at the listed points, into `out`."""
     n1 = rows.size - 2
     n2 = columns.size - 2
     for k in range(listed.size):

@@ -1,9 +1,9 @@
-"""The elastic half-space: its boundary kinds, its symbol, and the displacement under a pressure.
+"""Describe the elastic half-space: its boundaries, the symbol of its compliance, and the displacement under a pressure.
 
-Symbols are real eigenvalues of K. E* contact modulus, q wave vector [rad/m], Δ pixel spacing, K₀ modified Bessel
-function, Ki₁(x) = ∫ₓ^∞ K₀ (Bickley function).
-Sources: Johnson, Contact Mechanics, 1985, ch. 3 and 13; Love, Phil. Trans. R. Soc. A 228, 1929, 377 (pixel of
-constant pressure); Liu, Wang, Liu, Wear 243, 2000, 101 (DC-FFT).
+The symbol of the compliance K is the array of its eigenvalues, which are real. E* is the contact modulus, q a wave
+vector [rad/m], Δ the spacing of pixels, K₀ a modified Bessel function, and Ki₁(x) = ∫ₓ^∞ K₀ the Bickley function.
+Sources: Johnson, Contact Mechanics, 1985, ch. 3 and 13; Love, Phil. Trans. R. Soc. A 228, 1929, 377 (pixel under
+constant pressure); Liu, Wang & Liu, Wear 243, 2000, 101 (free boundaries by FFT).
 """
 
 from __future__ import annotations
@@ -20,36 +20,45 @@ from ..base import Array, InputError, Pair, Shape, validate
 from .convolution import Boundary, Convolution, padded_length
 
 BOUNDARIES = ("periodic", "mirror", "free")
-#: Values of the kernel of a free axis that are computed at a time.
+#: Number of values of the kernel of one free axis that are computed at a time.
 _STRIP_VALUES = 2**20
+#: Argument from which on Ki₁ is below 1e-17.
+_LARGEST_ARGUMENT = 38.0
 
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """An elastic half-space under pressures on a grid of pixels: u = K p.
+    """An elastic half-space under pressures on a grid of pixels, with the displacement u = K p.
 
-    û = 2 p̂/(E*|q|) on periodic axes (mean displacement free); a mirror axis is the even extension, exactly a cosine
-    transform on the same points; on free axes the pressure is 0 outside and constant on each pixel (Love).
+    On periodic axes the waves of the displacement are û = 2 p̂/(E*|q|), and the mean displacement is arbitrary. A
+    mirror axis continues by its mirror image, which is exactly a cosine transform on the same points. On free axes the
+    pressure is 0 outside the grid, and constant on each pixel.
 
     Parameters
     ----------
-    shape : (n1, n2) pixels.
-    spacing : (Δ1, Δ2) [m].
-    modulus : contact modulus E* [Pa].
-    boundary : kind of each axis, "periodic", "mirror" or "free"; one word stands for both.
+    shape : pair of int
+        Numbers of pixels (n1, n2).
+    spacing : pair of float
+        Spacing (Δ1, Δ2) of the pixels [m].
+    modulus : float
+        Contact modulus E* [Pa].
+    boundary : str or pair of str
+        Kind of boundary of each axis: "periodic", "mirror" or "free". A single word is used for both axes.
 
     Raises
     ------
-    InputError : a size, spacing, modulus or boundary kind that is not allowed.
+    InputError
+        A shape, spacing, modulus or kind of boundary is not allowed.
 
     Notes
     -----
-    Sources: Johnson, Contact Mechanics, 1985; Stanley & Kato, J. Tribol. 119, 1997, 481 (periodic);
-    Liu, Wang & Liu, Wear 243, 2000, 101 (free). With one free axis, the uniform mode is the plane-strain logarithm,
-    whose constant is arbitrary, and so is then the level of `displacement`.
+    Sources: Johnson, Contact Mechanics, 1985; Stanley & Kato, J. Tribol. 119, 1997, 481 (periodic); Liu, Wang & Liu,
+    Wear 243, 2000, 101 (free). With one free axis, the response to a uniform pressure is the logarithm of plane strain.
+    Its constant is arbitrary, and so is the mean of `displacement` then.
 
-    Free axes are padded to lengths with fast transforms. Periodic and mirror ones cannot be: a large prime factor in
-    their number of points slows everything, 1021² points take 8 times as long as 1024². `Topography.resample` helps.
+    Free axes are padded to lengths whose transforms are fast. Periodic and mirror axes cannot be padded, so that a
+    large prime factor in their number of points slows everything down: 1021² points take 8 times as long as 1024².
+    `Topography.resample` can change the number of points.
 
     Examples
     --------
@@ -76,47 +85,52 @@ class HalfSpace:
 
     @cached_property
     def stiffness(self) -> float:
-        """c = πE*/(4Δ) [Pa/m], that of a wave of four pixels: the step from gap to pressure of the contact solver.
+        """Stiffness c = πE*/(4Δ) [Pa/m] of a wave of four pixels, by which the contact solver turns gap into pressure.
 
-        Δ is the geometric mean of the spacings along which there are points.
+        Δ is the geometric mean of the spacings along which there are several points.
         """
-        spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1] or [
-            min(self.spacing)
-        ]
-        return np.pi * self.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
+        spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1]
+        if not spacings:
+            spacings = [min(self.spacing)]
+        mean_spacing = float(np.prod(spacings) ** (1 / len(spacings)))
+        return np.pi * self.modulus / (4 * mean_spacing)
 
     @cached_property
     def of_unit_modulus(self) -> HalfSpace:
-        """The body with E* = 1 Pa, whose displacements are E* times as large."""
+        """The same half-space with E* = 1 Pa; its displacements are E* times as large."""
         return replace(self, modulus=1.0)
 
     @cached_property
     def coarser(self) -> HalfSpace:
         """The same area with about half of the points along each axis that has more than one."""
-        (n1, n2), (d1, d2) = self.shape, self.spacing
-        spacing = 2 * d1 if n1 > 1 else d1, 2 * d2 if n2 > 1 else d2
+        n1, n2 = self.shape
+        d1, d2 = self.spacing
+        spacing = (2 * d1 if n1 > 1 else d1, 2 * d2 if n2 > 1 else d2)
         return replace(self, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=spacing)
 
     def symbol(self) -> Array:
-        """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
+        """Compute the eigenvalues of K [m/Pa], for waves of periodic and padded free axes and cosines of mirror axes.
 
-        A wave and its conjugate respond alike, and so does that with one number reversed: half of both axes is enough,
-        but for mirrors.
+        K has the same eigenvalue for a wave, for its conjugate, and for the wave with one wave number reversed. Half of
+        the waves is therefore enough along both axes, except for mirror axes, which need all cosines.
         """
-        (n1, n2), (d1, d2), (b1, b2) = self.shape, self.spacing, self.boundary
+        n1, n2 = self.shape
+        d1, d2 = self.spacing
+        b1, b2 = self.boundary
         if b1 == b2 == "free":
             return free_symbol(self.shape, self.spacing, self.modulus)
-        q1, q2 = wave_numbers(n1, d1, b1), wave_numbers(n2, d2, b2)
+        q1 = wave_numbers(n1, d1, b1)
+        q2 = wave_numbers(n2, d2, b2)
         if b1 == "free":
             return strip_symbol(n1, d1, q2, d2, self.modulus)
         if b2 == "free":
             return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, self.modulus).T)
         stiffness = self.modulus * np.hypot(q1[:, None], q2)
-        # the mean displacement is free, 0 for q = 0
+        # the mean displacement is arbitrary, so that the eigenvalue for q = 0 is set to 0
         return np.divide(2.0, stiffness, out=stiffness, where=stiffness > 0)
 
     def displacement(self, pressure: ArrayLike) -> Array:
-        """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""
+        """Compute the displacement u = K p (n1, n2) [m] under pressures p (n1, n2) [Pa]."""
         p = validate.field("pressure", pressure, unit="Pa", shape=self.shape)
         product = Convolution(self.shape, self.boundary, self.symbol())
         product.pressure[:] = p
@@ -125,10 +139,10 @@ class HalfSpace:
 
 
 def wave_numbers(n: int, spacing: float, kind: str) -> Array:
-    """|q| [rad/m] of the modes of one axis, in the order of its transform.
+    """List |q| [rad/m] of the waves of one axis of n points, in the order of its transform.
 
-    Periodic: the non-negative half of a real transform; mirror: q = πk/(nΔ) of the cosine transform, which is the
-    periodic axis of twice the length.
+    A periodic axis has the non-negative wave numbers of a real transform. A mirror axis has q = πk/(nΔ) of the cosine
+    transform, as a periodic axis of twice the length.
     """
     if kind == "mirror":
         return np.pi / (n * spacing) * np.arange(n, dtype=float)
@@ -136,57 +150,80 @@ def wave_numbers(n: int, spacing: float, kind: str) -> Array:
 
 
 def _love(x: Array, y: Array) -> Array:
-    """Antiderivative in both coordinates of 1/√(x² + y²); neither coordinate is 0 at a pixel's corners."""
+    """Compute the antiderivative of 1/√(x² + y²) in both coordinates, which are not 0 at the corners of pixels."""
     return x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))
 
 
 def free_symbol(shape: Shape, spacing: Pair, modulus: float) -> Array:
-    """Both axes free: transform of Love's displacement [m/Pa] of a pixel under constant pressure."""
-    x, y = (
-        (np.arange(padded_length(n) // 2 + 2, dtype=float) - 0.5) * d
-        for n, d in zip(shape, spacing, strict=True)
-    )
+    """Compute the eigenvalues [m/Pa] for two free axes.
+
+    They are the transform of Love's displacement around a pixel under constant pressure.
+    """
+    length1, length2 = (padded_length(n) for n in shape)
+    d1, d2 = spacing
+    x = (np.arange(length1 // 2 + 2, dtype=float) - 0.5) * d1  # edges of the pixels
+    y = (np.arange(length2 // 2 + 2, dtype=float) - 0.5) * d2
     potential = _love(x[:, None], y)
     kernel = np.diff(np.diff(potential, axis=0), axis=1) / (np.pi * modulus)
-    l1, l2 = (padded_length(n) for n in shape)
-    return np.ascontiguousarray(_even_transform(_even_transform(kernel, l2).T, l1).T)
+    along_2 = _even_transform(kernel, length2)
+    return np.ascontiguousarray(_even_transform(along_2.T, length1).T)
 
 
 def _even_transform(half: Array, length: int) -> Array:
-    """Transform of rows that are even about 0, of which the first half is given: the first half of it."""
-    rest = length - half.shape[1]
-    return rfft(np.concatenate((half, half[:, rest:0:-1]), axis=1), axis=1).real
+    """Transform rows that are even about 0, and whose first half is given; the result is the first half too."""
+    n_missing = length - half.shape[1]
+    whole = np.concatenate((half, half[:, n_missing:0:-1]), axis=1)
+    return rfft(whole, axis=1).real
 
 
 def bickley_1(x: Array) -> Array:
-    """Ki₁(x) = ∫ₓ^∞ K₀(t) dt = ∫₀^∞ exp(−x cosh θ)/cosh θ dθ for x >= 0, to 1e-15.
+    """Compute the Bickley function Ki₁(x) = ∫ₓ^∞ K₀(t) dt = ∫₀^∞ exp(−x cosh θ)/cosh θ dθ for x >= 0.
 
-    The trapezoidal rule converges exponentially because the integrand is even and decays doubly exponentially.
+    The error of the trapezoidal rule is about 1e-15: it converges exponentially, because the integrand is even and
+    decays doubly exponentially.
 
+    Examples
+    --------
     >>> bool(abs(bickley_1(np.array([0.0]))[0] - np.pi / 2) < 1e-14)
     True
     """
     out = np.zeros_like(x, dtype=float)
-    live = x < 38.0  # Ki₁(38) < 1e-17
-    xs = x[live]
-    # h = 1/6 leaves an error of exp(−π²/h): below rounding
-    h = 1 / 6
+    is_significant = x < _LARGEST_ARGUMENT
+    xs = x[is_significant]
+    h = 1 / 6  # the error is exp(−π²/h), which is below rounding
     θ_end = float(np.arccosh(max(1.0, 40.0 / max(float(xs.min(initial=40.0)), 1e-16))))
     total = np.zeros_like(xs)
     for m in range(int(θ_end / h) + 2):
         c = np.cosh(m * h)
         total += (0.5 if m == 0 else 1.0) * np.exp(-xs * c) / c
-    out[live] = h * total
+    out[is_significant] = h * total
     return out
 
 
 def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: float) -> Array:
-    """One free axis of pixels d_free, the other periodic or mirrored with wave numbers q: (half of it padded, q.size).
+    """Compute the eigenvalues [m/Pa] for one free axis, while the other axis is periodic or a mirror.
 
-    A wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it; q = 0 is the plane-strain logarithm, whose
-    constant is arbitrary. Pressure is constant on each pixel, so every q brings its aliases q + 2πm/Δ: the sum is
-    Love's solution summed over all periodic images, to rounding. Aliases decay exponentially with the distance;
-    their part at zero distance is an alternating series with a closed form.
+    The response to a wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it. For q = 0 it is the logarithm
+    of plane strain, whose constant is arbitrary. Because the pressure is constant on each pixel, every q comes with its
+    aliases q + 2πm/Δ; their sum is Love's solution summed over all periodic images, to rounding. Aliases decay
+    exponentially with the distance, and their sum at distance 0 is an alternating series with a closed form.
+
+    Parameters
+    ----------
+    n_free : int
+        Number of points along the free axis.
+    d_free : float
+        Spacing along the free axis [m].
+    q : array (waves,)
+        Wave numbers of the other axis [rad/m].
+    d_other : float
+        Spacing along the other axis [m].
+    modulus : float
+        Contact modulus E* [Pa].
+
+    Returns
+    -------
+    array (half of the padded length of the free axis, waves)
     """
     length = padded_length(n_free)
     width = max(1, _STRIP_VALUES // length)
@@ -198,52 +235,63 @@ def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: 
 
 
 def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> Array:
-    """Half of the transform of the kernel of a free axis for some waves q, see `strip_symbol`.
+    """Compute half of the transform of the kernel of a free axis for some waves q, see `strip_symbol`.
 
-    The kernel is even about 0; offsets beyond n − 1 have no effect on the result.
+    n, length, d : points, padded length and spacing of the free axis. The kernel is even about 0. Offsets beyond n − 1
+    have no effect on the result.
     """
-    kernel = np.zeros((q.size, length // 2 + 1))
-    live = q > 0
-    p = q[live]
+    kernel = np.zeros((q.size, length // 2 + 1))  # (wave, offset)
+    is_wave = q > 0
+    positive_q = q[is_wave]
     period = 2 * np.pi / d_other
-    a = p / period
-    waves = np.zeros((p.size, kernel.shape[1]))
-    for m in range(int(38 * d_other / (np.pi * d)) + 2):
+    a = positive_q / period
+    waves = np.zeros((positive_q.size, kernel.shape[1]))
+    for m in range(int(_LARGEST_ARGUMENT * d_other / (np.pi * d)) + 2):
         for sign in (1, -1) if m else (1,):
-            _add_wave(waves, d, np.abs(p + sign * m * period), np.sinc(a + sign * m))
+            alias = np.abs(positive_q + sign * m * period)
+            _add_wave(waves, d, alias, np.sinc(a + sign * m))
     # Σ_m sinc(π(a + m)) π/|q_m|: the integral of every alias over the whole line
-    waves[:, 0] += np.sin(np.pi * a) / period * (_alternating(a) + _alternating(1 - a))
-    kernel[live] = waves
-    t1, t2 = ((np.arange(kernel.shape[1]) + side) / n for side in (-0.5, 0.5))
-    kernel[~live] = -n * d * (t2 * np.log(t2) - t1 * np.log(np.abs(t1)) - (t2 - t1))
+    waves[:, 0] += np.sin(np.pi * a) / period * (_alternating_sum(a) + _alternating_sum(1 - a))
+    kernel[is_wave] = waves
+    # the wave with q = 0: integral of the logarithm between the edges of each pixel
+    t1 = (np.arange(kernel.shape[1]) - 0.5) / n
+    t2 = (np.arange(kernel.shape[1]) + 0.5) / n
+    kernel[~is_wave] = -n * d * (t2 * np.log(t2) - t1 * np.log(np.abs(t1)) - (t2 - t1))
     return _even_transform(kernel, length).T
 
 
 def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
-    """Add weight · ∫ K₀(q|t|) dt over the pixels at 0, d, 2d, …; at 0 minus what lies outside the pixel."""
-    near = min(waves.shape[1], int(38 / (q.min(initial=np.inf) * d) + 0.5) + 1)
-    beyond = bickley_1(q[:, None] * ((np.arange(near) + 0.5) * d))
-    beyond *= (weight / q)[:, None]
-    waves[:, 0] -= 2 * beyond[:, 0]
-    waves[:, 1:near] += beyond[:, :-1] - beyond[:, 1:]
+    """Add weight · ∫ K₀(q|t|) dt over the pixels at 0, d, 2d, … to the waves (waves, pixels).
+
+    For the pixel at 0, the integral over the rest of the line is subtracted instead; the caller adds the whole line.
+    """
+    n_near = min(waves.shape[1], int(_LARGEST_ARGUMENT / (q.min(initial=np.inf) * d) + 0.5) + 1)
+    edges = (np.arange(n_near) + 0.5) * d
+    beyond_edge = bickley_1(q[:, None] * edges)
+    beyond_edge *= (weight / q)[:, None]
+    waves[:, 0] -= 2 * beyond_edge[:, 0]
+    waves[:, 1:n_near] += beyond_edge[:, :-1] - beyond_edge[:, 1:]
 
 
-def _alternating(a: Array) -> Array:
-    """Σ_{m>=0} (−1)^m / (m + a)² for a > 0."""
+def _alternating_sum(a: Array) -> Array:
+    """Compute Σ_{m>=0} (−1)^m / (m + a)² for a > 0."""
     return (polygamma(1, a / 2) - polygamma(1, (a + 1) / 2)) / 4
 
 
 def stiffness_stencil(spacing: Pair, modulus: float) -> Array:
-    """3 × 3 truncation of the inverse operator, symbol E*|q|/2 [Pa/m]: the preconditioner of the solver.
+    """Compute the preconditioner of the solver: 3 × 3 weights [Pa/m] of the inverse of K, whose symbol is E*|q|/2.
 
-    A truncation that is not positive definite (strongly stretched pixels) is reduced to its diagonal.
+    If these weights are not positive definite, which happens for very long pixels, only the middle one is kept.
     """
-    q = np.hypot(*np.ix_(*(2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in spacing)))
-    corner = np.fft.ifft2(modulus * q / 2).real[:2, :2]
-    # the symbol is linear in the cosines along both axes: its extremes are where these are 1 and −1
-    ends = np.array([[1, 2], [1, -2]])
-    symbol = ends @ corner @ ends.T
+    q1, q2 = (2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in spacing)
+    q = np.hypot(q1[:, None], q2[None, :])
+    # weights of a point and of its neighbours at +1; those at −1 are the same
+    quarter = np.fft.ifft2(modulus * q / 2).real[:2, :2]
+    # the symbol of 3 × 3 weights is linear in the cosine of the wave along each axis, w₀ + 2 w₁ cos, so that its
+    # extremes are where the cosines are 1 or −1
+    at_cosines = np.array([[1, 2], [1, -2]])
+    symbol = at_cosines @ quarter @ at_cosines.T
     if symbol.min() <= 1e-3 * symbol.max():
-        corner = np.diag([corner[0, 0], 0.0])
+        quarter = np.diag([quarter[0, 0], 0.0])
     mirrored = [1, 0, 1]
-    return corner[mirrored][:, mirrored]
+    return quarter[mirrored][:, mirrored]

@@ -1,4 +1,4 @@
-"""Contact laws whose hardness is a curve of the depth: of a table, or by Nix and Gao."""
+"""Define contact laws whose hardness is a curve over depth: from a table, or by Nix and Gao."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,25 +9,29 @@ import numpy as np
 from ..base import Array, InputError, counted, reals, to_text, validate
 from .law import ContactLaw
 
-#: Depth [m] above which Nix and Gao's law was found to hold (Feng & Nix, Scripta Mater. 51, 2004, 599).
+#: Depth [m] above which experiments agree with the law of Nix and Gao (Feng & Nix, Scripta Mater. 51, 2004, 599).
 SMALLEST_DEPTH = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
 class HardnessTable(ContactLaw):
-    """Hardness over depth, as instrumented indentation measures it: H(u) through the points of a table.
+    """Law with a table of hardness over depth, as instrumented indentation measures it.
 
-    Between the points it is a monotone cubic (PCHIP), beyond the ends the hardness of the end; a point that yields to
-    the depth u is taken to carry what an indentation of this depth does.
-    Source: Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300 (interpolation).
+    A point that yields to the depth u is assumed to carry the pressure of an indentation of this depth. H(u) is
+    interpolated with a monotone cubic (PCHIP; Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300), and constant
+    beyond the ends of the table.
 
     Parameters
     ----------
-    depth : rising depths >= 0 [m]. hardness : as many hardnesses > 0 [Pa].
+    depth : array (n,)
+        Depths >= 0 [m], which rise.
+    hardness : array (n,)
+        Hardness > 0 at each depth [Pa].
 
     Raises
     ------
-    InputError : fewer than two points, depths that do not rise, or hardnesses that are not finite numbers > 0.
+    InputError
+        There are fewer than two points, the depths do not rise, or a hardness is not a finite number > 0.
 
     Examples
     --------
@@ -41,19 +45,18 @@ class HardnessTable(ContactLaw):
 
     def __post_init__(self) -> None:
         for name, unit in (("depth", "m"), ("hardness", "Pa")):
-            values = validate.field(
-                name, np.atleast_2d(np.asarray(getattr(self, name), dtype=object)), unit=unit
-            )[0]
+            one_row = np.atleast_2d(np.asarray(getattr(self, name), dtype=object))
+            values = validate.field(name, one_row, unit=unit)[0]
             object.__setattr__(self, name, values)
         if self.depth.size < 2 or self.depth.size != self.hardness.size:
-            given = (
-                f"{counted(self.depth.size, 'value')} of depth and {self.hardness.size} of hardness"
-            )
-            raise InputError("hardness table", given, "as many of both, two or more")
-        if not (self.depth[0] >= 0 and np.all(np.diff(self.depth) > 0)):
+            n_depths = counted(self.depth.size, "value")
+            given = f"{n_depths} of depth and {self.hardness.size} of hardness"
             raise InputError(
-                "depth", ", ".join(to_text(d, "m") for d in self.depth), "depths >= 0 that rise"
+                "hardness table", given, "the same number of depths and hardnesses, at least two"
             )
+        if not (self.depth[0] >= 0 and np.all(np.diff(self.depth) > 0)):
+            given = ", ".join(to_text(depth, "m") for depth in self.depth)
+            raise InputError("depth", given, "rising depths >= 0")
         if not np.all(self.hardness > 0):
             raise InputError("hardness", f"{self.hardness.min():g} Pa", "numbers > 0 [Pa]")
 
@@ -67,18 +70,21 @@ class HardnessTable(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """The hardness at the end of the table: what all points carry, however deep."""
+        """Hardness at the end of the table [Pa], which points carry at any larger depth."""
         return float(self.hardness[-1])
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """H(u)."""
-        return self._curves[0](np.clip(deformation, self.depth[0], self.depth[-1]))
+        """Interpolate H(u) [Pa]."""
+        curve, _ = self._curves
+        return curve(np.clip(deformation, self.depth[0], self.depth[-1]))
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """dH/du; 0 beyond the ends."""
+        """Compute dH/du [Pa/m], which is 0 beyond the ends of the table."""
         u = reals(deformation)
-        inside = (u >= self.depth[0]) & (u < self.depth[-1])
-        return np.where(inside, self._curves[1](np.clip(u, self.depth[0], self.depth[-1])), 0.0)
+        first, last = self.depth[0], self.depth[-1]
+        _, derivative = self._curves
+        is_inside = (u >= first) & (u < last)
+        return np.where(is_inside, derivative(np.clip(u, first, last)), 0.0)
 
     def __str__(self) -> str:
         ends = " to ".join(to_text(h, "Pa") for h in self.hardness[[0, -1]])
@@ -88,19 +94,25 @@ class HardnessTable(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class NixGao(ContactLaw):
-    """A metal that is the harder the less deep it has yielded: H(u) = H₀ √(1 + h*/u), constant below a smallest depth.
+    """Law of a metal that is harder at small depths: H(u) = H₀ √(1 + h*/u), constant below a smallest depth.
 
-    It softens as it yields. Without the smallest depth the first yield would take an endless pressure; the law itself
-    fails below about 0.1 µm, where hardness stays finite.
-    Source: Nix & Gao, J. Mech. Phys. Solids 46, 1998, 411; Feng & Nix, Scripta Mater. 51, 2004, 599.
+    Such a metal softens as it yields (Nix & Gao, J. Mech. Phys. Solids 46, 1998, 411). Below about 0.1 µm the measured
+    hardness remains finite (Feng & Nix, Scripta Mater. 51, 2004, 599), whereas the formula becomes infinite; this is
+    what the smallest depth is for.
 
     Parameters
     ----------
-    hardness : H₀ > 0 of large depths [Pa]. depth : h* >= 0 [m]. smallest_depth : > 0 [m].
+    hardness : float
+        Hardness H₀ > 0 at large depths [Pa].
+    depth : float
+        Length h* >= 0 of the law [m].
+    smallest_depth : float
+        Depth > 0 below which the hardness is constant [m].
 
     Raises
     ------
-    InputError : values out of these ranges.
+    InputError
+        A value is out of its range.
 
     Examples
     --------
@@ -119,17 +131,16 @@ class NixGao(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """H₀: what all points carry, however deep."""
+        """Hardness H₀ at large depths [Pa], which points carry at any depth."""
         return self.hardness
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """H₀ √(1 + h*/u)."""
-        return self.hardness * np.sqrt(
-            1 + self.depth / np.maximum(deformation, self.smallest_depth)
-        )
+        """Compute H₀ √(1 + h*/u) [Pa]."""
+        u = np.maximum(deformation, self.smallest_depth)
+        return self.hardness * np.sqrt(1 + self.depth / u)
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """dH/du, at most 0."""
+        """Compute dH/du <= 0 [Pa/m]."""
         u = np.maximum(deformation, self.smallest_depth)
         slope = -0.5 * self.hardness * self.depth / (u**2 * np.sqrt(1 + self.depth / u))
         return np.where(np.asarray(deformation) >= self.smallest_depth, slope, 0.0)

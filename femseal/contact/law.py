@@ -1,12 +1,12 @@
-"""Contact laws: what a point of the faces can carry, and what it keeps of a load.
+"""Define contact laws: the pressure that a point of the surface can carry, and the deformation that remains.
 
 Symbols: p contact pressure, u plastic deformation, H(u) pressure at which a point with u yields, h = dH/du hardening
-modulus, g raw gap (negative where faces overlap), c a stiffness [Pa/m].
+modulus, g raw gap (negative where the bodies overlap), c a stiffness [Pa/m].
 
-Where 0 < p < H(u), contact is elastic. Where a point yields, p = H(u) and u grows. A law is the curve H(u), and a new
-one is a class with this curve; the solver sees straight lines, its tangents. A law whose curve rises is a convex term
-of the energy, ½⟨(p − H)₊, (p − H)₊⟩/h for a straight line.
-Source: Sahlin et al., Proc. IMechE J 224, 2010, 335 (perfectly plastic).
+Contact is elastic while 0 < p < H(u). When a point yields, p = H(u) and u grows. A law is the curve H(u); a new law is
+a class with this curve. The solver uses straight lines only, the tangents of the curve. In the energy, a law that
+rises is a convex term; for a straight line it is ½⟨(p − H)₊, (p − H)₊⟩/h (for perfect plasticity see Sahlin et al.,
+Proc. IMechE J 224, 2010, 335).
 """
 
 from __future__ import annotations
@@ -23,44 +23,46 @@ from ..base import Array, InputError, Shape, reals, to_text
 from ..store.code import NoDigest
 from ..store.digests import digest
 
-#: Newton steps, or halvings, of a projection onto a curved law, one for a straight line; steepest fall over c for them.
-_NEWTON_STEPS, _STEEPEST = 60, 0.8
-#: Depths [m] at which curves of two faces are compared.
-_COMPARED = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
+#: Most Newton steps, or halvings, of a projection onto a curved law.
+_NEWTON_STEPS = 60
+#: Steepest slope of a softening law, relative to the stiffness, that Newton's method uses.
+_STEEPEST = 0.8
+#: Depths at which the laws of two bodies are compared [m].
+_COMPARED_DEPTHS = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
 
 
 class ContactLaw:
-    """A law of contact: base of all; a new one defines `yield_pressure` and `hardening_modulus`.
+    """Base of all contact laws. A new law defines `yield_pressure` and `hardening_modulus`.
 
-    A law is best a frozen dataclass (with `eq=False`) whose fields are its parameters: they make its key.
+    A law should be a frozen dataclass (with `eq=False`) whose fields are its parameters, because they make its key.
     """
 
     @property
     def linear(self) -> bool:
-        """Whether H(u) is a straight line at every point: then one solution is enough, else there are several."""
+        """Whether H(u) is a straight line at every point. One solution is enough then; a curve needs several."""
         return False
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """H(u) [Pa] of a plastic deformation u [m]: one number, or one for each point (n1, n2)."""
+        """Compute H(u) [Pa] at a plastic deformation u [m]: one number, or one for each point (n1, n2)."""
         raise NotImplementedError
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """dH/du [Pa/m] at a plastic deformation u [m]: one number, or one for each point (n1, n2)."""
+        """Compute dH/du [Pa/m] at a plastic deformation u [m]: one number, or one for each point (n1, n2)."""
         raise NotImplementedError
 
     @property
     def capacity(self) -> float:
-        """Largest mean pressure [Pa] that the points carry; inf where any of them hardens."""
+        """Largest mean pressure [Pa] that the points carry; infinite if any of them hardens."""
         return inf if np.any(self.hardening_modulus() > 0) else self.mean_hardness
 
     @property
     def mean_hardness(self) -> float:
-        """Mean pressure at which points yield for the first time [Pa]; inf is elastic."""
+        """Mean pressure at which points yield for the first time [Pa]; infinite for elastic points."""
         return float(np.mean(self.yield_pressure()))
 
     @property
     def is_perfect(self) -> bool:
-        """Whether points neither harden nor soften: the law has pressures alone, and no length."""
+        """Whether points neither harden nor soften, so that the law contains no length."""
         return self.linear and not np.any(self.hardening_modulus() > 0)
 
     @property
@@ -74,23 +76,42 @@ class ContactLaw:
         return np.size(self.yield_pressure()) == 1 and np.size(self.hardening_modulus()) == 1
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
-        """The law of points that an earlier load left with a plastic deformation (n1, n2) [m]: H(u + deformation)."""
-        return self if self.is_perfect else _Changed(self, kept=reals(deformation))
+        """Make the law H(u + deformation) of points with a plastic deformation (n1, n2) [m] from an earlier load."""
+        if self.is_perfect:
+            return self
+        return _ChangedLaw(self, earlier_deformation=reals(deformation))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
-        """The law of the contact pressure where a fluid pressure [Pa] presses on the faces too: H(u) − p_f."""
-        return _Changed(self, fluid_pressure=reals(fluid_pressure))
+        """Make the law H(u) − p_f of the contact pressure alone, under a fluid pressure p_f [Pa]."""
+        return _ChangedLaw(self, fluid_pressure=reals(fluid_pressure))
 
     def times(self, factor: float) -> ContactLaw:
-        """The law of a metal `factor` times as hard: factor · H(u)."""
-        return _Changed(self, factor=factor)
+        """Make the law factor · H(u) of a metal that is harder by a factor."""
+        return _ChangedLaw(self, factor=factor)
 
     def admissible(self, pressure: Array, gap: Array, stiffness: float) -> tuple[Array, Array]:
-        """The admissible pressure y >= 0 [Pa] near a pressure p with the raw gap g, and its deformation u [m].
+        """Project a pressure on the law.
 
-        It is the projection of z = p − c g: z = y + c u, and y = H(u) where y yields. It minimises ½(y − z)² + c ψ(y),
-        ψ the energy of the law. Where the law falls steeply there are several: a point that has gone through
-        the steep part stays at its overlap, as its neighbours have taken what it no longer carries.
+        The projection y of the trial pressure z = p − c g fulfils z = y + c u, with y = H(u) where the point yields. It
+        minimises ½(y − z)² + c ψ(y), where ψ is the energy of the law. If the law falls steeply, there are several
+        solutions: a point that has passed the steep part stays at its overlap, because its neighbours have taken over
+        what it no longer carries.
+
+        Parameters
+        ----------
+        pressure : array (n1, n2)
+            Contact pressure p [Pa].
+        gap : array (n1, n2)
+            Raw gap g [m].
+        stiffness : float
+            Stiffness c [Pa/m].
+
+        Returns
+        -------
+        pressure : array (n1, n2)
+            Admissible pressure y >= 0 [Pa].
+        deformation : array (n1, n2)
+            Its plastic deformation u [m].
         """
         trial = pressure - stiffness * gap
         u = self._deformation(trial, stiffness)
@@ -99,63 +120,70 @@ class ContactLaw:
         slope = self.hardening_modulus(overlap)
         if not np.any(slope < 0):
             return y, u
-        yields = self.yield_pressure(overlap)
-        deep = (
-            (slope < 0)
-            & (overlap > 0)
-            & ((overlap > u) | (np.abs(pressure - yields) < np.abs(pressure - y)))
-        )
-        slack = (
-            np.maximum(slope, -_STEEPEST * stiffness) + stiffness
-        )  # near 0 Newton's method goes anywhere
-        return np.where(deep, yields, y), np.where(
-            deep, np.maximum(overlap + (pressure - yields) / slack, 0.0), u
-        )
+        yield_pressure = self.yield_pressure(overlap)
+        is_nearer = np.abs(pressure - yield_pressure) < np.abs(pressure - y)
+        has_passed = (slope < 0) & (overlap > 0) & ((overlap > u) | is_nearer)
+        # Newton's method needs a slope that is not near 0
+        total_slope = np.maximum(slope, -_STEEPEST * stiffness) + stiffness
+        u_at_overlap = np.maximum(overlap + (pressure - yield_pressure) / total_slope, 0.0)
+        return np.where(has_passed, yield_pressure, y), np.where(has_passed, u_at_overlap, u)
 
     def _deformation(self, trial: Array, stiffness: float) -> Array:
-        """u >= 0 with H(u) + c u = z, 0 where z < H(0), by Newton's method between bounds, which it halves."""
+        """Solve H(u) + c u = z for u >= 0 by Newton's method between bounds, with halving; u is 0 where z < H(0).
+
+        trial : trial pressure z (n1, n2) [Pa]. stiffness : c [Pa/m].
+        """
         u = np.zeros(np.shape(trial))
         low = u
         high = np.full(u.shape, inf) if self.linear else np.maximum(trial, 0.0) / stiffness
         change = high
         for _ in range(1 if self.linear else _NEWTON_STEPS):
             excess = self.yield_pressure(u) + stiffness * u - trial
-            low, high = np.where(excess < 0, u, low), np.where(excess < 0, high, u)
+            low = np.where(excess < 0, u, low)
+            high = np.where(excess < 0, high, u)
             with np.errstate(divide="ignore"):
                 step = -excess / (self.hardening_modulus(u) + stiffness)
-            slow = (np.abs(step) > 0.5 * np.abs(change)) & (np.abs(step) > 1e-12 * high)
-            inside = (u + step >= low) & (u + step <= high) & ~slow
-            change = np.where(inside, step, 0.5 * (low + high) - u)
-            former, u = u, u + change
+            is_slow = (np.abs(step) > 0.5 * np.abs(change)) & (np.abs(step) > 1e-12 * high)
+            is_inside = (u + step >= low) & (u + step <= high)
+            change = np.where(is_inside & ~is_slow, step, 0.5 * (low + high) - u)
+            former = u
+            u = u + change
             if np.array_equal(u, former):
                 break
         return u
 
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
-        """The straight line that touches the law at a plastic deformation [m]; where the law softens, a flat one.
+        """Find the straight line that touches the law at a plastic deformation [m]; a horizontal one if it softens.
+
+        Parameters
+        ----------
+        shape : pair of int
+            Points of the grid.
+        deformation : float or array (n1, n2)
+            Plastic deformation u [m].
 
         Raises
         ------
-        InputError : the law has arrays of another shape, or a yield pressure that is not > 0.
+        InputError
+            The law has arrays of another shape, or a yield pressure that is not > 0.
         """
-        hardness, slope = self.yield_pressure(deformation), self.hardening_modulus(deformation)
-        slope = np.maximum(slope, 0.0)
-        hardness = hardness - slope * reals(deformation)
-        hardness, slope = (np.atleast_1d(reals(values)) for values in (hardness, slope))
+        slope = np.maximum(self.hardening_modulus(deformation), 0.0)
+        hardness = self.yield_pressure(deformation) - slope * reals(deformation)
+        hardness = np.atleast_1d(reals(hardness))
+        slope = np.atleast_1d(reals(slope))
         for values in (hardness, slope):
             if values.size != 1 and values.shape != shape:
-                raise InputError(
-                    "hardness", f"shape {values.shape}", f"a number or an array {shape} [Pa]"
-                )
+                expected = f"a number or an array {shape} [Pa]"
+                raise InputError("hardness", f"shape {values.shape}", expected)
         if not np.all(hardness > 0):
             raise InputError("hardness", f"{hardness.min():g} Pa", "numbers > 0 [Pa]")
         return YieldLine(hardness, slope)
 
     def key(self) -> str:
-        """Return a text that is the same for laws of the same parameters and code, and for no others."""
+        """Make a text that is the same for laws with the same parameters and code, and for no others."""
         try:
             return digest(self)
-        except NoDigest:  # as of an object of C code: the law is equal to itself alone
+        except NoDigest:  # for example an object of C code; the law equals only itself then
             return f"{type(self).__qualname__} {id(self)}"
 
     def __str__(self) -> str:
@@ -170,19 +198,22 @@ class ContactLaw:
 
 @dataclass(frozen=True, eq=False)
 class LinearHardening(ContactLaw):
-    """A point hardens evenly as it yields: H(u) = H + h u.
+    """Law of points that harden linearly as they yield: H(u) = H + h u.
 
-    After unloading, a point keeps H + h u as its hardness: reloading up to the peak is elastic where nothing yields
-    again, and beyond the peak the first loading goes on.
+    After unloading, the hardness of a point remains H + h u. Reloading up to the peak is elastic unless points yield
+    again, and beyond the peak it follows first loading.
 
     Parameters
     ----------
-    hardness : H [Pa] > 0 where yield begins, a number or one for each point (n1, n2).
-    slope : h [Pa/m] >= 0, a number or one for each point; 0 is perfectly plastic.
+    hardness : float or array (n1, n2)
+        Hardness H > 0 at which yield begins [Pa].
+    slope : float or array (n1, n2)
+        Hardening modulus h >= 0 [Pa/m]; 0 is perfectly plastic.
 
     Raises
     ------
-    InputError : a hardness that is not > 0, or a slope that is not a finite number >= 0.
+    InputError
+        A hardness is not > 0, or a slope is not a finite number >= 0.
 
     Examples
     --------
@@ -197,12 +228,13 @@ class LinearHardening(ContactLaw):
     slope: float | Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "hardness", _numbers("hardness", self.hardness, "Pa"))
-        object.__setattr__(self, "slope", _numbers("slope", self.slope, "Pa/m", zero=True))
+        object.__setattr__(self, "hardness", _checked_numbers("hardness", self.hardness, "Pa"))
+        slope = _checked_numbers("slope", self.slope, "Pa/m", allow_zero=True)
+        object.__setattr__(self, "slope", slope)
 
     @property
     def linear(self) -> bool:
-        """True."""
+        """Whether H(u) is a straight line: always."""
         return True
 
     @property
@@ -212,23 +244,24 @@ class LinearHardening(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Largest mean pressure [Pa] that the points carry; inf where any of them hardens."""
+        """Largest mean pressure [Pa] that the points carry; infinite if any of them hardens."""
         return self._uniform_line.capacity if self.is_uniform else super().capacity
 
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
-        """The law itself, whatever the deformation."""
+        """Return the law itself, which is its own tangent at any deformation."""
         return self._uniform_line if self.is_uniform else super().tangent(shape, 0.0)
 
     @cached_property
     def _uniform_line(self) -> YieldLine:
+        """The straight line of a uniform law, which is checked once."""
         return super().tangent((1, 1))
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """H + h u."""
+        """Compute H + h u [Pa]."""
         return self.hardness + self.slope * reals(deformation)
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """h, whatever the deformation."""
+        """Return h [Pa/m], which does not depend on the deformation."""
         return self.slope
 
     def __str__(self) -> str:
@@ -238,15 +271,17 @@ class LinearHardening(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class PerfectlyPlastic(LinearHardening):
-    """A point carries its hardness H at most: H(u) = H.
+    """Law of points that carry at most their hardness: H(u) = H.
 
     Parameters
     ----------
-    hardness : H [Pa] > 0, a number or one for each point (n1, n2); inf is elastic.
+    hardness : float or array (n1, n2)
+        Hardness H > 0 [Pa]; infinite for elastic points.
 
     Raises
     ------
-    InputError : values that are not > 0.
+    InputError
+        A value is not > 0.
 
     Examples
     --------
@@ -264,31 +299,32 @@ class PerfectlyPlastic(LinearHardening):
 
 
 @dataclass(frozen=True, eq=False)
-class _Changed(ContactLaw):
-    """factor · H(u + kept) − p_f: points that have yielded before, a harder metal, a fluid that presses too."""
+class _ChangedLaw(ContactLaw):
+    """The law factor · H(u + u₀) − p_f, for an earlier deformation u₀, a harder metal, or a fluid pressure p_f."""
 
     law: ContactLaw
-    kept: float | Array = 0.0
+    earlier_deformation: float | Array = 0.0
     fluid_pressure: float | Array = 0.0
     factor: float = 1.0
 
     @property
     def linear(self) -> bool:
-        """As the law that is changed."""
+        """Whether the law that is changed is a straight line."""
         return self.law.linear
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """factor · H(u + kept) − p_f."""
-        pressure = self.law.yield_pressure(self.kept + reals(deformation))
+        """Compute factor · H(u + u₀) − p_f [Pa]."""
+        pressure = self.law.yield_pressure(self.earlier_deformation + reals(deformation))
         return self.factor * pressure - self.fluid_pressure
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """factor · h(u + kept)."""
-        return self.factor * self.law.hardening_modulus(self.kept + reals(deformation))
+        """Compute factor · h(u + u₀) [Pa/m]."""
+        modulus = self.law.hardening_modulus(self.earlier_deformation + reals(deformation))
+        return self.factor * modulus
 
     @property
     def capacity(self) -> float:
-        """That of the law that is changed, less the mean fluid pressure."""
+        """Capacity of the law that is changed, times the factor, less the mean fluid pressure [Pa]."""
         return self.factor * self.law.capacity - float(np.mean(self.fluid_pressure))
 
     def __str__(self) -> str:
@@ -297,53 +333,68 @@ class _Changed(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class SofterOf(ContactLaw):
-    """Of two faces, the one that is softer at each depth yields: H(u) = min(H₁(u), H₂(u)).
+    """Law of two bodies of which the softer one yields at each depth: H(u) = min(H₁(u), H₂(u)).
 
-    one, two : their laws, each of one curve; `softer_of` makes it where the curves cross.
+    Parameters
+    ----------
+    first, second : ContactLaw
+        Laws of the two bodies, each the same for all points. `softer_of` makes this law if their curves cross.
     """
 
-    one: ContactLaw
-    two: ContactLaw
+    first: ContactLaw
+    second: ContactLaw
 
     @property
     def capacity(self) -> float:
-        """The lower of both."""
-        return min(self.one.capacity, self.two.capacity)
+        """The lower of both capacities [Pa]."""
+        return min(self.first.capacity, self.second.capacity)
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """The lower H(u)."""
-        return np.minimum(
-            self.one.yield_pressure(deformation), self.two.yield_pressure(deformation)
-        )
+        """Compute the lower H(u) [Pa]."""
+        first = self.first.yield_pressure(deformation)
+        second = self.second.yield_pressure(deformation)
+        return np.minimum(first, second)
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """That of the lower H(u)."""
-        first = self.one.yield_pressure(deformation) <= self.two.yield_pressure(deformation)
-        return np.where(
-            first, self.one.hardening_modulus(deformation), self.two.hardening_modulus(deformation)
+        """Compute dH/du of the lower H(u) [Pa/m]."""
+        is_first_softer = self.first.yield_pressure(deformation) <= self.second.yield_pressure(
+            deformation
         )
+        first = self.first.hardening_modulus(deformation)
+        second = self.second.hardening_modulus(deformation)
+        return np.where(is_first_softer, first, second)
 
     def __str__(self) -> str:
-        return f"the softer at each depth of {self.one}, and {self.two}"
+        return f"the softer at each depth of {self.first}, and {self.second}"
 
 
-def softer_of(one: ContactLaw, two: ContactLaw | None = None) -> ContactLaw:
-    """The law of the softer of two faces, each of one curve; None is rigid. `SofterOf` where the curves cross."""
-    if two is None:
-        return one
-    first, second = (
-        np.broadcast_to(law.yield_pressure(_COMPARED), _COMPARED.shape) for law in (one, two)
-    )
-    if np.all(first <= second):
-        return one
-    return two if np.all(second <= first) else SofterOf(one, two)
+def softer_of(first: ContactLaw, second: ContactLaw | None = None) -> ContactLaw:
+    """Find the law of the softer of two bodies; it is `SofterOf` both if their curves cross.
+
+    first, second : laws that are the same for all points; None is a rigid body.
+    """
+    if second is None:
+        return first
+    shape = _COMPARED_DEPTHS.shape
+    first_pressure = np.broadcast_to(first.yield_pressure(_COMPARED_DEPTHS), shape)
+    second_pressure = np.broadcast_to(second.yield_pressure(_COMPARED_DEPTHS), shape)
+    if np.all(first_pressure <= second_pressure):
+        return first
+    if np.all(second_pressure <= first_pressure):
+        return second
+    return SofterOf(first, second)
 
 
 @dataclass(frozen=True, eq=False)
 class YieldLine:
-    """What the solver knows of a law: H(u) = hardness + slope u at every point.
+    """A straight law, which is all that the solver knows: H(u) = hardness + slope u at every point.
 
-    hardness, slope : [Pa] and [Pa/m], each of one value (1,) or of one for each point (n1, n2).
+    Parameters
+    ----------
+    hardness : array (1,) or (n1, n2)
+        Hardness at u = 0 [Pa], one value for all points or one for each.
+    slope : array (1,) or (n1, n2)
+        Hardening modulus [Pa/m].
     """
 
     hardness: Array
@@ -357,7 +408,9 @@ class YieldLine:
     @cached_property
     def mean_hardness(self) -> float:
         """Mean of the hardness [Pa]."""
-        return self.hardness.item() if self.hardness.size == 1 else float(self.hardness.mean())
+        if self.hardness.size == 1:
+            return self.hardness.item()
+        return float(self.hardness.mean())
 
     @cached_property
     def capacity(self) -> float:
@@ -366,27 +419,31 @@ class YieldLine:
 
     @cached_property
     def limit(self) -> Array:
-        """Largest pressure of each point [Pa], inf where it hardens: (1,) or (n1, n2)."""
-        return np.where(self.slope > 0, inf, self.hardness) if self.hardens else self.hardness
+        """Largest pressure of each point [Pa], infinite where it hardens: (1,) or (n1, n2)."""
+        if not self.hardens:
+            return self.hardness
+        return np.where(self.slope > 0, inf, self.hardness)
 
 
 def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
-    """A law as given, or the perfectly plastic one of a hardness [Pa], a number or an array (n1, n2)."""
+    """Return a law as it is, or make the perfectly plastic law of a hardness [Pa], a number or an array (n1, n2)."""
     if isinstance(hardness, ContactLaw):
         return hardness
     if isinstance(hardness, float):
-        return _plastic(hardness)
+        return _law_of_number(hardness)
     return PerfectlyPlastic(hardness)  # type: ignore[arg-type]
 
 
 @lru_cache(maxsize=64)
-def _plastic(hardness: float) -> PerfectlyPlastic:
-    """The law of a number, which is checked once."""
+def _law_of_number(hardness: float) -> PerfectlyPlastic:
+    """Make the perfectly plastic law of a number, which is checked once."""
     return PerfectlyPlastic(hardness)
 
 
-def _numbers(name: str, value: Any, unit: str, *, zero: bool = False) -> float | Array:
-    """A number, or an array of numbers, > 0 or with `zero` finite and >= 0."""
+def _checked_numbers(
+    name: str, value: Any, unit: str, *, allow_zero: bool = False
+) -> float | Array:
+    """Return a number or an array of numbers > 0, or finite numbers >= 0 with `allow_zero`; else raise InputError."""
     expected = f"a number or an array (n1, n2) [{unit}]"
     try:
         if isinstance(value, (str, bytes)):
@@ -394,8 +451,13 @@ def _numbers(name: str, value: Any, unit: str, *, zero: bool = False) -> float |
         array = reals(value)
     except (TypeError, ValueError):
         raise InputError(name, repr(value), expected) from None
-    good = (array >= 0) & np.isfinite(array) if zero else array > 0
-    if not np.all(good):
-        wanted = f"finite numbers >= 0 [{unit}]" if zero else f"numbers > 0 [{unit}]"
-        raise InputError(name, f"{array.min():g} {unit}" if array.size else "no numbers", wanted)
+    if allow_zero:
+        is_allowed = (array >= 0) & np.isfinite(array)
+        expected = f"finite numbers >= 0 [{unit}]"
+    else:
+        is_allowed = array > 0
+        expected = f"numbers > 0 [{unit}]"
+    if not np.all(is_allowed):
+        given = f"{array.min():g} {unit}" if array.size else "no numbers"
+        raise InputError(name, given, expected)
     return float(array.item()) if array.size == 1 else array

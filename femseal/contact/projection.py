@@ -1,39 +1,42 @@
-"""Compiled loops of the contact solver: which points are near contact, and their projection on the law.
+"""Compile the loops of the contact solver that find the points near contact and project them on the law.
 
-`list_near`, `look` and `project` are what `active_sets` calls between two products with K: arrays first, then what
-changes from call to call. They are made of loops over some points of a list, from `first` to `end`. On small grids each
-is compiled as a whole; on large ones Python calls their loops, of which threads share the parts.
+`active_sets` calls `list_near`, `look` and `project` between two products with K. Their arguments are first the arrays,
+then the values that change from call to call. They consist of loops over the points `first` to `end` of a list. On
+small grids each of the three is compiled as a whole. On large grids Python calls their loops, whose parts are shared by
+threads.
 
-State of a point: 0 out of contact (p = 0), 1 elastic (0 < p < H), 2 perfectly plastic (p = H), 3 yielding on a slope
-h > 0 (p = H + h u). Points of odd state are free: their pressure is unknown.
+The state of a point is 0 out of contact (p = 0), 1 if elastic (0 < p < H), 2 if perfectly plastic (p = H), and 3 if it
+yields and hardens (p = H + h u, h > 0). Points with an odd state are free: their pressure is unknown.
 
 Arrays that several loops share
 -------------------------------
-p, v, state : pressure [Pa], Kp + h₁ [m] and state of every point of the grid. v has rows that are at least as long as
-    those of the grid.
-near : indices of the points near contact; near_p, near_v, trial : their p, v and x = p − c v.
-free : indices of the free points; place : where these are in the list `near`.
-hardness, slope : H [Pa] and h [Pa/m] of the law, one value for all points or one for each.
+p, v, state : pressure [Pa], v = Kp + h₁ [m] and state of every point of the grid, (n,), (n1, >= n2) and (n,).
+near : indices of the points near contact.
+near_p, near_v, trial : p, v and x = p − c v of the points near contact, in the order of `near`.
+free : indices of the free points.
+place : positions of the free points in the list `near`.
+hardness, slope : H [Pa] and h [Pa/m] of the law, one value for all points (1,) or one for each (n,).
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..base.compiled import by_items, compiled, leader, number, over, parts, summed
 
-#: Every function is inlined: a called one may be compiled differently in another process and change last digits.
+#: All functions are inlined, because a called one may be compiled differently in another process, which would change
+#: the last digits.
 _EXACT: dict[str, Any] = {"forceinline": True}
 _FAST: dict[str, Any] = {
     "forceinline": True,
     "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"},
 }
 exact, fast = compiled(**_EXACT), compiled(**_FAST)
-#: Loops over some points of a list, whose values are summed.
+#: Decorators of loops over some points of a list; the values of all parts of the list are summed.
 exact_loop, fast_loop = by_items(summed, **_EXACT), by_items(summed, **_FAST)
-#: Functions that are made of loops.
+#: Decorators of functions that consist of such loops.
 exact_leader, fast_leader = leader(**_EXACT), leader(**_FAST)
-#: Points of a grid of which one loop makes lists, before they are joined.
+#: Number of points of a grid in a part for which one thread makes a list.
 PART = 2**19
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
@@ -44,10 +47,11 @@ def list_near(
     gap0, offset, hardness, slope, p, v, state, near, near_p, near_v, free, place,
     factor, weight, reach, first, end,
 ):  # fmt: skip
-    """Set v to factor · v + weight · (h₁ − offset) on some rows, and list points in contact or with v below `reach`.
+    """Set v to factor · v + weight · (h₁ − offset) on the rows `first` to `end`, and list the points near contact.
 
-    Returns the number of these points and of the free ones, the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ½ Σ (p − H)²/h where
-    points yield on a slope, Σ p, and the sum of v over the listed points.
+    These are in contact or have v below `reach`. Returns their number, that of the free points, the energy ½⟨p, Kp⟩ +
+    ⟨p, h₁⟩ + ½ Σ (p − H)²/h, in which the last sum is over the points that harden, Σ p, and the sum of v over the
+    listed points.
     """
     energy = 0.0
     load = 0.0
@@ -84,41 +88,62 @@ def list_near(
     return n_near, n_free, energy, load, total
 
 
-def list_near_in_parts(*arguments):
-    """Do what `list_near` does. Threads share the parts, some at a time, so that their lists take little memory."""
-    *given, near, near_p, near_v, free, place, factor, weight, reach, _, end = arguments
-    columns = given[0].size // end
-    pieces = parts(end, PART / columns)
-    together = 2 * number()
-    size = columns * max(last - row for row, last in pieces)
-    lists = [
-        (np.empty(size, np.int32), *np.empty((2, size)), *np.empty((2, size), np.int32))
-        for _ in pieces[:together]
-    ]
+class _PartLists(NamedTuple):
+    """Lists of the points in one part of a grid, see the docstring of this module."""
 
-    def listed(piece, own_lists):
-        return list_near(*given, *own_lists, factor, weight, reach, *piece)
+    near: Any
+    near_p: Any
+    near_v: Any
+    free: Any
+    place: Any
+
+    @classmethod
+    def empty(cls, size):
+        """Make lists for at most `size` points."""
+        near_p, near_v = np.empty((2, size))
+        free, place = np.empty((2, size), np.int32)
+        return cls(np.empty(size, np.int32), near_p, near_v, free, place)
+
+
+def list_near_in_parts(*arguments):
+    """Do what `list_near` does, with threads that share the parts of the grid.
+
+    Only some parts are listed at a time, so that their lists need little memory.
+    """
+    *problem, near, near_p, near_v, free, place, factor, weight, reach, _first, n_rows = arguments
+    columns = problem[0].size // n_rows
+    row_ranges = parts(n_rows, PART / columns)
+    n_at_a_time = 2 * number()
+    size = columns * max(last - row for row, last in row_ranges)
+    lists = [_PartLists.empty(size) for _ in row_ranges[:n_at_a_time]]
+
+    def list_part(row_range, part):
+        return list_near(*problem, *part, factor, weight, reach, *row_range)
 
     sums = []
-    n_near = n_free = 0
-    for start in range(0, len(pieces), together):
-        some = list(zip(pieces[start : start + together], lists, strict=False))
-        for (k, m, *values), (_, own_lists) in zip(over(some, listed), some, strict=True):
-            for whole, part in zip((near, near_p, near_v), own_lists[:3], strict=True):
-                whole[n_near : n_near + k] = part[:k]
-            free[n_free : n_free + m] = own_lists[3][:m]
-            place[n_free : n_free + m] = own_lists[4][:m] + n_near
-            n_near, n_free = n_near + k, n_free + m
+    n_near = 0
+    n_free = 0
+    for start in range(0, len(row_ranges), n_at_a_time):
+        tasks = list(zip(row_ranges[start : start + n_at_a_time], lists, strict=False))
+        results = over(tasks, list_part)
+        for (k, m, *values), (_row_range, part) in zip(results, tasks, strict=True):
+            near[n_near : n_near + k] = part.near[:k]
+            near_p[n_near : n_near + k] = part.near_p[:k]
+            near_v[n_near : n_near + k] = part.near_v[:k]
+            free[n_free : n_free + m] = part.free[:m]
+            place[n_free : n_free + m] = part.place[:m] + n_near
+            n_near += k
+            n_free += m
             sums.append(tuple(values))
     return n_near, n_free, *summed(sums)
 
 
 @exact_leader
 def look(hardness, slope, state, near, near_p, near_v, trial, load, n_near, c, delta):
-    """Find the approach δ that carries the load, and how far the pressure is from its projection on the law.
+    """Find the approach δ that carries the load, and the distance of the pressure from its projection on the law.
 
-    y(δ) is the projection of x + cδ, x = p − c v, and δ follows from Σ y = load. Returns δ, whether the points near
-    contact can carry the load, and what `compare` does.
+    The projection of x + cδ, with x = p − c v, is y(δ), and δ follows from Σ y = load. Returns δ, whether the points
+    near contact can carry the load, and the four values of `compare`.
     """
     find_trial(n_near, c, near_p, near_v, trial)
     delta, carried = root(trial, n_near, hardness, slope, c, near, c, load, delta)
@@ -127,14 +152,17 @@ def look(hardness, slope, state, near, near_p, near_v, trial, load, n_near, c, d
 
 @exact_loop
 def find_trial(first, end, c, near_p, near_v, trial):
-    """x = p − c v of some points near contact."""
+    """Compute x = p − c v of some points near contact."""
     for j in range(first, end):
         trial[j] = near_p[j] - c * near_v[j]
 
 
 @exact_loop
 def compare(first, end, c, delta, hardness, slope, state, near, near_p, trial):
-    """‖p − y‖² and ‖y‖² of some points near contact, and the number and ‖p − y‖² of those whose state y changes."""
+    """Compare the pressure of some points near contact with its projection y.
+
+    Returns ‖p − y‖² and ‖y‖², and the number and ‖p − y‖² of those points whose state is another one in y.
+    """
     listed = near[first:end]
     x = trial[first:end]
     p = near_p[first:end]
@@ -161,20 +189,23 @@ def compare(first, end, c, delta, hardness, slope, state, near, near_p, trial):
 
 @exact
 def value_at(values, i):
-    """Value of a point, of one each or one for all."""
+    """Look up the value of point i in an array with one value for all points (1,) or one for each (n,)."""
     return values[i if values.size > 1 else 0]
 
 
 @exact
 def law_at(i, hardness, slope, c):
-    """Hardness of a point, and the fraction t = h/(h + c) by which its pressure follows a trial pressure above it."""
+    """Look up the hardness of point i, and compute t = h/(h + c).
+
+    Above the hardness, the projected pressure rises by the fraction t of the trial pressure.
+    """
     h = value_at(slope, i)
     return value_at(hardness, i), h / (h + c) if h > 0.0 else 0.0
 
 
 @exact
 def projected(z, h, t):
-    """Projection of a trial pressure on the law, z between 0 and H and above H + t (z − H), and the point's state."""
+    """Project a trial pressure z on the law: z between 0 and H, and H + t (z − H) above; return the state too."""
     y = min(max(z, 0.0), h)
     s = (y > 0.0) + (y >= h)
     if t > 0.0 and s == 2:
@@ -183,41 +214,45 @@ def projected(z, h, t):
 
 
 @exact_leader
-def root(x, n, hardness, slope, kept, listed, c, load, start):
-    """Find δ with Σ y(x + cδ) = load on a list of points; returns whether they can carry the load.
+def root(x, n, hardness, slope, c_law, listed, c, load, start):
+    """Find δ with Σ y(x + cδ) = load on a list of n points; return δ, and whether they can carry the load.
 
-    y is the projection on the law with t = h/(h + kept). The sum is monotone and piecewise linear in δ: Newton's method
-    within a bracket.
+    y is the projection on the law with t = h/(h + c_law). The sum is monotone and piecewise linear in δ, so that it is
+    solved by Newton's method within a bracket, beginning from `start`.
     """
-    sums = capacity(n, x, hardness, slope, kept, listed, load)
+    sums = capacity(n, x, hardness, slope, c_law, listed, load)
     delta, low, top, carried = bracket(*sums, c, load, start)
     for _ in range(ROOT_STEPS):
         if low == top:
             break
-        total, slopes = carry(n, x, c * delta, hardness, slope, kept, listed)
+        total, slopes = carry(n, x, c * delta, hardness, slope, c_law, listed)
         delta, low, top = refine(delta, low, top, total, slopes, c, load)
     return delta, carried
 
 
 def _bounds(values: list[Any]) -> Any:
-    """Of the values of `capacity` the largest first two, and sums."""
+    """Combine the values of `capacity` of several parts: maxima of the first two values, sums of the others."""
     highest, full, total, rise = zip(*values, strict=True)
     return max(highest), max(full), sum(total), sum(rise)
 
 
 @by_items(_bounds, **_EXACT)
-def capacity(first, end, x, hardness, slope, kept, listed, load):
-    """Of some points: the highest x, the highest min(H, load) − x, Σ H and Σ t."""
+def capacity(first, end, x, hardness, slope, c_law, listed, load):
+    """Compute what `bracket` needs from some points.
+
+    Returns the highest x, below which δ makes all pressures 0; the highest min(H, load) − x, above which δ brings every
+    point to its hardness or a single one to the load; Σ H, which the points can carry without hardening; and Σ t.
+    """
     x, listed = x[first:end], listed[first:end]
     highest = -np.inf
     full = -np.inf
     total = 0.0
     rise = 0.0
     is_uniform = hardness.size + slope.size == 2
-    h, t = law_at(0, hardness, slope, kept)
+    h, t = law_at(0, hardness, slope, c_law)
     for j in range(end - first):
         if not is_uniform:
-            h, t = law_at(listed[j], hardness, slope, kept)
+            h, t = law_at(listed[j], hardness, slope, c_law)
         highest = max(highest, x[j])
         full = max(full, min(h, load) - x[j])
         total += h
@@ -227,7 +262,10 @@ def capacity(first, end, x, hardness, slope, kept, listed, load):
 
 @exact
 def bracket(highest, full, capacity, rise, c, load, start):
-    """δ to begin with, bounds of δ, which are the same where it is found, and whether the points can carry the load."""
+    """Find a first δ, a lower and an upper bound of δ, and whether the points can carry the load.
+
+    The bounds are equal if δ has been found already. The first four arguments are the values of `capacity`.
+    """
     if capacity <= load:
         if rise == 0.0:
             return full / c, full / c, full / c, capacity >= load
@@ -240,7 +278,7 @@ def bracket(highest, full, capacity, rise, c, load, start):
 
 @exact
 def refine(delta, low, top, total, slopes, c, load):
-    """The next δ and its bounds, from the sums of `carry`."""
+    """Find the next δ and its bounds from the sums of `carry`; the bounds are equal if δ has been found."""
     excess = total - load
     if abs(excess) <= 1e-14 * load:
         return delta, delta, delta
@@ -257,13 +295,16 @@ def refine(delta, low, top, total, slopes, c, load):
 
 
 @fast_loop
-def carry(first, end, x, shift, hardness, slope, kept, listed):
-    """Σ y(x + shift) of some points and its derivative, the number between the bounds where nothing hardens."""
+def carry(first, end, x, shift, hardness, slope, c_law, listed):
+    """Compute Σ y(x + shift) of some points, and its derivative.
+
+    If no point hardens, the derivative is the number of points between the bounds.
+    """
     x, listed = x[first:end], listed[first:end]
     total = 0.0
     slopes = 0.0
-    h, t = law_at(0, hardness, slope, kept)
-    if hardness.size + slope.size == 2 and t == 0.0:  # a loop that vector instructions carry out
+    h, t = law_at(0, hardness, slope, c_law)
+    if hardness.size + slope.size == 2 and t == 0.0:  # this loop compiles to vector instructions
         for j in range(end - first):
             y = x[j] + shift
             inside = 1.0 if (y > 0.0) & (y < h) else 0.0
@@ -272,7 +313,7 @@ def carry(first, end, x, shift, hardness, slope, kept, listed):
             slopes += inside
         return total, slopes
     for j in range(end - first):
-        h, t = law_at(listed[j], hardness, slope, kept)
+        h, t = law_at(listed[j], hardness, slope, c_law)
         y = x[j] + shift
         above = 0.0 if y < h else t
         inside = 1.0 if (y > 0.0) & (y < h) else above
@@ -287,11 +328,11 @@ def project(
     hardness, slope, p, state, dense, near, near_p, trial, free, response, load,
     n_near, n_free, c, delta, keep,
 ):  # fmt: skip
-    """Give every point near contact the state and value of the projection of x + cδ on the law; the load is then exact.
+    """Project x + cδ on the law, for the pressure and state of every point near contact, and correct the load.
 
-    keep : points that stay free in their state keep the pressure that conjugate gradients gave them. What all others
-    leave of the load is put on the free points by a uniform shift within the bounds. The memory of `response` holds
-    pressures of the free points meanwhile. Returns the number of free points.
+    With `keep`, points that remain free in the same state keep the pressure from conjugate gradients. The free points
+    then carry what the others leave of the load, by a uniform shift within the bounds. The memory of `response` is used
+    for the pressures of the free points. Returns the number of free points.
     """
     clear(n_free, free, dense)
     n_free, carried = assign(n_near, c, delta, keep, hardness, slope, p, state, near, near_p, trial)
@@ -305,14 +346,14 @@ def project(
 
 @exact_loop
 def clear(first, end, free, dense):
-    """Take some free points from the field of the stencil and of directions."""
+    """Set `dense` to 0 at some points that were free."""
     for i in free[first:end]:
         dense[i] = 0.0
 
 
 @exact_loop
 def assign(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, trial):
-    """Pressure and state of some points near contact; returns how many are free, and what the others carry."""
+    """Set pressure and state of some points near contact; return the number of free ones, and what the others carry."""
     listed = near[first:end]
     x = trial[first:end]
     former = near_p[first:end]
@@ -336,7 +377,7 @@ def assign(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, 
 
 @exact
 def list_free(n_near, state, near, trial, free, pressure):
-    """List those of the points near contact that are free, with the pressures that `assign` gave them."""
+    """List the free points among those near contact, with the pressures that `assign` gave them."""
     k = 0
     for j in range(n_near):
         i = near[j]
@@ -348,7 +389,7 @@ def list_free(n_near, state, near, trial, free, pressure):
 
 @exact_loop
 def shift(first, end, c, uniform, hardness, slope, p, free, pressure):
-    """Add a uniform pressure to some free points, within the bounds."""
+    """Add a uniform pressure to some free points, but not beyond their bounds."""
     for k in range(first, end):
         i = free[k]
         h, t = law_at(i, hardness, slope, c)
@@ -358,10 +399,10 @@ def shift(first, end, c, uniform, hardness, slope, p, free, pressure):
 
 @exact
 def gap_and_deformation(first, end, p, v, delta, c, hardness, slope, gap, deformation, plastic):
-    """Write the deformed gap on some rows of points, their plastic deformation u and whether they are plastic.
+    """Compute the deformed gap, the plastic deformation u, and which points are plastic, on the rows `first` to `end`.
 
-    u = (p − H − c g)/(h + c), on a law without slope −g, is that of the projection of p − c g: where h is large p gives
-    it better, where h is small the raw gap g does.
+    u = (p − H − c g)/(h + c) is the plastic deformation of the projection of p − c g; it is −g if h = 0. This form has
+    a small error for all h: for large h the pressure p determines u, for small h the raw gap g does.
     """
     columns = p.size // v.shape[0]
     for row in range(first, end):

@@ -1,8 +1,12 @@
-"""Contact under a load: nested start, then projected active sets on the given grid.
+"""Solve the contact under a load: from coarse grids to the given one, by projected active sets on each.
 
-Symbols: p pressure, H hardness, h₁ undeformed gap, v = Kp + h₁, δ approach, g = v − δ raw gap, E* contact modulus,
-u plastic deformation. The problem is the convex programme  min ½⟨p,Kp⟩ + ⟨p,h₁⟩,  0 ≤ p ≤ H,  mean p = p̄;  a law that
-hardens, p ≤ H + h u, adds ½⟨(p − H)₊,(p − H)₊⟩/h in place of the upper bound. Curved laws are solved by their tangents.
+Symbols: p pressure, H hardness, h₁ undeformed gap, K compliance of the half-space, v = Kp + h₁, δ approach,
+g = v − δ raw gap, E* contact modulus, u plastic deformation. The problem is the convex programme
+
+    min ½⟨p, Kp⟩ + ⟨p, h₁⟩,  0 ≤ p ≤ H,  mean p = p̄.
+
+A law that hardens, p ≤ H + h u, has the term ½⟨(p − H)₊, (p − H)₊⟩/h in place of the upper bound. Curved laws are
+solved by a sequence of contacts with their tangents.
 """
 
 from __future__ import annotations
@@ -23,24 +27,29 @@ from .law import ContactLaw, YieldLine, contact_law
 from .projection import gap_and_deformation
 from .workspace import Problem, Workspace, coarsened, workspace
 
-#: Residual to reach on coarse grids, and most iterations there and on the given grid.
+#: Residual to reach on coarse grids.
 _COARSE_RTOL = 1e-2
+#: Most iterations on coarse grids, and on the given grid.
 _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
-#: Largest number of points along the longer side of the coarsest grid: on finer ones nothing carries a pressure from
-#: one end of a long strip to the other within a few steps.
+#: Largest number of points along the longer side of the coarsest grid. On a finer grid, a few steps could not carry a
+#: pressure from one end of a long strip to the other.
 _COARSEST = 48
-#: Solutions with tangents of a curved law after which it does not settle.
+#: Relative error of the load that is accepted.
+_LOAD_TOLERANCE = 1e-9
+#: Number of contacts with tangents of a curved law after which the solution is given up.
 _MOST_TANGENTS = 100
-#: Part of its pressure that a tangent has left at the depth from which on it holds.
+#: Fraction of the yield pressure by which a steep tangent is followed back; the tangent is used from that depth on.
 _FROM_DEPTH = 0.5
+#: Stiffness of a tangent that cannot carry the load otherwise, as a fraction of that of the half-space.
+_SMALL_STIFFNESS = 0.1
 
 
 @dataclass(frozen=True, repr=False)
 class Contact(Shown):
-    """Solution of a contact problem; fields carry their unit in the dataclass metadata.
+    """Solution of a contact problem; the metadata of the fields contain their units.
 
-    Out of contact p = 0 and g > 0; elastic contact has 0 < p < H and g = 0; at p ≥ H the point is plastic and g ≤ 0.
+    Out of contact p = 0 and g > 0. In elastic contact 0 < p < H and g = 0. A point with p ≥ H is plastic and has g ≤ 0.
     """
 
     pressure: Array = field(metadata={"unit": "Pa", "long_name": "contact pressure"})
@@ -64,30 +73,32 @@ class Contact(Shown):
 
     @property
     def area_fraction(self) -> float:
-        """Fraction of points in contact, p > 0."""
+        """Fraction of the points that are in contact, p > 0."""
         return float(np.count_nonzero(self.pressure) / self.pressure.size)
 
     @property
     def area_fraction_corrected(self) -> float:
         """Fraction in contact, corrected for the error of the pixels at the edge of contact.
 
-        A pixel in contact counts whole, which adds (π − 1 + ln 2)/24 of a pixel for each pixel side between contact
-        and gap. Source: Yastrebov, Anciaux & Molinari, Tribol. Int. 114, 2017, 161.
+        A pixel that is partly in contact counts as a whole one. This adds (π − 1 + ln 2)/24 of a pixel for each side of
+        a pixel between contact and gap (Yastrebov, Anciaux & Molinari, Tribol. Int. 114, 2017, 161).
         """
-        touching = self.pressure > 0
-        sides = 0
+        in_contact = self.pressure > 0
+        n_sides = 0
         for axis, kind in enumerate(self.half_space.boundary):
-            beyond: dict[str, dict[str, Any]] = {
-                "periodic": {"append": touching.take([0], axis)},
+            neighbours: dict[str, dict[str, Any]] = {
+                "periodic": {"append": in_contact.take([0], axis)},
                 "mirror": {},
                 "free": {"prepend": False, "append": False},
             }
-            sides += int(np.count_nonzero(np.diff(touching, axis=axis, **beyond[kind])))
-        return max(0.0, self.area_fraction - (np.pi - 1 + np.log(2)) / 24 * sides / touching.size)
+            is_edge = np.diff(in_contact, axis=axis, **neighbours[kind])
+            n_sides += int(np.count_nonzero(is_edge))
+        per_side = (np.pi - 1 + np.log(2)) / 24
+        return max(0.0, self.area_fraction - per_side * n_sides / in_contact.size)
 
     @property
     def plastic_fraction(self) -> float:
-        """Fraction of points at the hardness."""
+        """Fraction of the points that are at the hardness."""
         return float(np.count_nonzero(self.plastic) / self.pressure.size)
 
     @property
@@ -102,7 +113,7 @@ class Contact(Shown):
 
     @property
     def raw_gap(self) -> Array:
-        """Gap with the elastic but without the plastic displacement [m]; negative where plastic deformation is."""
+        """Gap with the elastic but without the plastic displacement [m]; negative at plastic points."""
         return self.gap - self.plastic_deformation
 
 
@@ -117,37 +128,51 @@ def solve_contact(
     rtol: float = 1e-6,
     threads: int | None = None,
 ) -> Contact:
-    """Find the pressure and the gap of an elastic-plastic half-space that a load presses on a rough gap.
+    """Find the pressure and the gap of an elastic-plastic half-space that a load presses on a rough surface.
 
     Parameters
     ----------
-    gap0 : undeformed gap h₁ (n1, n2) [m], up to a constant.
-    half_space : elastic body, boundary kinds, grid.
-    pressure : nominal pressure p̄ [Pa], 0 ≤ p̄ ≤ mean H; 0 is first touch, mean H all plastic. A law that hardens carries
-        any. A fluid carries its mean pressure of it, and the contact the rest.
-    hardness : H [Pa] of perfect plasticity, a number or one per point, inf is elastic; or a law, such as
-        `LinearHardening`.
-    deformation : plastic deformation (n1, n2) >= 0 [m] that an earlier load has left; that of the result is this and
-        what the load adds.
-    fluid_pressure : p_f of a fluid between the faces [Pa], a number or (n1, n2), above that of the surroundings. The
-        traction t = p + p_f is not below p_f, and at most H: h₁ + K p_f stands for h₁, p̄ − mean p_f for p̄, H − p_f
-        for H. A uniform p_f on a periodic face is the dry face with these.
-    rtol : complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, c = πE*/(4Δ) with the geometric mean Δ
-        of the spacings along which there are points; in place of clip stands the projection on the law.
-    threads : that share the work on a grid of 512² points or more; those that the run leaves free, 1 without a run.
-        Any number gives the same bits.
+    gap0 : array (n1, n2)
+        Undeformed gap h₁ [m], up to a constant.
+    half_space : HalfSpace
+        Elastic body, kinds of boundaries, and grid.
+    pressure : float
+        Nominal pressure p̄ [Pa] with 0 ≤ p̄ ≤ mean H. At 0 the bodies just touch; at mean H all points are plastic. A
+        law that hardens carries any pressure. If there is a fluid, it carries its mean pressure, and the contact the
+        rest.
+    hardness : float, array (n1, n2) or ContactLaw
+        Hardness H [Pa] of perfect plasticity, infinite for an elastic body; or a law such as `LinearHardening`.
+    deformation : array (n1, n2), optional
+        Plastic deformation >= 0 [m] that an earlier load has left. That of the result includes it.
+    fluid_pressure : float or array (n1, n2)
+        Pressure p_f of a fluid between the surfaces [Pa], above that of the surroundings. The traction t = p + p_f is
+        then at least p_f and at most H, so that h₁ + K p_f, p̄ − mean p_f and H − p_f replace h₁, p̄ and H. A uniform
+        p_f on a periodic surface is a dry contact with these values.
+    rtol : float
+        Complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, with c = πE*/(4Δ) and the geometric mean Δ
+        of the spacings along which there are points. For other laws, the projection on the law replaces clip.
+    threads : int, optional
+        Number of threads that share the work on grids of 512² points or more. Unless given, all that the run has left
+        free, or 1 without a run. Results are the same bits for any number.
+
+    Returns
+    -------
+    Contact
 
     Raises
     ------
-    InputError : wrong shape, undefined points, a pressure that the law cannot carry, or one below the mean of the
-        fluid's, under which the faces part.
-    NotConverged : the residual was not reached; the message says which was. Or tangents of a curved law did not settle.
+    InputError
+        A shape is wrong, points are undefined, the law cannot carry the pressure, or the pressure is less than the mean
+        pressure of the fluid, so that the surfaces separate.
+    NotConverged
+        The residual was not reached, or the tangents of a curved law did not settle. The message says what was reached.
 
     Notes
     -----
-    Inexact semismooth Newton on the contact and plastic sets, as in gradient-projection conjugate gradients
-    (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206), and where the sets do not
-    settle, steps that never raise the energy. The residual is that of the returned pressure.
+    The method is an inexact semismooth Newton method on the sets of points in contact and at the hardness, as in
+    gradient-projection conjugate gradients (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231,
+    1999, 206). If the sets do not settle, steps that never raise the energy are used. The residual is that of the
+    returned pressure.
 
     Examples
     --------
@@ -158,34 +183,48 @@ def solve_contact(
     >>> round(contact.area_fraction, 2), bool(contact.gap.min() == 0)
     (0.3, True)
     """
-    gap = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
+    shape = half_space.shape
+    gap = validate.field("gap0", gap0, unit="m", shape=shape, copy=False)
     law = contact_law(hardness)
     if deformation is not None:
-        deformation = validate.field(
-            "deformation", deformation, unit="m", shape=half_space.shape, copy=False
-        )
-        gap, law = gap + deformation, law.after(deformation)
-    with using(number() if threads is None else validate.count("threads", threads)):
+        deformation = validate.field("deformation", deformation, unit="m", shape=shape, copy=False)
+        gap = gap + deformation
+        law = law.after(deformation)
+    n_threads = number() if threads is None else validate.count("threads", threads)
+    with using(n_threads):
         if np.ndim(fluid_pressure) or fluid_pressure != 0:
-            gap, law, pressure = _with_fluid(gap, half_space, law, pressure, fluid_pressure)
-        line = law.tangent(half_space.shape)
+            gap, law, pressure = _as_dry_contact(gap, half_space, law, pressure, fluid_pressure)
+        line = law.tangent(shape)
         load = _checked_load(pressure, law)
         validate.tolerance("rtol", rtol)
         level = _Level(gap, half_space, line, load)
-        contact = _solve(level, rtol) if law.linear else _solve_by_tangents(law, level, rtol)
+        if law.linear:
+            contact = _solve_straight_law(level, rtol)
+        else:
+            contact = _solve_curved_law(law, level, rtol)
     if deformation is not None:
         np.add(contact.plastic_deformation, deformation, out=contact.plastic_deformation)
     return contact
 
 
-def _with_fluid(
+def _as_dry_contact(
     gap: Array,
     half_space: HalfSpace,
     law: ContactLaw,
     pressure: float,
     fluid_pressure: ArrayLike,
 ) -> tuple[Array, ContactLaw, float]:
-    """Undeformed gap [m], law and nominal pressure [Pa] of a contact whose faces a fluid presses apart."""
+    """Replace a contact with a fluid between the surfaces by an equivalent one without.
+
+    Returns
+    -------
+    gap : array (n1, n2)
+        Undeformed gap [m], opened by the fluid.
+    law : ContactLaw
+        Law of the contact pressure alone.
+    pressure : float
+        Nominal pressure that is left to the contact [Pa].
+    """
     if np.ndim(fluid_pressure) == 0:
         value = validate.number("fluid_pressure", fluid_pressure, unit="Pa", above=-inf)
         fluid_pressure = np.full(half_space.shape, value)
@@ -194,40 +233,45 @@ def _with_fluid(
     )
     if np.any(p_f >= law.yield_pressure()):
         given = f"up to {p_f.max():g} Pa"
-        raise InputError(
-            "fluid_pressure", given, f"less than the hardness, {law.mean_hardness:g} Pa"
-        )
+        expected = f"less than the hardness, {law.mean_hardness:g} Pa"
+        raise InputError("fluid_pressure", given, expected)
     pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
     mean = float(p_f.mean())
     if pressure < mean:
         given = f"{pressure:g} Pa, of which the fluid carries {mean:g} Pa"
-        raise InputError(
-            "pressure", given, "more than the fluid carries: below that the faces part"
-        )
-    # the same number at every point stays one, and the law with it
-    reduced = law.less(p_f.flat[0] if np.all(p_f == p_f.flat[0]) else p_f)
+        expected = "a load that is more than the fluid carries: below that the surfaces separate"
+        raise InputError("pressure", given, expected)
+    # a uniform fluid pressure is given to the law as a number, so that the law remains the same for all points
+    first = p_f.flat[0]
+    is_uniform = np.all(p_f == first)
+    reduced_law = law.less(first if is_uniform else p_f)
     grid = workspace(half_space)
     grid.pressure[:] = p_f
-    return gap + grid.displacement(), reduced, pressure - mean
+    return gap + grid.displacement(), reduced_law, pressure - mean
 
 
 def _checked_load(pressure: float, law: ContactLaw) -> float:
-    """The nominal pressure as a number that the law can carry; raises InputError."""
+    """Return the nominal pressure as a number; raise InputError if the law cannot carry it."""
     pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
     check_capacity("pressure", pressure, law)
     return pressure
 
 
 def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
-    """Raise InputError if the points cannot carry a mean pressure [Pa]."""
+    """Raise InputError if a law cannot carry a mean pressure [Pa]."""
     if pressure > law.capacity * (1 + 1e-12):
-        raise InputError(
-            name, f"{pressure:g} Pa", f"at most the mean hardness, {law.capacity:g} Pa"
-        )
+        expected = f"at most the mean hardness, {law.capacity:g} Pa"
+        raise InputError(name, f"{pressure:g} Pa", expected)
+
+
+# --- nested grids -----------------------------------------------------------------------------------------
 
 
 class _Level(NamedTuple):
-    """A contact problem on one of the nested grids, checked: gap (n1, n2) [m], body, law and nominal pressure [Pa]."""
+    """A contact problem on one of the nested grids, whose input has been checked.
+
+    gap0 : undeformed gap (n1, n2) [m]. line : straight law. load : nominal pressure [Pa].
+    """
 
     gap0: Array
     half_space: HalfSpace
@@ -235,37 +279,46 @@ class _Level(NamedTuple):
     load: float
 
     def coarser(self) -> _Level:
-        """The problem with about half of the points along each axis that has more than one."""
-        values = self.line.hardness, self.line.slope
-        line = YieldLine(*(coarsened(a) if a.size > 1 else a for a in values))
+        """Make the problem with about half of the points along each axis that has more than one."""
+        hardness, slope = (
+            coarsened(values) if values.size > 1 else values
+            for values in (self.line.hardness, self.line.slope)
+        )
+        line = YieldLine(hardness, slope)
         load = self.load
         if np.isfinite(line.capacity):
-            # coarse means count an odd border twice: every grid carries the same fraction of its capacity
+            # means over a coarse grid count an odd last row twice; all grids carry the same fraction of their capacity
             load *= line.capacity / self.line.capacity
         return _Level(coarsened(self.gap0), self.half_space.coarser, line, load)
 
     def on_grid(self, offset: float) -> Problem:
-        """The problem as the solver of one grid takes it, its heights counting from an offset [m]."""
-        law = self.line.hardness.ravel(), self.line.slope.ravel()
-        return Problem(self.gap0.ravel(), offset, *law, self.load * self.gap0.size)
+        """Make the problem for the solver of one grid, with heights that are measured from an offset [m]."""
+        return Problem(
+            gap0=self.gap0.ravel(),
+            offset=offset,
+            hardness=self.line.hardness.ravel(),
+            slope=self.line.slope.ravel(),
+            load=self.load * self.gap0.size,
+        )
 
     def first_guess(self) -> Array:
-        """Initial pressure: the load spread over as many of the highest points as carry it at H, or at 0.1 E*."""
+        """Guess the pressure: the load on as many of the highest points as carry it at H, or at 0.1 E*."""
         soft = min(self.line.mean_hardness, 0.1 * self.half_space.modulus)
         gap0 = self.gap0
-        n = max(min(4, gap0.size), min(gap0.size, int(self.load / soft * gap0.size)))
-        touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
-        return touching * (self.load * gap0.size / np.count_nonzero(touching))
+        n_carrying = min(gap0.size, int(self.load / soft * gap0.size))
+        n_touching = max(min(4, gap0.size), n_carrying)
+        is_touching = gap0 <= np.partition(gap0, n_touching - 1, axis=None)[n_touching - 1]
+        return is_touching * (self.load * gap0.size / np.count_nonzero(is_touching))
 
 
-def _solve(level: _Level, rtol: float) -> Contact:
-    """Solve at once where no point or every point is at its bound, else from coarse grids to the given one."""
-    # what the highest points are above others is known to all its digits, however small it is beside the heights
+def _solve_straight_law(level: _Level, rtol: float) -> Contact:
+    """Solve a contact whose law is a straight line, from coarse grids to the given one."""
+    # the small heights of the points in contact keep all their digits if heights are measured from the highest point
     offset = float(level.gap0.min())
     if level.load == 0:
-        return _uniform(level, offset, 0.0)
+        return _uniform_contact(level, offset, 0.0)
     if level.load >= level.line.capacity * (1 - 1e-12):
-        return _uniform(level, offset, level.line.hardness)
+        return _uniform_contact(level, offset, level.line.hardness)
     levels = [level]
     while max(levels[-1].half_space.shape) > _COARSEST:
         levels.append(levels[-1].coarser())
@@ -276,29 +329,29 @@ def _solve(level: _Level, rtol: float) -> Contact:
         grid.start(start, coarse.line.limit)
         solve_active_sets(grid, coarse.on_grid(offset), _COARSE_RTOL, _COARSE_ITERATIONS)
         start = grid.pressure
-        del grid, coarse  # before the next ones take memory
+        del grid, coarse  # their memory is free before the next grid needs some
     grid = workspace(level.half_space)
     grid.start(start, level.line.limit)
     solution = solve_active_sets(grid, level.on_grid(offset), rtol, _MAX_ITERATIONS)
-    _check(level, float(grid.pressure.mean()), solution, rtol)
-    return _contact(level, grid, offset, solution)
+    _check_solution(level, float(grid.pressure.mean()), solution, rtol)
+    return _make_contact(level, grid, offset, solution)
 
 
-def _uniform(level: _Level, offset: float, pressure: float | Array) -> Contact:
-    """Solution of no load, or of a pressure at which every point is in contact."""
+def _uniform_contact(level: _Level, offset: float, pressure: float | Array) -> Contact:
+    """Make the contact without load, or the one in which all points are in contact at a known pressure [Pa]."""
     grid = workspace(level.half_space)
     grid.pressure[:] = pressure
     v = grid.displacement()
     v += level.gap0 - offset
     delta = float(v.max()) if grid.pressure.any() else 0.0
-    return _contact(level, grid, offset, Solution(delta, 0.0, 0, 1))
+    return _make_contact(level, grid, offset, Solution(delta, 0.0, 0, 1))
 
 
-def _check(level: _Level, carried: float, solution: Solution, rtol: float) -> None:
-    """Raise NotConverged if the load or the residual is not what was asked for."""
-    if not abs(carried - level.load) <= 1e-9 * level.load:
+def _check_solution(level: _Level, carried: float, solution: Solution, rtol: float) -> None:
+    """Raise NotConverged if the carried mean pressure [Pa] or the residual is not what was asked for."""
+    if not abs(carried - level.load) <= _LOAD_TOLERANCE * level.load:
         raise NotConverged(
-            f"contact: the load is {carried / level.load:.6g} of the given one; try another grid",
+            f"contact: the solution carries {carried / level.load:.6g} times the given load; try another grid",
             solution.residual,
         )
     if not solution.residual <= rtol:
@@ -309,16 +362,18 @@ def _check(level: _Level, carried: float, solution: Solution, rtol: float) -> No
         )
 
 
-def _contact(level: _Level, grid: Workspace, offset: float, solution: Solution) -> Contact:
-    """The solution that a grid holds, in the fields of a `Contact`."""
-    v, pressure = grid.arrays.v, grid.pressure
-    p = pressure.copy() if grid.is_kept else pressure
+def _make_contact(level: _Level, grid: Workspace, offset: float, solution: Solution) -> Contact:
+    """Compute gap and plastic deformation from the solution in the memory of a grid."""
+    v = grid.arrays.v
+    pressure = grid.pressure.copy() if grid.is_kept else grid.pressure
     grid.release()
-    gap, deformation, plastic = np.empty(p.shape), np.empty(p.shape), np.empty(p.shape, bool)
+    gap = np.empty(pressure.shape)
+    deformation = np.empty(pressure.shape)
+    is_plastic = np.empty(pressure.shape, bool)
     over(
-        rows(*p.shape),
+        rows(*pressure.shape),
         gap_and_deformation,
-        p.ravel(),
+        pressure.ravel(),
         v,
         solution.delta,
         grid.stiffness,
@@ -326,63 +381,80 @@ def _contact(level: _Level, grid: Workspace, offset: float, solution: Solution) 
         level.line.slope.ravel(),
         gap.ravel(),
         deformation.ravel(),
-        plastic.ravel(),
+        is_plastic.ravel(),
     )
     return Contact(
-        pressure=p,
+        pressure=pressure,
         gap=gap,
         plastic_deformation=deformation,
         approach=solution.delta + offset,
         residual=solution.residual,
         iterations=solution.iterations,
         fft_pairs=solution.products,
-        plastic=plastic,
+        plastic=is_plastic,
         half_space=level.half_space,
     )
 
 
-def _solve_by_tangents(law: ContactLaw, level: _Level, rtol: float) -> Contact:
-    """Solve a curved law by contacts with its tangents, each at the deformation that the former contact gives the law.
+# --- curved laws ------------------------------------------------------------------------------------------
 
-    A tangent so steep that it leaves no pressure at u = 0 holds from a depth on, which is in the gap of its contact.
-    Where the law softens and u turns back, it goes half way, as it would turn for ever between two tangents.
+
+def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
+    """Solve a contact with a curved law by contacts with its tangents.
+
+    Each tangent touches the law at the deformation u that the former contact gives. A tangent that is so steep that no
+    pressure is left at u = 0 is used from a depth on, by which the gap of its contact is larger. If the law softens and
+    u turns back, only half the change is made; otherwise u could go back and forth between two tangents for ever.
 
     Raises
     ------
-    NotConverged : pressures and deformations do not come to the law within `_MOST_TANGENTS` solutions.
+    NotConverged
+        Pressures and deformations do not agree with the law after `_MOST_TANGENTS` contacts.
     """
-    iterations = pairs = 0
-    shape, stiffness = level.half_space.shape, level.half_space.stiffness
-    u, change = np.zeros(shape), np.zeros(shape)
+    shape = level.half_space.shape
+    stiffness = level.half_space.stiffness
+    iterations = 0
+    fft_pairs = 0
+    u = np.zeros(shape)
+    change = np.zeros(shape)
     for _ in range(_MOST_TANGENTS):
         modulus = law.hardening_modulus(u)
         slope = np.maximum(modulus, 1.0)
         depth = np.maximum(u - _FROM_DEPTH * law.yield_pressure(u) / slope, 0.0)
         line = law.after(depth).tangent(shape, u - depth)
         if level.load >= line.capacity * (1 - 1e-9):
-            line = replace(
-                line, slope=np.maximum(line.slope, 0.1 * stiffness)
-            )  # the curve carries it further on
-        contact = _solve(level._replace(gap0=level.gap0 + depth, line=line), rtol)
-        iterations, pairs = iterations + contact.iterations, pairs + contact.fft_pairs
-        raw = contact.raw_gap - depth
-        y, wanted = law.admissible(contact.pressure, raw, stiffness)
-        mismatch = float(np.linalg.norm(contact.pressure - y)) / (
-            float(np.linalg.norm(contact.pressure)) or 1.0
-        )
+            # the curve carries the load further on
+            slope = np.maximum(line.slope, _SMALL_STIFFNESS * stiffness)
+            line = replace(line, slope=slope)
+        tangent_level = level._replace(gap0=level.gap0 + depth, line=line)
+        contact = _solve_straight_law(tangent_level, rtol)
+        iterations += contact.iterations
+        fft_pairs += contact.fft_pairs
+        raw_gap = contact.raw_gap - depth
+        admissible_pressure, next_u = law.admissible(contact.pressure, raw_gap, stiffness)
+        difference = float(np.linalg.norm(contact.pressure - admissible_pressure))
+        mismatch = difference / (float(np.linalg.norm(contact.pressure)) or 1.0)
         if mismatch <= rtol:
             if depth.any():
-                left = np.where(wanted > 0, np.maximum(-raw, 0.0), 0.0)
-                contact = replace(
-                    contact, gap=np.maximum(raw, 0.0), plastic_deformation=left, plastic=wanted > 0
-                )
-            return replace(contact, iterations=iterations, fft_pairs=pairs)
-        softens = np.minimum(modulus, law.hardening_modulus(wanted)) < 0
-        change = np.where(softens & ((wanted - u) * change < 0), 0.5, 1.0) * (wanted - u)
+                contact = _with_gap(contact, raw_gap, is_plastic=next_u > 0)
+            return replace(contact, iterations=iterations, fft_pairs=fft_pairs)
+        softens = np.minimum(modulus, law.hardening_modulus(next_u)) < 0
+        turns_back = (next_u - u) * change < 0
+        change = np.where(softens & turns_back, 0.5, 1.0) * (next_u - u)
         u = u + change
     raise NotConverged(
-        f"contact: pressures are off the law by {mismatch:.1e} after {_MOST_TANGENTS} tangents, wanted "
-        f"{rtol:.1e}; try a law that softens less, such as a smoother table or a larger smallest depth, or a "
-        "finer grid",
+        f"contact: after {_MOST_TANGENTS} tangents the pressures differ from the law by {mismatch:.1e}, wanted "
+        f"{rtol:.1e}; try a law that softens less, such as a smoother table or a larger smallest depth, or a finer "
+        "grid",
         mismatch,
+    )
+
+
+def _with_gap(contact: Contact, raw_gap: Array, is_plastic: Flags) -> Contact:
+    """Replace gap and plastic deformation of a contact by those that follow from a raw gap (n1, n2) [m]."""
+    return replace(
+        contact,
+        gap=np.maximum(raw_gap, 0.0),
+        plastic_deformation=np.where(is_plastic, np.maximum(-raw_gap, 0.0), 0.0),
+        plastic=is_plastic,
     )

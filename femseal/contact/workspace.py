@@ -1,4 +1,4 @@
-"""One grid of the contact solver: products with K, preconditioner and work arrays."""
+"""Provide what the contact solver needs on one grid: products with K, the preconditioner, and work arrays."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .convolution import Convolution
 from .half_space import HalfSpace, stiffness_stencil
 
 Call = Callable[..., Any]
-#: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes 14 times as
-#: long as a solution of 64² points, 2.6 times at 256², .2 times at 1024².
+#: Largest number of points of a grid whose arrays, 100 bytes per point, are kept for its next problem. Making them
+#: takes 14 times as long as a solution with 64² points, 2.6 times as long with 256², and 0.2 times with 1024².
 KEPT_POINTS = 2**21
 #: Number of points from which two threads are faster than one.
 _THREADED = 2**18
-#: Loops of small grids, each compiled as a whole with those that it is made of.
+#: Loops for small grids, each compiled as a whole.
 _WHOLE: dict[str, Any] = {
     "list_near": projection.list_near,
     "look": projection.exact(projection.look),
@@ -31,7 +31,7 @@ _WHOLE: dict[str, Any] = {
     "turn": projection.fast(gradient_steps.turn),
     "step": projection.fast(gradient_steps.step),
 }
-#: Loops of large grids, of which threads share the parts.
+#: Loops for large grids, whose parts are shared by threads.
 _IN_PARTS: dict[str, Any] = {
     "list_near": projection.list_near_in_parts,
     "look": projection.look,
@@ -46,7 +46,8 @@ class Problem(NamedTuple):
     """A contact problem on one grid.
 
     gap0 : undeformed gap h₁ (n,) [m]. offset : height [m] that is subtracted from h₁ and from the approach, because
-    large heights cost digits. hardness, slope : of the law, see `law.YieldLine`, flat [Pa], [Pa/m]. load : Σ p [Pa].
+    small differences of large heights would lose digits. hardness, slope : hardness [Pa] and hardening modulus [Pa/m]
+    of the straight law, (1,) or (n,). load : Σ p [Pa].
     """
 
     gap0: Array
@@ -57,61 +58,97 @@ class Problem(NamedTuple):
 
 
 def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspace:
-    """Workspace of a half-space. Its arrays are kept for this thread, unless it or its finest level is large."""
+    """Make the workspace of a half-space.
+
+    Its arrays are kept for the next problem of this thread, unless it or the finest of the nested grids is large.
+    """
     is_kept = prod((finest or half_space).shape) <= KEPT_POINTS
-    # bodies that differ in their modulus alone share their arrays
+    # half-spaces that differ only in their modulus share their arrays
     unit = half_space.of_unit_modulus
-    arrays = _kept(unit, number(), get_ident()) if is_kept else WorkArrays(unit, number())
+    if is_kept:
+        arrays = _kept_arrays(unit, number(), get_ident())
+    else:
+        arrays = WorkArrays(unit, number())
     return Workspace(half_space, arrays, is_kept)
 
 
 class WorkArrays:
-    """Transforms and arrays of one grid, for a body of unit modulus; the loops say what the arrays hold."""
+    """Transforms and arrays of one grid, for a half-space of unit modulus.
+
+    `projection` and `gradient_steps` say what the arrays contain.
+
+    Attributes
+    ----------
+    respond : product of pressures with K, in double precision.
+    search : product of directions with K, in single precision.
+    """
 
     def __init__(self, unit: HalfSpace, threads: int) -> None:
         n = prod(unit.shape)
-        threads = threads if n >= _THREADED else 1
-        body = unit.shape, unit.boundary
-        self.respond = Convolution(*body, unit.symbol(), threads=threads)
-        # the next product with the pressure corrects the errors of products in single precision
-        self.search = Convolution(*body, None, dtype=np.float32, threads=threads, over=self.respond)
-        self.p, self.v = self.respond.pressure.ravel(), self.respond.rows
-        self.dense, self.kd = self.search.pressure.ravel(), self.search.rows
+        if n < _THREADED:
+            threads = 1
+        self.respond = Convolution(unit.shape, unit.boundary, unit.symbol(), threads=threads)
+        # errors of single precision are corrected by the next product with the pressure
+        self.search = Convolution(
+            unit.shape,
+            unit.boundary,
+            None,
+            dtype=np.float32,
+            threads=threads,
+            over=self.respond,
+        )
+        self.p = self.respond.pressure.ravel()
+        self.v = self.respond.rows
+        self.dense = self.search.pressure.ravel()
+        self.kd = self.search.rows
         self.state = np.zeros(n, np.int8)
-        # pages of memory are used only as far as lists are long
+        # memory is used only as far as the lists of points are long
         self.near, self.free, self.place = np.empty((3, n), np.int32)
         self.near_p, self.near_v, self.trial, self.response = np.empty((4, n))
         self.r, self.w, self.d, self.ones, self.soft, self.scale = np.empty((6, n))
         self.stencil = stiffness_stencil(unit.spacing, 1.0)
-        ends = zip(unit.shape, unit.boundary, strict=True)
-        self.rows, self.columns = (_index_map(size, end) for size, end in ends)
+        self.rows = _index_map(unit.shape[0], unit.boundary[0])
+        self.columns = _index_map(unit.shape[1], unit.boundary[1])
 
 
 @lru_cache(maxsize=32)
-def _kept(unit: HalfSpace, threads: int, thread: int) -> WorkArrays:
-    """Arrays that a thread uses again."""
+def _kept_arrays(unit: HalfSpace, threads: int, thread: int) -> WorkArrays:
+    """Make the arrays of a grid, or return those that this thread has made before.
+
+    thread : identity of the thread, so that no two threads use the same arrays.
+    """
     return WorkArrays(unit, threads)
 
 
 class Workspace:
-    """A half-space on its grid: what the iteration of active sets calls between two decisions.
+    """A half-space on its grid, with the pressure and all work arrays.
 
     Attributes
     ----------
-    pressure : (n1, n2) [Pa], in the memory of `arrays.p`. is_kept : whether another problem will use it again.
-    stiffness : c₀ [Pa/m], see `HalfSpace.stiffness`. weights : of the preconditioner M, 3 × 3 values [Pa/m].
-    compliance : factor of the products of `arrays`, those of a unit modulus [1/Pa].
+    pressure : array (n1, n2)
+        Pressure [Pa], in the memory of `arrays.p`.
+    is_kept : bool
+        Whether another problem will use the arrays again.
+    stiffness : float
+        c₀ [Pa/m], see `HalfSpace.stiffness`.
+    weights : array (3, 3)
+        Weights of the preconditioner M [Pa/m].
+    compliance : float
+        Factor 1/E* [1/Pa] of the products of `arrays`, which are for a unit modulus.
     """
 
     def __init__(self, half_space: HalfSpace, arrays: WorkArrays, is_kept: bool) -> None:
-        self.half_space, self.arrays, self.is_kept = half_space, arrays, is_kept
+        self.half_space = half_space
+        self.arrays = arrays
+        self.is_kept = is_kept
         self.compliance = 1.0 / half_space.modulus
-        self.pressure, self.stiffness = arrays.respond.pressure, half_space.stiffness
+        self.pressure = arrays.respond.pressure
+        self.stiffness = half_space.stiffness
         self.weights = half_space.modulus * arrays.stencil
         self._loops = _IN_PARTS if self.pressure.size > projection.PART else _WHOLE
 
     def start(self, pressure: Array, limit: Array) -> None:
-        """Start from pressures on this grid, or on the next coarser one, nowhere above `limit` (1,) or (n1, n2)."""
+        """Start from a pressure [Pa] on this grid or the next coarser one, but not above a limit (1,) or (n1, n2)."""
         if pressure.shape != self.pressure.shape:
             pressure = refined(pressure, self.pressure.shape)
         np.minimum(pressure, limit, out=self.pressure)
@@ -119,57 +156,92 @@ class Workspace:
         self.arrays.dense[:] = 0
 
     def displacement(self) -> Array:
-        """Product Kp of the pressure (n1, n2) [m], in the memory of `arrays.v`."""
+        """Compute the displacement Kp (n1, n2) [m] under the pressure, in the memory of `arrays.v`."""
         self.arrays.respond.apply()
         displacement = self.arrays.respond.displacement
         displacement *= self.compliance
         return displacement
 
     def response(self, direction: Array) -> Array:
-        """Product with a direction (n,) [Pa] in single precision: (n,) [m]."""
+        """Compute the displacement (n,) [m] under a direction (n,) [Pa], in single precision."""
         self.arrays.dense[:] = direction
         self.arrays.search.apply()
         return self.compliance * self.arrays.search.displacement.ravel().astype(float)
 
     def release(self) -> None:
-        """Let go of all arrays but those that others hold, of a grid that is not used again."""
+        """Free the arrays of a grid that is not used again."""
         if not self.is_kept:
             del self.arrays
 
     def loops(self, problem: Problem) -> Loops:
-        """The loops of a problem on this grid."""
-        a, law = self.arrays, (problem.hardness, problem.slope)
-        lists = a.near, a.near_p, a.near_v, a.free, a.place
+        """Bind the compiled loops to the arrays of this grid and to a problem."""
+        a = self.arrays
+        law = problem.hardness, problem.slope
+        near = a.near, a.near_p, a.near_v
+        free = a.free, a.place
         stencil = a.scale, self.weights, a.rows, a.columns
-        arrays: dict[str, tuple[Any, ...]] = {
-            "list_near": (problem.gap0, problem.offset, *law, a.p, a.v, a.state, *lists),
-            "look": (*law, a.state, a.near, a.near_p, a.near_v, a.trial, problem.load),
-            "project": (
-                *(*law, a.p, a.state, a.dense, a.near, a.near_p),
-                *(a.trial, a.free, a.response, problem.load),
-            ),
-            "restart": (*law, a.state, a.dense, *lists[1:], a.r, a.ones, a.soft, *stencil),
-            "turn": (a.dense, a.free, a.r, a.w, a.d, a.ones, *stencil),
-            "step": (
-                *(a.kd, self.compliance, a.dense, *lists),
-                *(a.r, a.d, a.soft, a.scale, a.response),
-            ),
-        }
-        products = a.respond.apply, a.search.apply
+
+        def bind(name: str, *arguments: Any) -> Call:
+            return partial(self._loops[name], *arguments)
+
         return Loops(
-            *products,
-            **{name: partial(self._loops[name], *given) for name, given in arrays.items()},
+            respond=a.respond.apply,
+            search=a.search.apply,
+            list_near=bind(
+                "list_near", problem.gap0, problem.offset, *law, a.p, a.v, a.state, *near, *free
+            ),
+            look=bind("look", *law, a.state, *near, a.trial, problem.load),
+            project=bind(
+                "project",
+                *law,
+                a.p,
+                a.state,
+                a.dense,
+                a.near,
+                a.near_p,
+                a.trial,
+                a.free,
+                a.response,
+                problem.load,
+            ),
+            restart=bind(
+                "restart",
+                *law,
+                a.state,
+                a.dense,
+                a.near_p,
+                a.near_v,
+                *free,
+                a.r,
+                a.ones,
+                a.soft,
+                *stencil,
+            ),
+            turn=bind("turn", a.dense, a.free, a.r, a.w, a.d, a.ones, *stencil),
+            step=bind(
+                "step",
+                a.kd,
+                self.compliance,
+                a.dense,
+                *near,
+                *free,
+                a.r,
+                a.d,
+                a.soft,
+                a.scale,
+                a.response,
+            ),
         )
 
 
 class Loops(NamedTuple):
-    """Compiled loops with the arrays of one problem: what changes from call to call is left to give.
+    """Compiled loops that are bound to the arrays of one problem; comments list the arguments that are left.
 
-    respond, search : products of pressures, and of directions, with K of a unit modulus.
+    respond, search : products of the pressure, and of a direction, with K of a unit modulus.
     """
 
-    respond: Call
-    search: Call
+    respond: Call  # no arguments
+    search: Call  # no arguments
     list_near: Call  # factor, weight, reach, first, end
     look: Call  # n_near, c, delta
     project: Call  # n_near, n_free, c, delta, keep
@@ -179,27 +251,27 @@ class Loops(NamedTuple):
 
 
 def _index_map(n: int, boundary: str) -> Indices:
-    """Real index of each index −1 … n; −1 outside a free axis."""
-    beyond: dict[str, Any] = {
+    """Map each index −1 … n of a padded axis to the point that it stands for; −1 outside a free axis."""
+    padding: dict[str, Any] = {
         "periodic": {"mode": "wrap"},
         "mirror": {"mode": "symmetric"},
         "free": {"constant_values": -1},
     }
-    return np.pad(np.arange(n), 1, **beyond[boundary])
+    return np.pad(np.arange(n), 1, **padding[boundary])
 
 
-def coarsened(a: Array) -> Array:
-    """Means over 2×2 points; an odd last row or column is averaged alone."""
-    n1, n2 = a.shape
+def coarsened(values: Array) -> Array:
+    """Average values (n1, n2) over 2 × 2 points; an odd last row or column is averaged alone."""
+    n1, n2 = values.shape
     if n1 % 2:
-        a = np.concatenate((a, a[-1:]))
+        values = np.concatenate((values, values[-1:]))
     if n2 % 2:
-        a = np.concatenate((a, a[:, -1:]), axis=1)
-    rows = a[::2] + a[1::2]
-    return 0.25 * (rows[:, ::2] + rows[:, 1::2])
+        values = np.concatenate((values, values[:, -1:]), axis=1)
+    pairs_of_rows = values[::2] + values[1::2]
+    return 0.25 * (pairs_of_rows[:, ::2] + pairs_of_rows[:, 1::2])
 
 
-def refined(a: Array, shape: Shape) -> Array:
-    """Values of a grid at the points of the next finer one, which `coarsened` takes to it."""
+def refined(values: Array, shape: Shape) -> Array:
+    """Repeat values on the points of the next finer grid of this shape; `coarsened` reverses this."""
     n1, n2 = shape
-    return np.repeat(np.repeat(a, 2, axis=0), 2, axis=1)[:n1, :n2]
+    return np.repeat(np.repeat(values, 2, axis=0), 2, axis=1)[:n1, :n2]

@@ -192,8 +192,8 @@ def test_the_softer_face_yields_and_where_curves_cross_the_softer_at_each_depth(
     [
         (HardnessTable, ([0.0], [H]), "hardness table: given 1 value of depth and 1 of hardness"),
         (HardnessTable, ([0.0, 1e-6], [H]), "2 values of depth and 1 of hardness"),
-        (HardnessTable, ([0.0, 1e-6, 1e-6], [H] * 3), "depth: .* expected depths >= 0 that rise"),
-        (HardnessTable, ([-1e-9, 1e-6], [H, H]), "expected depths >= 0 that rise"),
+        (HardnessTable, ([0.0, 1e-6, 1e-6], [H] * 3), "depth: .* expected rising depths >= 0"),
+        (HardnessTable, ([-1e-9, 1e-6], [H, H]), "expected rising depths >= 0"),
         (HardnessTable, ([0.0, 1e-6], [H, 0.0]), "hardness: given 0 Pa, expected numbers > 0"),
         (HardnessTable, ([0.0, np.nan], [H, H]), "depth: given 1 point not finite"),
         (HardnessTable, (["a", "b"], [H, H]), "depth: given"),

@@ -333,9 +333,9 @@ def test_bodies_that_differ_in_their_modulus_share_their_arrays():
     h = rough((40, 40))
     soft, hard = (HalfSpace((40, 40), (D, D), factor * E) for factor in (1, 2))
     one = solve_contact(h, soft, pressure=1e8, hardness=H, rtol=1e-9)
-    made = workspace._kept.cache_info().misses
+    made = workspace._kept_arrays.cache_info().misses
     other = solve_contact(h, hard, pressure=2e8, hardness=2 * H, rtol=1e-9)
-    assert workspace._kept.cache_info().misses == made
+    assert workspace._kept_arrays.cache_info().misses == made
     assert_allclose(other.pressure, 2 * one.pressure, rtol=0, atol=1e-9 * H)
     assert_allclose(other.gap, one.gap, rtol=0, atol=1e-12 * np.ptp(h))
 
