@@ -491,35 +491,35 @@ def respond(block, n, first, count, weights, twisted, turn1, turn2):
     for odd in range(2 if twisted else 1):
         half = (n - odd) // 2 + 1
         places = slice(odd * (n // 2 + 1), odd * (n // 2 + 1) + half)
-        lone = 1 - odd  # the mean is its own conjugate
+        first_paired = 1 - odd  # the mean, among the even waves, is its own conjugate
         for j in range(count):
             row = block[odd * (block.shape[0] // 2) + j]
             k = first + j
-            own = weights[0, k, places]
+            w0 = weights[0, k, places]
             if kinds == 1:
                 for i in range(half):
-                    row[i] *= own[i]
+                    row[i] *= w0[i]
                 for i in range(half, n):
-                    row[i] *= own[n - odd - i]
+                    row[i] *= w0[n - odd - i]
                 continue
             w1 = weights[1, k, places]
             w2 = weights[2, k, places]
             w12 = weights[3, k, places]
             turn = turn2[k]
             other[0] = row[0]
-            for i in range(lone, half):
+            for i in range(first_paired, half):
                 other[i] = row[n - odd - i]
             for i in range(half):
                 a, b = row[i], other[i]
-                c = own[i] * a
-                d = own[i] * b
+                c = w0[i] * a
+                d = w0[i] * b
                 f = turn1[i] * b
                 g = turn1[i] * a.conjugate()
                 c += w1[i] * f + turn * (w2[i] * b.conjugate() + w12[i] * g)
                 d += w1[i] * g.conjugate()
                 d += turn * (w2[i] * a.conjugate() + w12[i] * f.conjugate())
                 row[i], other[i] = c, d
-            for i in range(lone, half):
+            for i in range(first_paired, half):
                 row[n - odd - i] = other[i]
 
 

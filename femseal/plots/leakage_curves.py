@@ -35,7 +35,7 @@ def _draw_curves(curves: LeakageCurves, ax: Axes | None, label: str | None) -> F
         leakage_panel(ax, in_common_unit, f"{label or curves.title}, ")
         ax.legend(framealpha=0.9, edgecolor="none", fontsize=7.5, handlelength=3.4)
         return figure_of(ax)
-    n_entries = len(curves.branches) + len(curves.others) + (curves.band is not None)
+    n_entries = len(curves.branches) + len(curves.other_methods) + (curves.band is not None)
     legend_height = LEGEND_LINE * (ceil(n_entries / 2) + 1.5)
     sheet = Sheet([4.0 + legend_height])
     right = 1.2 if curves.limits else 0.25
@@ -145,7 +145,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         low, high = data["leakage_lower"], data["leakage_upper"]
         band = low.values, high.values
         band_name = _scatter_name(low.attrs["quantile"], high.attrs["quantile"])
-    others = {
+    other_methods = {
         method: data[name].values
         for method, name in METHODS.items()
         if name in data and method not in ("median", results.method)
@@ -159,7 +159,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         title=_method_title(results),
         band=band,
         band_name=band_name,
-        others=others,
+        other_methods=other_methods,
         limits=limits,
         scale=_run_scale(results),
         force=force_scale(data),

@@ -44,7 +44,7 @@ class LeakageCurves:
         Lower and upper end of the shaded area [m²/s].
     band_name : str
         What the shaded area is.
-    others : dict of arrays (steps,)
+    other_methods : dict of arrays (steps,)
         Leakages of other methods [m²/s] by name, drawn as single markers.
     limits : dict of float
         Largest leakages of leakage classes [m²/s] by name.
@@ -60,7 +60,7 @@ class LeakageCurves:
     title: str
     band: tuple[Array, Array] | None = None
     band_name: str = ""
-    others: dict[str, Array] = field(default_factory=dict)
+    other_methods: dict[str, Array] = field(default_factory=dict)
     limits: dict[str, float] = field(default_factory=dict)
     scale: tuple[float, str] = COMMON_SCALE
     force: tuple[str, float] | None = None
@@ -89,7 +89,7 @@ class LeakageCurves:
     @property
     def range(self) -> Array:
         """Magnitudes [m²/s] that the leakage axis must show."""
-        leakages = np.abs(np.concatenate([self.leakage, *self.others.values()]))
+        leakages = np.abs(np.concatenate([self.leakage, *self.other_methods.values()]))
         ends = np.abs(np.concatenate(self.band)) if self.band is not None else np.empty(0)
         return with_near_ends(leakages, ends)
 
@@ -148,7 +148,7 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
         magnitude = np.abs(curves.leakage[steps]) / factor
         line = leakage_line(axes, load[steps], magnitude, label=f"{label}{branch}", **style)
         handles.append(line)
-    for method, leakage in curves.others.items():
+    for method, leakage in curves.other_methods.items():
         marker, size = _STUDY_MARKERS[method]
         style = {"color": GREY, "ls": "", "marker": marker, "ms": size, "mfc": "none"}
         handles.append(leakage_line(axes, load, np.abs(leakage) / factor, label=method, **style))
