@@ -223,7 +223,7 @@ class Rows:
 class LaidOutRows(Rows):
     """Transforms of rows whose points are first put into another order, on a mirror axis, or padded, on a free one.
 
-    order1 : order of the rows, which also changes on small grids. is_mirror : whether an order changes.
+    order1 : order of the rows, which also changes on small grids. is_mirror : whether the order of points changes.
     """
 
     def __init__(

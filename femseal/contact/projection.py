@@ -330,9 +330,9 @@ def project(
 ):  # fmt: skip
     """Project x + cδ on the law, for the pressure and state of every point near contact, and correct the load.
 
-    With `keep`, points that remain free in the same state keep the pressure from conjugate gradients. The free points
-    then carry what the others leave of the load, by a uniform shift within the bounds. The memory of `response` is used
-    for the pressures of the free points. Returns the number of free points.
+    With `keep`, points that remain free in the same state keep the pressure from conjugate gradients. The load that
+    the others do not carry is then put on the free points, by a uniform shift within their bounds. The memory of
+    `response` is used for the pressures of the free points. Returns the number of free points.
     """
     clear(n_free, free, dense)
     n_free, carried = assign(n_near, c, delta, keep, hardness, slope, p, state, near, near_p, trial)

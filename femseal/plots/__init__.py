@@ -1,4 +1,4 @@
-"""Draw pictures of all results. Rooms above this one do not draw.
+"""Draw pictures of all results. No package that this one imports draws anything.
 
 `picture(result)` draws what `result.plot()` shows. Each of the other functions draws the picture of one class, or one
 more picture of a run. matplotlib is imported when something is drawn.
