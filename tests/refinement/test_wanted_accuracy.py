@@ -118,7 +118,7 @@ def test_what_was_tried_is_told(reached, tmp_path):
         (
             DRAWN | {"accuracy": "60 %", "surface": {"points": [64, 64]}},
             {"realisations": 20},
-            "accuracy 60 % is not reached.*more measured places",
+            "accuracy 60 % is not reached.*more patches",
         ),
     ],
 )
@@ -155,7 +155,7 @@ def test_the_page_tells_what_was_chosen(tmp_path):
         ),
         (SMALL | {"contact": {"rtol": 1e-3}}, "solver", 1e9, "contact.rtol is given"),
         (SMALL, "filter", 1e9, "surface.shortest_wave"),
-        (SMALL, "patch", 1e9, "more measured places"),
+        (SMALL, "patch", 1e9, "more patches"),
     ],
 )
 def test_what_is_changed_where_a_source_of_error_limits_or_why_nothing_is(
@@ -275,7 +275,7 @@ def test_what_can_be_refined_is_where_something_else_cannot():
     first, last = told["attempts"][0], told["attempts"][-1]
     assert (first["limit"], last["limit"]) == ("patch", "patch")
     assert first["parts"]["pixels"] > np.log(1.03) >= last["parts"]["pixels"]
-    assert "more measured places" in told["why"]
+    assert "more patches" in told["why"]
     assert "stochastic.realisations is given" in told["why"] or last["parts"][
         "realisations"
     ] <= np.log(1.03)
