@@ -238,11 +238,11 @@ def _refuse(name: Any, temperature: float, allowed: str) -> NoReturn:
 
 def _refuse_unknown(name: Any, temperature: float, error: ValueError) -> NoReturn:
     """Raise InputError for a fluid whose properties at a temperature [K] CoolProp does not know."""
-    if "iscosity model" in str(error):
-        alternative = (
-            "give viscosity and molar_mass of an ideal gas, or viscosity and density of a liquid"
+    if _means_no_viscosity(error):
+        expected = (
+            "a fluid of which CoolProp has the viscosity: of this one it has the density alone. Give the viscosity, "
+            "with kind = 'ideal-gas' and molar_mass for a gas, with kind = 'liquid' and density for a liquid"
         )
-        expected = f"a fluid whose viscosity CoolProp knows; otherwise {alternative}"
     else:
         expected = f"a fluid and a temperature that CoolProp knows: {shown(str(error))}"
     _refuse(name, temperature, expected)
@@ -555,17 +555,25 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
     Parameters
     ----------
     gas : IdealGas
-        The ideal gas. The real gas is recognised by its molar mass, and among several by its viscosity.
+        The ideal gas. The real gas is recognised by its molar mass, and among several by its viscosity. A gas without a
+        viscosity in CoolProp is recognised if no other one has a closer molar mass.
     inlet, outlet : float
         Absolute pressures [Pa].
     """
     try:
         name = _recognise_gas(gas)
+        closest = _closest_in_mass(gas)
     except ImportError:
         missing = (
             "CoolProp, which knows real gases, is not installed (pip install 'femseal[fluids]')"
         )
         return IdealGasError("", reason=missing)
+    if name not in TABLE and closest and not _has_viscosity(closest):
+        reason = (
+            f"by its molar mass it is {closest}, of which CoolProp has no viscosity: take density and viscosity at "
+            "these pressures from another source"
+        )
+        return IdealGasError(closest, reason=reason)
     if not name:
         mass = f"a molar mass of {1e3 * gas.molar_mass:.5g} g/mol"
         return IdealGasError("", reason=f"CoolProp has no gas with {mass} and this viscosity")
@@ -603,22 +611,55 @@ def _recognise_gas(gas: Any) -> str:
 
     Raises ImportError if CoolProp is not installed.
     """
-    from CoolProp import CoolProp
-
-    def has_same_mass(mass: float) -> bool:
-        return abs(gas.molar_mass - mass) <= _SAME_MASS * mass
-
     for table_name, fluid in TABLE.items():
-        if has_same_mass(fluid.parameters.get("molar_mass", 0.0)):
+        mass = fluid.parameters.get("molar_mass", 0.0)
+        if abs(gas.molar_mass - mass) <= _SAME_MASS * mass:
             return table_name
     # among the gases of the same mass, the one with the closest viscosity is taken
     viscosity_differences = {}
-    for name in sorted({*_names_in_coolprop().values()}):
-        if has_same_mass(CoolProp.PropsSI("M", name)):
-            with suppress(InputError, ValueError):
-                viscosity = RealGas(name, gas.temperature).viscosity_at(_THIN)
-                viscosity_differences[name] = abs(float(np.log(viscosity / gas.viscosity)))
+    for name in _mass_differences(gas):
+        with suppress(InputError, ValueError):
+            viscosity = RealGas(name, gas.temperature).viscosity_at(_THIN)
+            viscosity_differences[name] = abs(float(np.log(viscosity / gas.viscosity)))
     if not viscosity_differences:
         return ""
     closest = min(viscosity_differences, key=lambda name: viscosity_differences[name])
     return closest if viscosity_differences[closest] <= log(_SAME_VISCOSITY) else ""
+
+
+def _mass_differences(gas: Any) -> dict[str, float]:
+    """Return the relative differences in molar mass of the fluids of CoolProp that have about the mass of a gas."""
+    from CoolProp import CoolProp
+
+    differences = {}
+    for name in sorted({*_names_in_coolprop().values()}):
+        mass = CoolProp.PropsSI("M", name)
+        difference = abs(float(gas.molar_mass) - mass) / mass
+        if difference <= _SAME_MASS:
+            differences[name] = difference
+    return differences
+
+
+def _closest_in_mass(gas: Any) -> str:
+    """Return the fluid of CoolProp whose molar mass is closest to that of a gas, or "" if none has about the same."""
+    differences = _mass_differences(gas)
+    return min(differences, key=lambda name: differences[name], default="")
+
+
+@cache
+def _has_viscosity(name: str) -> bool:
+    """Return whether CoolProp has a model of the viscosity of one of its fluids."""
+    import CoolProp
+
+    state = _state(name)
+    try:
+        state.update(CoolProp.PT_INPUTS, _THIN, max(state.Tmin(), TABLE_TEMPERATURE))
+        state.viscosity()
+    except ValueError as error:
+        return not _means_no_viscosity(error)
+    return True
+
+
+def _means_no_viscosity(error: ValueError) -> bool:
+    """Return whether an error of CoolProp says that it has no model of a viscosity."""
+    return "iscosity model" in str(error)

@@ -16,7 +16,7 @@ from small_cases import CASE, steel_scene
 import femseal as fs
 from femseal.checks import gas_warnings
 from femseal.fluids import FLUIDS, potential_of
-from femseal.named_fluids import TABLE, ideal_gas_error
+from femseal.named_fluids import TABLE, ideal_gas_error, named_fluid
 from femseal.studies import FluidState
 from femseal.studies.other_fluid import limit_factors
 
@@ -156,8 +156,10 @@ def test_a_vapour_just_below_saturation_is_a_gas():
         (lambda: fs.RealGas("grease", 293.15), "name: .*Acetone"),
         (
             lambda: fs.RealGas("acetone", 500.0),
-            "a fluid whose viscosity CoolProp knows; otherwise give viscosity",
+            "a fluid of which CoolProp has the viscosity: of this one it has the density alone",
         ),
+        (lambda: fs.RealGas("krypton"), "krypton.*has the density alone. Give the viscosity"),
+        (lambda: named_fluid("N2O"), "N2O.*has the density alone. Give the viscosity"),
         (lambda: fs.RealGas("helium", 1e5), "a temperature from"),
         (lambda: fs.RealGas("helium", -1.0), "^temperature: given -1.0"),
         (lambda: fs.RealGas("helium", 300.0, "no"), "^slip: given 'no'"),
@@ -276,6 +278,9 @@ def test_the_real_gas_of_an_ideal_gas_is_recognised(gas, inlet, name, said):
         (ideal(6.0, 28.965, 90.0), 5e5, "air, which condenses at 243.2 kPa and -183.1 °C"),
         (ideal(15.0, 146.0), 20.1e5, "SulfurHexafluoride"),
         (ideal(15.0, 61.0), 50e5, "CoolProp has no gas with a molar mass of 61 g/mol and this"),
+        (ideal(14.6, 44.0128), 40e5, "NitrousOxide, of which CoolProp has no viscosity: take"),
+        (ideal(25.0, 83.798), 10e5, "Krypton, of which CoolProp has no viscosity: take"),
+        (ideal(22.8, 131.29), 50e5, "Xenon, of which CoolProp has no viscosity: take"),
         (ideal(60.0, 44.01), 50e5, "CoolProp has no gas with a molar mass of 44.01 g/mol and"),
     ],
 )

@@ -160,7 +160,7 @@ def calibrate(
         "unit": test.unit.name,
         "content of face files": job.face_files(tested_case),
         "version": numerical_versions(),
-    }
+    } | job.user_code(tested_case)
     # the case has no digest, but everything that its leakage depends on has one
     key = ("scenes", json.dumps(identity, default=str))
     solve_scene = partial(_solve_scene, tested_case, test.unit, steps)

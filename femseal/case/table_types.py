@@ -184,6 +184,16 @@ def files_in(table: Table, place: str = "") -> Iterator[tuple[str, Path]]:
                 yield key, item
 
 
+def makers_in(table: Table) -> Iterator[Callable[..., Any]]:
+    """Yield the registered function or class that creates the object of a table, and of each table inside it."""
+    if isinstance(table, ParameterTable):
+        yield table.makers[table.kind]
+    for _, value in table:
+        for item in _flattened(value):
+            if isinstance(item, Table):
+                yield from makers_in(item)
+
+
 def unusual_values(table: Table, place: str = "") -> Iterator[str]:
     """Yield a warning for every key of a table, and of tables inside it, whose value is out of its usual range.
 

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from uuid import uuid4
 
 from ..base import (
     AnyPath,
@@ -29,6 +30,7 @@ from ..budget import BudgetRequest, ErrorBudget, budgets_of
 from ..case.case import Case
 from ..case.output_table import FILE_KEYS
 from ..case.reading import load_case
+from ..case.table_types import makers_in
 from ..checks import flow_warnings
 from ..execution.resuming import (
     alone_in,
@@ -57,6 +59,8 @@ from ..refinement.refine_to_accuracy import (
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
 from ..results.dataset_file import FILE_NAME
+from ..store.code import NoDigest, is_known
+from ..store.digests import digest
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, StochasticResult, drop_ratio
 from ..studies.compiling import compile_ahead
@@ -122,6 +126,7 @@ def run(
     echo = case.echo()
     echo |= {"output": {"test_fluid": echo["output"].get("test_fluid")}}
     identity = echo | {"content of face files": faces, "version": numerical_versions()}
+    identity |= user_code(case)
     if resume and folder is not None and (finished := finished_results(case, faces, folder)):
         with suppress(InputError), alone_in(folder):  # the store of another run stays
             resumable(folder, identity)
@@ -298,6 +303,22 @@ def face_files(case: Case) -> dict[str, str]:
     return digests
 
 
+def user_code(case: Case) -> dict[str, str]:
+    """Return a digest of the code of the fluids, seal shapes, seats and forms of a case that a user has registered.
+
+    The dictionary is empty where all of them are femseal's, whose version is known. Where the code cannot be described,
+    the digest differs each time, so that no former result is taken.
+    """
+    makers = [maker for maker in makers_in(case) if not is_known(maker.__module__)]
+    if not makers:
+        return {}
+    try:
+        found = digest(makers)
+    except NoDigest as error:
+        found = f"unknown ({error}), {uuid4().hex}"
+    return {"code of registered classes": found}
+
+
 @contextmanager
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
     """Context in which log lines are written to run.log in the results folder."""
@@ -380,11 +401,11 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
 
 
 def _chosen(case: Case, made: Prepared) -> dict[str, Any]:
-    """What a run of a prepared case computes first, see `Prepared.chosen`, and the settings of an accuracy."""
+    """What a run of a prepared case computes first, see `Prepared.chosen`, settings of an accuracy, and users' code."""
     if case.accuracy is None:
-        return made.chosen
+        return made.chosen | user_code(case)
     settings = asdict(first_settings(case, made))
-    first = first_version(case, made).chosen
+    first = first_version(case, made).chosen | user_code(case)
     return first | {f"settings.{name}": value for name, value in settings.items()}
 
 

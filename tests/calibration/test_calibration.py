@@ -22,6 +22,7 @@ from femseal.calibration.calibrating import with_values
 from femseal.calibration.leak_test import LeakTest, read_leak_test
 from femseal.calibration.posterior import Estimate, Posterior
 from femseal.calibration.surrogate import Surrogate
+from femseal.fluids import FLUIDS
 from femseal.loads import LoadStep
 from femseal.store.store import Store
 
@@ -314,6 +315,30 @@ def test_a_calibration_goes_on_with_solved_scenes(calibrated):
             fs.calibrate(case, test, out, workers=1, **options | more)
     again = fs.calibrate(case, test, out, workers=2, resume=True, **options)
     assert_allclose(again.samples, found.samples)
+
+
+def test_the_key_of_scenes_has_the_code_of_registered_classes(case, tmp_path, monkeypatch):
+    """Of a liquid that a user has registered in place of that of femseal."""
+    identities = []
+
+    def refuse(folder, identity, *others):
+        identities.append(identity)
+        raise fs.FemsealError("seen")
+
+    monkeypatch.setattr(calibrating, "writing_in", refuse)
+    for factor in (1.0, 2.0):
+        own_methods = {
+            "potential": lambda liquid, p, f=factor: f * fs.Liquid.potential(liquid, p),
+            "pressure": lambda liquid, φ, f=factor: fs.Liquid.pressure(liquid, φ / f),
+        }
+        users_own = type("Liquid", (fs.Liquid,), own_methods)
+        for kind in (users_own, fs.Liquid):
+            monkeypatch.setitem(FLUIDS, "liquid", kind)
+            with pytest.raises(fs.FemsealError, match="seen"):
+                fs.calibrate(case, written(tmp_path, HEAD + ROWS), tmp_path / "out", workers=1)
+    users, femseals = identities[::2], identities[1::2]
+    assert femseals[0] == femseals[1]
+    assert users[0] != users[1]
 
 
 @pytest.mark.slow

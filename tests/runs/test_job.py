@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tomllib
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -15,8 +15,10 @@ from small_cases import TABLES
 import femseal as fs
 from femseal.case import parse_case
 from femseal.execution import cluster as cluster_map
+from femseal.fluids import FLUIDS
 from femseal.preparation import prepare
 from femseal.runs.forecast import disk
+from femseal.runs.job import user_code
 from femseal.studies import STUDIES
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
@@ -130,6 +132,44 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
         fs.run(case, out, resume=True, workers=1)
     with pytest.raises(ValueError, match="no such colour"):
         fs.run(case, out, resume=True, workers=1, replace_results=True)
+
+
+def registered_liquid(resistance):
+    """A liquid as a user would register it, whose code differs in a number alone."""
+
+    @dataclass(frozen=True)
+    class Liquid(fs.Liquid):
+        def potential(self, pressure):
+            return super().potential(pressure) / resistance
+
+        def pressure(self, potential):
+            return super().pressure(potential) * resistance
+
+    return Liquid
+
+
+def test_results_by_other_code_of_a_registered_fluid_are_not_taken(
+    case, undrawn, tmp_path, monkeypatch
+):
+    """Neither those of a finished run nor those of one that was interrupted."""
+    case.write_text(ALONE.replace('method = "stochastic"', 'method = "deterministic"'))
+    assert user_code(fs.load_case(case)) == {}
+    out = tmp_path / "out"
+    monkeypatch.setitem(FLUIDS, "liquid", registered_liquid(1.0))
+    first = fs.run(case, out, workers=1)
+    former = user_code(fs.load_case(case))
+    assert fs.run(case, out, workers=1, resume=True).leakage.identical(first.leakage)
+    monkeypatch.setitem(FLUIDS, "liquid", registered_liquid(2.0))
+    second = fs.run(case, out, workers=1, resume=True)
+    assert_allclose(second.leakage, first.leakage / 2, rtol=1e-9)
+    with monkeypatch.context() as patch:
+        patch.setattr("femseal.report.page.leakage_figure", lambda *given, **more: 1 / 0)
+        with pytest.raises(fs.FemsealError):
+            fs.run(case, tmp_path / "interrupted", workers=1)
+    monkeypatch.setitem(FLUIDS, "liquid", registered_liquid(1.0))
+    assert user_code(fs.load_case(case)) == former
+    with pytest.raises(fs.InputError, match=r"another case.*\n.*code of registered classes"):
+        fs.run(case, tmp_path / "interrupted", workers=1, resume=True)
 
 
 def test_results_of_a_finished_run_are_not_replaced_unasked(femseal, case, undrawn, tmp_path):
