@@ -172,6 +172,7 @@ def test_oil_in_narrow_gaps_has_no_warning_of_its_flow():
         assert estimate.leakage_warnings(wrong * estimate.leakage, ["here"])
 
 
-def test_a_seat_has_no_quick_estimate():
-    crowned = case(OIL, {"kind": "crowned", "radius": "1 m"}, rms_height="0.5 um")
-    assert prepare(crowned).estimate() is None
+def test_a_seat_that_is_higher_than_the_roughness_has_no_quick_estimate():
+    for radius, has_estimate in (("1 m", True), ("5 mm", False)):
+        crowned = case(OIL, {"kind": "crowned", "radius": radius}, rms_height="0.5 um")
+        assert (prepare(crowned).estimate() is not None) == has_estimate
