@@ -18,7 +18,8 @@ from femseal.report.page import report_html
 from femseal.runs import forecast as module
 from femseal.runs.efforts import efforts
 from femseal.runs.forecast import describe, disk, forecast
-from femseal.studies import StudyOptions, fluid_coupling
+from femseal.scene import fluid_coupling
+from femseal.studies import StudyOptions
 from femseal.studies.sampling import FEWEST_SEALS, MOST_SEALS
 from femseal.studies.study_registry import (
     PILOT_PIXELS,
