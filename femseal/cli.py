@@ -126,7 +126,7 @@ def check(path: CasePath) -> None:
     from .preparation.preparation import prepare
     from .runs.forecast import describe, refuse_too_large
 
-    def report_begin(stage: str, done: int, total: int) -> None:
+    def report_begin(stage: str, done: int, total: int | None) -> None:
         if not done:
             typer.echo(stage, err=True)
 

@@ -25,7 +25,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr, ndtri_exp
 
-from ..base import Array
+from ..base import Array, Flags, Indices
 
 #: Variance of the coefficients of the linear trend, relative to the variance of the values.
 _TREND_VARIANCE = 25.0
@@ -88,8 +88,9 @@ def _covariance(parameters: Array, a: Array, b: Array) -> Array:
     exponents = 0.5 * distances**2
     exponents[1, ..., -1] = distances[1, ..., -1]
     processes = sizes**2 * np.exp(-exponents.sum(-1))
-    trend = _TREND_VARIANCE * (1 + (a - 0.5) @ (b - 0.5).T)
-    return np.asarray(trend + processes.sum(0))
+    covariance = _TREND_VARIANCE * (1 + (a - 0.5) @ (b - 0.5).T) + processes.sum(0)
+    # products with arrays in another order have other last digits
+    return np.ascontiguousarray(covariance)
 
 
 def _standardise(values: Array) -> tuple[Array, Array]:
@@ -192,14 +193,14 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
 class _LoadGroup:
     """Loads that are open in the same scenes.
 
-    loads : their indices. scenes : indices of the open scenes.
+    loads : their indices. scenes : indices of the open scenes (scenes,).
     """
 
     loads: list[int]
-    scenes: Array
+    scenes: Indices
 
 
-def _group_loads(is_open: Array) -> list[_LoadGroup]:
+def _group_loads(is_open: Flags) -> list[_LoadGroup]:
     """Group the loads that have enough open scenes by these scenes.
 
     is_open : array of bool (scenes, loads).

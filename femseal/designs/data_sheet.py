@@ -392,7 +392,7 @@ def sheet_sentences(answer: Design) -> list[str]:
     )
     width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
     sentences.append(
-        f"The seal is {width} wide and {length} long; {fluid} flows from {inlet} to {outlet}."
+        f"The seal is {width} wide and {length} long. The fluid ({fluid}) flows from {inlet} to {outlet}."
     )
     sentences.append(
         "Qmin is the load in assembly from which on a class is met. QSmin is the load to which it may fall in service "

@@ -92,8 +92,8 @@ def draw_heights(
 
     low, high = height_range(heights)
     n_defined = max(int(np.count_nonzero(~np.isnan(heights))), 1)
-    fraction_above = np.count_nonzero(heights > high) / n_defined
-    fraction_below = np.count_nonzero(heights < low) / n_defined
+    fraction_above = int(np.count_nonzero(heights > high)) / n_defined
+    fraction_below = int(np.count_nonzero(heights < low)) / n_defined
     colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
     extensions = {
         (False, False): "neither",
