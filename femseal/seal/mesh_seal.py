@@ -151,9 +151,14 @@ class MeshSeal:
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Solve the flow for a unit drop.
 
-        permeability : a number, (n,), (n, 2) along x and y, or tensors (n, 2, 2), of n elements [m³].
-        bounds : also enclose the flow. solver : "amg", "direct" or "auto"; others are those of structured seals, and
-            are taken for "auto".
+        Parameters
+        ----------
+        permeability : float or array, (n,), (n, 2) or (n, 2, 2)
+            Permeability of the n elements [m³]: a number, a number for each element, values along x and y, or tensors.
+        bounds : bool
+            Whether to compute bounds of the flow as well.
+        solver : str
+            "amg", "direct" or "auto". The solvers of rectangular elements are replaced by "auto".
         """
         check_solver(solver)
         solver = solver if solver in PLAIN_SOLVERS else "auto"
