@@ -251,7 +251,7 @@ def test_a_test_gas_with_slip_is_solved_on_the_same_realisations():
 def seals_left_open(**output):
     """A strip whose number of seals is left to their scatter: another number for helium than for water."""
     water = {"name": "water", "inlet_pressure": "1 MPa"}
-    changes = {"seed": 7, "fluid": water, "stochastic": {"length": "120 um"}}
+    changes = {"seed": 3, "fluid": water, "stochastic": {"length": "120 um"}}
     return STRIP | changes | {"output": {"budget": False} | output}
 
 
