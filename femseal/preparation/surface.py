@@ -275,8 +275,8 @@ def default_points(level: Surface, shortest_wave: float | None, instrument: Inst
     wave = shortest_wave
     if wave is None:
         measured = max(spectrum(level).shortest_wave, instrument.shortest_wave(level))
-        slope_on_pixels = level.low_pass(own_wave).rms_slope
-        slope = level.low_pass(measured).rms_slope
+        slope_on_pixels = level.rms_slope_of_long_waves(own_wave)
+        slope = level.rms_slope_of_long_waves(measured)
         wave = own_wave if slope_on_pixels >= KEPT_SLOPE * slope else measured
     if wave >= own_wave and level.heights.size <= MOST_POINTS:
         return level.shape

@@ -22,7 +22,18 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Labelled, Pair, Shape, counted, labelled, to_text, validate
+from ..base import (
+    Array,
+    Flags,
+    InputError,
+    Labelled,
+    Pair,
+    Shape,
+    counted,
+    labelled,
+    to_text,
+    validate,
+)
 from .defects import SPIKES, Form, TooManyUndefined
 from .generate import PIXELS_PER_WAVE
 from .patches import Patches, Surface
@@ -154,7 +165,7 @@ def repair(
     """
     without_spikes = topography.without_spikes(spikes)
     form = without_spikes.form(detrend)
-    flat = without_spikes.with_heights(without_spikes.heights - form.heights)
+    flat = without_spikes.detrend(detrend)
     is_spike = np.isnan(without_spikes.heights) & ~np.isnan(topography.heights)
     spike_points = int(np.count_nonzero(is_spike))
     try:
@@ -166,8 +177,11 @@ def repair(
             f"{error.expected}; {spike_points} of them are spikes, which spikes=inf would keep"
         )
         raise TooManyUndefined(error.what, error.given, expected, {"spikes": inf}) from None
-    above_filling = topography.heights - form.heights - flat.heights
-    removed = np.where(is_spike, above_filling, 0.0)
+    if not spike_points:
+        no_heights = np.broadcast_to(0.0, topography.shape)  # without memory of its own
+        return flat, Repair(topography.undefined_fraction, 0, form, no_heights)
+    removed = np.zeros(topography.shape)
+    removed[is_spike] = topography.heights[is_spike] - form.at(is_spike) - flat.heights[is_spike]
     return flat, Repair(topography.undefined_fraction, spike_points, form, removed)
 
 
@@ -185,26 +199,22 @@ def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float
     """
     if not removed.any():
         return 0.0
-    heights = flat.low_pass(wavelength).heights
-    spikes = flat.with_heights(removed).low_pass(wavelength).heights
-    highest = _exchanged_fraction(heights, heights + spikes)
-    lowest = _exchanged_fraction(-heights, -(heights + spikes))
-    return max(highest, lowest)
-
-
-def _exchanged_fraction(before: NDArray, after: NDArray) -> float:
-    """Return the largest fraction of the highest points of `after` that are not among the highest points of `before`.
-
-    As many points are compared in both maps (n1, n2).
-    """
+    before = _extreme_points(flat.low_pass(wavelength).heights)
+    with_spikes = flat.with_heights(flat.heights + removed).low_pass(wavelength).heights
     exchanged = []
-    for fraction in _EXTREMES:
-        is_high_after = after > np.quantile(after, 1 - fraction)
-        is_high_before = before > np.quantile(before, 1 - fraction)
-        high_points = max(int(np.count_nonzero(is_high_after)), 1)
-        new_points = int(np.count_nonzero(is_high_after & ~is_high_before))
-        exchanged.append(new_points / high_points)
+    for is_extreme, was_extreme in zip(_extreme_points(with_spikes), before, strict=True):
+        new_points = int(np.count_nonzero(is_extreme & ~was_extreme))
+        exchanged.append(new_points / max(int(np.count_nonzero(is_extreme)), 1))
     return max(exchanged)
+
+
+def _extreme_points(heights: NDArray) -> list[Flags]:
+    """Return whether each point is among the highest and among the lowest ones, for several fractions of the points."""
+    extreme = []
+    for fraction in _EXTREMES:
+        low, high = np.quantile(heights, (fraction, 1 - fraction))
+        extreme += [heights > high, heights < low]
+    return extreme
 
 
 #: Largest number of points of a grid that femseal chooses. It does not depend on the machine, so that the results do
@@ -411,12 +421,14 @@ def smooth(
         unseen_slope = sqrt(waves.law.slope_power(measured, measured / UNSEEN))
     wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, shape)
+    # before the result takes memory
+    extreme = max(spikes_extreme(face, part.removed, shortest) for face, part in parts)
     result = flat.low_pass(shortest).resample(shape)
     tilt1, tilt2 = form.slopes
     return result, Conditioning(
         undefined_fraction=sum(part.undefined_fraction for _, part in parts) / len(parts),
         spike_points=sum(part.spike_points for _, part in parts),
-        spikes_extreme=max(spikes_extreme(face, part.removed, shortest) for face, part in parts),
+        spikes_extreme=extreme,
         removed_tilt=(atan(tilt1), atan(tilt2)),
         removed_curvature=form.curvatures,
         shortest_seen=seen or None,
@@ -426,7 +438,7 @@ def smooth(
         rms_height_before=flat.rms_height,
         rms_height=result.rms_height,
         rms_slope_before=flat.rms_slope,
-        rms_slope_measured=flat.low_pass(measured).rms_slope,
+        rms_slope_measured=flat.rms_slope_of_long_waves(measured),
         rms_slope=result.rms_slope,
         shape_before=flat.shape,
         shape=result.shape,

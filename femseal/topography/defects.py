@@ -13,15 +13,16 @@ there are too many of them.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import inf
+from math import ceil, inf
 from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import Flags, InputError, Pair, Periodic, Shape, validate
+from ..base import Array, Flags, InputError, Pair, Periodic, Shape, validate
 
 ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 
@@ -49,6 +50,12 @@ class Form:
         """Heights of the form at the pixel centres (n1, n2) [m]."""
         u, v = (_powers(n, 3) for n in self.shape)
         return u @ self.coefficients @ v.T
+
+    def at(self, selected: Flags) -> Array:
+        """Return the heights [m] of the form at selected points, (points,) of a map (n1, n2)."""
+        row, column = np.nonzero(selected)
+        u, v = (_powers(n, 3) for n in self.shape)
+        return np.einsum("pi,ij,pj->p", u[row], self.coefficients, v[column])
 
     @property
     def slopes(self) -> Pair:
@@ -107,10 +114,14 @@ def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True,
     defined = ~np.isnan(heights)
     if not defined.any():
         raise InputError("heights", "100 % undefined points", "at least one defined point")
-    mean = float(heights[defined].mean())
+    mean = float(np.mean(heights, where=defined))
     u, v = (_powers(n, 2 * order + 1) for n in heights.shape)
-    moments = u.T @ defined.astype(float) @ v  # Σ uⁱ vʲ at [i, j]
-    height_moments = u.T @ np.where(defined, heights - mean, 0.0) @ v  # Σ (z − mean) uⁱ vʲ
+    moments = np.zeros((u.shape[1], v.shape[1]))  # Σ uⁱ vʲ at [i, j]
+    height_moments = np.zeros_like(moments)  # Σ (z − mean) uⁱ vʲ
+    for block in _blocks(heights.shape):
+        is_known = defined[block]
+        moments += u[block].T @ is_known.astype(float) @ v
+        height_moments += u[block].T @ np.where(is_known, heights[block] - mean, 0.0) @ v
     terms = [
         (i, j)
         for i in range(order + 1)
@@ -168,12 +179,16 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     if threshold == inf or np.isnan(heights).all():
         return is_spike
     validate.number("spikes", threshold)
-    flat = heights - fit_form(heights, (1.0, 1.0), 2).heights
+    least_scale = _height_step(heights)
+    flat = fit_form(heights, (1.0, 1.0), 2).heights
+    np.subtract(heights, flat, out=flat)
     median, absolute_deviation = _window_medians(flat)
-    least_deviation = np.nanmedian(absolute_deviation)
-    scale = 1.4826 * np.maximum(absolute_deviation, least_deviation)
-    scale = np.maximum(scale, _height_step(heights))
-    deviates = np.abs(flat - median) > threshold * scale
+    least_scale = max(least_scale, 1.4826 * float(np.nanmedian(absolute_deviation)))
+    deviates = np.empty(heights.shape, dtype=bool)
+    for block in _blocks(heights.shape):
+        scale = np.maximum(1.4826 * absolute_deviation[block].astype(float), least_scale)
+        deviates[block] = np.abs(flat[block] - median[block]) > threshold * scale
+    del absolute_deviation
     labels, _ = scipy.ndimage.label(deviates, ALL_NEIGHBOURS)
     for number, box in enumerate(scipy.ndimage.find_objects(labels), start=1):
         # the bounding box of the group and the points next to it
@@ -203,17 +218,28 @@ def _stands_alone(group: Flags, flat: NDArray, median: NDArray) -> bool:
 _BLOCK = 2**16
 
 
+def _blocks(shape: tuple[int, ...]) -> Iterator[slice]:
+    """Yield slices of rows that divide a map into blocks of about `_BLOCK` points."""
+    rows = max(1, _BLOCK // shape[1])
+    for start in range(0, shape[0], rows):
+        yield slice(start, min(start + rows, shape[0]))
+
+
 def _window_medians(z: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the median in the window of each point, and the median absolute deviation from it, both (n1, n2)."""
+    """Return the median in the window of each point, and the median absolute deviation from it, both (n1, n2).
+
+    The deviation, which is compared with a threshold only, is in single precision to save memory.
+    """
     side = 2 * _REACH + 1
-    rows = max(1, _BLOCK // z.shape[1])
-    padded = np.pad(z, _REACH, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side))  # (n1, n2, side, side)
     median = np.empty_like(z)
-    deviation = np.empty_like(z)
-    for start in range(0, z.shape[0], rows):
-        block = np.s_[start : start + rows]
-        values = windows[block].reshape(-1, side * side)
+    deviation = np.empty(z.shape, np.float32)
+    for block in _blocks(z.shape):
+        above = max(0, _REACH - block.start)
+        below = max(0, block.stop + _REACH - z.shape[0])
+        rows = z[max(0, block.start - _REACH) : block.stop + _REACH]
+        padded = np.pad(rows, ((above, below), (_REACH, _REACH)), constant_values=np.nan)
+        windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side))
+        values = windows.reshape(-1, side * side)
         block_median = _row_medians(values)
         block_deviation = _row_medians(np.abs(values - block_median[:, None]))
         median[block] = block_median.reshape(-1, z.shape[1])
@@ -234,11 +260,16 @@ def _row_medians(values: NDArray) -> NDArray:
 
 def _height_step(heights: NDArray) -> float:
     """Return the step between the heights of quantised data [m], at least the size of rounding errors."""
-    values, count = np.unique(heights[~np.isnan(heights)], return_counts=True)
-    is_common = count >= max(_COMMON * count.sum(), 25)
-    steps = np.diff(values[is_common])
+    ordered = heights[~np.isnan(heights)]
+    ordered.sort()
+    # A height that m points share is equal to that m − 1 places later; the first of these places is taken.
+    m = ceil(max(_COMMON * ordered.size, 25))
+    is_shared = ordered[: max(ordered.size - m + 1, 0)] == ordered[m - 1 :]
+    is_first = is_shared.copy()
+    is_first[1:] &= ~is_shared[:-1]
+    steps = np.diff(ordered[: is_first.size][is_first])
     smallest_step = float(steps.min()) if steps.size else 0.0
-    rounding = 1e-9 * float(np.abs(values).max())
+    rounding = 1e-9 * max(abs(float(ordered[0])), abs(float(ordered[-1])))
     return max(smallest_step, rounding)
 
 
@@ -271,19 +302,28 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     hole = np.isnan(heights)
     if not hole.any():
         return heights
-    index = np.arange(hole.size).reshape(hole.shape)  # flat index of every point
-    hole_index = np.flatnonzero(hole)
-    # rows of this matrix select points; the Laplacian has a row for each point of the holes and a column for each point
-    select = scipy.sparse.eye_array(hole.size, format="csr")
-    laplacian = 0.0 * select[hole_index]
+    place = np.nonzero(hole)  # row and column of each point of the holes
+    index = np.ravel_multi_index(place, hole.shape)
+    count = index.size
+    laplacian = scipy.sparse.csr_array((count, count))
+    right_side = np.zeros(count)
     for axis in (0, 1):
         # the neighbour beyond a border is the point on the other side, or the point itself
         mode: Any = "wrap" if periodic[axis] else "clip"
         weight = (spacing[0] / spacing[axis]) ** 2
         for step in (-1, 1):
-            neighbour = np.take(index, np.arange(hole.shape[axis]) + step, axis, mode=mode)[hole]
-            laplacian += weight * (select[hole_index] - select[neighbour])
-    filled = np.where(hole, 0.0, heights)
-    right_side = -(laplacian @ filled.ravel())
-    filled[hole] = scipy.sparse.linalg.spsolve(laplacian[:, hole_index], right_side)
+            moved = list(place)
+            moved[axis] = place[axis] + step
+            neighbour = np.ravel_multi_index((moved[0], moved[1]), hole.shape, mode=mode)
+            neighbour_height = heights.ravel()[neighbour]
+            is_known = ~np.isnan(neighbour_height)
+            right_side[is_known] += weight * neighbour_height[is_known]
+            (unknown,) = np.nonzero(~is_known)
+            column = np.searchsorted(index, neighbour[unknown])
+            off_diagonal = scipy.sparse.coo_array(
+                (np.full(unknown.size, weight), (unknown, column)), shape=(count, count)
+            )
+            laplacian += scipy.sparse.diags_array(np.full(count, weight)) - off_diagonal
+    filled = heights.copy()
+    filled[hole] = scipy.sparse.linalg.spsolve(laplacian.tocsc(), right_side)
     return filled

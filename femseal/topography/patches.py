@@ -140,6 +140,11 @@ class Patches(Plotted):
         """Rms of the gradient's magnitude within the patches [-]."""
         return float(np.hypot(*self.rms_slopes))
 
+    def rms_slope_of_long_waves(self, wavelength: float) -> float:
+        """Rms of the gradient's magnitude of the waves that `low_pass` keeps, within the patches [-]."""
+        slopes = [patch.rms_slope_of_long_waves(wavelength) for patch in self.patches]
+        return float(np.sqrt(self._mean(np.square(slopes))))
+
     def _mean(self, values: Sequence[float] | NDArray) -> float:
         """Return the mean of one value for each patch, weighted by the number of points."""
         return float(np.average(values, weights=self.widths))

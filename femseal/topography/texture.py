@@ -380,9 +380,15 @@ def autocorrelation(topography: Topography) -> Array:
     n1, n2 = topography.shape
     m1, m2 = n1 // 2, n2 // 2
     padded = [scipy.fft.next_fast_len(2 * n, real=True) for n in (n1, n2)]
-    sums = scipy.fft.irfft2(np.abs(scipy.fft.rfft2(z, padded)) ** 2, padded)
+    spectrum = scipy.fft.rfft2(z, padded)
+    for row in spectrum:  # one row at a time and in place, to save memory
+        row[:] = row.real**2 + row.imag**2
+    sums = scipy.fft.irfft2(spectrum, padded, overwrite_x=True)
+    del spectrum
     lag1 = np.arange(-m1, m1 + 1)
     lag2 = np.arange(-m2, m2 + 1)
     pairs = np.outer(n1 - np.abs(lag1), n2 - np.abs(lag2))
-    correlation = sums[np.ix_(lag1, lag2)] / pairs
-    return correlation / correlation[m1, m2]
+    correlation = sums[np.ix_(lag1, lag2)]
+    correlation /= pairs
+    correlation /= correlation[m1, m2].copy()
+    return correlation

@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from math import isnan, nan
+from math import inf, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -51,12 +51,10 @@ def power(z: NDArray, periodic: Periodic) -> NDArray:
 
     The sum of all contributions is the mean square (Parseval's theorem).
     """
-    mirrored, wrapped = _mirrored_and_periodic_axes(periodic)
-    coefficients = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    _, wrapped = _mirrored_and_periodic_axes(periodic)
+    half = half_spectrum(z, periodic)
     if not wrapped:
-        return coefficients**2 / z.size
-    # The real transform takes half the memory. The waves that it leaves out are conjugates of others.
-    half: NDArray[Any] = scipy.fft.rfftn(coefficients, axes=wrapped, norm="ortho")
+        return half**2 / z.size
     powers = np.empty(z.shape)
     # In these views the axis of the real transform is the last one.
     half_view = half.swapaxes(-1, wrapped[-1])
@@ -77,6 +75,34 @@ def power(z: NDArray, periodic: Periodic) -> NDArray:
     return powers
 
 
+def half_spectrum(z: NDArray, periodic: Periodic) -> NDArray[Any]:
+    """Return the coefficients of the waves of `z`, with an orthonormal transform.
+
+    Along the last periodic axis, only waves with numbers k >= 0 are contained, which takes half the memory: the others
+    are conjugates. `half_multiplicity` says how many waves each coefficient stands for.
+    """
+    mirrored, wrapped = _mirrored_and_periodic_axes(periodic)
+    coefficients = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    return scipy.fft.rfftn(coefficients, axes=wrapped, norm="ortho") if wrapped else coefficients
+
+
+def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArray]:
+    """Return the multiplicities of the rows (n1,) and columns (n2,) of a `half_spectrum`.
+
+    A coefficient stands for as many waves as the product of both says.
+    """
+    _, wrapped = _mirrored_and_periodic_axes(periodic)
+    rows, columns = np.ones(shape[0]), np.ones(shape[1])
+    if wrapped:
+        n = shape[wrapped[-1]]
+        halved = np.full(n // 2 + 1, 2.0)
+        halved[0] = 1.0
+        if n % 2 == 0:
+            halved[-1] = 1.0  # the Nyquist wave is its own conjugate
+        rows, columns = (rows, halved) if wrapped[-1] == 1 else (halved, columns)
+    return rows, columns
+
+
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
     """Return the wave numbers (n,) [rad/m] of an axis in the order of the transforms; signed on a periodic axis."""
     if periodic:
@@ -94,20 +120,20 @@ def wavenumber_grids(shape: Shape, spacing: Pair, periodic: Periodic) -> tuple[N
 def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDArray:
     """Return the waves of `z` with |q| <= `limit` [rad/m]."""
     mirrored, wrapped = _mirrored_and_periodic_axes(periodic)
-    coefficients = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
-    if wrapped:
-        # along the last periodic axis only the waves with k >= 0 are stored
-        coefficients = scipy.fft.rfftn(coefficients, axes=wrapped, norm="ortho")
+    coefficients = half_spectrum(z, periodic)
     q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
-    rows, columns = coefficients.shape
-    is_short = q1[:rows] ** 2 + q2[:, :columns] ** 2 > (limit * (1 + SLACK)) ** 2
-    coefficients[is_short] = 0
+    columns = coefficients.shape[1]
+    for row, waves in enumerate(coefficients):  # one row at a time, to save memory
+        is_short = q1[row] ** 2 + q2[0, :columns] ** 2 > (limit * (1 + SLACK)) ** 2
+        waves[is_short] = 0
     if wrapped:
         points = [z.shape[axis] for axis in wrapped]
         coefficients = scipy.fft.irfftn(
             coefficients, points, axes=wrapped, norm="ortho", overwrite_x=True
         )
-    return scipy.fft.idctn(coefficients, axes=mirrored, norm="ortho", overwrite_x=True)
+    if mirrored:
+        coefficients = scipy.fft.idctn(coefficients, axes=mirrored, norm="ortho", overwrite_x=True)
+    return coefficients
 
 
 def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
@@ -242,11 +268,27 @@ class Topography(Plotted):
         It is exact for band-limited data. Along an axis that is not periodic the mirrored map is used, so that a tilt
         counts fully.
         """
-        powers = power(self._defined("rms_slope"), self.periodic)
+        return self._rms_slopes(inf)
+
+    def rms_slope_of_long_waves(self, wavelength: float) -> float:
+        """Rms of |∇z| [-] of the waves that `low_pass` keeps, without the memory of another map."""
+        return float(np.hypot(*self._rms_slopes(2 * np.pi / wavelength)))
+
+    def _rms_slopes(self, limit: float) -> Pair:
+        """Rms of ∂z/∂x1 and of ∂z/∂x2 of the waves with |q| <= `limit` [rad/m]."""
+        half = half_spectrum(self._defined("rms_slope"), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
-        along1 = np.sum(q1[:, 0] ** 2 * powers.sum(axis=1))
-        along2 = np.sum(q2[0] ** 2 * powers.sum(axis=0))
-        return float(np.sqrt(along1)), float(np.sqrt(along2))
+        square2 = q2[0, : half.shape[1]] ** 2
+        along1 = along2 = 0.0
+        rows, columns = half_multiplicity(self.shape, self.periodic)
+        for row, waves in enumerate(half):
+            square1 = q1[row, 0] ** 2
+            powers = rows[row] * columns * np.abs(waves) ** 2
+            powers[square1 + square2 > (limit * (1 + SLACK)) ** 2] = 0
+            along1 += square1 * powers.sum()
+            along2 += square2 @ powers
+        points = self.heights.size
+        return float(np.sqrt(along1 / points)), float(np.sqrt(along2 / points))
 
     @property
     def rms_slope(self) -> float:
@@ -263,7 +305,8 @@ class Topography(Plotted):
         InputError
             The order is invalid.
         """
-        return self.with_heights(self.heights - self.form(order).heights)
+        form_heights = self.form(order).heights
+        return self._with_new(np.subtract(self.heights, form_heights, out=form_heights))
 
     def form(self, order: int | None = None) -> Form:
         """Fit the mean (order 0), mean and tilt (1), or mean, tilt and curvature (2) to the defined points.
@@ -297,7 +340,7 @@ class Topography(Plotted):
         """
         limit = 2 * np.pi / validate.number("wavelength", wavelength, unit="m")
         heights = self._defined("low_pass")
-        return self.with_heights(truncate(heights, self.spacing, self.periodic, limit))
+        return self._with_new(truncate(heights, self.spacing, self.periodic, limit))
 
     def high_pass(self, wavelength: float) -> Topography:
         """Remove the waves that `low_pass` keeps."""
@@ -322,6 +365,8 @@ class Topography(Plotted):
         """
         new_shape = validate.grid("shape", shape)
         z = self._defined("resample")
+        if new_shape == self.shape:
+            return self
         for axis in (0, 1):
             z = resample_axis(z, new_shape[axis], axis, self.periodic[axis])
         spacing = (self.size[0] / new_shape[0], self.size[1] / new_shape[1])
@@ -342,7 +387,9 @@ class Topography(Plotted):
             The threshold is not > 0.
         """
         is_spike = find_spikes(self.heights, threshold)
-        return self.with_heights(np.where(is_spike, np.nan, self.heights))
+        if not is_spike.any():
+            return self
+        return self._with_new(np.where(is_spike, np.nan, self.heights))
 
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
         """Fill undefined points by the harmonic surface through the points around them.
@@ -366,7 +413,9 @@ class Topography(Plotted):
             most = as_text(limit, percent=True)
             expected = f"at most {most}: crop the map to a part with fewer, or raise max_undefined"
             raise TooManyUndefined("heights", given, expected)
-        return self.with_heights(fill_holes(self.heights, self.spacing, self.periodic))
+        if not fraction:
+            return self
+        return self._with_new(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: Shape, start: Shape = (0, 0)) -> Topography:
         """Cut out a part of the map. Along an axis that loses points the result is not periodic.
@@ -492,7 +541,8 @@ class Topography(Plotted):
         C2D : array, (rings,)
             Spectral density [m⁴].
         """
-        powers = self._centred_power("radial_psd")
+        z = self._defined("radial_psd")
+        half = half_spectrum(z - z.mean(), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
         # A wave along a mirrored axis represents itself and its mirror image in the plane of wave vectors.
         row_copies, column_copies = (
@@ -504,15 +554,19 @@ class Topography(Plotted):
         count = np.zeros(rings)
         q_sum = np.zeros(rings)
         power_sum = np.zeros(rings)
-        for row in range(self.shape[0]):  # one row at a time, to save memory
-            q = np.hypot(q1[row], q2[0])
+        row_waves, column_waves = half_multiplicity(self.shape, self.periodic)
+        columns = half.shape[1]
+        for row, coefficients in enumerate(half):  # one row at a time, to save memory
+            q = np.hypot(q1[row], q2[0, :columns])
             ring = np.rint(q / step).astype(int) + 1
             if row == 0:
                 ring[0] = 0  # the mean of the map has a ring of its own, which is left out
-            copies = row_copies[row] * column_copies
+            waves = row_waves[row] * column_waves
+            copies = waves * row_copies[row] * column_copies[:columns]
+            powers = waves * np.abs(coefficients) ** 2 / z.size
             count += np.bincount(ring, copies, rings)
             q_sum += np.bincount(ring, q * copies, rings)
-            power_sum += np.bincount(ring, powers[row], rings)
+            power_sum += np.bincount(ring, powers, rings)
         filled = np.flatnonzero(count)[1:]
         mean_q = q_sum[filled] / count[filled]
         mean_power = power_sum[filled] / count[filled]
@@ -536,6 +590,11 @@ class Topography(Plotted):
     def with_heights(self, heights: NDArray) -> Topography:
         """Return a map with other heights at the same points."""
         return Topography(heights, self.spacing, self.periodic)
+
+    def _with_new(self, heights: NDArray) -> Topography:
+        """Return a map with an array of heights that nothing else uses, which is not copied."""
+        heights.flags.writeable = False
+        return self.with_heights(heights)
 
     def _defined(self, purpose: str) -> Array:
         """Return the heights; raise InputError if points are undefined.
@@ -576,9 +635,15 @@ def _mean_square(values: NDArray) -> float:
 
 
 def _clean(heights: Any) -> Array:
-    """Return a read-only contiguous copy of heights, with masked points as NaN."""
+    """Return a read-only contiguous copy of heights, with masked points as NaN.
+
+    An array that has its own memory and is read-only already is not copied.
+    """
     if isinstance(heights, np.ma.MaskedArray) and heights.dtype.kind in "biuf":
         heights = np.ma.filled(heights.astype(np.float64), np.nan)
-    z = validate.field("heights", heights, unit="m", undefined=True)
+    is_constant = (
+        type(heights) is np.ndarray and heights.flags.owndata and not heights.flags.writeable
+    )
+    z = validate.field("heights", heights, unit="m", undefined=True, copy=not is_constant)
     z.flags.writeable = False
     return z

@@ -1,5 +1,6 @@
 """Topography and condition: closed forms of single waves, Parseval, exactness on band-limited maps."""
 
+import tracemalloc
 from operator import attrgetter, methodcaller
 
 import numpy as np
@@ -14,10 +15,12 @@ from femseal.flow import cell_permeability
 from femseal.topography import (
     Topography,
     condition,
+    defects,
     describe_surface,
     resolving_shape,
     self_affine,
 )
+from femseal.topography.topography import power, wavenumber_grids
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
 SIZE = (3e-3, 2e-3)
@@ -239,6 +242,45 @@ def test_undefined_points_at_the_border_do_not_decide_whether_it_has_a_step():
     z[0] = np.nan
     assert Topography(z, (1e-6, 1e-6)).seamless == (True, True)
     assert Topography(z * np.nan, (1e-6, 1e-6)).seamless == (True, True)
+
+
+@each("periodic", [(True, True), (False, True), (True, False), (False, False)])
+@each("shape", [(24, 18), (25, 17)])
+def test_slopes_and_spectra_of_half_the_waves_are_those_of_all(shape, periodic):
+    """Of even and odd numbers of points: a Nyquist wave is its own conjugate."""
+    rough = noise(shape, periodic)
+    low = rough.low_pass(0.5e-3)
+    assert_allclose(rough.rms_slope_of_long_waves(0.5e-3), low.rms_slope, rtol=1e-12)
+    powers = power(rough.heights, periodic)
+    assert_allclose(powers.sum(), np.mean(rough.heights**2), rtol=1e-12)
+    q1, q2 = wavenumber_grids(shape, rough.spacing, periodic)
+    slopes = np.sqrt([np.sum(q1**2 * powers), np.sum(q2**2 * powers)])
+    assert_allclose(rough.rms_slopes, slopes, rtol=1e-12)
+    q, density = rough.radial_psd()
+    is_inside = q < 0.7 * np.pi / max(rough.spacing)
+    assert is_inside.any()
+    assert np.all(density[is_inside] > 0)
+
+
+@pytest.mark.parametrize(("kind", "bytes_per_point"), [("plain", 37), ("with spikes", 60)])
+def test_conditioning_takes_little_memory(kind, bytes_per_point, monkeypatch):
+    """Peak of what NumPy allocates, with the map; a contact takes 37 bytes a point.
+
+    Blocks are as small beside this map as they are beside a large one.
+    """
+    monkeypatch.setattr(defects, "_BLOCK", 2**10)
+    rng = np.random.default_rng(1)
+    z = rng.standard_normal((512, 512))
+    if kind == "with spikes":
+        z[5::101, 3::89] = np.nan
+        z[7::97, 2::103] += 100
+    measured = Topography(z, (1e-6, 1e-6), (False, False))
+    condition(measured)  # what is loaded once stays
+    tracemalloc.start()
+    condition(measured)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak + z.nbytes < bytes_per_point * z.size
 
 
 def test_detrend_is_the_least_squares_plane_of_the_defined_points():
