@@ -74,17 +74,25 @@ def darcy_conductance(
     bounds: bool = False,
     solver: str = "auto",
 ) -> DarcyFlow:
-    """Flow [unit of K] through a mesh for a unit drop of potential between two parts of its boundary.
+    """Solve the flow through a mesh for a unit drop of the potential between two parts of its boundary.
 
+    Parameters
+    ----------
     mesh : scikit-fem MeshTri1 or MeshQuad1 with n elements, or a periodic MeshQuad1DG of rectangles.
-    permeability : K >= 0; a number, (n,), (n, 2) values along x and y, or (n, 2, 2) symmetric tensors; 0 is
-    closed. A tensor closed along one principal axis only keeps 1e-10 of its other value there, and
-    carries flow across facets only along the open one.
+    permeability : K >= 0 in any unit, a number, (n,), (n, 2) along x and y, or symmetric tensors (n, 2, 2); elements
+        with 0 are closed. A tensor that is closed along one principal axis keeps 1e-10 of its other value there, and
+        carries flow only across facets that its open axis crosses.
     inlet, outlet : indices of boundary facets, with no vertex in common.
-    bounds, solver : see `MeshOperators.flow`.
+    bounds, solver : as in `MeshOperators.flow`.
 
-    Raises InputError: another kind of mesh, wrong facets, or a bad K.
-    NotConverged : inlet and outlet flow differ by more than 1e-4, or the linear solver failed.
+    Returns
+    -------
+    DarcyFlow with the potential at the vertices, and the conductance in the unit of K.
+
+    Raises
+    ------
+    InputError : another kind of mesh, wrong facets, or a bad K.
+    NotConverged : inflow and outflow differ by more than 1e-3, or the linear solver failed.
     """
     if type(mesh) not in KINDS:
         names = ", ".join(kind.__name__ for kind in KINDS)
@@ -97,16 +105,23 @@ def darcy_conductance(
 
 @dataclass(frozen=True, eq=False)
 class MeshSystem:
-    """Where local matrices go: degrees of freedom of elements (n, m), and those of both ends; `size` there are."""
+    """Numbering of the unknowns of a mesh.
+
+    Attributes
+    ----------
+    dofs : array (n, m), degrees of freedom of each element.
+    ends : degrees of freedom at the inlet and at the outlet.
+    size : number of all degrees of freedom.
+    """
 
     dofs: Indices
     ends: tuple[Indices, Indices]
     size: int
 
     def solved(self, local: Array, rtol: float, solver: str) -> LinearSolution:
-        """Solve local matrices (n, m, m), whose rows sum to 0, for a unit drop between the ends.
+        """Assemble local matrices (n, m, m), whose rows sum to 0, and solve them for a unit drop between the ends.
 
-        The solution has a value for every degree of freedom (size,), at an end its potential.
+        Returns the solution with a value for every degree of freedom (size,), at an end its potential.
         """
         values = np.zeros(self.size)
         free = np.zeros(self.size, bool)
@@ -134,42 +149,54 @@ class MeshSystem:
             links.append(0.0 - into[unknown])
         ends = Ends(np.array(_LEVELS), np.array(links))
         rhs = ends.levels @ ends.links
-        found = solve_sparse(matrix, rhs, rtol, solver, unit_drop=True, ends=ends)
+        solution = solve_sparse(matrix, rhs, rtol, solver, unit_drop=True, ends=ends)
         remainder = np.zeros(self.size)
-        values[unknown] = found.x
-        remainder[unknown] = found.remainder
-        return replace(found, x=values, complement=1 - values, remainder=remainder)
+        values[unknown] = solution.x
+        remainder[unknown] = solution.remainder
+        return replace(solution, x=values, complement=1 - values, remainder=remainder)
 
     def total(self, flux: Array) -> Array:
-        """What flows into the elements from each degree of freedom, by what flows from there into each of them."""
+        """Sum up the flow from each degree of freedom into the elements, from that into each element (n, m)."""
         return np.asarray(np.bincount(self.dofs.ravel(), flux.ravel(), self.size), float)
 
     def into(self, flux: Array) -> Array:
-        """What flows into the elements through both ends, by what flows into each from each degree of freedom."""
+        """Sum up the flow into the elements through each end, from that into each element (n, m)."""
         total = self.total(flux)
         return np.array([total[at].sum() for at in self.ends])
 
 
 @dataclass(frozen=True, eq=False)
 class MeshOperators:
-    """The forms of a mesh of straight sides, for flows through it.
+    """Local matrices of a mesh of straight sides, with which flows through it are solved one after another.
 
-    mesh : of `KINDS`. ends : boundary facets of inlet and outlet, with no vertex in common.
+    Attributes
+    ----------
+    mesh : one of `KINDS`.
+    ends : boundary facets of the inlet and of the outlet, with no vertex in common.
     """
 
     mesh: Mesh = field(repr=False)
     ends: tuple[Indices, Indices] = field(repr=False)
 
     def flow(self, tensor: Array, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Solve the flow for a unit drop; its potential at the vertices is NaN in closed pockets.
+        """Solve the flow for a unit drop.
 
-        tensor : K (n, 2, 2), symmetric and positive semidefinite.
-        bounds : also enclose the energy of this mesh (K constant on each element), up to quadrature on quadrilaterals
-        that are not parallelograms; otherwise the bounds are NaN. Open elements that meet in a corner
-        are connected in the value and in the upper bound, and not in the lower one.
-        solver : of the linear system, "direct" (factorisation), "amg" (pyamg), or "auto", the faster of both.
+        Parameters
+        ----------
+        tensor : array (n, 2, 2), K of each element, symmetric and positive semidefinite.
+        bounds : also enclose the flow with K constant on each element, up to quadrature on quadrilaterals that are no
+            parallelograms. Open elements that share only a corner are connected in the value and in the upper bound,
+            and not in the lower bound.
+        solver : "direct" (factorisation), "amg" (pyamg), or "auto" for the faster of both.
 
-        Raises NotConverged: inflow and outflow differ by more than 1e-3, or the linear solver failed.
+        Returns
+        -------
+        DarcyFlow with the potential at the vertices, NaN in closed pockets. Its conductance is that of conforming
+        elements, which is the upper bound.
+
+        Raises
+        ------
+        NotConverged : inflow and outflow differ by more than 1e-3, or the linear solver failed.
         """
         scale = float(np.abs(tensor).max()) or 1.0
         tensor = tensor / scale
@@ -189,9 +216,9 @@ class MeshOperators:
         units = self._stiffness_of_axes if self._are_axes_along_edges(tensor) else self._stiffness
         local = _weighted(tensor[connected.between], units, connected.between)
         # the conductance is an energy, which errs by the square of the potential
-        found = system.solved(local, potential_rtol(RTOL), solver)
-        potential[system.dofs] = found.x[system.dofs]
-        energy, flux = _dissipated(local, found, system.dofs)
+        solution = system.solved(local, potential_rtol(RTOL), solver)
+        potential[system.dofs] = solution.x[system.dofs]
+        energy, flux = _dissipated(local, solution, system.dofs)
         imbalance = _imbalance(system.into(flux), energy)
         lower = upper = np.nan
         if bounds:
@@ -202,16 +229,16 @@ class MeshOperators:
             potential=potential,
             complement=1 - potential,
             percolates=True,
-            iterations=found.iterations,
-            residual=found.residual,
+            iterations=solution.iterations,
+            residual=solution.residual,
             imbalance=imbalance,
-            solver=found.solver,
+            solver=solution.solver,
             lower=scale * lower,
             upper=scale * upper,
         )
 
     def _lower_bound(self, tensor: Array, solver: str) -> float:
-        """Bound the energy from below by fluxes q through invertible tensors: inflow² / ∫ q·K⁻¹q."""
+        """Return the lower bound inflow² / ∫ q·K⁻¹q of the energy by fluxes q; tensors are invertible."""
         connected, system = self._system(tensor, of_vertices=False)
         if not connected.joined.any():
             return 0.0
@@ -225,8 +252,8 @@ class MeshOperators:
             inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
         )
         # balancing the fluxes magnifies the error of the potential
-        found = system.solved(schur, RTOL, solver)
-        _, inward = _dissipated(schur, found, system.dofs)
+        solution = system.solved(schur, RTOL, solver)
+        _, inward = _dissipated(schur, solution, system.dofs)
         flux, on_facet = self._balanced(connected.between, system, resistance, -inward)
         inflow = float(on_facet[system.ends[0]].sum())
         energy = float(np.einsum("ei,eij,ej->", flux, resistance, flux))
@@ -235,9 +262,9 @@ class MeshOperators:
     def _balanced(
         self, carrying: Indices, system: MeshSystem, resistance: Array, flux: Array
     ) -> tuple[Array, Array]:
-        """Outward fluxes (elements, facets) near `flux` that balance on elements and agree on facets.
+        """Correct outward fluxes (elements, facets) so that they balance on elements and agree on facets.
 
-        Also those of all facets, out of their first element.
+        Returns the corrected fluxes, and the flux of each facet of the mesh out of its first element.
         """
         mesh, facets = self.mesh, system.dofs
         node = np.zeros(mesh.nelements, np.int64)
@@ -257,7 +284,7 @@ class MeshOperators:
         return sign * on_facet[facets], on_facet
 
     def _at_rest(self, connected: Connected) -> Array:
-        """Potential of the vertices of each end and of what is connected to it alone; NaN elsewhere."""
+        """Return the potential of the vertices that are connected to one end alone; NaN elsewhere."""
         mesh = self.mesh
         potential = np.full(mesh.nvertices, np.nan)
         for level, elements in zip(_LEVELS, connected.alone, strict=True):
@@ -267,7 +294,7 @@ class MeshOperators:
         return potential
 
     def _system(self, tensor: Array, *, of_vertices: bool) -> tuple[Connected, MeshSystem]:
-        """What open elements connect; potentials of vertices, where they also meet in corners, or of facets."""
+        """Find the elements that carry flow, and number their vertices, which also connect in corners, or facets."""
         mesh = self.mesh
         connected = connected_elements(mesh, tensor, self.ends, through_corners=of_vertices)
         inlet, outlet = (
@@ -281,7 +308,7 @@ class MeshOperators:
 
     @cached_property
     def _stiffness(self) -> Array:
-        """Local matrices of conforming elements, of every component of K (3, n, vertices, vertices)."""
+        """Local matrices of conforming elements for every component of K, (3, n, vertices, vertices)."""
         element, _, order = KINDS[type(self.mesh)]
         return _local_matrices(
             forms.darcy_flow, Basis(self.mesh, element(), intorder=order), k=_UNITS
@@ -334,18 +361,18 @@ def _local_matrices(form: Any, basis: Basis, **units: Array) -> Array:
 
 
 def _weighted(tensor: Floats, units: Array, elements: Indices) -> Array:
-    """Local matrices (elements, m, m) of their tensors, from those of unit components of all (3, n, m, m)."""
+    """Return local matrices (elements, m, m) of tensors, from those of unit components of K (3, n, m, m)."""
     k = np.array([tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]])
     return np.asarray(np.einsum("cn,cnij->nij", k, units[:, elements]))
 
 
-def _dissipated(local: Array, found: LinearSolution, dofs: Indices) -> tuple[float, Array]:
-    """Energy of the potential (n, m) of local matrices (n, m, m), and what flows into the elements (n, m).
+def _dissipated(local: Array, solution: LinearSolution, dofs: Indices) -> tuple[float, Array]:
+    """Return the energy of a solution, and the flow into each element from each of its degrees of freedom (n, m).
 
-    dofs : of the elements (n, m).
+    local : matrices (n, m, m) of the elements. dofs : their degrees of freedom (n, m).
     """
     # differences within an element: no cancellation where values are nearly constant
-    values, remainder = found.x[dofs], np.asarray(found.remainder)[dofs]
+    values, remainder = solution.x[dofs], np.asarray(solution.remainder)[dofs]
     drop = (values - values[:, :1]) + (remainder - remainder[:, :1])
     flux = np.einsum("nij,nj->ni", local, drop)
     return float(np.einsum("ni,ni->", drop, flux)), flux

@@ -1,4 +1,4 @@
-"""Permeability and ends of a mesh, checked, and which of its elements carry flow from one boundary to another."""
+"""Checks of the permeability and the ends of a mesh, and the elements that carry flow between its ends."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CLOSED = 1e-12
 
 
 def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
-    """K as (elements, 2, 2) positive semidefinite tensors, from any allowed shape; or an InputError."""
+    """Return positive semidefinite tensors (elements, 2, 2) of a permeability of any shape, or an InputError."""
     n = elements
     k = checked_permeability("permeability", permeability, (n,), (n, 2), (n, 2, 2))
     if k.ndim < 3:
@@ -41,7 +41,7 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
 
 
 def principal_values(tensor: Array) -> tuple[Array, Array]:
-    """The smaller and the larger principal value of symmetric tensors (n, 2, 2)."""
+    """Return the smaller and the larger principal value of symmetric tensors (n, 2, 2)."""
     a, b, c = tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]
     mean = (a + b) / 2
     radius = np.hypot((a - b) / 2, c)
@@ -49,7 +49,7 @@ def principal_values(tensor: Array) -> tuple[Array, Array]:
 
 
 def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
-    """Whether the mesh itself, all of it open, joins inlet and outlet; InputError if these cannot be ends."""
+    """Return whether a mesh of open elements joins inlet and outlet; InputError if these cannot be ends."""
     unit = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
     return bool(
         connected_elements(
@@ -59,7 +59,7 @@ def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
 
 
 def ends_of(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:
-    """Boundary facets of inlet and outlet, or an InputError."""
+    """Return the boundary facets of inlet and outlet, or raise an InputError."""
     ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
     if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
         raise InputError(
@@ -78,19 +78,21 @@ def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
 
 
 def invertible(tensor: Array) -> Array:
-    """Tensors with a smaller principal value of CLOSED_AXIS of the larger instead of 0."""
+    """Return tensors whose smaller principal value is `CLOSED_AXIS` times the larger one where it was 0."""
     least, most = principal_values(tensor)
     half = np.flatnonzero((least <= _CLOSED * most) & (most > 0))
     if not half.size:
         return tensor
     k, least, most = (a[half] for a in (tensor, least[:, None, None], most[:, None, None]))
-    found = tensor.copy()
-    found[half] += (CLOSED_AXIS * most - least) / (most - least) * (most * np.eye(2) - k)
-    return found
+    invertible_tensor = tensor.copy()
+    invertible_tensor[half] += (
+        (CLOSED_AXIS * most - least) / (most - least) * (most * np.eye(2) - k)
+    )
+    return invertible_tensor
 
 
 def open_facets(mesh: Mesh, facets: Indices, elements: Indices) -> Indices:
-    """Boundary facets that belong to these elements."""
+    """Return the boundary facets that belong to these elements."""
     return facets[np.isin(mesh.f2t[0, facets], elements)]
 
 

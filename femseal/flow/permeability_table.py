@@ -129,7 +129,7 @@ def tabulated(
 
 
 class PressureCurve:
-    """Permeabilities as functions of the pressure, each of its own: values (m, …) at m pressures."""
+    """Permeabilities as functions of the pressure, one for each element: values (m, …) at m pressures."""
 
     def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
         order = np.argsort(pressures)
@@ -155,9 +155,9 @@ class PressureCurve:
         return (2 * x - self._range.sum()) / np.ptp(self._range)
 
     def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
-        """Mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ, by Gauss points dense at the lower one.
+        """Return the mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ.
 
-        Piecewise and with an even mobility it is exact.
+        It is exact for piecewise tables and an even mobility. Otherwise Gauss points are dense at the lower pressure.
         """
         a, b = (np.broadcast_to(p, self.shape).ravel() for p in (first, second))
         least, most = np.minimum(a, b), np.maximum(a, b)
