@@ -354,7 +354,7 @@ def _columns_of_relaxation(answer: Design) -> list[tuple[str, list[str]]]:
     for peak in answer.seals.steps.unload_from:
         left = relaxed(peak, relaxation)
         texts = ["enough" if need.service[peak].value <= left else "too low" for need in needs]
-        head = f"{load_text(left)}, which relaxation leaves of {load_text(peak)}"
+        head = f"{load_text(left)}, left of {load_text(peak)} after relaxation"
         columns.append((head, texts))
     return columns
 

@@ -157,7 +157,8 @@ def sensitivities(
         "contact modulus": _Slope(-hardness.value - load, "scaling law of contact, exact"),
         "breadth, same pressure": _Slope(-1.0, "Darcy's law over many cells"),
         "breadth, same force": _Slope(
-            -1.0 - load, "Darcy's law, with the pressure of the force; Qmin: the force"
+            -1.0 - load,
+            "Darcy's law; the pressure follows from the force, and Qmin is meant as a force",
         ),
         "viscosity": viscosity,
         **slip_length,
