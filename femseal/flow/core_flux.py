@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from ..base import Array
 from ..base.compiled import compiled
-from .balance import potential_drop
+from .error_bound import potential_drop
 from .problem import DarcyFlow
 
 #: Part of the flow through a cell below which its core counts as closed: in a dead end rounding leaves about 1e-16.

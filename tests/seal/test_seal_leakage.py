@@ -12,7 +12,7 @@ from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
 
 from femseal.analytic import annulus_rate
 from femseal.base import InputError
-from femseal.flow.balance import energy_gap
+from femseal.flow.error_bound import energy_gap
 from femseal.flow.permeability_table import Mobility, PressureCurve
 from femseal.fluids import IdealGas, Liquid
 from femseal.seal import AnnularSeal, MeshSeal, RectangularSeal, seal_leakage
