@@ -85,9 +85,9 @@ def solve_multigrid(
     -----
     The rate of φ exceeds the true one by the square of the error e of φ in the norm of the energy, eᵀAe <= rᵀM⁻¹r/θ,
     with the lowest eigenvalue θ of M⁻¹A, which is taken from the coefficients of the iteration (Lanczos). An iteration
-    that ends early is given a margin for what it has not met yet; after `checked` iterations the error is bounded instead,
-    and the iteration goes on where the bound is too large. Inlet and outlet flow, which err by the first order, have
-    to differ by less than thrice the square root of the error allowed. The coarsest level is eliminated.
+    that ends early is given a margin for what it has not met yet. After `checked` iterations the error is bounded
+    instead, and the iteration goes on where the bound is too large. Inlet and outlet flow, which err by the first
+    order, have to differ by less than thrice the square root of the error allowed. The coarsest level is eliminated.
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     along, across, ring = stencil.along, stencil.across, stencil.ring2
