@@ -3,23 +3,26 @@
 The energy of a computed potential is above that of the flow (Dirichlet's principle), and that of any flux that balances
 gives a value below it (Thomson's principle). Here the flux of the potential is corrected: every node sends its excess
 towards an end along a spanning tree of wide links. The energy of this correction bounds the error.
+
+To save time the tree is one of runs: neighbouring nodes of a row between narrow links. A run sends its excess along its
+row to the node where it is joined to the next run of the tree. A bound takes the time of a few iterations of multigrid.
 """
 
 from __future__ import annotations
+
+from math import frexp
 
 import numpy as np
 
 from ..base import Array
 from ..base.compiled import compiled, inner
 from .grid import Stencil
+from .percolation import union
 
-#: Bits of a double below its exponent, and lowest bits of the exponent that are left out: conductances within a factor
-#: of 16 are one class.
-_FRACTION_BITS, _CLASS_BITS = 52, 2
-#: Number of classes of conductances, the widest last; class of a node that the tree has reached.
-_CLASSES, _REACHED = 2 ** (11 - _CLASS_BITS), 2 ** (11 - _CLASS_BITS) + 1
-#: Directions from a node to its neighbours.
-_UP, _DOWN, _LEFT, _RIGHT = 0, 1, 2, 3
+#: A run ends at a link that is narrower than this fraction of its widest link.
+_NARROW = 1 / 64
+#: Largest exponent of two of a conductance, and number of exponents.
+_LARGEST, _EXPONENTS = 1024, 2100
 
 
 def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
@@ -94,115 +97,164 @@ def _excess(along, across, φ, ψ):
 
 
 @inner()
-def _classes(conductances):
-    """Return the class of every conductance: 0 of closed links, else rising with the exponent."""
-    bits = conductances.view(np.int64)
-    classes = np.zeros(conductances.shape, np.int16)
-    for i in range(conductances.shape[0]):
-        for j in range(conductances.shape[1]):
-            if conductances[i, j] > 0.0:
-                # the exponent of a positive double is in its highest bits
-                classes[i, j] = (bits[i, j] >> (_FRACTION_BITS + _CLASS_BITS)) + 1
-    return classes
+def _runs(along, across):
+    """Divide the inner nodes of each row into runs.
 
-
-@inner()
-def _offer(node, direction, width, widest_offer, queues):
-    """Queue the link of a node in a direction, unless one as wide has been offered to the node before.
-
-    width : class of the link, 0 where it is closed. Returns the class.
-    """
-    first, last, following = queues
-    if width > widest_offer[node]:
-        widest_offer[node] = width
-        entry = 4 * node + direction
-        following[entry] = -1
-        if first[width] < 0:
-            first[width] = entry
-        else:
-            following[last[width]] = entry
-        last[width] = entry
-    return width
-
-
-@inner()
-def _widest_tree(along, across):
-    """Grow a tree from both ends along the widest links (Prim), of one class along those that were met first.
-
-    Returns the inner nodes in the order in which the tree reaches them, their number, and the direction of the link of
-    each towards its end.
+    Returns the run of every inner node, from 1 on, 0 for closed nodes; the first node of each run; their number plus 1.
     """
     n1, n2 = along.shape[0] - 1, along.shape[1]
     m2 = across.shape[1]
-    columns, rows = _classes(along), _classes(across)
-    widest_offer = np.zeros(n1 * n2, np.int16)
-    # a queue for each class, as a linked list; an entry is a node and the direction of a link
-    first = np.full(_CLASSES + 1, -1, np.int32)
-    last = np.full(_CLASSES + 1, -1, np.int32)
-    following = np.empty(4 * n1 * n2, np.int32)
-    queues = first, last, following
-    order = np.empty(n1 * n2, np.int32)
-    towards = np.empty(n1 * n2, np.int8)
-    width = 0
-    for j in range(n2):
-        width = max(width, _offer(j, _UP, columns[0, j], widest_offer, queues))
-        at_outlet = (n1 - 1) * n2 + j
-        width = max(width, _offer(at_outlet, _DOWN, columns[n1, j], widest_offer, queues))
+    run = np.zeros((n1, n2), np.int32)
+    first = np.empty(n1 * n2 + 2, np.int32)
     count = 0
-    while width > 0:
-        entry = first[width]
-        if entry < 0:
-            width -= 1
-            continue
-        first[width] = following[entry]
-        node = entry // 4
-        if widest_offer[node] == _REACHED:
-            continue
-        widest_offer[node] = _REACHED
-        towards[node] = entry % 4
-        order[count] = node
-        count += 1
-        i, j = node // n2, node % n2
-        if i > 0:
-            width = max(width, _offer(node - n2, _DOWN, columns[i, j], widest_offer, queues))
-        if i < n1 - 1:
-            width = max(width, _offer(node + n2, _UP, columns[i + 1, j], widest_offer, queues))
-        if j < m2:
-            right = node + 1 if j + 1 < n2 else node + 1 - n2
-            width = max(width, _offer(right, _LEFT, rows[i, j], widest_offer, queues))
-        before = j - 1 if j > 0 else n2 - 1
-        if before < m2:
-            left = i * n2 + before
-            width = max(width, _offer(left, _RIGHT, rows[i, before], widest_offer, queues))
-    return order, count, towards
+    for i in range(n1):
+        widest = 0.0
+        is_inside = False
+        for j in range(n2):
+            left = across[i, j - 1] if j > 0 else 0.0
+            right = across[i, j] if j < m2 else 0.0
+            if j == 0 and m2 == n2:
+                is_open = along[i, 0] + along[i + 1, 0] + right + across[i, n2 - 1] > 0.0
+            else:
+                is_open = along[i, j] + along[i + 1, j] + right + left > 0.0
+            if not is_open:
+                is_inside = False
+                continue
+            if is_inside and left > 0.0 and left >= _NARROW * widest:
+                widest = max(widest, left)
+            else:
+                count += 1
+                first[count] = i * n2 + j
+                widest = 0.0
+            is_inside = True
+            run[i, j] = count
+    return run, first, count + 1
+
+
+@inner()
+def _joints(along, across, run):
+    """Find the links that may join runs: the widest one between two runs above each other, and narrow ones in a row.
+
+    The ends are run 0. A link has the number i n2 + j along, and n1 n2 more across, with n1 rows of links along.
+
+    Returns the two runs, the link and its exponent of two for every joint.
+    """
+    n1, n2 = along.shape
+    most = along.size + across.size
+    above = np.empty(most, np.int32)
+    below = np.empty(most, np.int32)
+    link = np.empty(most, np.int32)
+    exponent = np.empty(most, np.int16)
+    count = 0
+    for i in range(n1):
+        last_a = last_b = -1
+        widest = 0.0
+        for j in range(n2):
+            width = along[i, j]
+            if not width > 0.0:
+                continue
+            a = run[i - 1, j] if i > 0 else 0
+            b = run[i, j] if i < n1 - 1 else 0
+            if a == last_a and b == last_b:
+                if width > widest:
+                    widest = width
+                    link[count - 1] = i * n2 + j
+                    exponent[count - 1] = frexp(width)[1]
+                continue
+            last_a, last_b = a, b
+            widest = width
+            above[count], below[count], link[count] = a, b, i * n2 + j
+            exponent[count] = frexp(width)[1]
+            count += 1
+    for i in range(n1 - 1):
+        for j in range(across.shape[1]):
+            a = run[i, j]
+            b = run[i, (j + 1) % n2]
+            if across[i, j] > 0.0 and a != b:
+                above[count], below[count], link[count] = a, b, n1 * n2 + i * n2 + j
+                exponent[count] = frexp(across[i, j])[1]
+                count += 1
+    return above[:count], below[:count], link[:count], exponent[:count]
+
+
+@inner()
+def _widest_first(exponent):
+    """Return the numbers of the joints, those of the largest exponent first."""
+    start = np.zeros(_EXPONENTS + 2, np.int64)
+    for e in exponent:
+        start[_LARGEST - e + 1] += 1
+    start = np.cumsum(start)
+    order = np.empty(exponent.size, np.int32)
+    for k in range(exponent.size):
+        place = _LARGEST - exponent[k]
+        order[start[place]] = k
+        start[place] += 1
+    return order
 
 
 @inner()
 def _correction_energy(along, across, excess):
-    """Send the excess of every node to an end along a tree of wide links, and return the energy of this flux."""
-    n1, n2 = along.shape[0] - 1, along.shape[1]
-    order, count, towards = _widest_tree(along, across)
+    """Send the excess of every node to an end along a tree of runs, and return the energy of this flux."""
+    run, first, runs = _runs(along, across)
+    above, below, link, exponent = _joints(along, across, run)
+    # number of joints of the tree at each run, and the exclusive or of their numbers: that of the last one left
+    degree = np.zeros(runs, np.int32)
+    joint = np.zeros(runs, np.int32)
+    parent = np.arange(runs).astype(np.int32)
+    for k in _widest_first(exponent):
+        if union(parent, above[k], below[k]):
+            for a in (above[k], below[k]):
+                degree[a] += 1
+                joint[a] ^= k
     energy = 0.0
-    for k in range(count - 1, -1, -1):  # the last ones have no nodes beyond them
-        node = order[k]
-        if excess[node] == 0.0:
-            continue
-        i, j = node // n2, node % n2
-        direction = towards[node]
-        if direction == _UP:
-            conductance = along[i, j]
-            other = node - n2 if i > 0 else -1
-        elif direction == _DOWN:
-            conductance = along[i + 1, j]
-            other = node + n2 if i < n1 - 1 else -1
-        elif direction == _RIGHT:
-            conductance = across[i, j]
-            other = node + 1 if j + 1 < n2 else node + 1 - n2
-        else:
-            before = j - 1 if j > 0 else n2 - 1
-            conductance = across[i, before]
-            other = i * n2 + before
-        energy += excess[node] ** 2 / conductance
-        if other >= 0:
-            excess[other] += excess[node]
+    for leaf in range(1, runs):
+        a = np.int64(leaf)
+        while a != 0 and degree[a] == 1:
+            k = joint[a]
+            other = np.int64(above[k]) + below[k] - a
+            energy += _emptied(along, across, run, first[a], link[k], excess, a)
+            degree[a] = 0
+            degree[other] -= 1
+            joint[other] ^= k
+            a = other
+    return energy
+
+
+@inner()
+def _emptied(along, across, run, first, link, excess, number):
+    """Send the excess of a run through a link to another run, and return the energy of this flux."""
+    n1, n2 = along.shape
+    flat = run.reshape(-1)
+    i = first // n2
+    end = (i + 1) * n2
+    if link < n1 * n2:
+        row, j = link // n2, link % n2
+        conductance = along[row, j]
+        node = i * n2 + j
+        other = node - n2 if row == i else node + n2
+        if row == 0 or row == n1 - 1:
+            other = -1
+    else:
+        j = (link - n1 * n2) % n2
+        conductance = across[i, j]
+        node = i * n2 + j
+        other = i * n2 + (j + 1) % n2
+        if flat[node] != number:
+            node, other = other, node
+    energy = 0.0
+    total = 0.0
+    for k in range(first, node):
+        total += excess[k]
+        energy += total**2 / across[i, k - i * n2]
+    last = node
+    while last + 1 < end and flat[last + 1] == number:
+        last += 1
+    beyond = 0.0
+    for k in range(last, node, -1):
+        beyond += excess[k]
+        energy += beyond**2 / across[i, k - 1 - i * n2]
+    total += beyond + excess[node]
+    energy += total**2 / conductance
+    if other >= 0:
+        excess[other] += total
     return energy

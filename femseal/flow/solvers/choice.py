@@ -1,7 +1,7 @@
 """Solve the flow for a unit drop between inlet and outlet of a stencil: choose the solver, and check its solution.
 
 Multigrid is tried first, and elimination where it does not converge within the iterations that take about twice the
-time of an elimination. Slender grids and grids of long pixels are eliminated at once. Nodes that
+time of an elimination. Small and slender grids and grids of long pixels are eliminated at once. Nodes that
 are not connected to both ends are left out; without a path the flow is exactly 0.
 """
 
@@ -22,6 +22,8 @@ from .multigrid import CHECKED, COARSEST_NODES, coarsest_nodes, solve_multigrid
 
 #: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
 ELIMINATED_NODES = 5_000_000
+#: Up to so many nodes elimination takes no more time than multigrid.
+_SMALL = 500
 #: Ratio of the sides of a pixel up to which multigrid is used. On gaps of 64² and 128² pixels it takes the time of
 #: elimination at 2.5 to 3.5, 2 to 6 times that at 4 to 12, and at 28 it fails in 1 of 12 calls and had an error of
 #: 22 % once: it does not coarsen along the long side of the pixels alone, and meets the slowest part of the error late.
@@ -121,7 +123,9 @@ def _solve(
     """Solve by the solver that was asked for; "auto" is multigrid, and elimination where that does not do."""
     nodes = int(np.count_nonzero(keep[1:-1]))
     can_eliminate = nodes <= ELIMINATED_NODES
-    if solver == "elimination" or (solver == "auto" and _is_slender(stencil)):
+    if solver == "elimination":
+        return _by_elimination(stencil, keep)
+    if solver == "auto" and (nodes <= _SMALL or _is_slender(stencil)):
         return _by_elimination(stencil, keep)
     has_long_pixels = _pixel_ratio(stencil) > _LONGEST_PIXEL
     if has_long_pixels and can_eliminate:
