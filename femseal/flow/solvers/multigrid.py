@@ -154,7 +154,7 @@ def _iterated(network, drop, asked):
             error = max(error, np.sqrt(bound))
             if not bound <= asked.rtol:
                 done = False
-                share *= 0.1 * asked.rtol / bound
+                share *= 0.5 * asked.rtol / bound
                 hopeless = not share > _LEAST_SHARE
         if done or hopeless:
             break
@@ -197,7 +197,8 @@ def _judged(iteration, state, history, share, asked):
     history[0, iteration] = rz
     error = np.inf
     if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
-        slowest = _slowest(history[1, :iteration], history[2, :iteration], early)
+        # where the error is bounded, the bound decides
+        slowest = _slowest(history[1, :iteration], history[2, :iteration]) if early else 1.0
         error = np.sqrt(rz / rate / slowest)
         if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
             return error, True, False
@@ -211,10 +212,10 @@ def _judged(iteration, state, history, share, asked):
 
 
 @compiled(**REORDERED)
-def _slowest(steps, ratios, early):
-    """The slowest part of the error that is reckoned with, from the lowest eigenvalue of M⁻¹A on the space searched.
+def _slowest(steps, ratios):
+    """Return the slowest part of the error that may be there, from the lowest eigenvalue of M⁻¹A on the space searched.
 
-    That is found within a factor of two. early : whether slower parts may be there that have not been met.
+    That is found within a factor of two. Slower parts may be there that have not been met.
     """
     n = steps.size
     diagonal = np.ones(max(n, 1))
@@ -231,8 +232,6 @@ def _slowest(steps, ratios, early):
         if pivot > 0.0:
             break
         lowest *= 0.5
-    if not early:
-        return lowest
     first, last = _SLOWEST
     return min(max(min(lowest**2 / first, first), last), lowest)
 
