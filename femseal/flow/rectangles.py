@@ -29,7 +29,7 @@ from skfem import Mesh, MeshQuad
 from skfem.mesh import MeshQuad1DG
 
 from ..base import Array, Indices, Shape
-from .balance import energy_gap
+from .error_bound import energy_gap
 from .grid import Stencil, edge_conductances
 from .problem import FIELD_RTOL, DarcyFlow
 from .solvers.choice import solve_flow
