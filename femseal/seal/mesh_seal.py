@@ -167,7 +167,7 @@ class MeshSeal:
 
 
 def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[str]:
-    """A sentence for each part of a mesh of straight sides [m] that does not join boundary facets of both ends."""
+    """Yield a sentence for each part of a mesh of straight sides [m] that does not connect the two ends."""
     corners = mesh.t
     part = _joined(mesh, corners)
     at_inlet, at_outlet = (np.unique(part[mesh.facets[:, facets]]) for facets in (inlet, outlet))
@@ -186,7 +186,7 @@ def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[
 
 
 def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
-    """A sentence for each boundary of a mesh of straight sides [m] that is in no group, such as that of a hole."""
+    """Yield a sentence for each boundary of a mesh of straight sides [m] that is in no group, such as a hole."""
     named = [np.asarray(facets) for facets in (mesh.boundaries or {}).values()]
     facets = mesh.facets[:, np.setdiff1d(mesh.boundary_facets(), np.concatenate([*named, []]))]
     part = _joined(mesh, facets)[facets[0]]
@@ -200,14 +200,14 @@ def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
 
 
 def _joined(mesh: Mesh, corners: Indices) -> Indices:
-    """The number of the part of each vertex, where elements or facets with corners (k, n) join vertices."""
+    """Return the number of the part of each vertex, where elements or facets with corners (k, n) connect vertices."""
     ends = np.tile(corners[0], len(corners) - 1), corners[1:].ravel()
     links = coo_array((np.ones(ends[0].size), ends), shape=(mesh.nvertices, mesh.nvertices))
     return connected_components(links, directed=False)[1]
 
 
 def _middle(mesh: Mesh, corners: Indices) -> str:
-    """The middle of some corners, as text."""
+    """Return the centre of some corners as text."""
     x, y = (to_text(float(c[corners].mean()), "m", 3) for c in mesh.p)
     return f"({x}, {y})"
 
@@ -246,16 +246,19 @@ def _names(given: Names) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class ElementSeal:
-    """A seal whose permeability is constant on each element and varies at random from one to the next.
+    """A seal whose permeability is constant on each element and varies at random from one element to the next.
 
-    The flow is √(upper × lower) of its two bounds, of continuous pressures and of continuous fluxes: on random maps of
-    elements, whose ln k scatters symmetrically, this is within 3 % where the bounds are off by factors.
+    The flow is the geometric mean of its two bounds, of continuous pressures and of continuous fluxes. On random maps
+    whose ln k is distributed symmetrically its error is within 3 %, where the bounds differ by factors.
 
-    mesh : straight triangles or quadrilaterals, of a ring in (ln r, θ). inlet, outlet : its boundary facets.
-    size : breadth from inlet to outlet, about, and length along the seal [m].
-    outlines : corners of the elements in the plane of the seal (n, corners, 2) [m].
-    axes : unit vectors across and along the lay of every element, in the coordinates of the mesh (n, 2, 2).
-    rectangles : the elements of a strip or a ring, whose flow has a fast path; None of others.
+    Attributes
+    ----------
+    mesh : straight triangles or quadrilaterals, of a ring in (ln r, θ).
+    inlet, outlet : boundary facets of the mesh.
+    size : approximate breadth from inlet to outlet, and length along the seal [m].
+    outlines : array (n, corners, 2), corners of the elements in the plane of the seal [m].
+    axes : array (n, 2, 2), unit vectors across and along the lay of each element, in the coordinates of the mesh.
+    rectangles : the elements of a strip or a ring, whose flow has a fast path; None for other meshes.
     """
 
     value_needs_bounds: ClassVar[bool] = True
@@ -270,7 +273,7 @@ class ElementSeal:
 
     @cached_property
     def _operators(self) -> MeshOperators:
-        """The flow from the inlet to the outlet; a drawn seal is solved many times."""
+        """Local matrices of the flow from the inlet to the outlet; a stochastic seal is solved many times."""
         return MeshOperators(self.mesh, (self.inlet, self.outlet))
 
     @property
@@ -348,7 +351,7 @@ class ElementSeal:
         return replace(flow, potential=potential, complement=complement)
 
     def _through_closed_axes(self, permeability: Any) -> float:
-        """Flow for a unit drop below which it may go through axes of pieces that are closed [m³]."""
+        """Return the flow [m³] for a unit drop below which all of it may pass axes that are closed."""
         least, most = principal_values(self.tensors(permeability))
         half = (most > 0) & (least <= 1e-14 * most)
         typical = float(np.median(most[half])) if half.any() else 0.0

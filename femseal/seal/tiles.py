@@ -1,8 +1,8 @@
-"""Tiles of a seal of any shape: finite elements, each of which takes the two permeabilities of a piece of a face.
+"""Tiles of a seal of any shape: finite elements, each of which takes the two permeabilities of a cell of a surface.
 
-k1 and k2 of a piece are principal values, k2 along the lay and k1 across it. A strip is a rectangle, periodic along x2;
-a ring is the same in (ln r, θ), in which the form is that of a strip; any other seal is a mesh. Elements that are
-smaller than a piece share its tile.
+The permeabilities of a cell are principal values: k2 along the lay and k1 across it. A strip is a rectangle, periodic
+along x2. A ring is the same in (ln r, θ), in which the form of Darcy's law is that of a strip. Any other seal is a
+mesh, whose elements share a tile where they are smaller than a cell.
 """
 
 from dataclasses import dataclass, field, replace
@@ -31,11 +31,15 @@ _SAME = 1e-6
 
 @dataclass(frozen=True)
 class PieceSize:
-    """What a layout needs to know of the pieces of a face, and what is asked of the seal.
+    """Size of the cells of a surface, and the wanted size of a seal.
 
-    size : sides of a piece along x1 and x2 [m]. rows : number of pieces of the face along x1.
-    length, breadth : of the seal [m], None where not given. most : tiles of a strip or a ring that is alike all along,
-    of which a part with about so many stands for the whole; None: all of it is drawn.
+    Attributes
+    ----------
+    size : lengths of a cell along x1 and x2 [m].
+    rows : number of cells of the surface along x1.
+    length, breadth : length and breadth of the seal [m]; None if they are not known.
+    most : number of tiles beyond which a part of a strip or a ring stands for the whole, if the seal is alike all
+        along; None for the whole seal.
     """
 
     size: Pair
@@ -45,19 +49,25 @@ class PieceSize:
     most: int | None = None
 
     def columns(self, rows: int, wanted: int) -> int:
-        """Columns of tiles that are drawn of those of the whole seal."""
+        """Return the number of columns of tiles that stand for the wanted columns of the whole seal."""
         return wanted if self.most is None else min(wanted, max(FEWEST_COLUMNS, self.most // rows))
 
 
 @dataclass(frozen=True, eq=False)
 class SealTiles:
-    """A seal of tiles, each of which draws a piece of a face.
+    """A seal of tiles, each of which takes a random cell of a surface.
 
-    seal : its finite elements. lay : unit vectors along the lay in the plane of the seal (n, 2).
-    tile : number of the tile of every element (n,). grid : rows from inlet to outlet and columns of the tiles of a
-    strip or a ring, which are numbered row by row; None of meshes.
-    in_place : every row of tiles draws from the row of the face at the same distance from the inlet.
-    tangent : tan α of grooves that wind (n,); None of others. part : of the length of the seal that is drawn.
+    Attributes
+    ----------
+    seal : finite elements of the seal.
+    lay : array (n, 2), unit vectors along the lay of the elements in the plane of the seal.
+    tile : array (n,), number of the tile of each element.
+    grid : numbers of rows, from the inlet to the outlet, and of columns of the tiles of a strip or a ring, which are
+        numbered row by row; None for meshes.
+    in_place : whether each row of tiles takes cells from the row of the surface at the same distance from the inlet.
+    tangent : array (n,), tan α of spiral grooves; None without a spiral.
+    part : fraction of the length of the seal that the tiles cover.
+    warnings : sentences for the user.
     """
 
     seal: ElementSeal
@@ -81,7 +91,7 @@ class SealTiles:
 
     @cached_property
     def once(self) -> Indices:
-        """Numbers of the elements but those of the repeated columns of a short strip."""
+        """Numbers of the elements without those of the repeated columns of a short strip."""
         if self.grid is None:
             return np.arange(len(self.tile))
         return np.unique(self.tile, return_index=True)[1]
@@ -94,15 +104,24 @@ class SealTiles:
 
     @property
     def middles(self) -> Array:
-        """Middles of the tiles (tiles, 2) [m]."""
+        """Centres of the tiles (tiles, 2) [m]."""
         tile = self.tile[self.once]
         centres = self.outlines[self.once].mean(axis=1)
         return np.stack([np.bincount(tile, x) / np.bincount(tile) for x in centres.T], axis=1)
 
     def draw(self, pieces: Shape, rng: np.random.Generator) -> Indices:
-        """Number of the piece that each tile draws (tiles,), pieces (m1, m2) being numbered row by row.
+        """Choose a random cell for each tile.
 
-        Columns of tiles are drawn one after another: a longer seal begins with the tiles of a shorter one.
+        The columns of tiles are filled one after another, so that a longer seal begins with the tiles of a shorter one.
+
+        Parameters
+        ----------
+        pieces : numbers (m1, m2) of cells of the surface along x1 and x2.
+        rng : source of the random numbers.
+
+        Returns
+        -------
+        Array (tiles,), number of the cell of each tile; cells are numbered row by row.
         """
         m1, m2 = pieces
         rows, columns = self.grid or (1, self.count)
@@ -114,10 +133,18 @@ class SealTiles:
         return np.ascontiguousarray((row * m2 + column).T).ravel()
 
     def permeability(self, along_x1: Array, along_x2: Array) -> Array:
-        """Permeability of the elements (…, n, 2) [m³] across and along the lay, from that of the tiles (…, tiles).
+        """Return the permeability of the elements from that of the tiles.
 
-        Where grooves wind, each passes all tiles of a row: its flow along the lay has their harmonic mean, and
-        the element has k₁ cos²α + k₂ sin²α.
+        A spiral groove passes all tiles of a row, so that the flow along the lay sees their harmonic mean; the element
+        then has k₁ cos²α + k₂ sin²α.
+
+        Parameters
+        ----------
+        along_x1, along_x2 : arrays (…, tiles), permeabilities k1 and k2 of the tiles [m³].
+
+        Returns
+        -------
+        Array (…, n, 2) [m³], across and along the lay.
         """
         across, along = along_x1, along_x2
         if self.tangent is None:
@@ -131,16 +158,18 @@ class SealTiles:
         return np.stack([radial, round_], axis=-1)
 
     def shown(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
-        """Permeability [m³], √ of the product of its principal values, and fluid pressure [Pa] of elements (n,)."""
+        """Return the geometric mean of the permeabilities [m³] of each element (n,), and its fluid pressure [Pa]."""
         at_vertices = fluid_pressure[self.seal.mesh.t]
         return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), at_vertices.mean(axis=0)
 
     def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
-        """Volume rate per width (n, 2) [m²/s] in the middle of every element, in the plane of the seal.
+        """Return the volume rate per width (n, 2) [m²/s] at the centre of each element, in the plane of the seal.
 
-        permeability : (n, 2) [m³]. potential : of the vertices over the density of volume rates [1/s].
-        rate : leakage of the seal [m³/s], which the flux is scaled to carry: that of the potential itself would carry
-        the upper bound.
+        Parameters
+        ----------
+        permeability : array (n, 2), permeability of the elements across and along the lay [m³].
+        potential : potential at the vertices, divided by the density of volume rates [1/s].
+        rate : leakage of the seal [m³/s]. The flux is scaled to it; unscaled, it would carry the upper bound.
         """
         corners = self.seal.outlines
         at = np.nan_to_num(potential)[self.seal.mesh.t.T]
@@ -161,19 +190,19 @@ class SealTiles:
 
 
 def along_grooves(across: Array) -> Array:
-    """Harmonic mean (…, rows) of the permeabilities along the grooves of each row (…, rows, columns); 0 beside a 0."""
+    """Return the harmonic mean (…, rows) of the permeabilities of each row (…, rows, columns); 0 if one is 0."""
     with np.errstate(divide="ignore"):
         return 1 / np.mean(1 / across, axis=-1)
 
 
 def face_tiles(size: Pair, pieces: Shape) -> SealTiles:
-    """The pieces of a face of a size [m] in their own order, its lay along x2."""
+    """Lay out the cells of a surface of the given size [m] in their own order, with the lay along x2."""
     laid = _strip(size, pieces, np.tile([0.0, 1.0], (pieces[0] * pieces[1], 1)))
     return replace(laid, in_place=True)
 
 
 def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
-    """On a strip whose length is given; as broad as the face, its rows are those of the face."""
+    """Lay out tiles on a strip; as broad as the surface, its rows are those of the surface."""
     assert pieces.length is not None
     d1, d2 = _tile_sides(pieces.size, lay, "x2", "x1")
     of_face = pieces.rows * pieces.size[0]
@@ -193,7 +222,7 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
 
 
 def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
-    """Sides of tiles [m] across and along a seal: of a piece, turned with its lay, or of a square as large."""
+    """Return the sides of tiles [m] across and along a seal: those of a cell, turned with its lay, or of a square."""
     if lay.name in (along, "spiral"):
         return size
     side = (size[0] * size[1]) ** 0.5
@@ -201,7 +230,7 @@ def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
 
 
 def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
-    """Number of tiles between inlet and outlet; raises InputError that names the length [m] it comes from."""
+    """Return the number of tiles between inlet and outlet; an InputError names the length [m] that is too large."""
     rows = max(1, round(breadth / side))
     if rows > MOST_ROWS:
         expected = f"at most {MOST_ROWS} tiles from inlet to outlet, not {rows}"
@@ -210,7 +239,7 @@ def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
 
 
 def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
-    """On a ring between two radii [m], in (ln r, θ) from the inlet on."""
+    """Lay out tiles on a ring between two radii [m], in (ln r, θ) from the inlet on."""
     inner, outer = radii
     d1, d2 = _tile_sides(pieces.size, lay, "circumferential", "radial")
     breadth, middle = outer - inner, (inner + outer) / 2
@@ -238,7 +267,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     plain = ring.plain_mesh
 
     def polar(points: Array) -> tuple[Array, Array]:
-        """Radius and direction from the centre at points (2, …) of the plain mesh."""
+        """Return the radius and the direction from the centre at points (2, …) of the plain mesh."""
         outward = np.array([np.cos(points[1]), np.sin(points[1])])
         return radius[0] * np.exp(sign * points[0]), outward
 
@@ -274,9 +303,10 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
 def laid_on_mesh(
     pieces: PieceSize, lay: Lay, whole: MeshSeal, length: float | None, centre: Pair
 ) -> SealTiles:
-    """On a mesh: each element is a tile, or shares that of its neighbours where elements are smaller than pieces.
+    """Lay out tiles on a mesh: an element is a tile, or shares that of its neighbours where it is smaller than a cell.
 
-    length : of the seal [m], that of the outlet unless given. centre : of the lay [m].
+    length : length of the seal [m]; None for that of the outlet.
+    centre : centre of the lay [m].
     """
     check_size("path", float(np.ptp(whole.points, axis=0).max()), whole.unit)
     mesh, ends = whole.mesh, whole.ends
@@ -322,9 +352,9 @@ def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, .
 
 
 def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
-    """A strip of rectangles, periodic along x2, with the lay of each (n, 2).
+    """Make a strip of rectangles, periodic along x2, with the lay of each (n, 2).
 
-    A periodic mesh has three columns or more: fewer are repeated.
+    A periodic mesh has three columns or more; fewer columns are repeated.
     """
     times = -(-FEWEST_COLUMNS // cells[1])
     n1, n2 = cells[0], times * cells[1]
@@ -336,6 +366,6 @@ def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
 
 
 def _axes(lay: Array) -> Array:
-    """Unit vectors across and along the lay (n, 2, 2) from those along it (n, 2)."""
+    """Return unit vectors across and along the lay (n, 2, 2), from those along it (n, 2)."""
     across = np.stack([lay[:, 1], -lay[:, 0]], axis=1)
     return np.stack([across, lay], axis=1)
