@@ -345,7 +345,7 @@ def _explore(
         new_leakages = np.array(list(solve_scenes(hardnesses, waves)))
         points = np.concatenate([points, new_points])
         leakages = np.concatenate([leakages, new_leakages])
-        is_solved: Flags = np.isfinite(leakages).all(axis=1)
+        is_solved = np.asarray(np.isfinite(leakages).all(axis=1))
         _check_enough_solved(is_solved, len(new_points))
         surrogate = Surrogate.through(points[is_solved], leakages[is_solved])
         posterior = Posterior(test, list(rows), ranges, surrogate, error)
