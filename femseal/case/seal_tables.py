@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
+from ..base import InputError
 from ..fluids import FLUIDS, Fluid
 from ..seal.form import FORMS
 from ..seal.lay import check_inlet
@@ -153,8 +154,10 @@ def _read_lay(value: Any) -> Any:
 
 def _read_boundaries(value: Any) -> Any:
     """Return the name of a boundary, or a tuple of names."""
-    with of_value():
+    try:
         check_inlet(value)  # a former version took pressures of several inlets
+    except InputError as error:
+        raise InputError("", error.given, error.expected) from None
     if isinstance(value, str) and value:
         return value
     is_list = isinstance(value, (list, tuple)) and len(value) > 0

@@ -117,7 +117,7 @@ def test_the_softer_face_yields():
     [
         (
             {"hardness_table": [["0 um", "1 GPa"], ["0 um", "2 GPa"]]},
-            "material: expected hardness_table: depths >= 0 that",
+            "material: expected hardness_table: rising depths >= 0",
         ),
         (
             {"hardness_table": [["0 um", "1 GPa"]]},
