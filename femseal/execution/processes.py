@@ -1,6 +1,5 @@
 """Compute stages in several processes on this machine, with joblib."""
 
-import atexit
 import logging
 import os
 import pickle
@@ -9,6 +8,7 @@ import threading
 import time
 import warnings
 from collections.abc import Iterable, Iterator
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import cache, lru_cache, partial
 from itertools import chain, islice
@@ -32,6 +32,8 @@ END_SECONDS = 10.0
 WATCH_SECONDS = 0.5
 #: Name of the thread that checks it.
 WATCHER = "watches the parent"
+#: Name of the thread that ends the processes.
+ENDER = "ends worker processes"
 #: Environment of the processes. The GNU C library keeps freed memory up to this size [byte], because requesting new
 #: memory for each result takes as long as sending the result. Packages are not searched in the working folder; the
 #: femseal command does not do so either.
@@ -40,6 +42,8 @@ ENVIRONMENT = {
     "MALLOC_MMAP_THRESHOLD_": str(2**25),
     "PYTHONSAFEPATH": "1",
 }
+#: Whether joblib may have processes.
+_has_processes = threading.Event()
 
 
 @contextmanager
@@ -67,7 +71,6 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
     count : number of processes. folder : temporary folder.
     """
     import joblib
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     items = zip(*iterables, strict=False)
     first_items = list(islice(items, count))
@@ -84,6 +87,7 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
     # cores of processes that have no item are used by the threads of the others
     threads = max(1, count // min(processes, len(first_items)))
     results = None
+    _has_processes.set()
     try:
         with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
             # max_nbytes=None sends large arrays through pipes, because files would remain if the run is killed
@@ -94,10 +98,10 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
             results = pool(
                 call(os.getpid(), file.name, threads, *item) for item in chain(first_items, items)
             )
-        _end_at_exit()
+        _end_with_main_thread()
         for result in results:  # noqa: UP028, as `yield from` would close the generator here
             yield result
-    except TerminatedWorkerError as error:
+    except BrokenProcessPool as error:
         reason = "a process died, perhaps because memory ran out; try fewer workers"
         raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
     finally:
@@ -145,32 +149,44 @@ def end_processes(kill: bool = False) -> None:
 
     kill : whether to end all of them by force at once.
     """
-    from joblib.externals.loky import reusable_executor
+    from joblib.externals.loky import get_reusable_executor
 
-    executor = reusable_executor._executor
-    if executor is None:
+    if not _has_processes.is_set():
         return
-    process_ids = list(executor._processes or ())
-    calls = executor._call_queue
+    _has_processes.clear()
+    workers = _worker_processes()
+    executor = get_reusable_executor(reuse=True)
     ending = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": kill}, daemon=True)
     ending.start()
     ending.join(END_SECONDS)
     if not ending.is_alive():
         return
     log.warning("worker processes did not end within %g s: they are ended by force", END_SECONDS)
-    for process_id in process_ids:
+    for worker in workers:
         with suppress(psutil.Error):
-            psutil.Process(process_id).kill()
-    with suppress(OSError, AttributeError):
-        calls._reader.close()  # otherwise joblib waits for calls that no process takes any more
+            worker.kill()
     ending.join(END_SECONDS)
 
 
+def _worker_processes() -> list[psutil.Process]:
+    """List the processes that joblib has started for this one."""
+    workers = []
+    for child in psutil.Process().children():
+        with suppress(psutil.Error):
+            if any("popen_loky" in word for word in child.cmdline()):
+                workers.append(child)
+    return workers
+
+
 @cache
-def _end_at_exit() -> None:
-    """Call `end_processes` when this process ends, before joblib waits for the processes."""
-    # joblib registers its function in the same way; the function that is registered last is called first
-    getattr(threading, "_register_atexit", atexit.register)(end_processes)
+def _end_with_main_thread() -> None:
+    """Call `end_processes` as soon as the main thread has ended, because joblib then waits for the processes."""
+
+    def end_after_main_thread() -> None:
+        threading.main_thread().join()
+        end_processes()
+
+    threading.Thread(target=end_after_main_thread, name=ENDER, daemon=True).start()
 
 
 def _call_stored(parent: int, path: str, threads: int, *item: Any) -> Any:
