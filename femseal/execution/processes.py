@@ -32,8 +32,6 @@ END_SECONDS = 10.0
 WATCH_SECONDS = 0.5
 #: Name of the thread that checks it.
 WATCHER = "watches the parent"
-#: Name of the thread that ends the processes.
-ENDER = "ends worker processes"
 #: Environment of the processes. The GNU C library keeps freed memory up to this size [byte], because requesting new
 #: memory for each result takes as long as sending the result. Packages are not searched in the working folder; the
 #: femseal command does not do so either.
@@ -98,7 +96,6 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
             results = pool(
                 call(os.getpid(), file.name, threads, *item) for item in chain(first_items, items)
             )
-        _end_with_main_thread()
         for result in results:  # noqa: UP028, as `yield from` would close the generator here
             yield result
     except BrokenProcessPool as error:
@@ -178,17 +175,6 @@ def _worker_processes() -> list[psutil.Process]:
     return workers
 
 
-@cache
-def _end_with_main_thread() -> None:
-    """Call `end_processes` as soon as the main thread has ended, because joblib then waits for the processes."""
-
-    def end_after_main_thread() -> None:
-        threading.main_thread().join()
-        end_processes()
-
-    threading.Thread(target=end_after_main_thread, name=ENDER, daemon=True).start()
-
-
 def _call_stored(parent: int, path: str, threads: int, *item: Any) -> Any:
     """Compute an item in a process.
 
@@ -224,7 +210,10 @@ _folders: set[str] = set()
 
 @cache
 def _end_with(parent: int) -> None:
-    """End this process soon after its parent, even if the parent is killed, and remove the parent's folders."""
+    """End this process soon after its parent, even if the parent is killed, and remove the parent's folders.
+
+    It also ends `END_SECONDS` after its main thread, whatever other threads do: joblib waits for it without a limit.
+    """
 
     def watch() -> None:
         with suppress(psutil.NoSuchProcess):
@@ -232,6 +221,9 @@ def _end_with(parent: int) -> None:
             # `process.wait` would not return until the program that has started the parent asks for its exit code
             while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
                 time.sleep(WATCH_SECONDS)
+                if not threading.main_thread().is_alive():
+                    time.sleep(END_SECONDS)
+                    os._exit(0)
         for folder in tuple(_folders):
             rmtree(folder, ignore_errors=True)
         os._exit(1)
