@@ -153,6 +153,7 @@ def end_processes(kill: bool = False) -> None:
     _has_processes.clear()
     workers = _worker_processes()
     executor = get_reusable_executor(reuse=True)
+    calls = getattr(executor, "_call_queue", None)
     ending = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": kill}, daemon=True)
     ending.start()
     ending.join(END_SECONDS)
@@ -162,6 +163,9 @@ def end_processes(kill: bool = False) -> None:
     for worker in workers:
         with suppress(psutil.Error):
             worker.kill()
+    with suppress(OSError, AttributeError):
+        # joblib waits for calls that no process takes any more, and has no public means against it
+        calls._reader.close()
     ending.join(END_SECONDS)
 
 
