@@ -206,6 +206,7 @@ def _form_of_the_patch(
 def _longer_waves(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
+    """Make the part of waves longer than the patch, which stochastic seals have."""
     version = evaluation.request.version
     if not isinstance(result, StochasticResult):
         return []

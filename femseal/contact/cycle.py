@@ -77,6 +77,7 @@ class LoadCycle(tuple[LoadState, ...], Plotted):
         return f"LoadCycle({', '.join(texts)})"
 
     def _repr_html_(self) -> str:
+        """Return a table of the states for notebooks."""
         heads = ("step", "in contact", "at hardness", "mean gap", "residual")
         lines = []
         for state in self:
