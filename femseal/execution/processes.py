@@ -153,7 +153,7 @@ def end_processes(kill: bool = False) -> None:
     _has_processes.clear()
     workers = _worker_processes()
     executor = get_reusable_executor(reuse=True)
-    calls = getattr(executor, "_call_queue", None)
+    calls: Any = getattr(executor, "_call_queue", None)
     ending = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": kill}, daemon=True)
     ending.start()
     ending.join(END_SECONDS)
