@@ -388,7 +388,7 @@ def test_invalid_patches_of_a_case_are_refused(tmp_path, files):
             "same unit|unit",
         ),
         ({"patches": ["place0.npz", "place1.npz", "smooth.npz"]}, "similar waves"),
-        ({}, r"face\.path: given none"),
+        ({}, r"face\.path: given nothing"),
         ({"patches": 3}, r"face\.patches"),
     ):
         with pytest.raises(fs.InputError, match=reason):
