@@ -39,7 +39,6 @@ from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
 from ..store.store import Store
 from ..studies.compiling import compile_ahead
-from ..studies.study_registry import usual_efforts
 from ..topography import resolved_wave
 from .calibration import FILE, Array, Calibration, calibrated_text
 from .leak_test import LeakTest, read_leak_test
@@ -164,7 +163,7 @@ def calibrate(
     # the case has no digest, but everything that its leakage depends on has one
     key = ("scenes", json.dumps(identity, default=str))
     solve_scene = partial(_solve_scene, tested_case, test.unit, steps)
-    memory = forecast(tested_case, prepared, usual_efforts(len(prepared.scene.steps))).memory
+    memory = forecast(tested_case, prepared).memory
     stage = Stage("scenes", solve_scene, memory, key=key)
     report_progress = progress or no_progress
     with ExitStack() as stack:

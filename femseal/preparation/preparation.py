@@ -5,7 +5,7 @@ Sizes of a case are checked against the free memory before anything is made. Nei
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -31,7 +31,6 @@ from ..studies.blocks import blocks_of, check_blocks
 from ..studies.patch_state import open_leakage_per_permeability
 from ..studies.sampling import check_map
 from ..studies.seal_contact import form_on_grid
-from ..studies.study_registry import Effort, usual_efforts
 from ..topography import (
     Conditioning,
     Continuation,
@@ -194,13 +193,9 @@ class Prepared:
         values = [getattr(options, name) for name in study.takes]
         return study.solve(self.scene, *values, mapper=mapper)
 
-    def cost(self, study: Study, efforts: Sequence[Effort] | None = None) -> tuple[float, float]:
-        """Expected time on one core [s] and memory [byte] of a study.
-
-        efforts : of each load step; usual ones unless given.
-        """
-        known = usual_efforts(len(self.scene.steps)) if efforts is None else efforts
-        return study.cost(self.scene, self.options(study), known)
+    def cost(self, study: Study) -> tuple[float, float]:
+        """Return the expected time on one core [s] and the memory [byte] of a study."""
+        return study.cost(self.scene, self.options(study))
 
     @property
     def chosen(self) -> dict[str, Any]:

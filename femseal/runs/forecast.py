@@ -1,7 +1,8 @@
 """What a run of a case computes and takes, before it is started, in lines for `femseal check` and for the report.
 
-Unknowns, time, memory and disk follow from the sizes of the case and from the effort of its load steps, see `efforts`.
-How fast the machine is, is timed.
+Unknowns, memory and disk follow from the sizes of the case. Time follows from the numbers of pixels, load steps and
+elements and from the throughput of runs that were measured. It is stated as a range, as the number of iterations that
+a surface takes is known afterwards only.
 """
 
 from collections import Counter
@@ -20,6 +21,8 @@ from ..case.case import Case
 from ..case.faces import FileFace
 from ..case.solid_table import SolidTable
 from ..checks import FormEffect, QuickEstimate, flow_warnings
+from ..contact.workspace import KEPT_POINTS
+from ..flow.solvers.choice import elimination_memory
 from ..materials import METALS
 from ..preparation.memory import START_MEMORY
 from ..preparation.preparation import Prepared
@@ -30,14 +33,16 @@ from ..studies import Scene, drop_ratio
 from ..studies.blocks import blocks_of
 from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
 from ..studies.sampling import FEWEST_SEALS, MOST_SEALS, describe_map
-from ..studies.study_registry import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
+from ..studies.study_registry import LADDER_STATES, on_ladder, usual_seals
 from ..topography import Patches
-from .efforts import efforts, pace
 
 #: Seconds of starting, of loading compiled loops and making or reading a face, and of pictures, report and tables.
 _START_SECONDS, _PICTURES_SECONDS = 2.5, 2.4
-#: Ratio of the longest to the shortest time up to which one time is stated.
-_SAME_TIME = 1.5
+#: Shortest and longest time that a run takes, over the expected one. Measured: docs/evidence/forecast.md.
+_SHORTEST, _LONGEST = 0.4, 2.5
+#: Part of `START_MEMORY` that pictures take [byte]. It does not add to the memory of contact and flow where their
+#: arrays are freed before, as those of large surfaces are. Measured on 2400 × 1800 points: 0.88 GB in all.
+_PICTURES_MEMORY = 0.2e9
 #: Memory of another process [byte].
 _WORKER_MEMORY = 0.25e9
 #: Shortest waves that a piece should hold along each side.
@@ -49,7 +54,8 @@ class Forecast:
     """Expected time on one core and memory [byte] of a run.
 
     own : seconds of what one process does, whatever the number of workers: starting, pictures, files. work : seconds
-    of contact and flow, which the workers share; both where the costs were measured. memory : with one worker.
+    of contact and flow, which the workers share. memory : with one worker, and most_memory where a flow through the
+    whole surface is solved by elimination, because multigrid does not suit its gap.
     most_work : `work` with as many realisations as the run takes at most, where their number follows from their
     scatter and `work` is that of the fewest.
     """
@@ -58,24 +64,24 @@ class Forecast:
     work: float
     memory: float
     most_work: float
+    most_memory: float = 0.0
 
     def seconds(self, workers: int = 1) -> float:
-        """Time on this machine [s], whose pace is measured when a time is first asked for."""
-        return (self.own + self.work / workers) * pace()
+        """Expected time [s]."""
+        return self.own + self.work / workers
 
-    def most_seconds(self, workers: int = 1) -> float:
-        """Time on this machine [s] with as many realisations as the run takes at most."""
-        return (self.own + self.most_work / workers) * pace()
+    def range_seconds(self, workers: int = 1) -> tuple[float, float]:
+        """Shortest and longest time [s] that the run is expected to take."""
+        most = self.own + self.most_work / workers
+        return _SHORTEST * self.seconds(workers), _LONGEST * most
 
     def time_text(self, workers: int = 1) -> str:
-        """State the time, as a range where it depends on the scatter of the realisations.
+        """State the range of the time.
 
-        >>> Forecast(1.0, 1.0, 0.0, 1.1).time_text() == duration(2 * pace())
-        True
+        >>> Forecast(own=10.0, work=90.0, memory=0.0, most_work=90.0).time_text()
+        '40 s to 250 s'
         """
-        least, most = self.seconds(workers), self.most_seconds(workers)
-        text = duration(least)
-        return f"{text} to {duration(most)}" if most > _SAME_TIME * least else text
+        return " to ".join(map(duration, self.range_seconds(workers)))
 
 
 def describe(case: Case, made: Prepared) -> list[str]:
@@ -110,11 +116,16 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         yield "error budget", f"states again, {' and '.join(states)}"
     expected, cores = forecast(case, prepared, again=again), psutil.cpu_count() or 1
     alone, shared = expected.time_text(), expected.time_text(cores)
-    times = f"about {alone} on one core, {shared} on the {cores} of this machine"
-    if expected.most_work > _SAME_TIME * expected.work:
+    times = f"{alone} on one core, {shared} on the {cores} of this machine"
+    if expected.most_work > expected.work:
         times += f" ({FEWEST_SEALS} to {MOST_SEALS} seals, as many as their scatter asks for)"
     further = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
-    yield "expected", f"{attempt}{times}; {expected.memory / 1e9:.1f} GB of memory, {further}"
+    memory = f"{expected.memory / 1e9:.1f} GB of memory"
+    if expected.most_memory > 1.1 * expected.memory:
+        memory += (
+            f" ({expected.most_memory / 1e9:.1f} GB if a flow has to be solved by elimination)"
+        )
+    yield "expected", f"{attempt}{times}; {memory}, {further}"
     yield "disk", str(disk(case, prepared, again))
     warnings = list(prepared.warnings)
     if form_effect is not None:
@@ -137,15 +148,12 @@ def _face_states(prepared: Prepared) -> int:
 def forecast(
     case: Case,
     prepared: Prepared,
-    known: tuple[Effort, ...] | None = None,
     again: list[Prepared] | None = None,
 ) -> Forecast:
     """Expected time and memory of a run.
 
-    known : effort of each load step; found by a few contacts of a small part of the face unless given.
     again : what the error budget solves besides, where it is known already.
     """
-    known = efforts(prepared.scene) if known is None else known
     again = budget_inputs(case, prepared) if again is None else again
     with storing(None, case.memory):
         solved, test = [prepared, *again], case.output.test_fluid
@@ -154,7 +162,7 @@ def forecast(
             solved.append(replace(prepared, methods=methods, scene=scene))
         few, many = (
             [
-                one.cost(study, known)
+                one.cost(study)
                 for one in [_with_seals(each, count) for each in solved]
                 for study in one.solved_studies
             ]
@@ -164,7 +172,12 @@ def forecast(
     seconds, memory = zip(*few, strict=True)
     most = sum(seconds for seconds, _ in many)
     # what a study holds stays until the results are written; what it works with does not
-    return Forecast(own, sum(seconds), START_MEMORY + max(memory), most)
+    pixels = max(one.scene.surface.heights.size for one in solved)
+    is_freed = pixels > KEPT_POINTS
+    needed = START_MEMORY - _PICTURES_MEMORY * is_freed + max(memory)
+    resolves_flow = prepared.methods != {"blocks"}
+    most_memory = needed + elimination_memory(pixels) * resolves_flow
+    return Forecast(own, sum(seconds), needed, most, most_memory)
 
 
 def _with_seals(prepared: Prepared, count: int) -> Prepared:
@@ -180,8 +193,7 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
     most, which = case.memory, "of the key memory"
     if most is None:
         most, which = free_memory(), "that are free"
-    # the efforts of loads decide on time alone
-    needed = forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
+    needed = forecast(case, prepared).memory
     if needed <= most:
         return
     points = as_text(prepared.scene.surface.shape)

@@ -1,16 +1,15 @@
 """The studies that a case can choose, each registered once: how it is solved, what it answers, and what it costs.
 
-Costs are known before a study is started. Seconds are those of one core of the machine on which the constants were
-measured, see docs/evidence/forecast.md.
+Costs are known before a study is started. Times are those of one core of the machine on which the throughput was
+measured, and within a factor, see docs/evidence/forecast.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import log1p, log2
+from math import log1p
 from operator import attrgetter, methodcaller
-from statistics import mean
 from typing import Any
 
 import numpy as np
@@ -25,30 +24,16 @@ from .face_study import FaceResult, deterministic, state_memory, states_memory, 
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
 from .stochastic_result import StochasticResult
 
-#: Pixels of the contact by which the effort of a load step is given.
-PILOT_PIXELS = 200**2
-#: Least number of pairs of transforms of contact.
-_LEAST_PAIRS = 6
-#: For each pixel, seconds of a pair of transforms of rows of 2ⁿ points, of each doubling from `PILOT_PIXELS` on; and
-#: what rows of another length, of odd length, and each prime factor above 13 times itself add. Measured on 30 grids.
-_TRANSFORM_SECONDS, _OF_LENGTH = (6.5e-9, 1.5e-9), (4e-9, 8e-9, 2e-10)
-#: For each pixel, seconds of what a pair of transforms has about it, and what contact everywhere adds to it.
-_POINT_SECONDS = 2.5e-9, 1.5e-8
-#: Growth of the number of pairs with the pixels: power without contact, what contact adds to it, and the largest.
-_PAIR_GROWTH = 0.1, 0.6, 0.37
-#: Seconds of a flow solution, and for each pixel where it is open, and of each iteration of multigrid; iterations where
-#: the gap hardly varies.
-_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, FEW_ITERATIONS = 1.5e-4, (1.2e-7, 2e-8), 6.0
-#: Iterations that the side of a grid beyond that of `PILOT_PIXELS` adds near closing, times the fourth power of the
-#: fraction in contact: a larger surface has narrower paths. Open surfaces take as many whatever their size. Chosen
-#: to match two surfaces of 600² points, those of the test of this forecast: no independent measurement.
-_NARROW_ITERATIONS = 5e3
-#: Seconds for each pixel where the pilot is closed, and what the square of the open fraction adds: there may be a path.
-_CLOSED_SECONDS = 2e-8, 1.5e-6
-#: Seconds of a drawn seal at a step, and for each element; solutions where permeabilities depend on the pressure, and
-#: memory for each element [byte].
-_SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 1e-3, 7e-6, 2.0, 4e3
-#: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
+#: Seconds of one core for each pixel: of the contact of a load step, and of the flow through its gap. Fitted to the
+#: runs of docs/evidence/forecast.md.
+_CONTACT_SECONDS, _FLOW_SECONDS = 6e-7, 5e-7
+#: Seconds of one core for each element in the flow over a seal.
+_ELEMENT_SECONDS = 7e-6
+#: Times that contact and flow of a load step are solved where the fluid presses the surfaces apart.
+_ROUNDS = 2.5
+#: Solutions of the flow over a seal where permeabilities depend on the pressure, and memory for each element [byte].
+_PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 2.0, 4e3
+#: Times that the flow of a rarefied gas is solved, whose permeability depends on the pressure.
 _SUCCESSIVE = 4.5
 #: Number of states of a face on a ladder of nominal pressures.
 LADDER_STATES = 25.0
@@ -58,38 +43,6 @@ _SPLIT_BYTES = 16
 #: on six faces, elastic and plastic, from open to a hundredth of the leakage, see docs/evidence/only_what_is_needed.md;
 #: and the fraction of the error wanted that the tolerance may cause.
 TOLERANCE_ERROR, TOLERANCE_FRACTION = 1.9, 0.1
-
-
-@dataclass(frozen=True)
-class Effort:
-    """What decides on the work of a load step.
-
-    pairs : transforms of a contact of `PILOT_PIXELS`. contact_fraction : of the face in contact, 0 to 1.
-    iterations : of multigrid in a flow of `PILOT_PIXELS`, 0 where it is closed. rounds : solutions of contact and flow
-    where the fluid presses the faces apart.
-    """
-
-    pairs: float = 22.0
-    contact_fraction: float = 0.15
-    iterations: float = 13.0
-    rounds: float = 2.3
-
-    @property
-    def growth(self) -> float:
-        """Power of the pixels with which the number of transforms grows."""
-        least, contact, most = _PAIR_GROWTH
-        return min(most, least + contact * self.contact_fraction)
-
-    def pairs_on(self, pixels: float) -> float:
-        """Transforms of a contact of so many pixels."""
-        return max(_LEAST_PAIRS, self.pairs * (pixels / PILOT_PIXELS) ** self.growth)
-
-    def iterations_on(self, pixels: float) -> float:
-        """Return the iterations of multigrid in a flow of so many pixels; 0 where it is closed."""
-        if not self.iterations:
-            return 0.0
-        side = (pixels / PILOT_PIXELS) ** 0.5
-        return self.iterations + _NARROW_ITERATIONS * self.contact_fraction**4 * max(0.0, side - 1)
 
 
 @dataclass(frozen=True)
@@ -110,101 +63,57 @@ class StudyOptions:
         return blocks_of(self.cells)
 
 
-def usual_efforts(steps: int) -> tuple[Effort, ...]:
-    """Efforts of load steps of which nothing is known."""
-    return (Effort(),) * steps
+def _surface_seconds(scene: Scene, acts: bool) -> float:
+    """Expected time of contact and flow of the whole surface in one load step [s]."""
+    flows = _SUCCESSIVE if count_pressures(scene) > 1 else 1.0
+    seconds = scene.surface.heights.size * (_CONTACT_SECONDS + flows * _FLOW_SECONDS)
+    return _ROUNDS * seconds if acts else seconds
 
 
-def contact_seconds(points: Shape, effort: Effort) -> float:
-    """Expected time of one contact solution [s]."""
-    pixels = points[0] * points[1]
-    about, contact = _POINT_SECONDS
-    each = _transform_seconds(points) + about + contact * effort.contact_fraction
-    return effort.pairs_on(pixels) * pixels * each
+def deterministic_cost(scene: Scene, options: StudyOptions) -> Pair:
+    """Return the expected time on one core [s] and the memory [byte] of the deterministic study."""
+    pixels, steps = scene.surface.heights.size, len(scene.steps)
+    seconds = steps * _surface_seconds(scene, scene.acting_fluid is not None)
+    return seconds, states_memory(pixels, steps) + state_memory(pixels)
 
 
-def _transform_seconds(points: Shape) -> float:
-    """Expected time of a pair of transforms for each pixel [s]; free columns are padded to a length that suits."""
-    (pixel, doubling), (other, odd, prime) = _TRANSFORM_SECONDS, _OF_LENGTH
-    seconds = pixel + doubling * max(0.0, log2(points[0] * points[1] / PILOT_PIXELS))
-    length = points[1]
-    if length & (length - 1) == 0:
-        return seconds
-    factors, rest, factor = 0, length, 2
-    while rest > 1:
-        while rest % factor == 0:
-            rest //= factor
-            factors += factor if factor > 13 else 0
-        factor += 1
-    return seconds + other + odd * (length % 2) + prime * factors
+def two_scale_cost(scene: Scene, options: StudyOptions) -> Pair:
+    """Return time and memory of the two-scale study; another one may leave contact and flow of the surface to it."""
+    seconds, memory = deterministic_cost(scene, options)
+    both_axes = 2 * len(scene.steps) * scene.surface.heights.size * _FLOW_SECONDS
+    return (0.0 if options.knows_face else seconds) + both_axes, memory
 
 
-def flow_seconds(pixels: float, effort: Effort) -> float:
-    """Expected time of one flow solution [s]."""
-    once, iteration = _FLOW_PIXEL_SECONDS
-    if not effort.iterations:
-        closed, path = _CLOSED_SECONDS
-        return _FLOW_SECONDS + pixels * (closed + path * (1 - effort.contact_fraction) ** 2)
-    return _FLOW_SECONDS + pixels * (once + iteration * effort.iterations_on(pixels))
-
-
-def _face_seconds(scene: Scene, effort: Effort, acts: bool) -> float:
-    """Expected time of contact and flow of a whole face at a step [s]."""
+def blocks_cost(scene: Scene, options: StudyOptions) -> Pair:
+    """Return time and memory of a surface in blocks: each is solved twice, as a layer and once more for its cells."""
     pixels = scene.surface.heights.size
-    again = _SUCCESSIVE if count_pressures(scene) > 1 else 1.0
-    seconds = contact_seconds(scene.surface.shape, effort) + again * flow_seconds(pixels, effort)
-    return effort.rounds * seconds if acts else seconds
+    b1, b2 = options.blocks
+    flows = 3 * count_pressures(scene) * _FLOW_SECONDS
+    seconds = LADDER_STATES * pixels * (2 * _CONTACT_SECONDS + flows)
+    return seconds, state_memory(pixels / (b1 * b2)) + _SPLIT_BYTES * pixels
 
 
-def deterministic_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
-    """Expected time on one core [s] and memory [byte] of the deterministic solution."""
-    pixels, acts = scene.surface.heights.size, scene.acting_fluid is not None
-    seconds = sum(_face_seconds(scene, effort, acts) for effort in efforts)
-    return seconds, states_memory(pixels, len(efforts)) + state_memory(pixels)
-
-
-def two_scale_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
-    """The same of two scales; contact and flow of the face are there where another study leaves them."""
-    assert options.cells is not None
-    seconds, memory = deterministic_cost(scene, options, efforts)
-    (n1, n2), (m1, m2) = scene.surface.shape, options.cells
-    of_pieces = 2 * m1 * m2 * sum(flow_seconds(n1 // m1 * (n2 // m2), one) for one in efforts)
-    return (0.0 if options.knows_face else seconds) + of_pieces, memory
-
-
-def blocks_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
-    """The same of a face by blocks, each solved along a ladder once as a layer, and once for its pieces."""
-    (n1, n2), (b1, b2) = scene.surface.shape, options.blocks
-    block = (n1 // b1, n2 // b2)
-    points = n1 // b1 * (n2 // b2)
-    contact = mean(contact_seconds(block, effort) for effort in efforts)
-    flows = 3 * count_pressures(scene) * mean(flow_seconds(points, effort) for effort in efforts)
-    seconds = b1 * b2 * LADDER_STATES * (2 * contact + flows)
-    return seconds, state_memory(points) + _SPLIT_BYTES * n1 * n2
-
-
-def stochastic_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
-    """The same of the states of a face, and of the seals drawn from its pieces."""
+def stochastic_cost(scene: Scene, options: StudyOptions) -> Pair:
+    """Return time and memory of the states of a surface and of the realisations of the seal."""
     assert options.sampling is not None
     cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
-    pixels = scene.surface.heights.size
+    pixels, steps = scene.surface.heights.size, len(scene.steps)
     elements = len(tiles.tile)
     pressures = count_pressures(scene)
-    pieces = cut.shape[0] * cut.shape[1]
     acts = scene.acting_fluid is not None
-    solved = options.knows_face and scene.flow.spiral is None
-    ladder = on_ladder(scene, options.sampling) and not tiles.in_place
-    states = LADDER_STATES if ladder else float(len(efforts))
-    flows = 2 * pieces * pressures * mean(flow_seconds(pixels / pieces, one) for one in efforts)
-    if not (solved and tiles.in_place):
-        flows += mean(_face_seconds(scene, one, acts and tiles.in_place) for one in efforts)
-    draws = (options.sampling.realisations or usual_seals(cut.shape, tiles)) * len(efforts)
-    again = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
-    seals = again * draws * (_SEAL_SECONDS + _ELEMENT_SECONDS * elements)
+    is_solved = options.knows_face and scene.flow.spiral is None
+    at_tabulated = on_ladder(scene, options.sampling) and not tiles.in_place
+    of_state = 2 * pressures * pixels * _FLOW_SECONDS
+    if not (is_solved and tiles.in_place):
+        of_state += _surface_seconds(scene, acts and tiles.in_place)
+    realisations = options.sampling.realisations or usual_seals(cut.shape, tiles)
+    solutions = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
+    seals = solutions * realisations * steps * elements * _ELEMENT_SECONDS
+    seconds = (LADDER_STATES if at_tabulated else steps) * of_state + seals
     memory = state_memory(pixels) + _ELEMENT_BYTES * elements
     if tiles.in_place:  # those of another study are kept beside
-        memory += (2 if solved else 1) * states_memory(pixels, len(efforts))
-    return states * flows + seals, memory
+        memory += (2 if is_solved else 1) * states_memory(pixels, steps)
+    return seconds, memory
 
 
 def usual_seals(cells: Shape, tiles: SealTiles) -> int:
@@ -248,7 +157,7 @@ class Study:
     name : in case files, messages and timings. label : of its leakage in legends and tables.
     takes : names of the `StudyOptions` that `solve` takes.
     solve : solve(scene, *options, mapper=mapper) gives its result.
-    cost : cost(scene, options, efforts) gives the expected time on one core [s] and memory [byte].
+    cost : cost(scene, options) gives the expected time on one core [s] and memory [byte].
     leakage : leakage(result) at every step (steps,) [m²/s], the one that answers.
     """
 
@@ -256,7 +165,7 @@ class Study:
     label: str
     takes: tuple[str, ...]
     solve: Callable[..., Any]
-    cost: Callable[[Scene, StudyOptions, Sequence[Effort]], Pair]
+    cost: Callable[[Scene, StudyOptions], Pair]
     leakage: Callable[[Any], Array] = attrgetter("leakage")
 
     @property

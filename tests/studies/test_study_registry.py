@@ -8,7 +8,6 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.studies import STUDIES, Sampling, StudyOptions, study_of_result
 from femseal.studies.blocks import blocks_of
-from femseal.studies.study_registry import usual_efforts
 from femseal.topography import self_affine
 
 CELLS = (4, 4)
@@ -18,7 +17,7 @@ SAMPLING = Sampling(length=200e-6, realisations=3, seed=1)
 def test_a_registered_study_is_what_its_function_gives():
     face = self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.2, roll_off=24e-6, rng=3)
     scene, options = steel_scene(face, loading=(1e8, 3e8)), StudyOptions(CELLS, SAMPLING)
-    known, efforts = replace(options, knows_face=True), usual_efforts(len(scene.steps))
+    known = replace(options, knows_face=True)
     own = {
         "deterministic": fs.deterministic(scene),
         "two-scale": fs.two_scale(scene, CELLS),
@@ -30,7 +29,7 @@ def test_a_registered_study_is_what_its_function_gives():
         result = study.solve(scene, *(getattr(options, name) for name in study.takes), mapper=map)
         assert study_of_result(result) is study
         np.testing.assert_array_equal(study.leakage(result), study.leakage(own[name]))
-        seconds, memory = study.cost(scene, options, efforts)
+        seconds, memory = study.cost(scene, options)
         assert 0 < seconds < 3600
         assert 0 < memory < 1e9
-        assert study.cost(scene, known, efforts)[0] < seconds or name in ("deterministic", "blocks")
+        assert study.cost(scene, known)[0] < seconds or name in ("deterministic", "blocks")

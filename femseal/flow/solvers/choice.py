@@ -7,7 +7,7 @@ not converge. Nodes that are not connected to both ends are left out; without a 
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp, inf, ldexp, log, sqrt
+from math import exp, inf, ldexp, log, log2, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,16 @@ _FEWEST, _GROWTH, _CLOSED, _PATIENCE = 15, 3.5, 4.0, 120
 _MOST_ITERATIONS = 600
 #: Potential of a node that is connected to neither end, to the inlet, or to the outlet; both: it is computed.
 _AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
+
+
+def elimination_memory(nodes: float) -> float:
+    """Return the memory [byte] that elimination of so many open nodes takes; 0 for more nodes than are eliminated.
+
+    Its dense fronts grow with the logarithm of the number of nodes (nested dissection). Measured on gaps of 512² to
+    1448² pixels: 27 to 32 bytes for each open node and each doubling of their number.
+    """
+    is_possible = 1 < nodes <= ELIMINATED_NODES
+    return 32.0 * nodes * log2(nodes) if is_possible else 0.0
 
 
 def solve_flow(
