@@ -83,14 +83,14 @@ def face_and_leakage(results: fs.Results) -> Figure:
 
 def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     """Draw figure 1 of a two-scale run; the default step is that of the highest load that leaks."""
-    data = _with(results, "piece_k1", "a two-scale run")
+    data = _with(results, "cell_k1", "a two-scale run")
     leaking = np.flatnonzero(np.nan_to_num(data["leakage_two_scale"].values))
     highest = data["nominal_pressure"].values[leaking]
     s = int(leaking[highest.argmax()]) if step is None else step
-    pieces = closely(results, s)
-    x1, x2 = (2e3 * float(data[name].mean()) for name in ("piece1", "piece2"))
-    w1, w2 = x1 / data.sizes["piece1"], x2 / data.sizes["piece2"]
-    heights = min(0.42 * WIDTH * x2 / x1, 0.6 * WIDTH) + 0.8, 1.75 * len(pieces) + 1.0
+    cells = closely(results, s)
+    x1, x2 = (2e3 * float(data[name].mean()) for name in ("cell1", "cell2"))
+    w1, w2 = x1 / data.sizes["cell1"], x2 / data.sizes["cell2"]
+    heights = min(0.42 * WIDTH * x2 / x1, 0.6 * WIDTH) + 0.8, 1.75 * len(cells) + 1.0
     figure = _sheet(sum(heights))
     above, below = figure.subfigures(2, 1, height_ratios=heights)
     flow, contact = above.subplots(1, 2)
@@ -98,21 +98,21 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     image = flow.imshow(fluid.T, origin="lower", extent=(0, x1, 0, x2), cmap="cividis")
     above.colorbar(image, ax=flow, shrink=0.8)
     flow.set(facecolor=CLOSED, title="fluid pressure [MPa]", ylabel="$x_2$ along the seal [mm]")
-    pressure = data["piece_pressure"].values[s] / 1e6
+    pressure = data["cell_pressure"].values[s] / 1e6
     image = contact.imshow(pressure.T, origin="lower", extent=(0, x1, 0, x2), cmap="viridis")
     above.colorbar(image, ax=contact, shrink=0.8)
-    contact.set(title="contact pressure of pieces [MPa]")
+    contact.set(title="contact pressure of cells [MPa]")
     for axes in (flow, contact):
         axes.set(aspect="equal", xlabel="$x_1$ [mm], inlet at 0", xlim=(0, x1), ylim=(0, x2))
-        for letter, (i, j) in zip("ABC", pieces, strict=False):
+        for letter, (i, j) in zip("ABC", cells, strict=False):
             for width, colour in ((2.4, "black"), (1.2, "white")):
                 axes.add_patch(Rectangle((i * w1, j * w2), w1, w2, fill=False, ec=colour, lw=width))
             # beside the cell, on the side of the middle
-            right = i < data.sizes["piece1"] / 2
+            right = i < data.sizes["cell1"] / 2
             axes.annotate(letter, ((i + right) * w1, (j + 0.5) * w2), (2 if right else -2, 0), weight="bold",
                           textcoords="offset points", ha="left" if right else "right", va="center",
                           color="white", path_effects=[withStroke(linewidth=2, foreground="black")])  # fmt: skip
-    _draw_closely(below, pieces, (0, w1 * 1e3, 0, w2 * 1e3))
+    _draw_closely(below, cells, (0, w1 * 1e3, 0, w2 * 1e3))
     above.suptitle(str(data["name"].values[s]), fontsize=9)
     return figure
 
@@ -123,15 +123,15 @@ def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, n
     The fields are the gap [µm], the contact pressure [MPa], the fluid pressure for a unit drop, and the flow between
     pixels divided by its largest value.
     """
-    pieces, k = {}, results.dataset["piece_k1"].values[step]
+    cells, k = {}, results.dataset["cell_k1"].values[step]
     is_open = np.argwhere(k > 0)
     order = is_open[np.argsort(k[k > 0])]
     for place in dict.fromkeys(tuple(map(int, order[n])) for n in (-1, len(order) // 2, 0)):
         gap, contact = results.gap(step, place), results.contact_pressure(step, place)
         spacing = tuple(float(gap[axis][1] - gap[axis][0]) for axis in gap.dims)
         h = gap.values.astype(float)
-        pieces[place] = pixel_flow(h, spacing) | {"gap": h * 1e6, "contact": contact.values / 1e6}
-    return pieces
+        cells[place] = pixel_flow(h, spacing) | {"gap": h * 1e6, "contact": contact.values / 1e6}
+    return cells
 
 
 def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.ndarray]:
@@ -152,8 +152,8 @@ def _between(k):
     return np.divide(2 * k[:-1] * k[1:], total, out=np.zeros_like(total), where=total > 0)
 
 
-def _draw_closely(figure, pieces, extent):
-    panels = figure.subplots(len(pieces), 3, sharex=True, sharey=True, squeeze=False)
+def _draw_closely(figure, cells, extent):
+    panels = figure.subplots(len(cells), 3, sharex=True, sharey=True, squeeze=False)
     titles = {
         "gap": "gap [µm]",
         "contact": "contact pressure [MPa]",
@@ -162,17 +162,15 @@ def _draw_closely(figure, pieces, extent):
     for (name, title), colours, column in zip(
         titles.items(), ("magma", "viridis", "cividis"), panels.T, strict=True
     ):
-        top = 1.0 if name == "fluid" else max(piece[name].max() for piece in pieces.values())
-        for letter, piece, axes in zip("ABC", pieces.values(), column, strict=False):
-            shown = (
-                piece[name] if name == "fluid" else np.where(piece[name] > 0, piece[name], np.nan)
-            )
+        top = 1.0 if name == "fluid" else max(cell[name].max() for cell in cells.values())
+        for letter, cell, axes in zip("ABC", cells.values(), column, strict=False):
+            shown = cell[name] if name == "fluid" else np.where(cell[name] > 0, cell[name], np.nan)
             image = axes.imshow(
                 shown.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=top
             )
             axes.set_facecolor("white" if name == "contact" else CLOSED)
             if name == "fluid":
-                axes.imshow(np.ones_like(shown.T), alpha=np.sqrt(piece["flow"].T), origin="lower", extent=extent,
+                axes.imshow(np.ones_like(shown.T), alpha=np.sqrt(cell["flow"].T), origin="lower", extent=extent,
                             vmin=0, vmax=1, cmap=ListedColormap([RED]))  # fmt: skip
             if name == "gap":
                 axes.set_ylabel(f"{letter}: $x_2$ [µm]")
@@ -181,9 +179,9 @@ def _draw_closely(figure, pieces, extent):
         figure.colorbar(image, ax=column, location="bottom", shrink=0.8)
 
 
-def pieces_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
+def cells_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
     """Return the prefix of the names of the steps, and pressure, permeability and mean gap (cells, steps)."""
-    kind = "state" if "state_k1" in results.dataset else "piece"
+    kind = "state" if "state_k1" in results.dataset else "cell"
     data = _with(results, f"{kind}_k1", "a two-scale or a stochastic run")
     fields = [data[f"{kind}_{name}"].values for name in ("pressure", "k1", "mean_gap")]
     return "state_" if kind == "state" else "", *(
@@ -211,17 +209,17 @@ def _with(results, name, allowed):
 
 def cycles(results: fs.Results, count: int = 4) -> Figure:
     """Draw figure 2: `count` cells on loading and on unloading from the highest peak, and quantiles of all cells."""
-    prefix, _, k, _ = pieces_of(results)
+    prefix, _, k, _ = cells_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     up, down = up_and_down(results, prefix)
     figure = _sheet(3.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3.2, 1))
     single, every = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
     closed = figure.add_subplot(grid[1, 1], sharex=every)
-    for piece, (colour, line, _) in zip(typical(k, up, down, count), LINES[1:], strict=False):
+    for cell, (colour, line, _) in zip(typical(k, up, down, count), LINES[1:], strict=False):
         for steps, width, size in ((up, 0.8, 1.8), (down, 2.0, 3.0)):
-            label = f"piece {piece}" if steps is down else None
-            single.plot(nominal[steps], _open(k[piece, steps]), color=colour, ls=line, lw=width, marker="o", ms=size,
+            label = f"cell {cell}" if steps is down else None
+            single.plot(nominal[steps], _open(k[cell, steps]), color=colour, ls=line, lw=width, marker="o", ms=size,
                         label=label)  # fmt: skip
     single.set_title("(a) thin: loading, thick: unloading; no line: closed")
     single.set(
@@ -243,7 +241,7 @@ def cycles(results: fs.Results, count: int = 4) -> Figure:
             nominal[steps], 100 * np.mean(k[:, steps] == 0, axis=0), color=colour, ls=line, lw=1.8
         )
     every.set(yscale="log", ylabel="$k_1$ [m³]", ylim=(floor, None))
-    every.set_title(f"(b) median and {BAND} of {len(k)} pieces")
+    every.set_title(f"(b) median and {BAND} of {len(k)} cells")
     every.legend(loc="lower left", frameon=True, framealpha=0.9)
     every.tick_params(labelbottom=False)
     closed.set(xlabel="nominal pressure [MPa]", ylabel="closed [%]", xlim=(0, None), ylim=(0, None))
@@ -263,7 +261,7 @@ def typical(k: np.ndarray, up: np.ndarray, down: np.ndarray, count: int) -> np.n
 
 def permeability(results: fs.Results) -> Figure:
     """Draw figure 3: k of cells on loading and on unloading from the highest peak, against gap and pressure."""
-    prefix, pressure, k, gap = pieces_of(results)
+    prefix, pressure, k, gap = cells_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     figure = _sheet(3.2)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -384,8 +382,8 @@ def _open(values):
 
 def constrictions(results: fs.Results) -> Figure:
     """Draw figure 5: fractions of the pressure drop against the leakage, and a map of them at the smallest leakage."""
-    data = _with(results, "piece_drop_fraction", "a two-scale run")
-    q, fractions = data["leakage_two_scale"].values, data["piece_drop_fraction"].values
+    data = _with(results, "cell_drop_fraction", "a two-scale run")
+    q, fractions = data["leakage_two_scale"].values, data["cell_drop_fraction"].values
     leaking = np.flatnonzero(np.nan_to_num(q) != 0)
     if leaking.size == 0:
         raise fs.InputError("results", "a seal that never leaks", "one that does")
@@ -411,7 +409,7 @@ def constrictions(results: fs.Results) -> Figure:
     left.invert_xaxis()
     left.set_title("(a) large: loading, small: unloading")
     left.legend()
-    sides = [2e3 * data[name].values.mean() for name in ("piece1", "piece2")]
+    sides = [2e3 * data[name].values.mean() for name in ("cell1", "cell2")]
     image = right.imshow(
         100 * fractions[least].T, origin="lower", extent=(0, sides[0], 0, sides[1]), cmap="Blues"
     )

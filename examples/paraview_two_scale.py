@@ -1,6 +1,6 @@
 """Draw two scales in ParaView: the pressure drop of the cells, and the contact pressure on all pixels.
 
-To use the script as a macro (Macros > Import new macro), open `vtk/pieces.pvd` of a results folder, select it,
+To use the script as a macro (Macros > Import new macro), open `vtk/cells.pvd` of a results folder, select it,
 and run the macro. To use it without a window, give the folder, the picture and the load step:
 
     xvfb-run -a pvpython examples/paraview_two_scale.py results/turned_seal view.png 8
@@ -19,10 +19,10 @@ GREY = [0.69, 0.69, 0.69]
 
 def opened(folder):
     """Open the files of the cells and of the fields on all pixels."""
-    paths = [os.path.join(folder, *name) for name in (("vtk", "pieces.pvd"), ("fields.pvd",))]
+    paths = [os.path.join(folder, *name) for name in (("vtk", "cells.pvd"), ("fields.pvd",))]
     missing = [path for path in paths if not os.path.isfile(path)]
     if missing:
-        need = 'a results folder of a two-scale study; [output] paraview = "vtu" (the default) writes vtk/pieces.pvd'
+        need = 'a results folder of a two-scale study; [output] paraview = "vtu" (the default) writes vtk/cells.pvd'
         raise SystemExit(
             f"paraview_two_scale.py: there is no {' and no '.join(missing)}: give {need}"
         )

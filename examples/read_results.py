@@ -40,6 +40,6 @@ if __name__ == "__main__":
     highest = results.dataset["nominal_pressure"].argmax("step")
     print(f"leakage at the peak: {float(results.leakage[highest]):.4g} m²/s")
     print("page:", fs.write_report(results))
-    leakage, pieces = results.plot(), results.plot_pieces()
+    leakage, cells = results.plot(), results.plot_cells()
     leakage.savefig("leakage.png")
-    pieces.savefig("pieces.png")
+    cells.savefig("cells.png")

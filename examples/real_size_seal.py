@@ -38,7 +38,7 @@ def drawn_seal(
 
 if __name__ == "__main__":
     result = drawn_seal()
-    print(f"{result.tiles}, {len(result.leakage)} realisations, pieces: {result.pieces.cut.shape}")
+    print(f"{result.tiles}, {len(result.leakage)} realisations, cells: {result.cells.cut.shape}")
     for step, median, spread in zip(
         result.steps, result.quantile(0.5), result.realisation_spread, strict=True
     ):

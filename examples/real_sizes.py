@@ -10,7 +10,7 @@
 4. If the leakage is small, a few constrictions carry the pressure drop, whatever the size of the surface.
 
 The surfaces are self-affine (Hurst exponent 0.8), and their cells are 50 µm long and broad. The script writes
-real_sizes.csv (finding 3), real_sizes_pieces.csv (findings 1, 2 and 4) and a picture into the folder OUT.
+real_sizes.csv (finding 3), real_sizes_cells.csv (findings 1, 2 and 4) and a picture into the folder OUT.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 
 import femseal as fs
 
-PIECE, POINTS = 50e-6, 48  # side of a cell [m], and its number of points
+CELL, POINTS = 50e-6, 48  # side of a cell [m], and its number of points
 MODULUS, SLOPE = 115e9, 0.2
 #: Nominal pressures divided by the hardness.
 LOADING = (0.01, 0.03, 0.06, 0.1, 0.15, 0.2)
@@ -39,11 +39,11 @@ FACES = (4, 8)
 
 
 def scene(
-    plasticity: float, pieces: int = 4, loading=LOADING, peaks=PEAKS, unloading=UNLOADING
+    plasticity: float, cells: int = 4, loading=LOADING, peaks=PEAKS, unloading=UNLOADING
 ) -> fs.Scene:
     """Return a scene: a dry surface with a number of cells per side, and its load cycle."""
-    n, size = pieces * POINTS, pieces * PIECE
-    pixel = PIECE / POINTS
+    n, size = cells * POINTS, cells * CELL
+    pixel = CELL / POINTS
     face = fs.self_affine(
         (n, n), (size, size), hurst=0.8, rms_slope=SLOPE, roll_off=25e-6, cut_off=8 * pixel, rng=1
     )
@@ -109,7 +109,7 @@ def study(plasticity=PLASTICITY, sizes=SIZES, realisations=3, mapper=map):
     return rows
 
 
-def pieces_of_faces(faces=FACES, plasticity=0.1, mapper=map) -> dict[int, fs.FaceResult]:
+def cells_of_faces(faces=FACES, plasticity=0.1, mapper=map) -> dict[int, fs.FaceResult]:
     """Solve the cells of surfaces with several numbers of cells per side, up to closing and back."""
     load = {"loading": TO_CLOSING, "peaks": TO_CLOSING[-1:], "unloading": TO_CLOSING[-2::-2]}
     return {n: fs.two_scale(scene(plasticity, n, **load), (n, n), mapper=mapper) for n in faces}
@@ -124,14 +124,14 @@ def scatter(result: fs.FaceResult, hardness: float):
     """
     rows = []
     for s, step in enumerate(result.steps):
-        k, gap = result.k1[s].ravel(), result.pieces.mean_gap[s].ravel()
+        k, gap = result.k1[s].ravel(), result.cells.mean_gap[s].ravel()
         is_open = k > 0
         low, high = (
             np.quantile(np.log10(k[is_open]), (0.05, 0.95)) if is_open.any() else (np.nan, np.nan)
         )
-        drop = np.sort(result.pieces.drop_fraction[s].ravel())[::-1]
+        drop = np.sort(result.cells.drop_fraction[s].ravel())[::-1]
         rows.append({
-            "pieces": k.size,
+            "cells": k.size,
             "branch": step.branch,
             "load/H": round(step.pressure / hardness, 4),
             "leakage_over_first": float(result.leakage[s] / result.leakage[0]),
@@ -153,7 +153,7 @@ def draw(rows, faces, path):
     plt.rcParams.update({"font.size": 9, "axes.titlesize": 9})
     ratios = sorted({r["H/(E* slope)"] for r in rows})
     figure, axes = plt.subplots(2, 3, figsize=(10.2, 7.4), layout="constrained")
-    _draw_pieces(axes[0], faces)
+    _draw_cells(axes[0], faces)
     peaks, shades = (
         sorted({r["peak/H"] for r in rows}),
         ("#E69F00", "#00467F", "#009E73", "#666666"),
@@ -183,14 +183,14 @@ def draw(rows, faces, path):
     figure.savefig(path, dpi=150)
 
 
-def _draw_pieces(axes, faces):
+def _draw_cells(axes, faces):
     largest = faces[max(faces)]
     loading = largest.steps.on_loading
     for chosen, name, marker, colour in (
         (loading, "loading", "o", "#E69F00"),
         (~loading, "unloading", "x", "#00467F"),
     ):
-        k, gap = largest.k1[chosen].ravel(), largest.pieces.mean_gap[chosen].ravel()
+        k, gap = largest.k1[chosen].ravel(), largest.cells.mean_gap[chosen].ravel()
         pressure = np.broadcast_to(
             largest.steps.pressures[chosen, None, None], largest.k1[chosen].shape
         ).ravel()
@@ -206,7 +206,7 @@ def _draw_pieces(axes, faces):
         }
         axes[0].plot(pressure[shown] / 1e6, k[shown], **style)
         axes[1].plot(gap[shown] * 1e6, k[shown], **style)
-    gap = largest.pieces.mean_gap[largest.pieces.mean_gap > 0]
+    gap = largest.cells.mean_gap[largest.cells.mean_gap > 0]
     plates = np.geomspace(gap.min(), gap.max(), 30)
     axes[1].plot(plates * 1e6, plates**3 / 12, "k-", lw=1, label="h̄³/12")
     floor = 1e-9 * np.nanmax(largest.k1)
@@ -244,11 +244,11 @@ def main():
     parser.add_argument("--realisations", type=int, default=3)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    faces = pieces_of_faces()
+    faces = cells_of_faces()
     hardness = scene(0.1).hardness
     write(
         [row for face in faces.values() for row in scatter(face, hardness)],
-        options.out / "real_sizes_pieces.csv",
+        options.out / "real_sizes_cells.csv",
     )
     rows = study(realisations=options.realisations)
     write(rows, options.out / "real_sizes.csv")

@@ -2,7 +2,7 @@
 
     python examples/two_scale_view.py results/turned_seal view.png
 
-The script reads `vtk/pieces.pvd` and `fields.pvd`. On a machine without a display, set
+The script reads `vtk/cells.pvd` and `fields.pvd`. On a machine without a display, set
 VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow (or vtkOSOpenGLRenderWindow). `paraview_two_scale.py` draws the
 same view.
 """
@@ -28,7 +28,7 @@ def read(path, step):
 def draw(folder, step):
     """Return a plotter with both views at a load step, with the inlet at the left and x1 to the right."""
     folder = Path(folder)
-    seal, face = read(folder / "vtk" / "pieces.pvd", step), read(folder / "fields.pvd", step)
+    seal, face = read(folder / "vtk" / "cells.pvd", step), read(folder / "fields.pvd", step)
     x1, x2 = seal.bounds[1], seal.bounds[3]
     stacked = x1 > x2
     plotter = pv.Plotter(

@@ -7,7 +7,7 @@ The flow of data, top to bottom::
     contact      heights + load -> contact pressure, gap                 HalfSpace, solve_contact, load_cycle
     flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
-    face         a face cut into pieces, and their permeability along any path of the pressure
+    face         a face cut into cells, and their permeability along any path of the pressure
     scene        surface + loads + fluid -> its contact states           Scene
     checks       plausibility checks and the quick estimate of a scene
     studies      the chains: deterministic, two-scale, stochastic

@@ -239,7 +239,7 @@ def export(
             help='Field over the pixels of the surface: "gap", "contact_pressure" or "fluid_pressure".'
         ),
     ] = "gap",
-    piece: Annotated[
+    cell: Annotated[
         tuple[int, int] | None,
         option("Cell, by its numbers from 0 along x1 and x2.", "the whole surface"),
     ] = None,
@@ -259,7 +259,7 @@ def export(
     if window is not None:
         window_in_m = tuple(to_si(text, "m", "window") for text in window)
     results = open_results(folder)
-    for path in results.export(output, step=step, field=field, piece=piece, window=window_in_m):
+    for path in results.export(output, step=step, field=field, cell=cell, window=window_in_m):
         typer.echo(path)
 
 

@@ -24,7 +24,7 @@ kind = "liquid"
 viscosity = "1 mPa*s"
 inlet_pressure = "1 MPa"
 """
-#: A strip of pieces in two rows, without its table [stochastic].
+#: A strip of cells in two rows, without its table [stochastic].
 STRIP = {
     "method": "stochastic",
     "face": {

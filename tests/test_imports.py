@@ -196,12 +196,12 @@ def test_every_room_has_its_place():
 
 
 def test_imports_run_upwards():
-    places = {room: place for place, room in enumerate(ROOMS)}
+    patches = {room: place for place, room in enumerate(ROOMS)}
     downwards = {
         (module, _room(other))
         for module, others in _graph().items()
         for other in others
-        if places[_room(other)] > places[_room(module)]
+        if patches[_room(other)] > patches[_room(module)]
     }
     assert downwards == set()
 

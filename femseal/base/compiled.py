@@ -88,12 +88,12 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
     return values
 
 
-def over(pieces: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
-    """Call `work(*piece, *arguments)` for every piece of an array on the threads of this process.
+def over(cells: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
+    """Call `work(*cell, *arguments)` for every cell of an array on the threads of this process.
 
-    Returns the values in the order of the pieces.
+    Returns the values in the order of the cells.
     """
-    return on_threads(_threads, lambda piece: work(*piece, *arguments), pieces)
+    return on_threads(_threads, lambda cell: work(*cell, *arguments), cells)
 
 
 @cache

@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 #: Names of the dimensions of a field, in the order of its axes.
 Place = tuple[str, ...]
 STEP = ("step",)  # one value for each load step
-PIECE = ("step", "piece1", "piece2")  # cells of the surface
+CELL = ("step", "cell1", "cell2")  # cells of the surface
 STATE = ("state",)  # contact states of the surface
-PIECE_STATE = (
+CELL_STATE = (
     "state",
-    "state_piece1",
-    "state_piece2",
+    "state_cell1",
+    "state_cell2",
 )  # cells of the surface in its contact states
 ROW = ("step", "row")  # rows of pixels
 PIXEL = ("step", "x1", "x2")  # pixels
 BLOCK = ("step", "block1", "block2")  # blocks of pixels
 FACE = ("face1", "face2")  # blocks of the surface, the same for all load steps
 REALISATION = ("realisation", "step")  # realisations of a seal
-PLACE = ("place", "step")  # measured patches
-PLACE_FACE = ("place1", "place2")  # blocks of one measured patch, the same for all load steps
-PLACE_BLOCK = ("step", "place1", "place2")  # blocks of one measured patch
+PATCH = ("patch", "step")  # measured patches
+PATCH_FACE = ("patch1", "patch2")  # blocks of one measured patch, the same for all load steps
+PATCH_BLOCK = ("step", "patch1", "patch2")  # blocks of one measured patch
 PART = ("step", "part")  # tiles of a realisation
 PART_FORM = ("part",)  # tiles of a realisation, the same for all load steps
 PART_VECTOR = ("step", "part", "plane")  # vectors on the tiles of a realisation

@@ -30,7 +30,7 @@ class LeakUnit:
         Kind of amount that it counts.
     si : float
         Value in m³/s, kg/s or Pa·m³/s, or in one of these per metre. For standard volumes, in m³/s at 0 °C and
-        101 325 Pa; for drops and bubbles, in pieces per second.
+        101 325 Pa; for drops and bubbles, in cells per second.
     per_length : bool
         Whether it is per length of seal.
     """

@@ -1,7 +1,7 @@
 """Know the machine of a run: its memory, arrays that processes share or that lie on disk, and the versions of packages.
 
 A large array is a file of plain numbers that is mapped into memory. It holds one contact state after the other, each
-written and read as a whole or in pieces. This needs no library and no compression, views of the array behave like any
+written and read as a whole or in cells. This needs no library and no compression, views of the array behave like any
 array, and other processes open the file by its name. The file is not listed in its folder, so that it disappears with
 the run even if the run is killed. A resumed run starts from the results in its `store`, where each state is saved as
 soon as it is solved.

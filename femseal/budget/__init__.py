@@ -34,7 +34,7 @@ if TYPE_CHECKING:
         error_budget,
         longer_waves_part,
         patch_form_part,
-        places_to_halve,
+        patches_to_halve,
         thin_gap_part,
     )
     from .resolution import continuation_part

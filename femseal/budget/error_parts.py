@@ -74,7 +74,7 @@ class ErrorPart:
 
     Parameters
     ----------
-    name : "solver", "pixels", "filter", "realisations", "patch", "places", "blocks", or one of `MODEL_PARTS`.
+    name : "solver", "pixels", "filter", "realisations", "patch", "patches", "blocks", or one of `MODEL_PARTS`.
     lower, upper : ends of the interval if this were the only source of error, array (steps,), m²/s. A lower end of 0
         means that the seal may be sealed. An upper end of inf means that no bound is known. NaN means unknown.
     note : a sentence that says how the interval was estimated.

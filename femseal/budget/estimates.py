@@ -41,13 +41,13 @@ _FLOW = 1e-6
 _LEAST_SLOPE_ERROR = 0.02
 
 #: Degrees of freedom of the scatter that the contact state suggests, when it is pooled with that of several patches.
-_PLACE_FREEDOM = 2
+_PATCH_FREEDOM = 2
 #: Half-width of the 95 % interval of a normal distribution, in standard deviations.
 _NORMAL = float(ndtri((1 + COVERAGE) / 2))
 #: What the calibration set compares with a whole surface, for the note of a part.
 _WHAT = {
-    "in place": "seals as broad as the patch, with its cells in order",
-    "anywhere": "seals of another breadth or shape than the patch, with its cells at random",
+    "in order": "seals as broad as the patch, with its cells in order",
+    "at random": "seals of another breadth or shape than the patch, with its cells at random",
     "with form": "seals whose form is known at points, with the cells of one patch at random",
     "by blocks": "a surface that was solved by blocks",
 }
@@ -67,7 +67,7 @@ def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
     return ErrorPart.of("solver", leakage, distance, distance, note)
 
 
-def places_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
+def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     """Estimate from several measured patches how far other patches of the surface may leak from their mean.
 
     The interval of ln(leakage) is found by the jackknife: the leakage of all patches but one, for each of them. The
@@ -84,14 +84,14 @@ def places_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
     """
     count = len(without)
-    freedom = _PLACE_FREEDOM + count - 1
+    freedom = _PATCH_FREEDOM + count - 1
     student = float(stdtrit(freedom, (1 + COVERAGE) / 2))
     q = np.abs(leakage)
 
     def distance(values: Array, expected: Array) -> Array:
         scatter = (count - 1) * values.var(axis=0)
         prior = (expected / _NORMAL) ** 2
-        return student * np.sqrt((_PLACE_FREEDOM * prior + (count - 1) * scatter) / freedom)
+        return student * np.sqrt((_PATCH_FREEDOM * prior + (count - 1) * scatter) / freedom)
 
     with np.errstate(divide="ignore", invalid="ignore"):
         below = distance(np.log(without), np.log(q / np.abs(usual.lower)))
@@ -102,23 +102,23 @@ def places_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     above = np.where(shut, plain, above)
     note = (
         f"Student's interval by the jackknife over {count} measured patches, in ln(leakage), with the scatter that "
-        f"their contact state lets expect; {places_to_halve(count)} more would halve it"
+        f"their contact state lets expect; {patches_to_halve(count)} more would halve it"
     )
-    part = ErrorPart.of("places", leakage, below, above, note)
+    part = ErrorPart.of("patches", leakage, below, above, note)
     # without leakage the others tell how much there may be
     sealed = np.maximum((1 + student) * np.max(without, axis=0), usual.upper)
     return replace(part, upper=np.where(leakage == 0, sealed, part.upper))
 
 
-def places_to_halve(count: int) -> int:
+def patches_to_halve(count: int) -> int:
     """Return how many more measured patches are expected to halve the interval of three or more.
 
     >>> places_to_halve(3), places_to_halve(4), places_to_halve(8)
     (5, 8, 19)
     """
 
-    def width(places: int) -> float:
-        return float(stdtrit(_PLACE_FREEDOM + places - 1, (1 + COVERAGE) / 2)) / sqrt(places)
+    def width(patches: int) -> float:
+        return float(stdtrit(_PATCH_FREEDOM + patches - 1, (1 + COVERAGE) / 2)) / sqrt(patches)
 
     more = 1
     while width(count + more) > 0.5 * width(count):
@@ -169,9 +169,9 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     seals the error is smaller.
     """
     fluid = scene.acting_fluid
-    if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_place:
+    if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_order:
         return None
-    note = "pieces under their effective pressure against a coupled face, measured on faces four waves broad"
+    note = "cells under their effective pressure against a coupled face, measured on faces four waves broad"
     q, carried = study.quantile(0.5), abs(fluid.carried)
     loads = np.maximum(study.steps.pressures, max(carried, 1e-300))
     slope = sensitivity(study.steps, q, study.contact_fraction)
@@ -377,10 +377,10 @@ class NumericalErrors:
             return []
         name = "blocks" if isinstance(study, BlocksResult) else "patch"
         part = calibrated_part(name, study.kind, self.leakage, study.patch_state)
-        if isinstance(study, StochasticResult) and study.places is not None:
-            without = study.places.without
+        if isinstance(study, StochasticResult) and study.patches is not None:
+            without = study.patches.without
             if without is not None:  # the scatter of several patches shows more than one patch can
-                part = places_part(self.leakage, without, part)
+                part = patches_part(self.leakage, without, part)
         return [part]
 
     def budget_of(self, parts: Sequence[ErrorPart]) -> ErrorBudget:

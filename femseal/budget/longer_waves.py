@@ -16,12 +16,12 @@ import numpy as np
 
 from ..base import Array, Mapper, Pair
 from ..contact import LoadState
-from ..face.curves import PieceCurves
-from ..face.piece_flow import Failed, FlowSettings, attempt, resolved_flow
+from ..face.cell_flow import Failed, FlowSettings, attempt, resolved_flow
+from ..face.curves import CellCurves
 from ..scene import Scene
 from ..seal.form import SealForm
 from ..seal.pressure_map import Frame
-from ..seal.tiles import PieceSize, SealTiles
+from ..seal.tiles import CellSize, SealTiles
 from ..studies.seal_contact import RoughLayer, layer_states, seal_contact
 from ..topography import Representative
 
@@ -96,8 +96,8 @@ def longer_waves(
     side = min(scene.surface.shortest_patch.size)
     if not waves.rises and flatness is None:
         return None
-    piece = PieceSize((side, side), max(1, round(scene.surface.size[0] / side)), length, breadth)
-    tiles = attempt(scene.layout.lay_out, piece)
+    cell = CellSize((side, side), max(1, round(scene.surface.size[0] / side)), length, breadth)
+    tiles = attempt(scene.layout.lay_out, cell)
     if isinstance(tiles, Failed):  # narrower than the patch
         return None
     longest = tiles.seal.size[0]
@@ -116,7 +116,7 @@ def longer_waves(
     programme, states = layer_states(dry, take, mapper)
     mean_gap, permeability = np.array(states).T
     layer = RoughLayer.of_gaps(dry, programme, mean_gap)
-    curves = PieceCurves(programme, permeability)
+    curves = CellCurves(programme, permeability)
     solve = partial(_leakage, dry, tiles, layer, curves)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x10E6,)))
     without_waves = solve(tuple(forms))
@@ -133,7 +133,7 @@ def _leakage(
     scene: Scene,
     tiles: SealTiles,
     layer: RoughLayer,
-    curves: PieceCurves,
+    curves: CellCurves,
     forms: tuple[SealForm, ...],
 ) -> Array:
     """Solve the leakage of a seal with forms at every step (steps,) [m²/s]; NaN where it failed."""

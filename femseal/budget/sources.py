@@ -281,7 +281,7 @@ def _source_of_changes(name: str) -> ErrorSource:
 
 
 #: All sources of error, in the order in which they are evaluated and shown. The row of the source "patch" is called
-#: "places" for three or more patches, and "blocks" for a surface by blocks.
+#: "patches" for three or more patches, and "blocks" for a surface by blocks.
 SOURCES = (
     ErrorSource("solver", _no_versions, _solver, of_model=False),
     ErrorSource("pixels", lambda request: [request.coarser], _pixels, of_model=False),

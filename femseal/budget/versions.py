@@ -22,7 +22,7 @@ COARSENING = 0.5
 #: A coarser grid of more than this fraction of the points shows nothing.
 MOST_POINTS_FRACTION = 0.6
 #: Seals that are drawn again from a changed face, at most, and as long as how many faces they are together; each is
-#: compared with that of the same pieces.
+#: compared with that of the same cells.
 SEALS_AGAIN, FACES_AGAIN = 5, 40
 #: Fraction of the rms slope that removed waves have at least where they matter.
 LEAST_REMOVED = 1e-4
@@ -145,7 +145,7 @@ def without_filtered_waves(version: Version) -> Version | None:
     least1, least2 = version.least_points
     if wave >= max(surface.size) or n1 < least1 or n2 < least2:
         log.warning(
-            "error budget: the face or its pieces are too small to do without the shortest waves"
+            "error budget: the face or its cells are too small to do without the shortest waves"
         )
         return None
     return _reduced(version, surface.low_pass(wave).resample((n1, n2)))

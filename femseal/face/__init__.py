@@ -1,1 +1,1 @@
-"""A face under its loads, cut into pieces: the permeability of each, along any path of the pressure."""
+"""A face under its loads, cut into cells: the permeability of each, along any path of the pressure."""

@@ -46,7 +46,7 @@ class LogCurve:
         return np.where(x <= self.end, value, -np.inf)
 
 
-class PieceCurves:
+class CellCurves:
     """Permeability of a cell along one axis, on loading and on unloading from any peak.
 
     Parameters

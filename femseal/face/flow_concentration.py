@@ -13,7 +13,7 @@ import numpy as np
 from ..base import Floats, Pair, Shape
 from ..topography import Surface, Topography
 from ..topography.topography import power, wavenumber_grids
-from .piece_flow import Failed, FlowSettings, attempt, strip_permeability
+from .cell_flow import Failed, FlowSettings, attempt, strip_permeability
 
 #: Strips of a surface along x2 whose permeabilities are compared.
 STRIPS = 4

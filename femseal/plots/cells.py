@@ -37,7 +37,7 @@ class _CellValues:
     is_loading: Flags
 
 
-def pieces_figure(results: Results) -> Figure:
+def cells_figure(results: Results) -> Figure:
     """Draw the permeability of the cells towards the outlet against their mean gap and their contact pressure.
 
     Sealed cells are not drawn, nor cells a million times less permeable than the most permeable one. The line in the
@@ -77,11 +77,11 @@ def _cell_values(results: Results) -> _CellValues:
     data = results.dataset
     if "state_k1" in data:
         kind, peaks = "state", data["state_unloaded_from"].values
-    elif "piece_k1" in data:
-        kind, peaks = "piece", data["unloaded_from"].values
+    elif "cell_k1" in data:
+        kind, peaks = "cell", data["unloaded_from"].values
     else:
         expected = "results of a two-scale or stochastic run"
-        raise InputError("pieces figure", "results without cells", expected)
+        raise InputError("cells figure", "results without cells", expected)
 
     def by_state(name: str) -> Array:
         values = data[f"{kind}_{name}"].values

@@ -123,21 +123,21 @@ def representative_steps(data: xarray.Dataset, last: int) -> list[int]:
 
 def patch_figure(data: xarray.Dataset) -> Figure:
     """Draw the heights of the measured patch that leaks most, and its gap at the highest load that leaks if known."""
-    size = sides(data, "place")
-    has_gaps = "place_gap" in data
+    size = sides(data, "patch")
+    has_gaps = "patch_gap" in data
     sheet = Sheet([map_row_height(on_its_side(size))] * (2 if has_gaps else 1))
-    heights = data["place_height"]
+    heights = data["patch_height"]
     title = f"patch {heights.attrs['place']}: height [µm]"
     draw_heights(sheet.panel(0, MAP), heights.values * 1e6, size, title)
     if has_gaps:
         step = default_step(data)
         title = f"gap [µm] at {load_names(data)[step]}; grey: contact"
-        _draw_gap(sheet.panel(1, MAP), data["place_gap"].values[step], size, title)
+        _draw_gap(sheet.panel(1, MAP), data["patch_gap"].values[step], size, title)
     return sheet.figure
 
 
 def sides(data: xarray.Dataset, part: str = "face") -> Pair:
-    """Compute the sides [mm] of the surface, or of a measured patch ("place"), from the centres of its blocks."""
+    """Compute the sides [mm] of the surface, or of a measured patch ("patch"), from the centres of its blocks."""
     x1 = data[f"{part}1"].values
     x2 = data[f"{part}2"].values
     # the first and the last centre are half a block away from the ends

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from math import prod
 
 from ..base import InputError, Shape, free_memory, to_text
-from ..face.pieces import Cut, usual_pieces
+from ..face.cells import Cut, usual_cells
 from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import MOST_ROWS
 from ..studies import Sampling
@@ -57,7 +57,7 @@ def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Surface) 
         breadth = sampling.breadth or surface.size[0]
     else:
         return
-    side1, side2 = Cut.of(surface, usual_pieces(surface)).size
+    side1, side2 = Cut.of(surface, usual_cells(surface)).size
     rows, columns = breadth / side1, length / side2
     if rows > MOST_ROWS:  # refused when it is laid out
         return

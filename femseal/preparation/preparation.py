@@ -22,7 +22,7 @@ from ..checks import (
     scene_warnings,
     solve_form_effect,
 )
-from ..face.pieces import FEWEST_POINTS, Cut
+from ..face.cells import FEWEST_POINTS, Cut
 from ..seal.form import SealForm
 from ..seal.layouts import Layout
 from ..seal.tiles import SealTiles
@@ -342,7 +342,7 @@ def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | N
         check_memory("stochastic.realisations", table.realisations, needed)
     with errors_with_keys(SEAL_KEYS):
         cut, tiles = laid_out(surface, layout, cells, sampling)
-    has_form_beside = not tiles.in_place or bool(case.seal.form)
+    has_form_beside = not tiles.in_order or bool(case.seal.form)
     if length is None:
         return _Seal(sampling, tiles.size, has_form_beside)
     cell_length = cut.size[1]

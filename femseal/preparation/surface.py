@@ -13,8 +13,8 @@ import numpy as np
 from ..base import InputError, Shape, to_text
 from ..case.case import Case, CellsTable
 from ..case.faces import FileFace
-from ..face.pieces import Cut, usual_pieces
-from ..studies.blocks import PIECES, usual_blocks
+from ..face.cells import Cut, usual_cells
+from ..studies.blocks import CELLS, usual_blocks
 from ..topography import (
     MOST_POINTS,
     Conditioning,
@@ -308,12 +308,12 @@ def _choose_cells(
         return table.count
     if "blocks" in case.methods:
         blocks = usual_blocks(points)
-        return PIECES * blocks[0], PIECES * blocks[1]
+        return CELLS * blocks[0], CELLS * blocks[1]
     if "two-scale" not in case.methods:
         return None
     if stochastic is not None and "stochastic" in case.methods:
         is_in_order = case.layout.has_length and stochastic.breadth is None
-        return usual_pieces(patch, in_place=is_in_order)
+        return usual_cells(patch, in_order=is_in_order)
     side = _USUAL_WAVES * shortest_wave
     m1, m2 = (max(1, int(length / side + _ROUNDING)) for length in patch.size)
     return m1, m2

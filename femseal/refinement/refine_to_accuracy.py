@@ -22,7 +22,7 @@ from ..base import (
 from ..budget import MODEL_PARTS, BudgetRequest, ErrorBudget, budgets_of, widest_band
 from ..case.case import Case
 from ..execution.run import Run
-from ..face.pieces import FEWEST_POINTS
+from ..face.cells import FEWEST_POINTS
 from ..preparation.memory import START_MEMORY, refuse_impossible_sizes
 from ..preparation.preparation import Prepared
 from ..studies.study_registry import contact_tolerance
@@ -89,9 +89,9 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     rtol = case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy)
     settings = Settings(made.answer.name, 0, rtol, seals)
     coarse = replace(settings, grid=FIRST_GRID)
-    # the coarser grid that shows the error needs pieces too
-    points, pieces = grid_points(made, FIRST_GRID - 1), made.cells or (1, 1)
-    fits = all(n // m >= FEWEST_POINTS for n, m in zip(points, pieces, strict=True))
+    # the coarser grid that shows the error needs cells too
+    points, cells = grid_points(made, FIRST_GRID - 1), made.cells or (1, 1)
+    fits = all(n // m >= FEWEST_POINTS for n, m in zip(points, cells, strict=True))
     return coarse if fits and "grid" not in given else settings
 
 

@@ -24,7 +24,7 @@ from ..base import (
     write_text,
     writing,
 )
-from ..plots import heights_figure, leak_test_figure, leakage_figure, pieces_figure, seal_figure
+from ..plots import cells_figure, heights_figure, leak_test_figure, leakage_figure, seal_figure
 from ..plots.drawing import (
     GREY,
     HEIGHTS,
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
 REPORT_NAME = "report.html"
 #: Pictures that are also written as files, by name without ending. The page alone has the others.
-FILES = ("surface", "seal", "seat", "place", "drawn", "pieces", "leakage")
+FILES = ("surface", "seal", "seat", "patch", "drawn", "cells", "leakage")
 #: Pictures as PNG by name.
 Drawings = Mapping[str, bytes]
 
@@ -98,8 +98,8 @@ def _figures(results: Results, surface: Surface | None) -> dict[str, Callable[[]
         figures["seal"] = lambda: seal_figure(results)
     if has_maps and has_realisation:
         figures["drawn"] = lambda: realisation_figure(data, step)
-    if "piece_k1" in data or "state_k1" in data:
-        figures["pieces"] = lambda: pieces_figure(results)
+    if "cell_k1" in data or "state_k1" in data:
+        figures["cells"] = lambda: cells_figure(results)
     figures["leakage"] = lambda: leakage_figure(results)
     if "test_leakage" in data:
         figures["test"] = lambda: leak_test_figure(results)
@@ -107,8 +107,8 @@ def _figures(results: Results, surface: Surface | None) -> dict[str, Callable[[]
         figures["face"] = lambda: _surface_figure(data)
     if data.attrs.get("seat") and "row_pressure" in data:
         figures["seat"] = lambda: _seat_figure(data, step)
-    if "place_height" in data:
-        figures["place"] = lambda: patch_figure(data)
+    if "patch_height" in data:
+        figures["patch"] = lambda: patch_figure(data)
     attempts = results.attempts
     if attempts is not None and _finished_attempts(attempts):
         figures["attempts"] = lambda: _attempts_figure(attempts)
@@ -275,9 +275,9 @@ def page_template() -> Template:
 
 def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
     """Count the cells that carry half of the pressure drop at a step; 0 if this is not known."""
-    if "piece_drop_fraction" not in data:
+    if "cell_drop_fraction" not in data:
         return 0
-    fractions = data["piece_drop_fraction"].values[step].ravel()
+    fractions = data["cell_drop_fraction"].values[step].ravel()
     if np.isnan(fractions).any():
         return 0
     largest_first = np.sort(fractions)[::-1]

@@ -12,12 +12,12 @@ import numpy as np
 import xarray
 
 from ..base import InputError, Pair, counted, versions
-from ..base.fields import FACE, PIECE, STEP, Field, fields_of
+from ..base.fields import CELL, FACE, STEP, Field, fields_of
 from ..base.leak_rates import LeakBasis, leak_classes
 from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..budget import VAGUE, ErrorBudget, vague_steps
-from ..face.pieces import Cut
+from ..face.cells import Cut
 from ..fluids import leak_basis
 from ..studies import (
     STUDIES,
@@ -125,7 +125,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     -------
     Results
         Every variable of the dataset has the attributes `units` and `long_name`. Its dimensions are: step; realisation;
-        piece1, piece2, cells by their centres [m]; state, state_piece1, state_piece2, contact states of the face and
+        cell1, cell2, cells by their centres [m]; state, state_cell1, state_cell2, contact states of the face and
         its cells in them; place1, place2, blocks of the measured patch that leaks most; part, corner, plane, tiles of
         the realisation nearest to the median; budget_part, sources of error. Attributes store the case, the surface,
         versions, machine, wall times, peak memory of the main process, numbers of linear systems by solver with the
@@ -203,10 +203,12 @@ def _add_studies(
         _add_stochastic(data, stochastic, quantiles)
         if stochastic.row_pressure is not None:
             breadth = stochastic.seal.size[0]
-    of_patches = next((study.places for study in by_key.values() if study.places is not None), None)
+    of_patches = next(
+        (study.patches for study in by_key.values() if study.patches is not None), None
+    )
     if of_patches is not None:
         gap = faces[-1].gap if faces else None
-        variables.add_places(data, cast(Patches, scene.surface), of_patches, gap)
+        variables.add_patches(data, cast(Patches, scene.surface), of_patches, gap)
     if "row" in data.sizes:
         count = data.sizes["row"]
         rows = (np.arange(count) + 0.5) * (breadth / count)
@@ -223,11 +225,11 @@ def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
     """Add the fields of a study of the whole face, and of its cells if it has any."""
     variables.add_declared(data, face)
     variables.add_block_means(data, scene, face)
-    if face.pieces is None:
+    if face.cells is None:
         return
-    variables.add_cell_centres(data, "", face.pieces.cut)
-    for declaration, values in fields_of(face.pieces):
-        if declaration.place == PIECE:
+    variables.add_cell_centres(data, "", face.cells.cut)
+    for declaration, values in fields_of(face.cells):
+        if declaration.place == CELL:
             variables.add(data, declaration, values)
 
 
@@ -236,7 +238,7 @@ def _add_stochastic(
 ) -> None:
     """Add the realisations, the states of the face, and the realisation nearest to the median."""
     variables.add_realisations(data, result, quantiles)
-    variables.add_states(data, result.pieces)
+    variables.add_states(data, result.cells)
     median = result.median_seal
     if median is not None:
         variables.add_declared(data, median)
@@ -263,7 +265,7 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
     if isinstance(stochastic, StochasticResult):
         tiles = stochastic.tiles
         size, seal = tiles.size, str(scene.layout)
-        about_tiles = {"tiles": str(tiles), "tiles_in_place": int(tiles.in_place)}
+        about_tiles = {"tiles": str(tiles), "tiles_in_place": int(tiles.in_order)}
     basis = _leak_basis(scene, size, facts)
     seed = facts.case.get("seed")
     return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -128,7 +129,18 @@ def _read(path: Path) -> xarray.Dataset:
     has_leakage = any(variable in data for variable in METHODS.values())
     if not has_leakage or not str(data.attrs.get("source", "")).startswith("femseal"):
         raise InputError("results file", f"{path}, written by another program", _EXPECTED)
-    return data
+    return _with_present_names(data)
+
+
+def _with_present_names(data: xarray.Dataset) -> xarray.Dataset:
+    """Rename the variables and dimensions of a file that an earlier version wrote."""
+    names = {}
+    for name in map(str, (*data.variables, *data.dims)):
+        present = name.replace("piece", "cell").replace("places", "patches")
+        present = re.sub(r"place(?=_|$|\d)", "patch", present)
+        if present != name:
+            names[name] = present
+    return data.rename(names)
 
 
 def _check_attributes(data: xarray.Dataset) -> None:

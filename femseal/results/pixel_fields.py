@@ -111,7 +111,7 @@ def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
     return vtk_files.write_series(NAME, image_at, steps.tolist(), folder)
 
 
-def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
+def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
     """Return a field over the pixels at one step, from memory or from the folder of the results.
 
     It is that of the two-scale study if there is one, else of the deterministic study.
@@ -124,7 +124,7 @@ def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) 
         "gap", "contact_pressure", "fluid_pressure", or another field that the study has at the pixels.
     step : int
         Index of the load step.
-    piece : (int, int), optional
+    cell : (int, int), optional
         Row and column of a cell; the whole surface unless given.
 
     Returns
@@ -155,10 +155,10 @@ def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) 
     long_name = f"{declaration.long_name}, {data['name'].values[step]}"
     attrs = {"units": declaration.unit, "long_name": long_name}
     values = xarray.DataArray(field.values, coordinates, ("x1", "x2"), name, attrs)
-    if piece is not None:
-        i, j = checked_cell(data, *piece)
-        n1 = values.sizes["x1"] // data.sizes["piece1"]
-        n2 = values.sizes["x2"] // data.sizes["piece2"]
+    if cell is not None:
+        i, j = checked_cell(data, *cell)
+        n1 = values.sizes["x1"] // data.sizes["cell1"]
+        n2 = values.sizes["x2"] // data.sizes["cell2"]
         values = values[i * n1 : (i + 1) * n1, j * n2 : (j + 1) * n2]
     return values.astype(np.float64, copy=False)
 
@@ -206,7 +206,7 @@ def export_field(
     *,
     field: str = "gap",
     step: int | None = None,
-    piece: Shape | None = None,
+    cell: Shape | None = None,
     window: Window | None = None,
 ) -> list[Path]:
     """Write the gap, the contact pressure or the fluid pressure over the pixels for other programs.
@@ -225,7 +225,7 @@ def export_field(
         "gap", "contact_pressure" or "fluid_pressure"; the last one is NaN where nothing flows.
     step : int, optional
         Index of the load step; all that are stored unless given.
-    piece : (int, int), optional
+    cell : (int, int), optional
         Row and column of a cell; the whole surface unless given.
     window : (float, float, float, float), optional
         In place of a cell, a part of the surface: x1 from and to, x2 from and to [m]. It contains the pixels whose
@@ -251,14 +251,14 @@ def export_field(
         raise InputError("output", f"'{path.name}'", expected)
     if window is not None:
         is_rising = window[0] < window[1] and window[2] < window[3]
-        if piece is not None or not is_rising:
-            raise InputError("window", window, "x1 and x2 from and to [m], rising; no piece")
+        if cell is not None or not is_rising:
+            raise InputError("window", window, "x1 and x2 from and to [m], rising; no cell")
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
     written = []
     for number in steps:
-        values = read_pixels(run, field, number, piece)
+        values = read_pixels(run, field, number, cell)
         if window is not None:
             values = _in_window(values, window)
         target = path if step is not None else path.with_stem(f"{path.stem}_{number:04d}")

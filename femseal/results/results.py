@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -263,7 +264,7 @@ class Results(Plotted):
 
     # --- cells and pixels -----------------------------------------------------------------------------------------
 
-    def piece(self, i: int, j: int) -> xarray.Dataset:
+    def cell(self, i: int, j: int) -> xarray.Dataset:
         """Return the variables of one cell, over the load steps of a two-scale study, else over the states of the face.
 
         Parameters
@@ -277,27 +278,32 @@ class Results(Plotted):
             There is no such cell, or the results have no cells.
         """
         data = self.dataset
-        prefix = "state_" if "piece1" not in data.dims and "state" in data.dims else ""
-        dims = f"{prefix}piece1", f"{prefix}piece2"
+        prefix = "state_" if "cell1" not in data.dims and "state" in data.dims else ""
+        dims = f"{prefix}cell1", f"{prefix}cell2"
         names = [name for name in data.data_vars if dims[0] in data[name].dims]
         row, column = checked_cell(data, i, j, dims)
         return data[names].isel({dims[0]: row, dims[1]: column})
 
-    def pixels(self, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
+    def piece(self, i: int, j: int) -> xarray.Dataset:
+        """Return the variables of one cell; the former name of `cell`."""
+        warnings.warn("Results.piece is Results.cell now", DeprecationWarning, stacklevel=2)
+        return self.cell(i, j)
+
+    def pixels(self, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
         """Return a field over the pixels (x1, x2) at one step in SI, see `pixel_fields.read_pixels`."""
-        return room("results").read_pixels(self, name, step, piece)
+        return room("results").read_pixels(self, name, step, cell)
 
-    def gap(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
+    def gap(self, step: int, cell: Shape | None = None) -> xarray.DataArray:
         """Return the deformed gap (x1, x2) [m] at one step, see `pixels`."""
-        return self.pixels("gap", step, piece)
+        return self.pixels("gap", step, cell)
 
-    def contact_pressure(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
+    def contact_pressure(self, step: int, cell: Shape | None = None) -> xarray.DataArray:
         """Return the contact pressure (x1, x2) [Pa] at one step, see `pixels`."""
-        return self.pixels("contact_pressure", step, piece)
+        return self.pixels("contact_pressure", step, cell)
 
-    def fluid_pressure(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
+    def fluid_pressure(self, step: int, cell: Shape | None = None) -> xarray.DataArray:
         """Return the fluid pressure (x1, x2) [Pa] at one step, NaN where nothing flows, see `pixels`."""
-        return self.pixels("fluid_pressure", step, piece)
+        return self.pixels("fluid_pressure", step, cell)
 
     @property
     def stored_steps(self) -> list[int]:
@@ -326,9 +332,14 @@ class Results(Plotted):
             raise InputError("attempts", "a case that asks for no accuracy", "one with it")
         return room("results").attempts_table(self.attempts)
 
+    def plot_cells(self) -> Any:
+        """Plot the permeability of the cells over their mean gap and their pressure, see `cells_figure`."""
+        return room("plots").shown(room("plots").cells_figure(self))
+
     def plot_pieces(self) -> Any:
-        """Plot the permeability of the cells over their mean gap and their pressure, see `pieces_figure`."""
-        return room("plots").shown(room("plots").pieces_figure(self))
+        """Plot the permeability of the cells; the former name of `plot_cells`."""
+        warnings.warn("plot_pieces is plot_cells now", DeprecationWarning, stacklevel=2)
+        return self.plot_cells()
 
     def plot_seal(self, step: int | None = None) -> Any:
         """Plot contact, fluid pressure and permeability over the seal at one step, see `seal_figure`."""
@@ -350,7 +361,7 @@ class Results(Plotted):
 
 
 def checked_cell(
-    data: xarray.Dataset, i: int, j: int, dims: tuple[str, str] = ("piece1", "piece2")
+    data: xarray.Dataset, i: int, j: int, dims: tuple[str, str] = ("cell1", "cell2")
 ) -> Shape:
     """Return the row and column of a cell as integers.
 
@@ -360,9 +371,9 @@ def checked_cell(
         There is no such cell, or the dataset has no cells.
     """
     if dims[0] not in data.dims:
-        raise InputError("piece", (i, j), "none: the results have no cells")
+        raise InputError("cell", (i, j), "none: the results have no cells")
     rows, columns = (data.sizes[dim] for dim in dims)
     if i not in range(rows) or j not in range(columns):
         expected = f"0 to {rows - 1} along x1 and 0 to {columns - 1} along x2"
-        raise InputError("piece", (i, j), expected)
+        raise InputError("cell", (i, j), expected)
     return int(i), int(j)

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from ..base.fields import (
     BLOCK,
+    CELL,
+    CELL_STATE,
     ERROR_SOURCE,
-    PIECE,
-    PIECE_STATE,
+    PATCH_BLOCK,
+    PATCH_FACE,
     PIXEL,
-    PLACE_BLOCK,
-    PLACE_FACE,
     REALISATION,
     STATE,
     STEP,
@@ -34,13 +34,13 @@ from ..base.leak_units import LEAK_UNITS
 from ..base.machine import one_at_a_time
 from ..base.quantities import with_its_unit
 from ..budget import ErrorBudget
-from ..face.pieces import Cut
+from ..face.cells import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis
 from ..loads import LoadStep
 from ..scene import FluidState
 from ..studies import FaceResult, Scene, StochasticResult
+from ..studies.cell_states import FaceCells, PatchLeakage
 from ..studies.other_fluid import OtherLeakage, limit_factors
-from ..studies.piece_states import FacePieces, PlaceLeakage
 from ..topography import Patches, Surface
 from .best_leakage import basis_attributes
 from .load_steps import pressures_and_peaks
@@ -126,8 +126,8 @@ def add_load_steps(data: xarray.Dataset, dim: str, prefix: str, steps: Sequence[
 def add_cell_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
     """Add the coordinates of the cells of a face; the prefix comes before their names."""
     x1, x2 = cut.centres
-    add_coordinate(data, f"{prefix}piece1", "m", "x1 of the centres of cells, from the inlet", x1)
-    add_coordinate(data, f"{prefix}piece2", "m", "x2 of the centres of cells, along the seal", x2)
+    add_coordinate(data, f"{prefix}cell1", "m", "x1 of the centres of cells, from the inlet", x1)
+    add_coordinate(data, f"{prefix}cell2", "m", "x2 of the centres of cells, along the seal", x2)
 
 
 def add_realisations(
@@ -146,24 +146,24 @@ def add_realisations(
         add_new(data, f"leakage_{name}", "m^2/s", long_name, values, quantile=level)
 
 
-def add_states(data: xarray.Dataset, cells: FacePieces) -> None:
+def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
     """Add the contact states of the face, and its cells in each of them."""
     add_load_steps(data, "state", "state_", cells.steps)
     add_cell_centres(data, "state_", cells.cut)
     for declaration, values in fields_of(cells):
-        if declaration.place == PIECE:
+        if declaration.place == CELL:
             declaration = replace(
                 declaration,
-                name=declaration.name.replace("piece_", "state_"),
+                name=declaration.name.replace("cell_", "state_"),
                 long_name=f"{declaration.long_name}, by state",
-                place=PIECE_STATE,
+                place=CELL_STATE,
             )
         if declaration.place == STATE or not np.isnan(values).all():
             add(data, declaration, values)
 
 
-def add_places(
-    data: xarray.Dataset, patches: Patches, result: PlaceLeakage, gaps: NDArray[Any] | None
+def add_patches(
+    data: xarray.Dataset, patches: Patches, result: PatchLeakage, gaps: NDArray[Any] | None
 ) -> None:
     """Add the leakage of each measured patch and its scatter, and a map of the patch that leaks most.
 
@@ -175,19 +175,19 @@ def add_places(
     gaps : gaps of all patches at every step (step, x1, x2) [m]; None if they are not known.
     """
     numbers = np.arange(1, len(result.alone) + 1)
-    add_coordinate(data, "place", "1", "number of the measured patch", numbers)
+    add_coordinate(data, "patch", "1", "number of the measured patch", numbers)
     add_declared(data, result)
     ratios = result.relative
     largest = int(np.argmax(ratios))
-    add_blocks(data, ("place1", "place2"), patches.patches[largest], FIELD_BLOCKS)
-    about = {"place": largest + 1, "over_mean": float(ratios[largest])}
+    add_blocks(data, ("patch1", "patch2"), patches.patches[largest], FIELD_BLOCKS)
+    about = {"patch": largest + 1, "over_mean": float(ratios[largest])}
     heights = block_means(patches.divided(patches.heights)[largest], FIELD_BLOCKS)
     long_name = "height of the patch that leaks most, mean of each block"
-    add_new(data, "place_height", "m", long_name, heights, PLACE_FACE, **about)
+    add_new(data, "patch_height", "m", long_name, heights, PATCH_FACE, **about)
     if gaps is not None:
         means = [block_means(patches.divided(gap)[largest], FIELD_BLOCKS) for gap in gaps]
         long_name = "gap of the patch that leaks most, mean of each block"
-        add_new(data, "place_gap", "m", long_name, np.array(means), PLACE_BLOCK)
+        add_new(data, "patch_gap", "m", long_name, np.array(means), PATCH_BLOCK)
 
 
 # --- maps of blocks of pixels -----------------------------------------------------------------------------------

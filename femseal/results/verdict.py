@@ -46,7 +46,7 @@ _NARROWED_BY = {
     "longer waves": "a larger measured area, or the flatness of the seal in [seal]",
     "patch": "a larger measured area, or a second measured patch",
     "pixels": "more surface.points",
-    "places": "more measured patches",
+    "patches": "more measured patches",
     "realisations": "more realisations in [stochastic]",
     "solver": "a smaller contact.rtol",
     "thin gap": "a smoother face: its gap is not thin against its waves",

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import AnyPath, Array, Mapper, Pair, Stage, made_folder, write_bytes, write_text
-from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, Field, Place
+from ..base.fields import CELL, CELL_STATE, PART, PART_FORM, PART_VECTOR, Field, Place
 from ..topography import Surface
 
 if TYPE_CHECKING:
@@ -216,7 +216,7 @@ def write_vtk(
 ) -> list[Path]:
     """Write views of results; open their `.pvd` in ParaView.
 
-    A two-scale study has the view `pieces`, the cells of the face at every load. A stochastic study has the views
+    A two-scale study has the view `cells`, the cells of the face at every load. A stochastic study has the views
     `states`, the cells in every contact state of the face, and `drawn`, the realisation nearest to the median.
 
     Parameters
@@ -243,10 +243,10 @@ def write_vtk(
     """
     data = run.dataset
     views = []
-    if "piece_k1" in data:
-        views.append(_cells_of_face("pieces", data, PIECE))
+    if "cell_k1" in data:
+        views.append(_cells_of_face("cells", data, CELL))
     if "state_k1" in data:
-        views.append(_cells_of_face("states", data, PIECE_STATE))
+        views.append(_cells_of_face("states", data, CELL_STATE))
     if "drawn_corners" in data:
         views.append(_realisation(data))
     target = made_folder(folder)
@@ -277,7 +277,7 @@ def _cells_of_face(name: str, data: xarray.Dataset, dims: Place) -> Cells:
     for variable in data.data_vars.values():
         if variable.dims == dims:
             field = Field.of(variable)
-            array = field.array_name.removeprefix("piece_").removeprefix("state_")
+            array = field.array_name.removeprefix("cell_").removeprefix("state_")
             cell_data[array] = (variable.values * field.scale).reshape(len(loads), -1)
     return Cells(name, np.stack(corners, axis=-1).reshape(-1, 4, 2), loads, cell_data)
 

@@ -45,7 +45,7 @@ _SHORTEST, _LONGEST = 0.4, 2.5
 _PICTURES_MEMORY = 0.2e9
 #: Memory of another process [byte].
 _WORKER_MEMORY = 0.25e9
-#: Shortest waves that a piece should hold along each side.
+#: Shortest waves that a cell should hold along each side.
 ADVISED_WAVES = 8
 
 
@@ -245,7 +245,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     formats = case.output.paraview != "none"
     # pictures and report; heights for ParaView
     others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
-    # a piece: ten numbers in results.nc, and in the mesh of the seal
+    # a cell: ten numbers in results.nc, and in the mesh of the seal
     others += 80 * steps * prod(prepared.cells or (0, 0)) * (1 + formats)
     if (sampling := prepared.sampling) is not None:
         cut, tiles = prepared.cut_and_tiles
@@ -267,15 +267,15 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
 
 
 def _keeps_states(prepared: Prepared) -> bool:
-    """Whether a study keeps the states of the whole face: all but seals whose pieces are taken along a ladder."""
-    return prepared.methods != {"stochastic"} or prepared.cut_and_tiles[1].in_place
+    """Whether a study keeps the states of the whole face: all but seals whose cells are taken along a ladder."""
+    return prepared.methods != {"stochastic"} or prepared.cut_and_tiles[1].in_order
 
 
 def _checkpoint(prepared: Prepared) -> float:
     """Expected size of the store of the studies of an input [byte]."""
     scene, drawn = prepared.scene, "stochastic" in prepared.methods
     steps, pixels, peaks = len(scene.steps), prod(scene.surface.shape), len({*scene.unload_from})
-    on_ladder = drawn and not prepared.cut_and_tiles[1].in_place
+    on_ladder = drawn and not prepared.cut_and_tiles[1].in_order
     found = 8.0 * pixels * max(peaks, 1) if on_ladder else 0.0
     if _keeps_states(prepared):
         found += pixels * (STATE_BYTES * steps + 8.0 * peaks)
@@ -416,9 +416,9 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     if prepared.cells is None:
         return
     m1, m2 = prepared.cells
-    yield "pieces", _pieces(prepared, prepared.cells)
+    yield "cells", _cells(prepared, prepared.cells)
     if "two-scale" in prepared.methods:
-        yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
+        yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of cells"
     if "blocks" in prepared.methods:
         b1, b2 = blocks_of(prepared.cells)
         n1, n2 = scene.surface.shape
@@ -432,8 +432,8 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     if sampling.realisations is not None:
         number, how = counted(sampling.realisations, "seal"), ""
     states, where = counted(steps, "state"), "at its loads"
-    if tiles.in_place:
-        where = "at its loads; pieces stay in their rows"
+    if tiles.in_order:
+        where = "at its loads; cells stay in their rows"
     elif on_ladder(scene, sampling):
         states, where = f"about {LADDER_STATES:.0f} states", "on a ladder of nominal pressures"
     yield "stochastic", f"{states} of the face, {where}"
@@ -445,8 +445,8 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         yield "pressure map", uneven
 
 
-def _pieces(prepared: Prepared, count: Shape) -> str:
-    """Number and size of pieces."""
+def _cells(prepared: Prepared, count: Shape) -> str:
+    """Number and size of cells."""
     sizes = [side / m for side, m in zip(prepared.scene.surface.size, count, strict=True)]
     waves = [length / prepared.conditioning.shortest_wave for length in sizes]
     size = " × ".join(to_text(length, "m", 3) for length in sizes)

@@ -23,7 +23,7 @@ import numpy as np
 
 from ..base import Array, InputError, Shape, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
-from ..face.piece_flow import FaceFlow, Failed, FlowSettings, attempt, resolved_flow
+from ..face.cell_flow import FaceFlow, Failed, FlowSettings, attempt, resolved_flow
 from ..flow.cell import harmonic_fill
 from ..flow.pressure_drop import pressure_between
 from ..fluids import Fluid

@@ -20,7 +20,7 @@ from ..contact import (
     load_states,
     solve_contact,
 )
-from ..face.piece_flow import FlowSettings
+from ..face.cell_flow import FlowSettings
 from ..flow import critical_constriction
 from ..flow.law import FlowLaw, law_of
 from ..flow.pressure_drop import PressureDrop, pressure_between

@@ -19,7 +19,7 @@ _REACH = 2.0
 
 @dataclass(frozen=True)
 class Lay:
-    """Where x2 of the pieces points: a name, an angle from x1 to x2 [rad], a spiral, or the vectors of a field.
+    """Where x2 of the cells points: a name, an angle from x1 to x2 [rad], a spiral, or the vectors of a field.
 
     Exactly one of them is given. A direction and its opposite are the same lay. lead : of a spiral, the distance from
     groove to groove [m], times the number of grooves that start beside each other: once around the seal the groove
@@ -33,7 +33,7 @@ class Lay:
     file: Path | None = None
     array: str = ""
 
-    def directions(self, places: Array, centre: Pair = (0.0, 0.0), unit: float = 1.0) -> Array:
+    def directions(self, patches: Array, centre: Pair = (0.0, 0.0), unit: float = 1.0) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
 
         centre : from which "radial" is seen [m].
@@ -43,9 +43,9 @@ class Lay:
         place.
         """
         if self.file is not None:
-            return _of_field(self.file, self.array, places, unit)
+            return _of_field(self.file, self.array, patches, unit)
         if self.name in ("radial", "circumferential", "spiral"):
-            away = places - np.asarray(centre)
+            away = patches - np.asarray(centre)
             distance = np.hypot(away[:, 0], away[:, 1])
             if not distance.min(initial=1.0) > 0:
                 raise InputError("lay", f"'{self.name}' at its centre", "one outside of elements")
@@ -55,7 +55,7 @@ class Lay:
             wound = (around + tangent * radial) / np.sqrt(1 + tangent**2)
             return radial if self.name == "radial" else wound
         angle = {"x1": 0.0, "x2": np.pi / 2}.get(self.name, self.angle or 0.0)
-        return np.tile([np.cos(angle), np.sin(angle)], (len(places), 1))
+        return np.tile([np.cos(angle), np.sin(angle)], (len(patches), 1))
 
     def check_lead(self, breadth: float) -> None:
         """Raise InputError if a groove of the spiral crosses a seal of a breadth [m] within a turn."""
@@ -100,7 +100,7 @@ def check_ring(inner: float, outer: float, inlet: str) -> None:
         raise InputError("inlet", repr(inlet), "'inner' or 'outer'")
 
 
-def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
+def _of_field(file: Path, array: str, patches: Array, unit: float) -> Array:
     """Unit vectors (n, 2) of the field at its points nearest to the places; InputError where it does not cover them."""
     from scipy.spatial import cKDTree
 
@@ -115,7 +115,7 @@ def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
         raise InputError("lay.field", f"'{array}' of '{file}'", expected)
     tree = cKDTree(points)
     spacing = tree.query(points, k=2)[0][:, 1].max() if len(points) > 1 else np.inf
-    distance, nearest = tree.query(places)
+    distance, nearest = tree.query(patches)
     if (far := int(np.count_nonzero(distance > _REACH * spacing))) > 0:
         raise InputError(
             "lay.field",

@@ -20,7 +20,7 @@ from .pressure_map import Frame
 if TYPE_CHECKING:
     from ..flow.spiral import Spiral
     from .mesh_seal import MeshSeal
-    from .tiles import PieceSize, SealTiles
+    from .tiles import CellSize, SealTiles
 
 
 #: Directions of the lay by name: those of the axes of the plane, and those as seen from the centre of the seal.
@@ -81,10 +81,10 @@ class Layout(Protocol):
     #: Whether the sampling gives the length of the seal.
     has_length: ClassVar[bool]
 
-    def lay_out(self, pieces: PieceSize) -> SealTiles:
-        """Lay tiles out over the seal, each as large as a piece of the face.
+    def lay_out(self, cell_size: CellSize) -> SealTiles:
+        """Lay tiles out over the seal, each as large as a cell of the face.
 
-        Raises InputError: a size that is not given, or given twice; pieces broader than the seal.
+        Raises InputError: a size that is not given, or given twice; cells broader than the seal.
         """
         ...
 
@@ -120,13 +120,13 @@ class RectangularLayout:
         around = lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0)
         object.__setattr__(self, "lay", Lay(name="x2") if around else lay)
 
-    def lay_out(self, pieces: PieceSize) -> SealTiles:
+    def lay_out(self, cell_size: CellSize) -> SealTiles:
         """Rows and columns of tiles."""
         from .tiles import laid_on_strip
 
-        if pieces.length is None:
+        if cell_size.length is None:
             raise InputError("length", "none", "the length of a rectangular seal")
-        return laid_on_strip(pieces, self.lay)
+        return laid_on_strip(cell_size, self.lay)
 
     @property
     def spiral(self) -> Spiral | None:
@@ -173,12 +173,12 @@ class AnnularLayout:
         self.lay.check_lead(self.outer_radius - self.inner_radius)
         check_size("outer_radius", 2 * self.outer_radius)
 
-    def lay_out(self, pieces: PieceSize) -> SealTiles:
+    def lay_out(self, cell_size: CellSize) -> SealTiles:
         """Rows of tiles along the radius, columns along the angle."""
-        _refuse_sizes(self.kind, pieces)
+        _refuse_sizes(self.kind, cell_size)
         from .tiles import laid_on_ring
 
-        return laid_on_ring(pieces, self.lay, (self.inner_radius, self.outer_radius), self.inlet)
+        return laid_on_ring(cell_size, self.lay, (self.inner_radius, self.outer_radius), self.inlet)
 
     @property
     def circumference(self) -> float:
@@ -245,12 +245,12 @@ class MeshLayout:
             if not isinstance(names, str):
                 object.__setattr__(self, name, tuple(names))
 
-    def lay_out(self, pieces: PieceSize) -> SealTiles:
+    def lay_out(self, cell_size: CellSize) -> SealTiles:
         """Each element is a tile, or shares one with its neighbours."""
-        _refuse_sizes(self.kind, pieces)
+        _refuse_sizes(self.kind, cell_size)
         from .tiles import laid_on_mesh
 
-        return laid_on_mesh(pieces, self.lay, self._seal, self.length, self.centre)
+        return laid_on_mesh(cell_size, self.lay, self._seal, self.length, self.centre)
 
     @cached_property
     def _seal(self) -> MeshSeal:
@@ -267,8 +267,8 @@ class MeshLayout:
         return f"the mesh {Path(self.path).name}, lay {self.lay}"
 
 
-def _refuse_sizes(kind: str, pieces: PieceSize) -> None:
-    for name, value in (("length", pieces.length), ("breadth", pieces.breadth)):
+def _refuse_sizes(kind: str, cell_size: CellSize) -> None:
+    for name, value in (("length", cell_size.length), ("breadth", cell_size.breadth)):
         if value is not None:
             expected = f"none with a seal of kind {kind}: it has its own"
             raise InputError(name, to_text(value, "m"), expected)

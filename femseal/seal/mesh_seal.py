@@ -28,7 +28,7 @@ from .seal_files import NAME_BOUNDARIES, read_mesh
 
 #: Names of boundaries, one or several.
 Names = str | Sequence[str]
-#: A piece closed along one axis keeps `CLOSED_AXIS` of its other permeability there. A seal that only this opens
+#: A cell closed along one axis keeps `CLOSED_AXIS` of its other permeability there. A seal that only this opens
 #: has measured 0.002 to 7e3 of that median in squares, an open one 7e6 and more: below this many it counts as closed.
 _SHUT = 2e5
 #: Part of the extent of the smaller element to which parts that touch may lie on each other: coordinates are rounded,
@@ -111,7 +111,7 @@ class MeshSeal:
             raise InputError(
                 "inlet and outlet",
                 "boundaries that the mesh does not connect",
-                "a mesh in one piece",
+                "a mesh in one cell",
             )
 
     @property

@@ -210,16 +210,16 @@ class PressureField:
         inside /= inside.sum(axis=1, keepdims=True)
         return (inside * self.pressure[self.triangles[triangle]]).sum(axis=1)
 
-    def _around(self, places: Array) -> tuple[Indices, Array]:
-        """Triangle around each place, or nearest to it, and the place in it by its three weights."""
+    def _around(self, patches: Array) -> tuple[Indices, Array]:
+        """Triangle around each patch, or nearest to it, and the place in it by its three weights."""
         import pyvista
 
         points, corners = in_space(self.points), self.triangles.astype(int)
         surface = pyvista.PolyData.from_regular_faces(points, corners)
-        triangle = np.atleast_1d(surface.find_closest_cell(in_space(places)))
+        triangle = np.atleast_1d(surface.find_closest_cell(in_space(patches)))
         first, *others = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
         ways = np.stack([other - first for other in others], axis=-1)
-        weights = np.linalg.solve(ways, (places - first)[..., None])[..., 0]
+        weights = np.linalg.solve(ways, (patches - first)[..., None])[..., 0]
         return triangle, np.column_stack([1 - weights.sum(axis=1), weights])
 
 

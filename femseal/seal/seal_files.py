@@ -279,11 +279,11 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
         given = f"'{file}' with the columns {', '.join(names)}"
         expected = f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
         raise InputError("path", given, expected)
-    places = [names.index(column) for column in wanted]
+    patches = [names.index(column) for column in wanted]
     numbers = []
     for _, line, row in rows:
         try:
-            numbers.append([float(row[place]) for place in places])
+            numbers.append([float(row[place]) for place in patches])
         except (ValueError, IndexError):
             allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
             given = f"'{file}' with the line '{shortened(line, 60)}'"

@@ -20,7 +20,7 @@ from .plane import middles, polygon_areas
 
 #: Most tiles between inlet and outlet.
 MOST_ROWS = 1000
-#: Least breadth of a seal, and length around its inner radius, in pieces and tiles.
+#: Least breadth of a seal, and length around its inner radius, in cells and tiles.
 _NARROW, _NARROWEST = 0.7, 0.35
 #: Number of cells for which an element of a mesh has room from which on it is much larger than a cell, so that the
 #: leakage scatters twice as much; and part of the area in such elements from which on that is warned of.
@@ -30,7 +30,7 @@ _SAME = 1e-6
 
 
 @dataclass(frozen=True)
-class PieceSize:
+class CellSize:
     """Size of the cells of a surface, and the wanted size of a seal.
 
     Attributes
@@ -74,7 +74,7 @@ class SealTiles:
     lay: Array = field(repr=False)
     tile: Indices = field(repr=False)
     grid: Shape | None = None
-    in_place: bool = False
+    in_order: bool = False
     tangent: Array | None = field(default=None, repr=False)
     part: float = 1.0
     warnings: tuple[str, ...] = ()
@@ -109,25 +109,25 @@ class SealTiles:
         centres = self.outlines[self.once].mean(axis=1)
         return np.stack([np.bincount(tile, x) / np.bincount(tile) for x in centres.T], axis=1)
 
-    def draw(self, pieces: Shape, rng: np.random.Generator) -> Indices:
+    def draw(self, cells: Shape, rng: np.random.Generator) -> Indices:
         """Choose a random cell for each tile.
 
         The columns of tiles are filled one after another, so that a longer seal begins with the tiles of a shorter one.
 
         Parameters
         ----------
-        pieces : numbers (m1, m2) of cells of the surface along x1 and x2.
+        cells : numbers (m1, m2) of cells of the surface along x1 and x2.
         rng : source of the random numbers.
 
         Returns
         -------
         Array (tiles,), number of the cell of each tile; cells are numbered row by row.
         """
-        m1, m2 = pieces
+        m1, m2 = cells
         rows, columns = self.grid or (1, self.count)
         number = rng.random((columns, rows, 2))
         row = (number[..., 0] * m1).astype(np.int64)
-        if self.in_place:
+        if self.in_order:
             row = np.broadcast_to(np.arange(rows), row.shape)
         column = (number[..., 1] * m2).astype(np.int64)
         return np.ascontiguousarray((row * m2 + column).T).ravel()
@@ -195,21 +195,21 @@ def along_grooves(across: Array) -> Array:
         return 1 / np.mean(1 / across, axis=-1)
 
 
-def face_tiles(size: Pair, pieces: Shape) -> SealTiles:
+def face_tiles(size: Pair, cells: Shape) -> SealTiles:
     """Lay out the cells of a surface of the given size [m] in their own order, with the lay along x2."""
-    laid = _strip(size, pieces, np.tile([0.0, 1.0], (pieces[0] * pieces[1], 1)))
-    return replace(laid, in_place=True)
+    laid = _strip(size, cells, np.tile([0.0, 1.0], (cells[0] * cells[1], 1)))
+    return replace(laid, in_order=True)
 
 
-def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
+def laid_on_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
     """Lay out tiles on a strip; as broad as the surface, its rows are those of the surface."""
-    assert pieces.length is not None
-    d1, d2 = _tile_sides(pieces.size, lay, "x2", "x1")
-    of_face = pieces.rows * pieces.size[0]
-    breadth = of_face if pieces.breadth is None else pieces.breadth
+    assert cell_size.length is not None
+    d1, d2 = _tile_sides(cell_size.size, lay, "x2", "x1")
+    of_face = cell_size.rows * cell_size.size[0]
+    breadth = of_face if cell_size.breadth is None else cell_size.breadth
     rows = _rows_of(breadth, d1, "breadth", breadth)
-    whole = max(1, round(pieces.length / d2))
-    cells = rows, pieces.columns(rows, whole)
+    whole = max(1, round(cell_size.length / d2))
+    cells = rows, cell_size.columns(rows, whole)
     size = breadth, cells[1] * d2
     wound = lay.name == "spiral"
     laid = _strip(size, cells, (Lay(name="x2") if wound else lay).directions(middles(size, cells)))
@@ -217,8 +217,8 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
     if wound:
         lay.check_lead(size[0])
         tangent = np.full(len(laid.tile), Spiral(lay.lead, lay.circumference).tangent(whole * d2))
-    straight = lay.name == "x2" and rows == pieces.rows and abs(breadth / of_face - 1) < _SAME
-    return replace(laid, in_place=straight, tangent=tangent, part=cells[1] / whole)
+    straight = lay.name == "x2" and rows == cell_size.rows and abs(breadth / of_face - 1) < _SAME
+    return replace(laid, in_order=straight, tangent=tangent, part=cells[1] / whole)
 
 
 def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
@@ -238,19 +238,19 @@ def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
     return rows
 
 
-def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
+def laid_on_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
     """Lay out tiles on a ring between two radii [m], in (ln r, θ) from the inlet on."""
     inner, outer = radii
-    d1, d2 = _tile_sides(pieces.size, lay, "circumferential", "radial")
+    d1, d2 = _tile_sides(cell_size.size, lay, "circumferential", "radial")
     breadth, middle = outer - inner, (inner + outer) / 2
     if breadth < _NARROW * d1:
-        sides = " × ".join(to_text(side, "m", 3) for side in pieces.size)
+        sides = " × ".join(to_text(side, "m", 3) for side in cell_size.size)
         given = f"a ring {to_text(breadth, 'm', 3)} broad"
-        raise InputError("outer_radius", given, f"a ring at least as broad as a piece, {sides}")
+        raise InputError("outer_radius", given, f"a ring at least as broad as a cell, {sides}")
     rows = _rows_of(breadth, d1, "outer_radius", outer)
     whole = max(FEWEST_COLUMNS, round(2 * pi * middle / d2))
     narrow = 2 * pi * inner / (whole * d2)
-    given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
+    given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as cells at its inner radius"
     if narrow < _NARROWEST:
         expected = f"at least {_NARROWEST:.0%}; a mesh has none of them"
         raise InputError("inner_radius", given, expected)
@@ -259,7 +259,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
         warnings = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     wound = lay.name == "spiral"
     alike = wound or lay.name in ("radial", "circumferential")
-    cells = rows, pieces.columns(rows, whole) if alike else whole
+    cells = rows, cell_size.columns(rows, whole) if alike else whole
     part = cells[1] / whole
     sign = 1.0 if inlet == "inner" else -1.0  # of the way from the inlet along the radius
     radius = np.linspace(inner, outer, cells[0] + 1)[:: int(sign)]
@@ -291,9 +291,9 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
         lay=direction,
         tile=np.arange(len(along)),
         grid=cells,
-        in_place=lay.name == "circumferential"
-        and cells[0] == pieces.rows
-        and abs(breadth / (pieces.rows * d1) - 1) < _SAME,
+        in_order=lay.name == "circumferential"
+        and cells[0] == cell_size.rows
+        and abs(breadth / (cell_size.rows * d1) - 1) < _SAME,
         tangent=lay.lead / (2 * pi * at) if wound else None,
         part=part,
         warnings=warnings,
@@ -301,7 +301,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
 
 
 def laid_on_mesh(
-    pieces: PieceSize, lay: Lay, whole: MeshSeal, length: float | None, centre: Pair
+    cell_size: CellSize, lay: Lay, whole: MeshSeal, length: float | None, centre: Pair
 ) -> SealTiles:
     """Lay out tiles on a mesh: an element is a tile, or shares that of its neighbours where it is smaller than a cell.
 
@@ -316,12 +316,12 @@ def laid_on_mesh(
     direction = lay.directions(centres, centre, to_si(f"1 {whole.unit}", "m", "unit"))
     size = whole.area / along, along
     seal = ElementSeal(mesh, *ends, size, outlines, _axes(direction))
-    side = (pieces.size[0] * pieces.size[1]) ** 0.5
+    side = (cell_size.size[0] * cell_size.size[1]) ** 0.5
     _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
     warnings = (
         *parts_without_flow(mesh, *ends),
         *boundaries_without_name(mesh),
-        *_large_elements(outlines, pieces.size, whole.unit),
+        *_large_elements(outlines, cell_size.size, whole.unit),
     )
     return SealTiles(seal, direction, tile.ravel(), warnings=warnings)
 

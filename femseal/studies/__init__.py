@@ -1,16 +1,16 @@
 """The chains from a rough surface to leakage over a load cycle, readable top to bottom.
 
-`deterministic` resolves everything on the surface's own grid; `two_scale` cuts that into pieces and maps them;
+`deterministic` resolves everything on the surface's own grid; `two_scale` cuts that into cells and maps them;
 `by_blocks` solves a large face by blocks;
-`stochastic` draws the pieces for the tiles of a seal of any size and shape. All take a `Scene`, and each is an
+`stochastic` draws the cells for the tiles of a seal of any size and shape. All take a `Scene`, and each is an
 entry of `STUDIES`, by which runs solve, forecast and compare it.
 
-    piece_states        the pieces of a face along a ladder of nominal pressures; leakage of its measured places
-    face_study          states of a face -> a FaceResult, also with its pieces
+    cell_states        the cells of a face along a ladder of nominal pressures; leakage of its measured patches
+    face_study          states of a face -> a FaceResult, also with its cells
     blocks              a large face by blocks in their own contact -> a BlocksResult
     sampling            options of a drawn seal -> its tiles and, under a map, their pressure
     seal_contact        pressure of the tiles of a seal that has a form
-    drawn_study         tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
+    drawn_study         tiles draw cells -> leakage of the seal; drawn_error: what one patch does not know
 """
 
 from typing import TYPE_CHECKING

@@ -14,26 +14,26 @@ from typing import ClassVar
 import numpy as np
 
 from ..base import Array, InputError, Mapper, Shape, Shown, Stage
-from ..base.fields import PIECE, STEP, declared
+from ..base.fields import CELL, STEP, declared
 from ..checks import QuickEstimate, estimate_scene, result_warnings
 from ..contact import HalfSpace
+from ..face.cell_flow import Failed, SolveCounts
+from ..face.cells import FEWEST_POINTS, Cut
 from ..face.flow_concentration import STRIPS
-from ..face.piece_flow import Failed, SolveCounts
-from ..face.pieces import FEWEST_POINTS, Cut
 from ..loads import LoadProgramme
 from ..scene import Scene
 from ..seal.tiles import face_tiles
 from ..topography import Patches, Topography
+from .cell_states import along_paths, cells_on_ladder, ladder_of
 from .cells_in_order import flow_in_order
 from .patch_state import PatchState
-from .piece_states import along_paths, ladder_of, pieces_on_ladder
 from .sampling import TileFluid
 from .seal_contact import Cells, RoughLayer, opened, solved_steps
 
 #: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the leakage
 #: over that of the whole surface are 0.90 and 1.43. With 2 cells they are 0.79 and 1.33, and the end of a 95 % interval
 #: is at a factor of 4.6 instead of 2.2.
-PIECES = 4
+CELLS = 4
 #: Longest wave that a block keeps, in sides of a cell.
 _LONGEST = 2.0
 #: Spacing of the tabulated pressures of a block over the usual one. With 1, the leakage of four surfaces differs by
@@ -66,13 +66,13 @@ class BlocksResult(Shown):
         "leakage_blocks", "m^2/s", "leakage per unit seal length, blocks", STEP, heading="blocks"
     )
     k1: Array = declared(
-        "piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE
+        "cell_k1", "m^3", "permeability of cells along x1, their sides closed", CELL
     )
     k2: Array = declared(
-        "piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE
+        "cell_k2", "m^3", "permeability of cells along x2, their sides closed", CELL
     )
-    pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
-    mean_gap: Array = declared("piece_mean_gap", "m", "mean gap of pieces", PIECE)
+    pressure: Array = declared("cell_pressure", "Pa", "contact pressure of cells", CELL)
+    mean_gap: Array = declared("cell_mean_gap", "m", "mean gap of cells", CELL)
     counts: SolveCounts = field(default_factory=SolveCounts, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -81,7 +81,7 @@ class BlocksResult(Shown):
 
     method: ClassVar[str] = "blocks"
     kind: ClassVar[str] = "by blocks"
-    places: ClassVar[None] = None
+    patches: ClassVar[None] = None
 
     @property
     def solvers(self) -> SolveCounts:
@@ -89,8 +89,8 @@ class BlocksResult(Shown):
         return self.counts
 
     @property
-    def pieces(self) -> BlocksResult:
-        """The result, which is one of pieces."""
+    def cells(self) -> BlocksResult:
+        """The result, which is one of cells."""
         return self
 
 
@@ -119,19 +119,19 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     """
     check_blocks(scene, blocks)
     cut = []
-    heights = np.empty((blocks[0] * PIECES, blocks[1] * PIECES))
+    heights = np.empty((blocks[0] * CELLS, blocks[1] * CELLS))
     for at in np.ndindex(*blocks):
         block, _of_block(heights, at)[...] = _split(scene, blocks, at)
         cut.append(block)
     depth = heights.max() - heights
     layers = list(mapper(Stage("layers of the blocks", _layer), cut))
     pressure, separation, opening = _coarse_contact(scene, blocks, depth, layers)
-    shape = blocks[0] * PIECES, blocks[1] * PIECES
+    shape = blocks[0] * CELLS, blocks[1] * CELLS
     paths = [_of_block(pressure, at) for at in np.ndindex(*blocks)]
-    found = list(mapper(Stage("pieces of the blocks", _pieces), zip(cut, paths, strict=True)))
+    found = list(mapper(Stage("cells of the blocks", _cells), zip(cut, paths, strict=True)))
     k = np.empty((*found[0][0].shape[:3], *shape))
     for at, (own, *_) in zip(np.ndindex(*blocks), found, strict=True):
-        _of_block(k, at)[...] = own.reshape(*own.shape[:3], PIECES, PIECES)
+        _of_block(k, at)[...] = own.reshape(*own.shape[:3], CELLS, CELLS)
     k += opened(separation, opening)
     state = _state_of(scene, [block for *_, block in found], k, separation + opening)
     fluid, tiles = TileFluid.of(scene), face_tiles(scene.surface.size, shape)
@@ -165,12 +165,12 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
 def check_blocks(scene: Scene, blocks: Shape) -> None:
     """Raise InputError if a scene cannot be solved by these blocks."""
     for points, count in zip(scene.surface.shape, blocks, strict=True):
-        if count < 1 or points % (count * PIECES) or points // (count * PIECES) < FEWEST_POINTS:
-            expected = f"numbers of which {PIECES} times divide the points into parts of at least {FEWEST_POINTS}"
+        if count < 1 or points % (count * CELLS) or points // (count * CELLS) < FEWEST_POINTS:
+            expected = f"numbers of which {CELLS} times divide the points into parts of at least {FEWEST_POINTS}"
             given = "{} × {} of {} × {} points".format(*blocks, *scene.surface.shape)
             raise InputError("blocks", given, expected)
     if isinstance(scene.surface, Patches):
-        raise InputError("blocks", "several places", "one face: each place is solved by itself")
+        raise InputError("blocks", "several patches", "one face: each patch is solved by itself")
     if scene.traps_liquid:
         raise InputError("fluid_pressure", "'trapped' with blocks", "'acts'")
     if scene.flow.spiral is not None:
@@ -182,16 +182,16 @@ def blocks_of(cells: Shape | None) -> Shape:
 
     Raises InputError: numbers that are not multiples of the cells of a block.
     """
-    if cells is None or any(m % PIECES for m in cells):
-        raise InputError("cells", cells, f"multiples of {PIECES}, the pieces of a block")
-    return cells[0] // PIECES, cells[1] // PIECES
+    if cells is None or any(m % CELLS for m in cells):
+        raise InputError("cells", cells, f"multiples of {CELLS}, the cells of a block")
+    return cells[0] // CELLS, cells[1] // CELLS
 
 
 def usual_blocks(points: Shape) -> Shape:
     """Return the fewest blocks of at most 1024 points a side, whose cells have equal numbers of points."""
     found = []
     for n in points:
-        suiting = (m for m in range(max(2, -(-n // _USUAL_POINTS)), n) if n % (m * PIECES) == 0)
+        suiting = (m for m in range(max(2, -(-n // _USUAL_POINTS)), n) if n % (m * CELLS) == 0)
         found.append(next(suiting, 2))
     return found[0], found[1]
 
@@ -208,16 +208,16 @@ def _split(scene: Scene, blocks: Shape, at: tuple[int, ...]) -> tuple[Scene, Arr
     cut = Topography(
         np.ascontiguousarray(surface.heights[rows, columns]), surface.spacing, (False, False)
     )
-    long = cut.low_pass(_LONGEST * max(cut.size) / PIECES).heights
-    means = long.reshape(PIECES, n1 // PIECES, PIECES, n2 // PIECES).mean(axis=(1, 3))
+    long = cut.low_pass(_LONGEST * max(cut.size) / CELLS).heights
+    means = long.reshape(CELLS, n1 // CELLS, CELLS, n2 // CELLS).mean(axis=(1, 3))
     return replace(
         scene, surface=cut.with_heights(cut.heights - long), boundary=("mirror", "mirror")
     ), means
 
 
 def _of_block(values: Array, at: tuple[int, ...]) -> Array:
-    """Select the values (…, PIECES, PIECES) of a block from those of all cells (…, rows, columns)."""
-    rows, columns = (slice(i * PIECES, (i + 1) * PIECES) for i in at)
+    """Select the values (…, CELLS, CELLS) of a block from those of all cells (…, rows, columns)."""
+    rows, columns = (slice(i * CELLS, (i + 1) * CELLS) for i in at)
     return values[..., rows, columns]
 
 
@@ -240,27 +240,27 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
         layers[0],
         gap=np.concatenate([one.gap for one in layers]),
         recovered=np.concatenate([one.recovered for one in layers]),
-        face=number.repeat(PIECES, axis=0).repeat(PIECES, axis=1).ravel(),
+        face=number.repeat(CELLS, axis=0).repeat(CELLS, axis=1).ravel(),
     )
     cells = Cells(body, np.ones(depth.shape, bool), depth.ravel(), float(layer.pressure[-1]))
     found = solved_steps(cells, scene.steps, layer)
     return found.reshape(3, len(scene.steps), *depth.shape)
 
 
-def _pieces(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts, PatchState]:
+def _cells(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts, PatchState]:
     """Solve the cells of a block along their own pressures.
 
     Returns their permeabilities (pressures, 2, steps, cells), the numbers of solutions, and the states of the block.
     """
     block, pressure = given
-    steps, cut, fluid = block.steps, Cut.of(block.surface, (PIECES, PIECES)), TileFluid.of(block)
+    steps, cut, fluid = block.steps, Cut.of(block.surface, (CELLS, CELLS)), TileFluid.of(block)
     paths = fluid.effective(pressure.reshape(len(steps), -1))
     ladder = ladder_of(paths, steps, block.law.is_elastic, _RUNGS_APART)
-    pieces = pieces_on_ladder(block, cut, ladder, map, block.boundary)
-    own = np.arange(PIECES**2)
-    k = fluid.own(along_paths(pieces, paths, steps))[..., own, own]
-    state = PatchState.of(steps, pieces, paths.mean(axis=1), np.full(len(steps), np.nan))
-    return k, pieces.counts, state
+    cells = cells_on_ladder(block, cut, ladder, map, block.boundary)
+    own = np.arange(CELLS**2)
+    k = fluid.own(along_paths(cells, paths, steps))[..., own, own]
+    state = PatchState.of(steps, cells, paths.mean(axis=1), np.full(len(steps), np.nan))
+    return k, cells.counts, state
 
 
 def _state_of(scene: Scene, blocks: list[PatchState], k: Array, gap: Array) -> PatchState:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..base import Array, Pair
-from ..face.piece_flow import Failed, attempt
-from ..face.pieces import Cut
+from ..face.cell_flow import Failed, attempt
+from ..face.cells import Cut
 from ..flow.permeability_table import tabulated
 from ..scene import Scene
 from ..seal.leakage import Leakage
@@ -59,7 +59,7 @@ def cells_permeability_along_x2(scene: Scene, cut: Cut, k: Array, boundary: str)
 def flow_in_order(
     scene: Scene, tiles: SealTiles, k: Array, pressures: Sequence[float], piecewise: bool = False
 ) -> Leakage | Failed:
-    """Flow through the pieces of a face in their own order.
+    """Flow through the cells of a face in their own order.
 
     tiles : of `face_tiles`. k : (pressures, 2, m1, m2) [m³] at pressures of the fluid [Pa].
     piecewise : see `flow.PermeabilityTable`.

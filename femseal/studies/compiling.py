@@ -20,7 +20,7 @@ from .. import contact, flow
 from ..base import Array
 from ..base.stage import Mapper, Stage
 from ..execution.run import COMPILING, Progress, no_progress
-from ..face.piece_flow import FlowSettings, piece_permeability
+from ..face.cell_flow import FlowSettings, cell_permeabilities
 from ..flow.cell import harmonic_fill
 from ..flow.grid import energy_of
 from ..flow.solvers.choice import solve_flow
@@ -96,9 +96,9 @@ def _contact() -> None:
         contact.solve_contact(_gap(32), body, pressure=0.01, hardness=0.05)
 
 
-def _pieces() -> None:
+def _cells() -> None:
     gap = _gap(32)
-    piece_permeability(gap, (1.0, 1.0), 0, FlowSettings(solver="elimination"), core=(4, 28))
+    cell_permeabilities(gap, (1.0, 1.0), 0, FlowSettings(solver="elimination"), core=(4, 28))
 
 
 def _seals() -> None:
@@ -107,12 +107,12 @@ def _seals() -> None:
 
 
 #: Parts of 4 to 19 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and
-#: "pieces" call are there by then, and both processes end at about the same time.
+#: "cells" call are there by then, and both processes end at about the same time.
 _PARTS: dict[str, Callable[[], object]] = {
     "elimination": lambda: solve_flow(_network(), solver="elimination"),
     "levels": _levels,
     "multigrid": _multigrid,
     "contact": _contact,
-    "pieces": _pieces,
+    "cells": _cells,
     "seals": _seals,
 }

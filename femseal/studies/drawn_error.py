@@ -1,7 +1,7 @@
 """Calibrate how far a seal with cells of one measured patch, or a surface by blocks, may be from the truth.
 
 `drawn_seals.csv` holds the leakage of seals with cells of one patch and the leakage of the whole surface, at every step
-of random scenes. The cells stay in order ("in place") or are put together at random ("anywhere"), also in seals whose
+of random scenes. The cells stay in order ("in order") or are put together at random ("at random"), also in seals whose
 form is known at points ("with form"). Surfaces that were solved by blocks ("by blocks") are a kind of their own.
 
 The score of a step is the error of ln(leakage) over the difficulty of its contact state. The difficulty is known
@@ -36,7 +36,7 @@ from .patch_state import PatchState
 #: The calibration set. `drawn_seals.py` and `patch_and_form.py` of `tests/benchmarks` make it.
 CALIBRATION = Path(__file__).with_name("drawn_seals.csv")
 #: Kinds of seals with cells of one patch, and blocks.
-KINDS = ("in place", "anywhere", "with form", "by blocks")
+KINDS = ("in order", "at random", "with form", "by blocks")
 #: Columns of the calibration set. Leakage and truth are over the leakage of an open seal, see `PatchState`; load and
 #: peak are over the highest load; decades are those of the truth below that of the first load, and only sort tables.
 COLUMNS = (
@@ -115,8 +115,8 @@ _IN_ORDER = Difficulty(strips=0.5, below=2.0, above=1.0, detours=0.0, most=60.0)
 _AT_RANDOM = Difficulty(strips=0.0, below=4.0, above=2.0, detours=1.0, most=30.0)
 #: Difficulty of each kind.
 DIFFICULTY = {
-    "in place": _IN_ORDER,
-    "anywhere": _AT_RANDOM,
+    "in order": _IN_ORDER,
+    "at random": _AT_RANDOM,
     "with form": _AT_RANDOM,
     "by blocks": _IN_ORDER,
 }

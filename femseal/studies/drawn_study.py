@@ -12,17 +12,17 @@ import numpy as np
 
 from ..base import Array, FemsealError, Indices, InputError, Mapper, Shape, Stage
 from ..checks import estimate_scene, line_contact_warnings, result_warnings
-from ..face.curves import PieceCurves
-from ..face.piece_flow import Failed, SolveCounts, attempt
-from ..face.pieces import MOST_RATIO, Cut
+from ..face.cell_flow import Failed, SolveCounts, attempt
+from ..face.cells import MOST_RATIO, Cut
+from ..face.curves import CellCurves
 from ..flow.permeability_table import tabulated
 from ..scene import Scene
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
+from .cell_states import FaceCells, PatchLeakage, along_paths, cells_on_ladder, ladder_of
 from .drawn_error import interval_widths
-from .face_study import cut_into_pieces, fields_of_rows
+from .face_study import cut_into_cells, fields_of_rows
 from .patch_state import PatchState, open_leakage_per_permeability
-from .piece_states import FacePieces, PlaceLeakage, along_paths, ladder_of, pieces_on_ladder
 from .sampling import (
     FEWEST_SEALS,
     MOST_SEALS,
@@ -96,11 +96,11 @@ def stochastic(
     supply = _supply(scene, cut, tiles, fractions, mapper)
     if formed is not None:
         supply = replace(supply, opened=formed.opened)
-    pieces = supply.pieces
+    of_surface = supply.cells
     if not np.isfinite(supply.k).any():
-        raise FemsealError(f"pieces: every flow failed; the first: {pieces.failures[0]}")
+        raise FemsealError(f"cells: every flow failed; the first: {of_surface.failures[0]}")
     unit_leakage = open_leakage_per_permeability(scene, tiles.seal)
-    mean_gap = pieces.mean_gap.mean(axis=(1, 2))
+    mean_gap = of_surface.mean_gap.mean(axis=(1, 2))
     state = _patch_state(supply, unit_leakage * supply.at_nominal(mean_gap) ** 3 / 12)
     leakages, texts, counts = zip(*_drawn(supply, sampling, state, mapper), strict=True)
     leakage, median = np.array(leakages), None
@@ -110,7 +110,7 @@ def stochastic(
         (median,) = mapper(Stage("median seal", fields), [chosen])
         if formed is not None:
             median = _with_form(median, tiles, formed)
-    rows = fields_of_rows(pieces.rows, scene.surface.spacing[0]) if tiles.in_place else {}
+    rows = fields_of_rows(of_surface.rows, scene.surface.spacing[0]) if tiles.in_order else {}
     if formed is not None and formed.grid.has_rows:
         rows = fields_of_rows(formed.rows, formed.grid.spacing[0])
     estimate = estimate_scene(scene, unit_leakage) if sampling.presses_evenly else None
@@ -123,19 +123,19 @@ def stochastic(
     return StochasticResult(
         steps=scene.steps,
         tiles=tiles,
-        pieces=pieces,
+        cells=of_surface,
         kind=_kind(tiles, sampling),
         patch_state=state,
         leakage=leakage,
-        contact_fraction=1 - supply.over_tiles(1 - pieces.contact_fraction.mean(axis=(1, 2))),
-        places=_places(supply, leakage),
+        contact_fraction=1 - supply.over_tiles(1 - of_surface.contact_fraction.mean(axis=(1, 2))),
+        patches=_patches(supply, leakage),
         **rows,
         median_seal=median,
-        failures=(*pieces.failures, *chain(*texts), *unsolved),
+        failures=(*of_surface.failures, *chain(*texts), *unsolved),
         quick_estimate=estimate,
         mean_gap=mean_gap_of_tiles,
         warnings=(*warnings, *tiles.warnings, *map_warnings),
-        solvers=SolveCounts.total((pieces.counts, *counts)),
+        solvers=SolveCounts.total((of_surface.counts, *counts)),
     )
 
 
@@ -145,8 +145,8 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
     Raises InputError: see `stochastic`.
     """
     cut, tiles = laid_out(scene.surface, scene.layout, cells, sampling)
-    if scene.traps_liquid and not tiles.in_place:
-        given = "'trapped' with a seal that takes pieces anywhere of the face"
+    if scene.traps_liquid and not tiles.in_order:
+        given = "'trapped' with a seal that takes cells anywhere of the face"
         expected = "'acts' there, or a seal as broad as the face and pressed evenly"
         raise InputError("fluid_pressure", given, expected)
     return cut, tiles
@@ -167,7 +167,7 @@ class _Supply:
 
     scene: Scene
     tiles: SealTiles
-    pieces: FacePieces
+    cells: FaceCells
     k: Array
     fluid: TileFluid
     path: Indices
@@ -184,14 +184,14 @@ class _Supply:
     def draw(self, seed: int, realisation: int) -> Indices:
         """Take a cell for every tile (tiles,). The same seed and realisation always give the same cells."""
         stream = np.random.SeedSequence(seed, spawn_key=(realisation,))
-        return self.tiles.draw(self.pieces.cut.shape, np.random.default_rng(stream))
+        return self.tiles.draw(self.cells.cut.shape, np.random.default_rng(stream))
 
-    def flow(self, piece: Indices, step: int) -> tuple[Any, Any]:
+    def flow(self, cell: Indices, step: int) -> tuple[Any, Any]:
         """Solve a seal whose tiles have taken cells (tiles,) at a step.
 
         Returns the permeabilities of the seal, and its leakage or the reason why it failed.
         """
-        k = self.k[:, :, step, self.path, piece]
+        k = self.k[:, :, step, self.path, cell]
         if self.opened is not None:
             k = k + self.opened[step]
         of_elements = list(self.tiles.permeability(k[:, 0], k[:, 1]))
@@ -210,11 +210,11 @@ class _Supply:
 
     def _along(self, values: Array, paths: Array, weights: Array) -> Array:
         """Average values of the states along paths of the nominal pressure [Pa], less the mean fluid pressure."""
-        if self.pieces.steps == self.scene.steps:
+        if self.cells.steps == self.scene.steps:
             return values
         fluid = self.scene.acting_fluid
         relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
-        curves = PieceCurves(self.pieces.steps, values)
+        curves = CellCurves(self.cells.steps, values)
         return curves.along(np.maximum(paths - relief, 0.0), self.scene.steps) @ weights
 
 
@@ -227,34 +227,34 @@ def _patch_state(supply: _Supply, open_leakage: Array) -> PatchState:
     fluid = scene.acting_fluid
     relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
     pressures = np.maximum(scene.steps.pressures - relief, 0.0)
-    return PatchState.of(scene.steps, supply.pieces, pressures, open_leakage)
+    return PatchState.of(scene.steps, supply.cells, pressures, open_leakage)
 
 
 def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:
     """Solve the cells at the loads of the scene where they stay in order, else at tabulated pressures."""
     steps, drop = scene.steps, scene.flow.drop
-    if tiles.in_place:
+    if tiles.in_order:
         # grooves that wind are those of the seal
         flat = scene if scene.flow.spiral is None else replace(scene, layout=RectangularLayout())
-        pieces = cut_into_pieces(flat, cut, mapper, with_strips=True).pieces
-        assert pieces is not None
-        k = pieces.k.reshape(*pieces.k.shape[:3], 1, -1)
+        cells = cut_into_cells(flat, cut, mapper, with_strips=True).cells
+        assert cells is not None
+        k = cells.k.reshape(*cells.k.shape[:3], 1, -1)
         fluid = TileFluid(tuple(drop.pressures))
         path = np.zeros(tiles.count, np.int64)
         nominal = steps.pressures[:, None]
-        return _Supply(scene, tiles, pieces, k, fluid, path, nominal, pieces.unsolved)
+        return _Supply(scene, tiles, cells, k, fluid, path, nominal, cells.unsolved)
     paths, number = distinct_paths(fractions)
     paths = steps.pressures[:, None] * paths
     fluid = TileFluid.of(scene)
     each = fluid.effective(paths)
     uniform = each.shape[1] == 1 and np.array_equal(each[:, 0], steps.pressures)
     ladder = steps if uniform else ladder_of(each, steps, scene.law.is_elastic)
-    pieces = pieces_on_ladder(scene, cut, ladder, mapper)
+    cells = cells_on_ladder(scene, cut, ladder, mapper)
     if uniform:
-        k = pieces.corrected_k.reshape(*pieces.k.shape[:3], 1, -1)
+        k = cells.corrected_k.reshape(*cells.k.shape[:3], 1, -1)
     else:
-        k = fluid.own(along_paths(pieces, each, steps))
-    return _Supply(scene, tiles, pieces, k, fluid, number, paths, scene.separated_steps)
+        k = fluid.own(along_paths(cells, each, steps))
+    return _Supply(scene, tiles, cells, k, fluid, number, paths, scene.separated_steps)
 
 
 #: Leakage of one drawn seal at every step (steps,) [m²/s], NaN where it failed, why it did, and what was solved.
@@ -281,7 +281,7 @@ def _kind(tiles: SealTiles, sampling: Sampling) -> str:
     """
     if any(isfinite(form.shortest_wave) for form in sampling.form):
         return "with form"
-    return "in place" if tiles.in_place else "anywhere"
+    return "in order" if tiles.in_order else "at random"
 
 
 def _needed(leakage: Array, kind: str, state: PatchState) -> int:
@@ -307,20 +307,20 @@ def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Drawn:
     Where cells stay in order, the seal leaks what the surface leaks, times the ratio of its tiles to the cells in their
     own order. This ratio is limited to the range from 1/2 to 2.
     """
-    piece, steps = supply.draw(seed, realisation), supply.scene.steps
+    cell, steps = supply.draw(seed, realisation), supply.scene.steps
     leakage, failures, solvers = np.full(len(steps), np.nan), [], []
-    of_surface, in_order = supply.pieces.face, supply.pieces.own
+    of_surface, in_order = supply.cells.face, supply.cells.own
     for s in supply.solved:
-        if supply.tiles.in_place and in_order[s] == 0:
+        if supply.tiles.in_order and in_order[s] == 0:
             leakage[s] = of_surface[s]
             continue
-        _, flow = supply.flow(piece, s)
+        _, flow = supply.flow(cell, s)
         if isinstance(flow, Failed):
             failures.append(f"realisation {realisation}, {steps[s].name}: {flow.reason}")
             continue
         leakage[s] = flow.per_length
         solvers.append(SolveCounts.of(flow))
-        if supply.tiles.in_place:
+        if supply.tiles.in_order:
             ratio = np.clip(leakage[s] / in_order[s], 1 / MOST_RATIO, MOST_RATIO)
             leakage[s] = of_surface[s] * ratio
     return leakage, failures, SolveCounts.total(solvers)
@@ -328,11 +328,11 @@ def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Drawn:
 
 def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
     """Solve a realisation again and keep its fields."""
-    scene, tiles, piece = supply.scene, supply.tiles, supply.draw(seed, realisation)
+    scene, tiles, cell = supply.scene, supply.tiles, supply.draw(seed, realisation)
     shape = len(scene.steps), len(tiles.outlines)
     k, p, flux = (np.full((*shape, *plane), np.nan) for plane in ((), (), (2,)))
     for s in supply.solved:
-        permeability, flow = supply.flow(piece, s)
+        permeability, flow = supply.flow(cell, s)
         if isinstance(flow, Failed):
             continue
         if flow.permeability is not None:  # that of the solution, where it depends on the pressure
@@ -340,8 +340,8 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
         k[s], p[s] = tiles.shown(permeability, flow.fluid_pressure)
         potential = scene.fluid.potential(flow.fluid_pressure) / scene.fluid.reference_density
         flux[s] = tiles.flux(permeability, potential, flow.volume_rate)
-    if supply.tiles.in_place:
-        pressure = supply.pieces.pressure.reshape(len(scene.steps), -1)[:, piece[tiles.tile]]
+    if supply.tiles.in_order:
+        pressure = supply.cells.pressure.reshape(len(scene.steps), -1)[:, cell[tiles.tile]]
     else:
         pressure = supply.paths[:, supply.path[tiles.tile]]
         if (fluid := scene.acting_fluid) is not None:
@@ -362,12 +362,12 @@ def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> Med
     return replace(median, form=form, separation=separation, nominal=pressure)
 
 
-def _places(supply: _Supply, leakage: Array) -> PlaceLeakage | None:
+def _patches(supply: _Supply, leakage: Array) -> PatchLeakage | None:
     """Estimate the leakage by measured patches: that of the seals, times the ratio of each patch to all of them."""
-    pieces = supply.pieces
-    if pieces.places is None:
+    cells = supply.cells
+    if cells.patches is None:
         return None
-    face, *places = map(supply.at_nominal, (pieces.face, *pieces.places.kept))
+    face, *patches = map(supply.at_nominal, (cells.face, *cells.patches.kept))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(face > 0, at_every_step(leakage, np.median) / face, 1.0)
-    return PlaceLeakage(scale * np.array(places))
+    return PatchLeakage(scale * np.array(patches))

@@ -1,4 +1,4 @@
-"""Contact and flow of a whole face at full resolution in each of its states, and its pieces."""
+"""Contact and flow of a whole face at full resolution in each of its states, and its cells."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..checks import QuickEstimate, estimate_scene, result_warnings
 from ..contact import LoadState
 from ..contact.workspace import KEPT_POINTS
+from ..face.cell_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
+from ..face.cells import CellState, Cut
 from ..face.flow_concentration import blocks_of_one_wave, participation_number, strip_scatter
-from ..face.piece_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
-from ..face.pieces import Cut, PieceState
 from ..loads import LoadProgramme
 from ..scene import Scene
 from ..scene.fluid_coupling import CoupledContact
 from ..topography import Patches
-from .piece_states import FacePieces, PlaceLeakage, joined, permeabilities_of_places
+from .cell_states import FaceCells, PatchLeakage, joined, permeabilities_of_patches
 
 #: Memory that a pixel of a state takes [byte]: gap, contact pressure and potential, and a bit that says whether it is
 #: plastic; and of a result, with the fluid pressure.
@@ -110,7 +110,7 @@ class FaceResult(Shown):
         contact and in pockets.
     leakage : per length of seal, array (steps,), m²/s, NaN where the flow failed.
     row_pressure : mean contact pressure of rows, array (steps, n1), Pa.
-    pieces : cells of the surface; None unless it was cut.
+    cells : cells of the surface; None unless it was cut.
     places : leakage by measured patches; None of one patch.
     states : of the surface at every step.
     residual : largest residual of the contacts.
@@ -155,8 +155,8 @@ class FaceResult(Shown):
         STEP,
         default=None,
     )
-    pieces: FacePieces | None = field(default=None, repr=False)
-    places: PlaceLeakage | None = field(default=None, repr=False)
+    cells: FaceCells | None = field(default=None, repr=False)
+    patches: PatchLeakage | None = field(default=None, repr=False)
     states: tuple[FaceState, ...] = field(default=(), repr=False)
     residual: float = 0.0
     failures: tuple[str, ...] = ()
@@ -167,20 +167,20 @@ class FaceResult(Shown):
     @property
     def solvers(self) -> SolveCounts:
         """Number of systems by solver, of the surface and of its cells."""
-        return self.face_solvers if self.pieces is None else self.face_solvers + self.pieces.counts
+        return self.face_solvers if self.cells is None else self.face_solvers + self.cells.counts
 
     @property
     def method(self) -> str:
         """Name of the study: "two-scale" with cells, else "deterministic"."""
-        return "deterministic" if self.pieces is None else "two-scale"
+        return "deterministic" if self.cells is None else "two-scale"
 
     @property
     def uncut(self) -> FaceResult:
         """The result without the cells, which is that of the deterministic study."""
-        if self.pieces is None:
+        if self.cells is None:
             return self
-        failures = tuple(text for text in self.failures if text not in self.pieces.failures)
-        return replace(self, pieces=None, failures=failures)
+        failures = tuple(text for text in self.failures if text not in self.cells.failures)
+        return replace(self, cells=None, failures=failures)
 
     @property
     def k1(self) -> Array:
@@ -193,10 +193,10 @@ class FaceResult(Shown):
         return self._cut.k2
 
     @property
-    def _cut(self) -> FacePieces:
-        if self.pieces is None:
-            raise InputError("pieces", "a face that was not cut", "the result of `two_scale`")
-        return self.pieces
+    def _cut(self) -> FaceCells:
+        if self.cells is None:
+            raise InputError("cells", "a face that was not cut", "the result of `two_scale`")
+        return self.cells
 
 
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
@@ -253,11 +253,11 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
         states.append(replace(state, **{name: v[len(states)] for name, v in fields.items()}))
     for values in (*fields.values(), fluid_pressure):
         values.flags.writeable = False
-    places = None
+    patches = None
     if isinstance(surface, Patches):
-        flow = partial(permeabilities_of_places, surface.widths, surface.spacing, scene.flow)
-        found = mapper(Stage("flow of places", flow), fields["gap"])
-        places = PlaceLeakage(scene.unit_leakage * np.array(list(found)).T)
+        flow = partial(permeabilities_of_patches, surface.widths, surface.spacing, scene.flow)
+        found = mapper(Stage("flow of patches", flow), fields["gap"])
+        patches = PatchLeakage(scene.unit_leakage * np.array(list(found)).T)
     names = "contact_fraction", "plastic_fraction", "mean_gap", "rows", "permeability", "carried"
     of_states: dict[str, Any] = {n: np.array([getattr(s, n) for s in states]) for n in names}
     failed = zip(scene.steps, states, strict=True)
@@ -271,7 +271,7 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
         contact_pressure=fields["pressure"],
         fluid_pressure=fluid_pressure,
         entry_pressure=scene.entry_pressures(one_at_a_time(fields["gap"])),
-        places=places,
+        patches=patches,
         states=tuple(states),
         residual=max(state.residual for state in states),
         failures=tuple(f"{step.name}: {state.failed}" for step, state in failed if state.failed),
@@ -311,13 +311,13 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
     >>> import femseal as fs
     >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
     >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
-    >>> two_scale(scene, (2, 4)).pieces.mean_gap.shape  # of two load steps
+    >>> two_scale(scene, (2, 4)).cells.mean_gap.shape  # of two load steps
     (2, 2, 4)
     """
-    return _checked(scene, cut_into_pieces(scene, Cut.of(scene.surface, cells), mapper))
+    return _checked(scene, cut_into_cells(scene, Cut.of(scene.surface, cells), mapper))
 
 
-def cut_into_pieces(
+def cut_into_cells(
     scene: Scene, cut: Cut, mapper: Mapper, *, with_strips: bool = False
 ) -> FaceResult:
     """Solve a surface and the cells of a cut, without plausibility checks; see `two_scale`.
@@ -327,18 +327,18 @@ def cut_into_pieces(
     """
     face = solve_face(scene, mapper)
     blocks = blocks_of_one_wave(scene.surface)
-    solve = partial(_pieces, cut=cut, flow=scene.flow, blocks=blocks)
-    found = list(mapper(Stage("pieces of the face", solve), face.states))
-    pieces = joined(scene, cut, scene.steps, found)
-    pieces = replace(pieces, face=face.leakage, places=face.places)
+    solve = partial(_cells, cut=cut, flow=scene.flow, blocks=blocks)
+    found = list(mapper(Stage("cells of the face", solve), face.states))
+    cells = joined(scene, cut, scene.steps, found)
+    cells = replace(cells, face=face.leakage, patches=face.patches)
     if with_strips:
         solve_strips = partial(_strip_scatter, spacing=cut.spacing, flow=scene.flow)
         scatter = list(mapper(Stage("strips of the surface", solve_strips), face.states))
-        pieces = replace(pieces, strip_scatter=np.array(scatter))
-    return replace(face, pieces=pieces, failures=(*face.failures, *pieces.failures))
+        cells = replace(cells, strip_scatter=np.array(scatter))
+    return replace(face, cells=cells, failures=(*face.failures, *cells.failures))
 
 
-def _pieces(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) -> PieceState:
+def _cells(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) -> CellState:
     """Cut the fields of a state into cells, and solve the flow through each."""
     gap, fractions = state.gap.astype(float), state.potential.astype(float)
     plastic = np.unpackbits(state.plastic, count=gap.size).view(bool).reshape(gap.shape)
@@ -346,9 +346,9 @@ def _pieces(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) ->
         fractions = drop_fractions(gap, cut.spacing, fractions, flow)
     # grooves that wind are those of the seal
     flow = replace(flow, spiral=None)
-    pieces = PieceState.of(gap, state.pressure, cut, flow, plastic, fractions)
+    cells = CellState.of(gap, state.pressure, cut, flow, plastic, fractions)
     carriers = participation_number(fractions, blocks)
-    return replace(pieces, failed=state.failed, carriers=carriers)
+    return replace(cells, failed=state.failed, carriers=carriers)
 
 
 def _strip_scatter(state: FaceState, *, spacing: Pair, flow: FlowSettings) -> float:

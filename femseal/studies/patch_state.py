@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from ..base import Array
-from ..face.piece_flow import attempt
-from ..face.pieces import MOST_FACTOR
+from ..face.cell_flow import attempt
+from ..face.cells import MOST_FACTOR
 from ..loads import LoadProgramme
 from ..scene import Scene
-from .piece_states import FacePieces
+from .cell_states import FaceCells
 
 #: Permeability for which the leakage of an open seal is solved [m³]: of a gap of 1 µm.
 _OPEN_PERMEABILITY = 1e-18 / 12
@@ -45,27 +45,27 @@ class PatchState:
 
     @classmethod
     def of(
-        cls, steps: LoadProgramme, pieces: FacePieces, pressures: Array, open_leakage: Array
+        cls, steps: LoadProgramme, cells: FaceCells, pressures: Array, open_leakage: Array
     ) -> PatchState:
         """Take the quantities of a patch at the steps of a seal.
 
         Parameters
         ----------
         steps : load programme of the seal. The cells may have another one, whose states are interpolated.
-        pieces : cells of the surface.
+        cells : cells of the surface.
         pressures : nominal pressure of the dry patch at every step of the seal, array (steps,), Pa.
         open_leakage : see the class.
         """
-        contact = pieces.contact_fraction.mean(axis=(1, 2))
+        contact = cells.contact_fraction.mean(axis=(1, 2))
         with np.errstate(divide="ignore", invalid="ignore"):
-            detours = np.clip(np.log(pieces.face / pieces.own), 0.0, np.log(MOST_FACTOR))
-        detours = np.where(np.isnan(pieces.carriers), np.nan, detours)
-        quantities = pieces.carriers, pieces.strip_scatter, contact, detours
+            detours = np.clip(np.log(cells.face / cells.own), 0.0, np.log(MOST_FACTOR))
+        detours = np.where(np.isnan(cells.carriers), np.nan, detours)
+        quantities = cells.carriers, cells.strip_scatter, contact, detours
         peaks = steps.peak_indices
-        if pieces.steps == steps:
+        if cells.steps == steps:
             taken = [values[peaks] for values in quantities]
         else:
-            taken = [_on_loading(pieces.steps, values, pressures[peaks]) for values in quantities]
+            taken = [_on_loading(cells.steps, values, pressures[peaks]) for values in quantities]
         return cls(taken[0], taken[1], taken[2], taken[3], open_leakage)
 
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, Indices, InputError, Shape, to_text, validate
-from ..face.pieces import Cut, usual_pieces
+from ..face.cells import Cut, usual_cells
 from ..scene import Scene
 from ..seal.form import SealForm
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, Uniform, is_uniform
-from ..seal.tiles import PieceSize, SealTiles
+from ..seal.tiles import CellSize, SealTiles
 from ..topography import Surface
 
 #: Fewest and most realisations, where their number is not given.
@@ -92,25 +92,25 @@ class Sampling:
 
 
 def laid_out(
-    surface: Surface, layout: Layout, pieces: Shape | None, sampling: Sampling
+    surface: Surface, layout: Layout, cells: Shape | None, sampling: Sampling
 ) -> tuple[Cut, SealTiles]:
     """Cut a surface into cells along x1 and x2, and cover the seal with tiles that are each as large as a cell.
 
     Cells stay in order where the seal is as broad as the surface and is pressed evenly.
 
-    pieces : numbers of cells; None: as many as suit the seal, see `usual_pieces`.
+    cells : numbers of cells; None: as many as suit the seal, see `usual_cells`.
 
     Raises InputError: cells that are too small; see `seal.layouts.Layout.lay_out`.
     """
     even = sampling.presses_evenly
     most = MOST_TILES if even else None
-    for in_place in (True, False):
-        cut = Cut.of(surface, pieces or usual_pieces(surface, in_place=in_place))
+    for in_order in (True, False):
+        cut = Cut.of(surface, cells or usual_cells(surface, in_order=in_order))
         tiles = layout.lay_out(
-            PieceSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most)
+            CellSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most)
         )
-        tiles = replace(tiles, in_place=tiles.in_place and even)
-        if pieces or tiles.in_place:
+        tiles = replace(tiles, in_order=tiles.in_order and even)
+        if cells or tiles.in_order:
             break
     return cut, tiles
 
@@ -236,7 +236,7 @@ class TileFluid:
         if fluid is None:
             return cls(pressures)
         if fluid.inlet != fluid.outlet and not drop.law.depends_on_pressure:
-            # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
+            # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the cells
             lowest = min((p for p in scene.steps.pressures if p > 0), default=0.0)
             full = max(lowest, fluid.inlet, fluid.outlet)
             first, last = (float(np.cbrt(full - p)) for p in (fluid.outlet, fluid.inlet))

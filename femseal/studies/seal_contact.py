@@ -29,7 +29,7 @@ from scipy.optimize import brentq
 from ..base import Array, Indices, InputError, Mapper, NotConverged, to_text
 from ..contact import HalfSpace, LoadState
 from ..contact.convolution import Convolution
-from ..face.pieces import Cut
+from ..face.cells import Cut
 from ..flow.law import cubic_law
 from ..loads import LoadProgramme, LoadStep
 from ..scene import Scene

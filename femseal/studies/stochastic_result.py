@@ -22,12 +22,12 @@ from ..base.fields import (
     declared,
 )
 from ..checks import QuickEstimate
-from ..face.piece_flow import SolveCounts
+from ..face.cell_flow import SolveCounts
 from ..loads import FLOOR, LoadProgramme
 from ..seal.mesh_seal import ElementSeal
 from ..seal.tiles import SealTiles
+from .cell_states import FaceCells, PatchLeakage
 from .patch_state import PatchState
-from .piece_states import FacePieces, PlaceLeakage
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,7 +116,7 @@ class StochasticResult(Shown):
     contact_fraction : of the surface, array (steps,).
     mean_gap : of the cells at the pressures of the tiles, array (steps,), m; None of results made by hand.
     tiles : of the seal.
-    pieces : cells of the surface, at the loads of the scene or at tabulated pressures.
+    cells : cells of the surface, at the loads of the scene or at tabulated pressures.
     row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the surface, or of a seat; None of others.
     places : leakage by measured patches; None of one patch.
     median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
@@ -128,7 +128,7 @@ class StochasticResult(Shown):
 
     steps: LoadProgramme
     tiles: SealTiles = field(repr=False)
-    pieces: FacePieces = field(repr=False)
+    cells: FaceCells = field(repr=False)
     contact_fraction: Array = field(repr=False)
     leakage: Array = declared(
         "leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION
@@ -147,12 +147,12 @@ class StochasticResult(Shown):
         default=None,
         repr=False,
     )
-    places: PlaceLeakage | None = field(default=None, repr=False)
+    patches: PatchLeakage | None = field(default=None, repr=False)
     median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolveCounts = field(default_factory=SolveCounts)
-    kind: str = field(default="anywhere", repr=False)
+    kind: str = field(default="at random", repr=False)
     patch_state: PatchState | None = field(default=None, repr=False)
     quick_estimate: QuickEstimate | None = field(default=None, repr=False)
     mean_gap: Array | None = field(default=None, repr=False)

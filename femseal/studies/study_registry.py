@@ -49,7 +49,7 @@ TOLERANCE_ERROR, TOLERANCE_FRACTION = 1.9, 0.1
 class StudyOptions:
     """Options of all studies; each takes those that it needs.
 
-    cells : number of pieces of the face along x1 and x2. sampling : see `stochastic`.
+    cells : number of cells of the face along x1 and x2. sampling : see `stochastic`.
     knows_face : another study leaves contact and flow of the face at the loads of the scene.
     """
 
@@ -59,7 +59,7 @@ class StudyOptions:
 
     @property
     def blocks(self) -> Shape:
-        """Numbers of blocks that have so many pieces together."""
+        """Numbers of blocks that have so many cells together."""
         return blocks_of(self.cells)
 
 
@@ -102,16 +102,16 @@ def stochastic_cost(scene: Scene, options: StudyOptions) -> Pair:
     pressures = count_pressures(scene)
     acts = scene.acting_fluid is not None
     is_solved = options.knows_face and scene.flow.spiral is None
-    at_tabulated = on_ladder(scene, options.sampling) and not tiles.in_place
+    at_tabulated = on_ladder(scene, options.sampling) and not tiles.in_order
     of_state = 2 * pressures * pixels * _FLOW_SECONDS
-    if not (is_solved and tiles.in_place):
-        of_state += _surface_seconds(scene, acts and tiles.in_place)
+    if not (is_solved and tiles.in_order):
+        of_state += _surface_seconds(scene, acts and tiles.in_order)
     realisations = options.sampling.realisations or usual_seals(cut.shape, tiles)
-    solutions = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
+    solutions = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_order) else 1.0
     seals = solutions * realisations * steps * elements * _ELEMENT_SECONDS
     seconds = (LADDER_STATES if at_tabulated else steps) * of_state + seals
     memory = state_memory(pixels) + _ELEMENT_BYTES * elements
-    if tiles.in_place:  # those of another study are kept beside
+    if tiles.in_order:  # those of another study are kept beside
         memory += (2 if is_solved else 1) * states_memory(pixels, steps)
     return seconds, memory
 
@@ -123,7 +123,7 @@ def usual_seals(cells: Shape, tiles: SealTiles) -> int:
 
 
 def on_ladder(scene: Scene, sampling: Sampling) -> bool:
-    """Whether drawn seals take pieces from a ladder of nominal pressures, unless these stay in their rows."""
+    """Whether drawn seals take cells from a ladder of nominal pressures, unless these stay in their rows."""
     return scene.acting_fluid is not None or not sampling.presses_evenly
 
 

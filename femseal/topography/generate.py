@@ -196,7 +196,7 @@ def turned(
     # A surface that is not periodic needs one more pass than fit into it, for the groove that is cut by its end.
     passes = round(size[0] / pitch) if pitches_fit else int(size[0] / pitch) + 1
     x1 = ((np.arange(shape[0]) + 0.5) * spacing[0])[:, None]  # (n1, 1)
-    angle = 2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1]  # (n2,), of the workpiece
+    angle = 2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1]  # (n2,), of the workcell
     rms_errors = (feed_error * pitch, depth_error * depth)
     z = _cut_grooves(x1, angle, passes, pitch, radius, rms_errors, rng)
     if nose_radius is not None:

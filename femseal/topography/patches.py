@@ -200,8 +200,8 @@ class Patches(Plotted):
 
     def with_heights(self, heights: NDArray) -> Patches:
         """Return patches with other heights (n1, n2) [m] at the same points."""
-        pieces = zip(self.patches, self.divided(heights), strict=True)
-        return self.with_patches([p.with_heights(z) for p, z in pieces])
+        cells = zip(self.patches, self.divided(heights), strict=True)
+        return self.with_patches([p.with_heights(z) for p, z in cells])
 
     def of_each(self, change: Callable[[Topography], Topography]) -> Patches:
         """Apply a function to each patch. The results must have the same pixels."""
@@ -237,10 +237,10 @@ class Patches(Plotted):
 class Places(Patches):
     """Accept the former name of `Patches` until the next version."""
 
-    def __init__(self, places: Iterable[Topography]) -> None:
+    def __init__(self, patches: Iterable[Topography]) -> None:
         """Warn that the name has changed."""
         warnings.warn("Places is Patches now", DeprecationWarning, stacklevel=2)
-        super().__init__(places)
+        super().__init__(patches)
 
 
 #: The surface of a scene.

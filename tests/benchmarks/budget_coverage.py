@@ -71,7 +71,7 @@ def strip(kind, seed):
     return whole_face(Drawn(kind, seed))
 
 
-def piece_of(drawn):
+def cell_of(drawn):
     """The scene of the first breadth of a long face, whose ends along x2 do not meet."""
     scene = drawn.scene()
     heights = np.ascontiguousarray(scene.surface.heights[:, : drawn.points[0]])
@@ -85,7 +85,7 @@ def drawn_seals(kind, seed):
     """Seals drawn from one breadth of a long face."""
     drawn = Drawn(kind, seed, LENGTH)
     truth = deterministic(drawn.scene(2)).leakage
-    scene, (n, _) = piece_of(drawn), drawn.points
+    scene, (n, _) = cell_of(drawn), drawn.points
     sampling = Sampling(LENGTH * n * PIXEL, REALISATIONS, seed=1)
     seals = replace(stochastic(scene, None, sampling), median_seal=None)
     half = scene.surface.resample((n // 2, n // 2))

@@ -31,8 +31,8 @@ KINDS = (
 )
 #: Seeds that neither the forms of the widths nor their calibration have seen.
 HELD_OUT = range(8000, 9000)
-#: Points a side of the faces; sides of pieces, which are drawn so that other numbers stay the same.
-SIDES, PIECES = (96, 128, 192), (16, 32, 48)
+#: Points a side of the faces; sides of cells, which are drawn so that other numbers stay the same.
+SIDES, CELLS = (96, 128, 192), (16, 32, 48)
 #: How many times finer the waves of a rough face are than those that its filter leaves.
 FINER = 4
 
@@ -57,7 +57,7 @@ class Drawn:
         """What is drawn, in an order that is never changed."""
         rng = np.random.default_rng([KINDS.index(self.kind), self.seed])
         points = int(rng.choice(SIDES))
-        rng.choice([w for w in PIECES if points % w == 0 and 1 < points // w < 12])
+        rng.choice([w for w in CELLS if points % w == 0 and 1 < points // w < 12])
         elastic = rng.random() < 0.3
         hurst, slope = rng.uniform(0.4, 1.0), np.exp(rng.uniform(np.log(0.05), np.log(0.4)))
         # shares of E* times the slope at which about half of the faces close

@@ -53,7 +53,7 @@ HALVES_TOLD = """The next table groups the loads by the decades of the true leak
 The half-width is the median, as a factor, of the intervals whose lower end is not 0. Two patches
 are measured on the same surface and used together."""
 #: Kinds of drawn seals that this script calibrates.
-KINDS_OF_SEALS = ("in place", "anywhere")
+KINDS_OF_SEALS = ("in order", "at random")
 #: Heads of `ratio_cells`.
 RATIO_HEAD = ["loads", "5 %", "25 %", "50 %", "75 %", "95 %"]
 
@@ -136,7 +136,7 @@ def of_scene(shape, surface, seed, length, breadth, folder):
     for name, patch in zip(PATCHES, patches, strict=True):
         part = replace(whole, surface=patch)
         drawn = drawn_of(shape, part, whole.surface.size, folder)
-        kind = {"kind": "in place" if drawn.tiles.in_place else "anywhere"}
+        kind = {"kind": "in order" if drawn.tiles.in_order else "at random"}
         budget = error_budget(part, drawn)
         yield from state_rows(kind | same | {"patch": name}, part, drawn, budget, truth)
 

@@ -14,7 +14,7 @@ from interval_tables import HALF_DECADES, Judged, of_patches, with_kind_left_out
 
 #: Least share of the loads of one kind of surface that intervals contain which were calibrated on the other kinds.
 LEAST_OF_A_KIND = 0.88
-DRAWN = ("in place", "anywhere")
+DRAWN = ("in order", "at random")
 
 
 @pytest.mark.parametrize("kind", DRAWN)

@@ -216,7 +216,7 @@ def strips(scene):
 
 def test_what_one_patch_does_not_know_is_a_part_of_drawn_seals(strips):
     scene, studies = strips
-    for study, kind in zip(studies, ("in place", "anywhere"), strict=True):
+    for study, kind in zip(studies, ("in order", "at random"), strict=True):
         budget, q = fs.error_budget(scene, study), study.quantile(0.5)
         assert [part.name for part in budget.parts][-2:] == ["realisations", "patch"]
         assert budget.parts[0].name == "solver"
@@ -229,11 +229,11 @@ def test_what_one_patch_does_not_know_is_a_part_of_drawn_seals(strips):
         assert (of_draws < np.log(upper[known] / q[known])).all()
 
 
-def test_three_places_tell_what_a_patch_does_not_know():
+def test_three_patches_tell_what_a_patch_does_not_know():
     waves = {"hurst": 0.8, "rms_slope": 0.2, "roll_off": 16e-6}
-    places = [fs.self_affine((32, 32), (32e-6,) * 2, **waves, rng=n) for n in range(3)]
-    for count, name in ((2, "patch"), (3, "places")):
-        scene = steel_scene(Patches(places[:count]), loading=(1e8, 3e8))
+    patches = [fs.self_affine((32, 32), (32e-6,) * 2, **waves, rng=n) for n in range(3)]
+    for count, name in ((2, "patch"), (3, "patches")):
+        scene = steel_scene(Patches(patches[:count]), loading=(1e8, 3e8))
         sampling = fs.Sampling(length=3e-4, realisations=3, seed=1)
         study = fs.stochastic(scene, (2, 2 * count), sampling)
         widths = fs.error_budget(scene, study).widths()
@@ -311,7 +311,7 @@ def test_two_scales_of_the_whole_face_are_looked_at_by_the_deterministic_one_on_
     assert_allclose(one, two, rtol=1e-6)
 
 
-def test_pieces_keep_eight_pixels_on_coarser_points():
+def test_cells_keep_eight_pixels_on_coarser_points():
     assert coarser_points((65, 128)) == (33, 64)
     assert coarser_points((96, 96), (24, 32)) == (48, 48)
     assert coarser_points((90, 96), (24, 32)) == (45, 48)

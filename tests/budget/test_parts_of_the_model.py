@@ -197,15 +197,15 @@ def test_a_form_with_a_tolerance_is_a_part(scene):
     assert model_changes(scene, ["form"], form=FormTolerance(seat=seat)) == []
 
 
-def test_pieces_under_their_effective_pressure_have_a_part():
-    """It holds the coupled leakage of a face as narrow as four long waves, and is of drawn pieces alone."""
+def test_cells_under_their_effective_pressure_have_a_part():
+    """It holds the coupled leakage of a face as narrow as four long waves, and is of drawn cells alone."""
     scene = fs.Scene(rough(96, 4), E, H, fs.Liquid(1e-3), 60e6, 0.0, loading=(100e6, 150e6, 200e6))
     scenes = scene, replace(scene, fluid_pressure="ignored")
     sampling = fs.Sampling(length=960 * D, realisations=12, seed=1, breadth=192 * D)
     drawn, dry = (fs.stochastic(one, (4, 4), sampling) for one in scenes)
     whole, ignored = (fs.deterministic(one).leakage for one in scenes)
     part = effective_pressure_part(scene, drawn)
-    # what pieces would leak with the effect of the whole face
+    # what cells would leak with the effect of the whole face
     coupled = dry.quantile(0.5) * whole / ignored
     assert (part.lower < coupled).all()
     assert (coupled < part.upper).all()

@@ -79,7 +79,7 @@ def test_no_upper_end_is_far_above_an_open_seal():
 
 
 def test_leakage_against_the_drop_has_its_ends_on_its_own_side():
-    part = calibrated_part("patch", "in place", np.array([-0.5]), state(20.0, 0.5, 0.1))
+    part = calibrated_part("patch", "in order", np.array([-0.5]), state(20.0, 0.5, 0.1))
     assert part.upper[0] < -0.5 < part.lower[0] < 0
 
 
@@ -122,11 +122,11 @@ def test_the_number_of_realisations_is_that_of_the_state_that_needs_most():
     rng = np.random.default_rng(1)
     draws = np.exp(0.3 * rng.normal(size=(6, 3))) * [1.0, 0.1, 1e-3]
     states = [state(*values) for values in ((80, 0.2, 0.05), (30, 0.6, 0.2), (3, 1.7, 0.4))]
-    alone = [_needed(draws[:, [n]], "in place", one) for n, one in enumerate(states)]
+    alone = [_needed(draws[:, [n]], "in order", one) for n, one in enumerate(states)]
     together = PatchState(
         *(np.concatenate(v) for v in zip(*(vars(s).values() for s in states), strict=True))
     )
-    assert _needed(draws, "in place", together) == max(alone)
+    assert _needed(draws, "in order", together) == max(alone)
 
 
 def test_intervals_of_a_load_cycle_are_monotone():

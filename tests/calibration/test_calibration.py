@@ -124,12 +124,12 @@ def test_a_row_below_the_limit_is_known_to_leak_less():
 
 def channels(rng):
     """Leakage at five loads of a channel whose gap closes with load, opens with the first quantity, and jumps along the other."""
-    places, jumps = rng.random(10), 0.06 * rng.standard_normal((10, 1)) * [0.5, 0.8, 1.0, 1.2, 1.2]
+    patches, jumps = rng.random(10), 0.06 * rng.standard_normal((10, 1)) * [0.5, 0.8, 1.0, 1.2, 1.2]
     jumps += 0.02 * rng.standard_normal(jumps.shape)
 
     def leakage(points):
         closing = 0.8 + 0.7 * points[:, :1] ** 0.8 - 0.22 * np.arange(5)
-        return np.maximum(closing + (points[:, 1:] > places) @ jumps, 0.0) ** 3
+        return np.maximum(closing + (points[:, 1:] > patches) @ jumps, 0.0) ** 3
 
     return leakage
 

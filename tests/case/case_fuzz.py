@@ -29,7 +29,7 @@ JUNK = (
     *(datetime.date(2020, 1, 1), datetime.time(1, 2)),
 )
 _WORDS = ("nonsense", "", "kind", "title", "é", "a.b", "Young", "points\n", "__class__", "x" * 300)
-#: Characters and pieces of text that TOML reads in a way of its own.
+#: Characters and cells of text that TOML reads in a way of its own.
 _TEXTS = [
     *"\"'[]{}=#\n\\,.\x00\x7f\ud7ff\ufeffé🜁-+_\r\t",
     "'''",

@@ -20,7 +20,7 @@ from femseal.fluids import FLUIDS
 from femseal.preparation import prepare
 from femseal.runs.forecast import describe
 from femseal.runs.job import face_files
-from femseal.seal.tiles import PieceSize
+from femseal.seal.tiles import CellSize
 from femseal.studies import Sampling
 from femseal.topography import repair
 
@@ -120,7 +120,7 @@ def test_a_fluid_by_its_name(data):
 
 @each("method", ["deterministic", "two-scale", "stochastic", "auto"])
 def test_face_material_load_and_fluid_are_a_case(data, method):
-    """Two scales get pieces of eight shortest waves or more a side, seals two a side and the length of the face."""
+    """Two scales get cells of eight shortest waves or more a side, seals two a side and the length of the face."""
     face = data["face"] | {"points": [128, 200], "size": ["60 um", "90 um"]}
     tables = {key: data[key] for key in ("material", "load", "fluid")}
     prepared = prepare(parse_case(tables | {"face": face, "method": method}))
@@ -212,8 +212,8 @@ class TestPrepare:
     def test_flow_and_shape(self, small):
         case = parse_case(small)
         layout = prepare(case).scene.layout
-        tiles = layout.lay_out(PieceSize((0.5e-3, 1e-3), 2, length=3e-3))
-        assert (tiles.grid, tiles.in_place) == ((2, 3), True)
+        tiles = layout.lay_out(CellSize((0.5e-3, 1e-3), 2, length=3e-3))
+        assert (tiles.grid, tiles.in_order) == ((2, 3), True)
         assert_allclose(tiles.seal.size, (1e-3, 3e-3))
         other = parse_case(
             small | {"flow": {"solver": "amg"}, "seal": {"kind": "rectangular", "lay": "x2"}}
@@ -286,7 +286,7 @@ class TestPrepare:
         data["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
         assert prepare(parse_case(data | {"cells": table})).cells == cells
 
-    def test_a_seal_may_be_one_piece_long(self, small):
+    def test_a_seal_may_be_one_cell_long(self, small):
         small |= {"cells": {"count": [1, 4]}, "stochastic": {"length": "30 um"}}
         assert prepare(parse_case(small)).sampling.length == 30e-6
 

@@ -268,9 +268,9 @@ def test_a_law_runs_through_every_study(law):
     assert np.all(whole.plastic_fraction[1] > 0.01)
     assert whole.mean_gap[1] < whole.mean_gap[2] < whole.mean_gap[0]
     assert whole.leakage[2] < whole.leakage[0]
-    pieces = fs.two_scale(scene, (3, 4))
-    assert_allclose(pieces.pieces.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
-    found = pieces.pieces.plastic_fraction.mean(axis=(1, 2))
+    cells = fs.two_scale(scene, (3, 4))
+    assert_allclose(cells.cells.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
+    found = cells.cells.plastic_fraction.mean(axis=(1, 2))
     assert_allclose(found, whole.plastic_fraction, rtol=1e-6)
     for breadth in (None, 96e-6):  # at the loads of the scene, and along a ladder
         sampling = fs.Sampling(length=2e-4, realisations=3, seed=1, breadth=breadth)

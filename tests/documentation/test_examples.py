@@ -23,7 +23,7 @@ LOAD = {
     "unload_from": ["500 MPa"],
     "unloading": ["400 MPa", "200 MPa", "100 MPa"],
 }
-#: Smaller faces of the same pixel and pieces, short seals.
+#: Smaller faces of the same pixel and cells, short seals.
 REDUCED = {
     "turned_seal": {
         "face": {"points": [128, 256], "size": ["120 um", "240 um"]},
@@ -111,7 +111,7 @@ class TestClaims:
 
     def test_turned_seal(self):
         results = fs.run(EXAMPLES / "turned_seal.toml")
-        k1 = results.stochastic.pieces.k1
+        k1 = results.stochastic.cells.k1
         spread = k1.max(axis=(1, 2)) / k1.min(axis=(1, 2))
         assert_allclose(spread[[_at(results, 25e6), _at(results, 500e6)]], [2.4, 9], rtol=0.1)
         surface = prepare(fs.load_case(EXAMPLES / "turned_seal.toml")).scene.surface

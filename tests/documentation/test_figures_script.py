@@ -69,11 +69,11 @@ def shown(image):
 def test_two_scales(ran):
     whole, results = ran
     data, study = results.dataset, whole.two_scale
-    cut = study.pieces.cut
+    cut = study.cells.cut
     above, below = figures.two_scales(results, step=2).subfigs
     flow, contact = (axes.images[0] for axes in above.axes[:2])
     assert_allclose(shown(flow), np.nan_to_num(data["face_fluid_pressure"][2].T / 1e6, nan=-1))
-    assert_allclose(shown(contact), data["piece_pressure"].values[2].T / 1e6)
+    assert_allclose(shown(contact), data["cell_pressure"].values[2].T / 1e6)
     panels = np.array(below.axes[:9]).reshape(3, 3)
     for (place, fields), axes in zip(figures.closely(results, 2).items(), panels, strict=True):
         gap, pressure, fluid = (one.images for one in axes)
@@ -82,9 +82,9 @@ def test_two_scales(ran):
             (gap[0], study.gap, 1e6),
             (pressure[0], study.contact_pressure, 1e-6),
         ):
-            expected = cut.pieces(np.asarray(field[2]))[number].T * scale
+            expected = cut.split(np.asarray(field[2]))[number].T * scale
             assert_allclose(np.ma.filled(image.get_array(), 0.0), expected, rtol=1e-5)
-        cell = fs.cell_permeability(cut.pieces(study.gap[2])[number], cut.spacing)
+        cell = fs.cell_permeability(cut.split(study.gap[2])[number], cut.spacing)
         expected = np.nan_to_num(cell.fluid_pressure.T, nan=-1)
         assert_allclose(shown(fluid[0]), expected, atol=1e-4)
         assert_allclose(fluid[1].get_alpha() ** 2, fields["flow"].T)

@@ -21,9 +21,9 @@ def test_load_lost_when_leakage_doubles():
     assert np.isnan(real_sizes.doubling_share(pressure, np.array([0.0, 1.5, 1.9])))
 
 
-def test_pieces_show_what_the_paper_found(tmp_path):
-    """Pieces scatter by decades and some close; permeability falls below that of plates; few carry the drop."""
-    face = real_sizes.pieces_of_faces((4,))[4]
+def test_cells_show_what_the_paper_found(tmp_path):
+    """Cells scatter by decades and some close; permeability falls below that of plates; few carry the drop."""
+    face = real_sizes.cells_of_faces((4,))[4]
     rows = real_sizes.scatter(face, real_sizes.scene(0.1).hardness)
     up = [row for row in rows if row["branch"] == "loading"]
     assert up[0]["decades"] < 1 < 2 < up[-1]["decades"]
@@ -45,5 +45,5 @@ def test_small_seals(tmp_path):
     assert (np.diff(short) < 0).all()
     assert_allclose(long, short, rtol=0.3)
     assert all(1 < r["growth_at_half_load"] < 2 for r in rows)
-    real_sizes.draw(rows, real_sizes.pieces_of_faces((2,)), tmp_path / "sizes.png")
+    real_sizes.draw(rows, real_sizes.cells_of_faces((2,)), tmp_path / "sizes.png")
     assert (tmp_path / "sizes.png").stat().st_size > 10_000

@@ -84,7 +84,7 @@ def test_a_resumed_run_gives_the_same_bits_and_leaves_no_checkpoint(
     out, stages = tmp_path / "out", []
     for stage, item in (
         ("two-scale: contact of the whole face", 1),
-        ("two-scale: pieces of the face", 2),
+        ("two-scale: cells of the face", 2),
         ("stochastic: drawn seals", 11),
     ):
         with pytest.raises(KeyboardInterrupt):
@@ -96,8 +96,8 @@ def test_a_resumed_run_gives_the_same_bits_and_leaves_no_checkpoint(
             fs.run(case, out, **RESUMED)
     contacts.clear()
     for flow in (
-        "femseal.face.piece_flow.cell_permeability",
-        "femseal.face.piece_flow.cell_flow",
+        "femseal.face.cell_flow.cell_permeability",
+        "femseal.face.cell_flow.cell_flow",
     ):
         monkeypatch.setattr(flow, lambda *_, **__: pytest.fail("computed again"))
     again = fs.run(case, out, **RESUMED, progress=lambda *a: stages.append(a))
@@ -265,7 +265,7 @@ def test_a_kill_while_other_files_are_rewritten_leaves_the_results(tmp_path, mon
 def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        fs.run(case, out, workers=1, progress=stop_at("two-scale: pieces of the face", 1))
+        fs.run(case, out, workers=1, progress=stop_at("two-scale: cells of the face", 1))
     before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
     with pytest.raises(fs.InputError, match=r"which holds an unfinished run, expected --resume"):
         fs.run(case, out, workers=1)

@@ -193,7 +193,7 @@ def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(
     given = {"n_workers": 1, "processes": False, "protocol": "tcp://", "dashboard_address": None}
     it = distributed.LocalCluster(**given)
     with it, distributed.Client(it, set_as_default=default):
-        address, stop = it.scheduler_address, stop_at("two-scale: pieces of the face", 3)
+        address, stop = it.scheduler_address, stop_at("two-scale: cells of the face", 3)
         with pytest.raises(KeyboardInterrupt):
             fs.run(case, out, scheduler=address, progress=stop)
         assert (out / ".checkpoint").exists()

@@ -28,7 +28,7 @@ from femseal.execution.resuming import (
     remove_run,
     resumable,
 )
-from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts
+from femseal.face.cell_flow import CellPermeabilities, Failed, SolveCounts
 from femseal.report import folder as report_folder
 from femseal.store import store
 from femseal.store.digests import digest
@@ -48,7 +48,7 @@ VALUE = {
         np.array([True, False]),
         np.array([np.nan, -np.nan, 1e-310]),
     ),
-    "classes": (PiecePermeability(np.array([1e-18, np.nan]), COUNTS), Failed("because")),
+    "classes": (CellPermeabilities(np.array([1e-18, np.nan]), COUNTS), Failed("because")),
 }
 
 
@@ -92,8 +92,8 @@ def text_of(tree, content=b""):
         text_of(["femseal.runs.job.run", "case.toml"]),
         text_of(["femseal.runs.job.Path", "x"]),
         text_of(["femseal.case.case.Case"]),
-        text_of(["femseal.face.piece_flow.Failed"]),
-        text_of(["femseal.face.piece_flow.Failed", "a", "b"]),
+        text_of(["femseal.face.cell_flow.Failed"]),
+        text_of(["femseal.face.cell_flow.Failed", "a", "b"]),
         text_of(["femseal.no_such_room.Failed", "a"]),
         text_of([1, 2]),
         text_of(["array", "<f8", [10**12], "C", 0], b"12345678"),

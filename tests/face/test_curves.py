@@ -1,10 +1,10 @@
-"""Curves of a piece over any path of the pressure: exact at the states of the ladder, and sane between them."""
+"""Curves of a cell over any path of the pressure: exact at the states of the ladder, and sane between them."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from femseal.face.curves import LogCurve, PieceCurves, local_peaks
+from femseal.face.curves import CellCurves, LogCurve, local_peaks
 from femseal.loads import LoadProgramme, LoadStep
 
 FRACTIONS = (0.8, 0.5, 0.2, 0.05)
@@ -45,17 +45,17 @@ def test_states_of_the_ladder_are_exact(closed, peaks):
     k = values(steps, closed, reopens=0.3)
     assert (k == 0).any() == np.isfinite(closed)
     assert_allclose(
-        PieceCurves(steps, k).along(steps.pressures[:, None], steps)[:, 0], k, rtol=1e-10
+        CellCurves(steps, k).along(steps.pressures[:, None], steps)[:, 0], k, rtol=1e-10
     )
 
 
 def test_a_straight_line_in_the_cube_root_is_exact_between_states():
     steps = ladder(())
     p = np.linspace(LOADING[0], LOADING[-1], 101)
-    assert_allclose(PieceCurves(steps, values(steps)).loaded(p), np.exp(law(p)), rtol=1e-10)
+    assert_allclose(CellCurves(steps, values(steps)).loaded(p), np.exp(law(p)), rtol=1e-10)
     # beyond the ends it is constant
     assert_allclose(
-        PieceCurves(steps, values(steps)).loaded(np.array([0.0, 2e9])),
+        CellCurves(steps, values(steps)).loaded(np.array([0.0, 2e9])),
         np.exp(law(LOADING[[0, -1]])),
     )
 
@@ -70,7 +70,7 @@ def test_the_error_between_states_falls_with_the_third_order_or_better():
     errors = []
     for n in (5, 9, 17):
         steps = ladder((), np.linspace(0.2, 1.0, n) ** 3 * 8e8)
-        found = PieceCurves(steps, bent(steps.pressures)).loaded(p)
+        found = CellCurves(steps, bent(steps.pressures)).loaded(p)
         errors.append(np.abs(np.log(found / bent(p))).max())
     assert errors[1] < errors[0] / 4
     assert errors[2] < errors[1] / 4
@@ -80,7 +80,7 @@ def test_the_error_between_states_falls_with_the_third_order_or_better():
 @pytest.mark.parametrize("closed", [np.inf, 3e8, 2.2e8])
 def test_curves_are_monotone_and_unloading_lies_below_loading(closed):
     steps = ladder()
-    curves = PieceCurves(steps, values(steps, closed, reopens=0.3))
+    curves = CellCurves(steps, values(steps, closed, reopens=0.3))
     p = np.linspace(1e6, 8e8, 400)
     loaded = curves.loaded(p)
     assert (np.diff(loaded) <= 0).all()
@@ -96,7 +96,7 @@ def test_curves_are_monotone_and_unloading_lies_below_loading(closed):
 
 def test_unloading_starts_on_the_loading_curve():
     steps = ladder()
-    curves = PieceCurves(steps, values(steps))
+    curves = CellCurves(steps, values(steps))
     for peak in np.linspace(5e7, 8e8, 37):
         near = curves.unloaded(np.array([peak * (1 - 1e-9)]), np.array([peak]))
         assert_allclose(near, curves.loaded(np.array([peak])), rtol=1e-6)
@@ -105,16 +105,16 @@ def test_unloading_starts_on_the_loading_curve():
 def test_unloading_between_peaks_is_that_of_the_law():
     """ln k of the law is smooth in both pressures: three peaks give it within some per cent."""
     steps = ladder()
-    curves = PieceCurves(steps, values(steps))
+    curves = CellCurves(steps, values(steps))
     for peak in (9e7, 2.5e8, 6e8):
         p = peak * np.array([0.1, 0.3, 0.6, 0.9])
         assert_allclose(curves.unloaded(p, np.full(4, peak)), np.exp(law(p, peak)), rtol=0.06)
 
 
-def test_a_closed_piece_stays_closed_until_it_reopens():
+def test_a_closed_cell_stays_closed_until_it_reopens():
     steps = ladder()
     k = values(steps, closed=3e8, reopens=0.3)
-    curves = PieceCurves(steps, k)
+    curves = CellCurves(steps, k)
     loading = LOADING[LOADING < 3e8]
     end = np.cbrt(loading[-1]) / 2 + np.cbrt(LOADING[len(loading)]) / 2
     assert curves.loaded(np.array([(0.999 * end) ** 3]))[0] > 0
@@ -134,24 +134,24 @@ def test_a_closed_piece_stays_closed_until_it_reopens():
     assert opens[-1] == pytest.approx(0.35, abs=0.01)
 
 
-def test_a_piece_that_never_opens_or_never_unloads():
+def test_a_cell_that_never_opens_or_never_unloads():
     steps = ladder()
-    curves = PieceCurves(steps, np.zeros(len(steps)))
+    curves = CellCurves(steps, np.zeros(len(steps)))
     assert not curves.along(steps.pressures[:, None], steps).any()
     assert not curves.unloaded(np.array([1e6, 3e8]), np.array([1e8, 8e8])).any()
     steps, p = ladder(()), np.array([1e8, 5e8])
-    curves = PieceCurves(steps, values(steps))
+    curves = CellCurves(steps, values(steps))
     assert_array_equal(curves.unloaded(p, np.full(2, 8e8)), curves.loaded(p))
 
 
-def test_the_peak_of_a_piece_is_that_of_its_own_path():
-    """A map that presses a piece less while the load rises, and more while it falls."""
+def test_the_peak_of_a_cell_is_that_of_its_own_path():
+    """A map that presses a cell less while the load rises, and more while it falls."""
     seal = LoadProgramme.of([1e8, 2e8, 4e8], unload_from=[2e8, 4e8], unloading=[3e8, 1e8])
     falling, rising = 1e8 * np.array([[3, 2, 1, 2.5, 0.5, 4], [1, 2, 4, 1, 3, 1]])
     found = local_peaks(np.stack([falling, rising], axis=1), seal)
     assert_allclose(found.T / 1e8, [[3, 3, 3, 3, 3, 4], [1, 2, 4, 2, 4, 4]])
     steps = ladder()
-    curves = PieceCurves(steps, values(steps))
+    curves = CellCurves(steps, values(steps))
     k = curves.along(falling[:, None], seal)[:, 0]
     assert_allclose(k[[0, 5]], curves.loaded(falling[[0, 5]]))
     assert_allclose(k[1:5], curves.unloaded(falling[1:5], np.full(4, 3e8)))
@@ -160,21 +160,19 @@ def test_the_peak_of_a_piece_is_that_of_its_own_path():
 def test_a_step_whose_flow_failed_is_left_out():
     steps = ladder((5, 8))
     k = values(steps)
-    whole = PieceCurves(steps, k)
+    whole = CellCurves(steps, k)
     for lost in (0, 3, 8, 9, 12, len(steps) - 1):
         holed = k.copy()
         holed[lost] = np.nan
-        curves = PieceCurves(steps, holed)
+        curves = CellCurves(steps, holed)
         p = np.linspace(3e7, 7.9e8, 50)
         assert_allclose(curves.loaded(p), whole.loaded(p), rtol=0.01 if lost not in (0, 8) else 4)
         assert np.isfinite(curves.unloaded(0.5 * p, p)).all()
         assert (curves.loaded(p) > 0).all()
     on_loading, down = steps.on_loading, ~steps.on_loading
-    lost = PieceCurves(steps, np.where(on_loading, np.nan, k))
+    lost = CellCurves(steps, np.where(on_loading, np.nan, k))
     assert np.isnan(lost.along(steps.pressures[:, None], steps)).all()
-    lost = PieceCurves(steps, np.where(down, np.nan, k)).along(steps.pressures[:, None], steps)[
-        :, 0
-    ]
+    lost = CellCurves(steps, np.where(down, np.nan, k)).along(steps.pressures[:, None], steps)[:, 0]
     assert_allclose(lost[on_loading], k[on_loading])
     assert np.isnan(lost[down]).all()
 

@@ -8,13 +8,13 @@ from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
 import femseal as fs
+from femseal.face.cell_flow import FlowSettings, drop_fractions, resolved_flow
 from femseal.face.flow_concentration import (
     blocks_of_one_wave,
     participation_number,
     short_wave,
     strip_scatter,
 )
-from femseal.face.piece_flow import FlowSettings, drop_fractions, resolved_flow
 from femseal.studies import face_study
 from femseal.studies.patch_state import PatchState
 from femseal.topography import Patches
@@ -122,7 +122,7 @@ def test_strips_are_solved_only_where_cells_stay_in_order(monkeypatch):
         face_study, "strip_scatter", lambda *given: solved.append(1) or real(*given)
     )
     scene = steel_scene(rough(64), loading=(1e8, 4e8))
-    assert np.isnan(fs.two_scale(scene, (2, 2)).pieces.strip_scatter).all()
+    assert np.isnan(fs.two_scale(scene, (2, 2)).cells.strip_scatter).all()
     at_random = fs.Sampling(256e-6, realisations=1, seed=1, breadth=128e-6)
     assert np.isnan(fs.stochastic(scene, None, at_random).patch_state.strip_scatter).all()
     assert not solved

@@ -188,9 +188,9 @@ def test_a_law_from_outside_runs_through_the_studies(scene):
     assert_allclose(whole["stiff"].leakage, whole["cubic"].leakage, rtol=1e-5)
     # of a gap that does not change the flow goes with P ln(1 + p/P)/p, here ln 2
     assert_allclose(whole["soft"].leakage / whole["cubic"].leakage, np.log(2), rtol=1e-3)
-    pieces = fs.two_scale(soft, (2, 4))
-    assert_allclose(pieces.leakage, whole["soft"].leakage, rtol=1e-8)
-    assert_allclose(pieces.pieces.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
+    cells = fs.two_scale(soft, (2, 4))
+    assert_allclose(cells.leakage, whole["soft"].leakage, rtol=1e-8)
+    assert_allclose(cells.cells.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
 
 
 def test_fluids_of_one_law_have_the_ratio_of_their_drops(scene):

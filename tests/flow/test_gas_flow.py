@@ -10,7 +10,7 @@ from skfem import MeshQuad
 from small_cases import scene_of_fluid
 
 import femseal as fs
-from femseal.face.piece_flow import FlowSettings, piece_permeability, resolved_flow
+from femseal.face.cell_flow import FlowSettings, cell_permeabilities, resolved_flow
 from femseal.flow import CubicLaw, FlowLaw
 from femseal.flow.grid import gap_on_links
 from femseal.flow.law import flow_rate
@@ -131,7 +131,7 @@ def test_a_closed_gap_stays_closed():
     gap[3] = 0
     flow = resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5))
     assert flow.permeability == 0
-    assert piece_permeability(gap, (1e-6, 1e-6), 0, settings(1e6, 1e5)).k.tolist() == [0.0] * 4
+    assert cell_permeabilities(gap, (1e-6, 1e-6), 0, settings(1e6, 1e5)).k.tolist() == [0.0] * 4
 
 
 @pytest.mark.parametrize(("inlet", "outlet"), ENDS)
@@ -257,20 +257,20 @@ def test_all_studies_of_a_gas(scene):
     assert (found.k1 > 1.05 * still.k1).all()
     # at lower pressures, as near the outlet, it slips more
     order = np.argsort(scene.flow.drop.pressures)
-    assert (np.diff(found.pieces.k[order], axis=0) < 0).all()
+    assert (np.diff(found.cells.k[order], axis=0) < 0).all()
 
 
 @pytest.mark.parametrize(("inlet", "outlet"), [(1e6, 1e5), (1e5, 1e3)])
 def test_a_drawn_gas_through_faces_in_series(scene, inlet, outlet):
-    """The pressure falls over several faces of equal pieces, which go on periodically, as over one of them.
+    """The pressure falls over several faces of equal cells, which go on periodically, as over one of them.
 
     Elements have one pressure each: the two rows of the face by itself, to which its factor belongs, miss .1 to .5 % of
     the flow, more rows less.
     """
-    piece = fs.self_affine(
+    cell = fs.self_affine(
         (32, 32), (32e-6,) * 2, hurst=0.8, rms_slope=0.1, roll_off=16e-6, cut_off=8e-6, rng=1
     )
-    surface = fs.Topography(np.tile(piece.heights, (2, 3)), piece.spacing, (True, True))
+    surface = fs.Topography(np.tile(cell.heights, (2, 3)), cell.spacing, (True, True))
     given = {"surface": surface, "boundary": ("periodic", "periodic"), "fluid_pressure": "ignored"}
     one = replace(scene, inlet_pressure=inlet, outlet_pressure=outlet, **given)
     whole = fs.deterministic(one).leakage

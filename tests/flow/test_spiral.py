@@ -14,7 +14,7 @@ from femseal.flow.spiral import spiral_flow
 from femseal.preparation import prepare
 from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.layouts import lay_of
-from femseal.seal.tiles import PieceSize
+from femseal.seal.tiles import CellSize
 from femseal.studies import Sampling, stochastic
 
 D = 1e-6
@@ -42,7 +42,7 @@ def test_a_ring_of_tiles_converges_to_the_closed_form():
     for n in (8, 16, 32):
         side = (outer - inner) / n
         layout = AnnularLayout(inner, outer, lay={"kind": "spiral", "lead": lead})
-        tiles = layout.lay_out(PieceSize((side, 40 * side), n))
+        tiles = layout.lay_out(CellSize((side, 40 * side), n))
         k = tiles.permeability(np.full(tiles.count, across), np.full(tiles.count, along))
         exact = fs.analytic.turned_annulus_rate(along, across, lead, 1.0, 1.0, inner, outer)
         errors.append(abs(tiles.seal.flow(k, bounds=True).conductance / exact - 1))
@@ -51,13 +51,13 @@ def test_a_ring_of_tiles_converges_to_the_closed_form():
 
 
 def window(n=16):
-    """A piece of ridges along x2 that touch under load, with open valleys between them."""
+    """A cell of ridges along x2 that touch under load, with open valleys between them."""
     x = (np.arange(n) + 0.5) / n
     return np.repeat(1e-6 * np.cos(2 * np.pi * x)[:, None], n, axis=1)
 
 
 def ridges():
-    """A face of pieces in one row, so that all are alike: in more they reach into their neighbours' ridges."""
+    """A face of cells in one row, so that all are alike: in more they reach into their neighbours' ridges."""
     return fs.Topography(np.tile(window(), (1, 4)), (D, D), (True, True))
 
 
@@ -72,30 +72,30 @@ def scene_of(surface, layout, **given):
     return fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, layout=layout, **given)
 
 
-def along(pieces):
-    """Permeability along the grooves of pieces that are all alike, under the only load."""
-    k = pieces.k[0, 1, 0]
+def along(cells):
+    """Permeability along the grooves of cells that are all alike, under the only load."""
+    k = cells.k[0, 1, 0]
     assert_allclose(k, k[0, 0], rtol=1e-6)
     return k[0, 0]
 
 
 def test_a_closed_strip_leaks_along_its_groove():
-    """Equal pieces: k₂ sin²α of the one that is closed across, as the pressure falls along x1 alone."""
+    """Equal cells: k₂ sin²α of the one that is closed across, as the pressure falls along x1 alone."""
     plain, wound, double = (drawn(lay) for lay in ("x2", SPIRAL, SPIRAL | {"starts": 2}))
     assert plain.leakage[0, 0] == 0
     sine2 = (16e-6 / np.hypot(16e-6, 2e-3)) ** 2
-    exact = along(plain.pieces) * sine2 * 1e6 / (1e-3 * 128e-6)
+    exact = along(plain.cells) * sine2 * 1e6 / (1e-3 * 128e-6)
     assert_allclose(wound.leakage[0, 0], exact, rtol=1e-3)
     assert_allclose(double.leakage[0, 0], 4 * exact, rtol=2e-3)
 
 
 @pytest.mark.parametrize("inlet", ["inner", "outer"])
 def test_a_closed_ring_leaks_along_its_groove(inlet):
-    """Equal pieces: the closed form of a ring whose lands are closed, either way."""
+    """Equal cells: the closed form of a ring whose lands are closed, either way."""
     lay = {"kind": "spiral", "lead": 32e-6, "starts": 2}
     scene = scene_of(ridges(), AnnularLayout(0.5e-3, 0.756e-3, inlet, lay=lay), loading=(2e8,))
     found = stochastic(scene, (1, 4), Sampling(None, realisations=2, seed=1))
-    k2 = along(found.pieces)
+    k2 = along(found.cells)
     exact = fs.analytic.turned_annulus_rate(k2, 0.0, 64e-6, 1e6, 1e-3, 0.5e-3, 0.756e-3)
     assert_allclose(found.leakage[0, 0] * found.seal.length, exact, rtol=2e-3)
 

@@ -114,7 +114,7 @@ def test_what_was_tried_is_told(reached, tmp_path):
             "accuracy 0.1 % is not reached.*surface.points is given",
         ),
         ({"accuracy": "0.1 %", "time_limit": "1 ms"}, {}, "time limit is 0.001 s"),
-        # pieces of one patch know nothing of longer waves, which no finer solution mends
+        # cells of one patch know nothing of longer waves, which no finer solution mends
         (
             DRAWN | {"accuracy": "60 %", "surface": {"points": [64, 64]}},
             {"realisations": 20},
@@ -269,7 +269,7 @@ def test_the_accuracy_is_true():
 
 
 def test_what_can_be_refined_is_where_something_else_cannot():
-    """Seals of four pieces of one patch limit; pixels are refined until they are within the accuracy."""
+    """Seals of four cells of one patch limit; pixels are refined until they are within the accuracy."""
     drawn = {"length": "300 um", "realisations": 6}
     told = fs.run(parse_case(DRAWN | {"accuracy": "3 %", "stochastic": drawn}), workers=1).attempts
     first, last = told["attempts"][0], told["attempts"][-1]

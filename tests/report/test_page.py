@@ -23,7 +23,7 @@ pytestmark = pytest.mark.usefixtures("drawn_pictures")
 SECTIONS = [
     "leakage",
     "maps",
-    "pieces",
+    "cells",
     "case",
     "numbers",
     "errors",
@@ -164,13 +164,13 @@ def test_table_has_the_numbers_of_the_dataset(results, page):
 
 
 def test_drop_of_pressure_by_hand(results):
-    """All pressure drops in the second third of the face, half of it in two pieces."""
+    """All pressure drops in the second third of the face, half of it in two cells."""
     data = results.dataset.copy(deep=True)
     rows = data.sizes["block1"]
     drop = np.clip(2 - 3 * (np.arange(rows) + 0.5) / rows, 0, 1)
     data["face_fluid_pressure"][:] = drop[:, None] * 1e6
-    data["piece_drop_fraction"][:] = 0.5 / 16
-    data["piece_drop_fraction"][:, 1, 2:4] = 0.25
+    data["cell_drop_fraction"][:] = 0.5 / 16
+    data["cell_drop_fraction"][:, 1, 2:4] = 0.25
     text = words(section(report_html(replace(results, dataset=data)), "maps"))
     assert "Half of the pressure drops in 2 of 18 cells." in text
 
@@ -179,7 +179,7 @@ def test_times_and_warnings(scene, studies):
     """Parts of a study are not counted twice."""
     timings = {
         "two-scale: contact of the whole face": 3.0,
-        "two-scale: pieces of the face": 1.0,
+        "two-scale: cells of the face": 1.0,
         "two-scale": 6.0,
         "stochastic": 2.0,
     }
@@ -196,7 +196,7 @@ def test_times_and_warnings(scene, studies):
 
 @pytest.mark.parametrize(
     ("method", "without"),
-    [("deterministic", {"pieces"}), ("two_scale", set()), ("stochastic", set())],
+    [("deterministic", {"cells"}), ("two_scale", set()), ("stochastic", set())],
 )
 def test_every_method_alone_has_the_sections_that_it_fills(scene, studies, method, without):
     page = report_html(assemble(scene, studies[method]))
@@ -211,9 +211,9 @@ def test_every_method_alone_has_the_sections_that_it_fills(scene, studies, metho
 def test_closed_and_failed_seals_are_told(results, value, text):
     data = results.dataset.copy(deep=True)
     for name in data.data_vars:
-        if name.startswith(("leakage", "piece_k", "flux", "state_k")):
+        if name.startswith(("leakage", "cell_k", "flux", "state_k")):
             data[name][:] = value
-    data["piece_drop_fraction"][:] = np.nan
+    data["cell_drop_fraction"][:] = np.nan
     page = report_html(replace(results, dataset=data))
     assert text in words(section(page, "numbers"))
     assert value != 0 or "nothing flows" in words(section(page, "maps"))

@@ -20,15 +20,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import soft_cycle
 
 from femseal.base import FemsealError, InputError
-from femseal.base.fields import PIECE, PIXEL, STEP, declared
+from femseal.base.fields import CELL, PIXEL, STEP, declared
 from femseal.base.leak_units import leakage_unit
 from femseal.budget import ErrorBudget, ErrorPart
-from femseal.plots import leakage_figure, pieces_figure, seal_figure
+from femseal.plots import cells_figure, leakage_figure, seal_figure
 from femseal.report import write_folder
 from femseal.results import RunFacts, assemble, open_results, save
 from femseal.results.tables import format_leakage, totals_table
 from femseal.studies import FaceResult, Sampling, deterministic, stochastic, two_scale
-from femseal.studies.piece_states import FacePieces
+from femseal.studies.cell_states import FaceCells
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
@@ -79,21 +79,21 @@ def test_values_are_those_of_the_studies(results, studies, scene):
     data, two, drawn = results.dataset, studies["two_scale"], studies["stochastic"]
     for name, values in (
         ("leakage_two_scale", two.leakage),
-        ("piece_k1", two.k1),
-        ("piece_k2", two.k2),
-        ("piece_pressure", two.pieces.pressure),
-        ("piece_mean_gap", two.pieces.mean_gap),
-        ("piece_contact_fraction", two.pieces.contact_fraction),
-        ("piece_drop_fraction", two.pieces.drop_fraction),
+        ("cell_k1", two.k1),
+        ("cell_k2", two.k2),
+        ("cell_pressure", two.cells.pressure),
+        ("cell_mean_gap", two.cells.mean_gap),
+        ("cell_contact_fraction", two.cells.contact_fraction),
+        ("cell_drop_fraction", two.cells.drop_fraction),
         ("leakage_deterministic", studies["deterministic"].leakage),
         ("leakage", drawn.leakage),
         ("leakage_median", drawn.quantile(0.5)),
         ("leakage_lower", drawn.quantile(0.05)),
         ("leakage_upper", drawn.quantile(0.95)),
-        ("state_k1", drawn.pieces.k[0, 0]),
-        ("state_factor", drawn.pieces.factor),
-        ("piece1", (np.arange(M1) + 0.5) * 15e-6),
-        ("piece2", (np.arange(M2) + 0.5) * 15e-6),
+        ("state_k1", drawn.cells.k[0, 0]),
+        ("state_factor", drawn.cells.factor),
+        ("cell1", (np.arange(M1) + 0.5) * 15e-6),
+        ("cell2", (np.arange(M2) + 0.5) * 15e-6),
     ):
         assert_allclose(data[name].values, values, rtol=1e-12, err_msg=name)
     assert results.steps == scene.steps
@@ -102,14 +102,14 @@ def test_values_are_those_of_the_studies(results, studies, scene):
     for name, variable in data.variables.items():
         assert variable.attrs["units"], name
         assert variable.attrs["long_name"], name
-    assert data["piece_k1"].attrs["units"] == "m^3"
+    assert data["cell_k1"].attrs["units"] == "m^3"
 
 
 def test_contact_share_comes_from_the_best_study(scene, studies):
     for name, expected in (
         ("deterministic", studies["deterministic"].contact_fraction),
         ("two_scale", studies["deterministic"].contact_fraction),
-        ("stochastic", studies["stochastic"].pieces.contact_fraction.mean(axis=(1, 2))),
+        ("stochastic", studies["stochastic"].cells.contact_fraction.mean(axis=(1, 2))),
     ):
         assert_allclose(assemble(scene, studies[name]).dataset["contact_fraction"], expected)
 
@@ -126,7 +126,7 @@ def test_attributes_tell_the_origin(results, studies):
         assert solvers["worst_imbalance"] == study.solvers.worst_imbalance < 1e-2
         flows = study.solvers.solved + study.solvers.closed
         assert solvers["solved"] + solvers["closed"] == flows
-        assert (flows > 0) == (study.pieces is not None)
+        assert (flows > 0) == (study.cells is not None)
     assert {"femseal", "python", "numpy", "scikit-fem"} <= set(json.loads(attrs["versions"]))
     assert json.loads(attrs["machine"])["cores"] == os.cpu_count()
     assert attrs["Conventions"].startswith("CF")
@@ -154,7 +154,7 @@ def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
         warnings.simplefilter("error")
         failed = replace(two, leakage=two.leakage * nan)
         r = assemble(back, failed, replace(drawn, leakage=-drawn.leakage))
-        for figure in (leakage_figure(r), pieces_figure(r), seal_figure(r, 0)):
+        for figure in (leakage_figure(r), cells_figure(r), seal_figure(r, 0)):
             figure.savefig(io.BytesIO(), dpi=40)
     assert "at 700 MPa: failed" in repr(assemble(back, failed))
 
@@ -186,7 +186,7 @@ def test_file_is_read_by_plain_xarray_and_comes_back(results, folder, scene):
     assert back._repr_html_() == results._repr_html_()
     # everything but the large fields can be drawn and written again
     assert leakage_figure(back).axes
-    assert pieces_figure(back).axes
+    assert cells_figure(back).axes
     assert seal_figure(back).axes
 
 
@@ -237,13 +237,13 @@ def test_another_run_into_the_folder_leaves_nothing_of_the_former(
 ):
     out = tmp_path / "out"
     write_folder(results, out, scene.surface)
-    mine = {"notes.txt", "vtk/view.pvsm", "vtk/pieces/step_9999.vtu", "vtk/own/a.vtu"}
+    mine = {"notes.txt", "vtk/view.pvsm", "vtk/cells/step_9999.vtu", "vtk/own/a.vtu"}
     kept = [*(out / name for name in mine), tmp_path / "keep.txt", tmp_path / "out2/keep.txt"]
     for path in kept:
         path.parent.mkdir(exist_ok=True)
         path.write_text("mine")
     (out / "files.txt").open("a").write(f"../{out.name}2/keep.txt\n{tmp_path}/keep.txt\n")
-    # fewer steps, no pieces
+    # fewer steps, no cells
     short = replace(scene, loading=(50e6,), unload_from=(), unloading=())
     study = deterministic(short)
     for _ in range(2):
@@ -264,7 +264,7 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.report.page.pieces_figure", fail)
+        patch.setattr("femseal.report.page.cells_figure", fail)
         with pytest.raises(FemsealError, match=r"(?=.*No space left)(?=.*/.unfinished/results.nc)"):
             write_folder(results, tmp_path, scene.surface)
     assert open_results(tmp_path / ".unfinished").rows() == results.rows()
@@ -310,8 +310,8 @@ class More(FaceResult):
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces(FacePieces):
-    depth: np.ndarray = declared("piece_depth", "m", "depth of pieces", PIECE, default=None)
+class Cells(FaceCells):
+    depth: np.ndarray = declared("cell_depth", "m", "depth of cells", CELL, default=None)
 
 
 def with_more(kind, known, **more):
@@ -324,26 +324,26 @@ def with_more(kind, known, **more):
 def test_a_new_field_is_one_entry(scene, studies, undrawn, tmp_path):
     """A field that says what it is and where it lives comes out in every file and table that has such fields."""
     two = studies["two_scale"]
-    deep = with_more(Pieces, two.pieces, depth=np.full((5, M1, M2), 2e-6))
+    deep = with_more(Cells, two.cells, depth=np.full((5, M1, M2), 2e-6))
     heat = np.full((5, 64, 128), 4e6, np.float32)
-    more = with_more(More, replace(two, pieces=deep), wet=np.linspace(0.1, 0.5, 5), heat=heat)
+    more = with_more(More, replace(two, cells=deep), wet=np.linspace(0.1, 0.5, 5), heat=heat)
     r = assemble(scene, more)
     write_folder(r, tmp_path)
     back = open_results(tmp_path)
-    for name, text in (("wet", "fraction wetted"), ("piece_depth", "depth of pieces")):
+    for name, text in (("wet", "fraction wetted"), ("cell_depth", "depth of cells")):
         assert back.dataset[name].attrs["long_name"] == text
     assert r.rows()[4]["wet"] == 0.5
     assert ",wet," in (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()[0] + ","
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     for table in (r._repr_html_(), str(r.table()), page):
         assert "wet [%]" in " ".join(table.split())
-    assert_allclose(pixels_of(tmp_path / "vtk/pieces/step_0000.vtu")["depth_um"], 2.0)
+    assert_allclose(pixels_of(tmp_path / "vtk/cells/step_0000.vtu")["depth_um"], 2.0)
     assert_allclose(pixels_of(tmp_path / "fields/step_0002.vti")["heat_MPa"], 4.0)
     for results in (r, back):
         found = results.pixels("heat", 2, (1, 3))
         assert (found.attrs["units"], found.shape) == ("Pa", (16, 16))
         assert_allclose(found, 4e6)
-    assert_allclose(r.piece(1, 2)["piece_depth"], 2e-6)
+    assert_allclose(r.cell(1, 2)["cell_depth"], 2e-6)
 
 
 def test_tables_say_what_happened(results, scene, folder):
@@ -370,7 +370,7 @@ def test_what_results_have_nothing_for_is_refused(scene, studies, results, tmp_p
     two = studies["two_scale"]
     (tmp_path / "out").write_text("x")
     for call, message in (
-        (lambda: pieces_figure(alone), "pieces figure"),
+        (lambda: cells_figure(alone), "cells figure"),
         (lambda: seal_figure(undrawn), "seal figure"),
         (lambda: seal_figure(results, 9), "step: given 9"),
         (lambda: assemble(scene), "no study"),
@@ -413,7 +413,7 @@ def test_leakages_that_are_all_unknown_have_tables_without_warnings(scene, studi
 # --- pictures ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["leakage", "pieces", "seal", "surface"])
+@pytest.mark.parametrize("name", ["leakage", "cells", "seal", "surface"])
 def test_pictures_show_something(folder, name):
     image = matplotlib.image.imread(folder / f"{name}.png")[..., :3]
     assert min(image.shape[:2]) > 400

@@ -1,4 +1,4 @@
-"""Fields of a run as VTK's own readers and `open_results` give them back; results by branch, piece and step."""
+"""Fields of a run as VTK's own readers and `open_results` give them back; results by branch, cell and step."""
 
 import json
 import os
@@ -103,26 +103,26 @@ def same_steps(steps, fields):
 
 def test_seal_is_a_mesh_in_time(results, folder):
     data = results.dataset
-    read = list(in_time(folder / "vtk/pieces.pvd"))
+    read = list(in_time(folder / "vtk/cells.pvd"))
     # time is the step: loads come back on unloading
     assert [time for time, *_ in read] == list(range(6))
     same_steps(results.steps, [fields for *_, fields, _ in read])
     for s, (_, cells, points, _, grid) in enumerate(read):
         assert (grid.n_cells, grid.n_points) == (M1 * M2, (M1 + 1) * (M2 + 1))
         for name, variable, factor in (
-            ("k1_m3", "piece_k1", 1),
-            ("k2_m3", "piece_k2", 1),
-            ("pressure_MPa", "piece_pressure", 1e-6),
-            ("mean_gap_um", "piece_mean_gap", 1e6),
-            ("contact_fraction", "piece_contact_fraction", 1),
-            ("plastic_fraction", "piece_plastic_fraction", 1),
-            ("drop_fraction", "piece_drop_fraction", 1),
+            ("k1_m3", "cell_k1", 1),
+            ("k2_m3", "cell_k2", 1),
+            ("pressure_MPa", "cell_pressure", 1e-6),
+            ("mean_gap_um", "cell_mean_gap", 1e6),
+            ("contact_fraction", "cell_contact_fraction", 1),
+            ("plastic_fraction", "cell_plastic_fraction", 1),
+            ("drop_fraction", "cell_drop_fraction", 1),
         ):
             assert_allclose(cells[name].reshape(M1, M2), data[variable][s] * factor, rtol=1e-12)
         assert not points
-    x1, x2 = (data[name].values for name in ("piece1", "piece2"))
+    x1, x2 = (data[name].values for name in ("cell1", "cell2"))
     number = grid.find_containing_cell((x1[1] * 1.02, x2[2] * 1.02, 0.0))
-    assert cells["k1_m3"][number] == data["piece_k1"][-1, 1, 2]
+    assert cells["k1_m3"][number] == data["cell_k1"][-1, 1, 2]
 
 
 def test_fields_over_all_pixels(results, studies, scene, folder):
@@ -201,7 +201,7 @@ def test_branches_are_labelled(back, studies, scene):
     assert_array_equal(up["leakage_median"].sel(nominal_pressure=[50e6, 700e6]), median[[0, 2]])
     assert list(down["nominal_pressure"]) == [700e6, 300e6, 50e6]
     assert_array_equal(down["leakage_median"], median[[2, 4, 5]])
-    assert down["piece_k1"].dims == ("nominal_pressure", "piece1", "piece2")
+    assert down["cell_k1"].dims == ("nominal_pressure", "cell1", "cell2")
     for peak in (200e6, "200 MPa", "0.2 GPa"):
         found = back.unloading(from_=peak)["leakage_two_scale"]
         assert_array_equal(found, studies["two_scale"].leakage[[1, 3]])
@@ -216,20 +216,20 @@ def test_branches_are_labelled(back, studies, scene):
         assemble(short, deterministic(short)).unloading()
 
 
-def test_curves_of_a_piece(back, studies, scene):
-    two, curves = studies["two_scale"], back.piece(2, 1)
-    assert_array_equal(curves["piece_k1"], two.k1[:, 2, 1])
-    assert_array_equal(curves["piece_mean_gap"], two.pieces.mean_gap[:, 2, 1])
-    assert curves["piece_k1"].dims == ("step",)
+def test_curves_of_a_cell(back, studies, scene):
+    two, curves = studies["two_scale"], back.cell(2, 1)
+    assert_array_equal(curves["cell_k1"], two.k1[:, 2, 1])
+    assert_array_equal(curves["cell_mean_gap"], two.cells.mean_gap[:, 2, 1])
+    assert curves["cell_k1"].dims == ("step",)
     assert list(curves["nominal_pressure"].values) == [s.pressure for s in scene.steps]
     drawn = assemble(scene, studies["stochastic"])
-    assert_array_equal(drawn.piece(2, 1)["state_k1"], studies["stochastic"].pieces.k1[:, 2, 1])
+    assert_array_equal(drawn.cell(2, 1)["state_k1"], studies["stochastic"].cells.k1[:, 2, 1])
     for bad in ((3, 0), (0, 4), (-1, 0), (0.5, 0)):
         with pytest.raises(InputError, match="0 to 2 along x1 and 0 to 3 along x2"):
-            back.piece(*bad)
+            back.cell(*bad)
     alone = assemble(scene, studies["deterministic"])
     with pytest.raises(InputError, match="no cells"):
-        alone.piece(0, 0)
+        alone.cell(0, 0)
 
 
 @pytest.mark.parametrize("source", ["results", "back"])
@@ -243,7 +243,7 @@ def test_fields_on_demand(source, studies, scene, request):
         assert_allclose(values, getattr(two, name)[4], rtol=1e-6)
         assert values.attrs["units"] == unit
         assert r.steps[4].name in values.attrs["long_name"]
-    part = r.gap(4, piece=(1, 2))
+    part = r.gap(4, cell=(1, 2))
     assert_allclose(part, two.gap[4, first:last, 48:72], rtol=1e-6)
     assert_allclose(part["x1"], (np.arange(first, last) + 0.5) * d1)
     assert_allclose(part["x2"], (np.arange(48, 72) + 0.5) * d2)
@@ -266,8 +266,8 @@ def test_gap_for_other_programs(back, studies, scene, tmp_path):
     assert_allclose(np.load(path)["fluid_pressure"], two.fluid_pressure[2], rtol=1e-6)
 
 
-def test_all_steps_and_pieces_are_exported(back, studies, scene, tmp_path):
-    paths = back.export(tmp_path / "p.npz", field="contact_pressure", piece=(1, 2))
+def test_all_steps_and_cells_are_exported(back, studies, scene, tmp_path):
+    paths = back.export(tmp_path / "p.npz", field="contact_pressure", cell=(1, 2))
     assert [path.name for path in paths] == [f"p_{s:04d}.npz" for s in range(6)]
     pressure, (d1, d2) = studies["two_scale"].contact_pressure[3], scene.surface.spacing
     with np.load(paths[3]) as stored:
@@ -305,7 +305,7 @@ def test_what_cannot_be_exported(back, scene, studies, tmp_path):
         (back, "a.tif", {}, r"output: given 'a.tif', expected a file \.npz, "),
         (back, "a.npz", {"field": "heights"}, "field: given 'heights', expected one of gap, con"),
         (back, "a.npz", {"step": 9}, "step: given 9, expected 0 to 5"),
-        (back, "a.npz", {"piece": (9, 9), "step": 0}, "piece: given"),
+        (back, "a.npz", {"cell": (9, 9), "step": 0}, "cell: given"),
         (back, "a.npz", {"window": (0, 1e-3, 2e-3, 1e-3)}, r"window: given \(0, 0.001, 0.002, 0.0"),
         (back, "a.npz", {"window": (0, 6.1e-5, 0, 6e-5)}, r"window: given .* x1 from 0 to 6e-05 m"),
         (back, "a.npz", {"window": (0, 6e-5, -1e-6, 6e-5)}, "expected a part of the face"),
@@ -346,12 +346,12 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(
     chosen = parse_case(CASE | {"output": {"paraview": "none", "fields_limit": "30 kB"}})
     r = fs.run(chosen, tmp_path, resume=True, workers=1)
     assert not contacts
-    assert not (tmp_path / "vtk" / "pieces.pvd").exists()
+    assert not (tmp_path / "vtk" / "cells.pvd").exists()
     # one step of three fields is 25 kB
     assert r.left_out == open_results(tmp_path).left_out != []
     assert open_results(tmp_path).stored_steps == [1]
     timings = json.loads(r.dataset.attrs["timings"])
-    assert "two-scale: pieces of the face" in timings
+    assert "two-scale: cells of the face" in timings
     assert timings["two-scale"] > timings["two-scale: contact of the whole face"] > 0
 
 
@@ -408,7 +408,7 @@ def test_two_scale_view_is_drawn(folder, back, tmp_path):
 def test_the_macro_of_paraview_names_what_is_written(folder):
     text = (EXAMPLES / "paraview_two_scale.py").read_text(encoding="utf-8")
     compile(text, "macro", "exec")
-    _, cells, points, fields, _ = next(in_time(folder / "vtk/pieces.pvd"))
+    _, cells, points, fields, _ = next(in_time(folder / "vtk/cells.pvd"))
     _, pixels, *_ = next(in_time(folder / "fields.pvd"))
     for name in ("drop_fraction", "nominal_pressure_MPa", "contact_pressure_MPa"):
         assert name in text

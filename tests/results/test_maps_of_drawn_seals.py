@@ -33,14 +33,14 @@ def ring():
 
 
 def test_fields_are_those_of_one_realisation(strip):
-    """Rows carry the leakage of the drawn tiles, and every tile has the pressure of a piece of its row."""
-    data, pieces = strip.dataset, strip.stochastic.pieces
+    """Rows carry the leakage of the drawn tiles, and every tile has the pressure of a cell of its row."""
+    data, cells = strip.dataset, strip.stochastic.cells
     own = data["leakage"].values[data["drawn_corners"].attrs["realisation"]]
     through = data["drawn_flux"].values.reshape(3, 2, -1, 2)[..., 0].mean(axis=2)
     assert_allclose(through[:, 0], through[:, 1], rtol=0.05)
-    assert_allclose(through.mean(axis=1) * pieces.face / pieces.own, own, rtol=0.05)
+    assert_allclose(through.mean(axis=1) * cells.face / cells.own, own, rtol=0.05)
     pressure = data["drawn_contact_pressure"].values
-    for drawn, known in zip(pressure, pieces.pressure, strict=True):
+    for drawn, known in zip(pressure, cells.pressure, strict=True):
         for row, of_face in zip(drawn.reshape(2, -1), known, strict=True):
             assert set(row.round(3)) <= set(of_face.round(3))
     assert np.corrcoef(pressure[1], data["drawn_permeability"].values[1])[0, 1] < 0
@@ -48,18 +48,18 @@ def test_fields_are_those_of_one_realisation(strip):
 
 def test_states_are_those_that_the_tiles_draw_from(strip, ring):
     for results in (strip, ring):
-        data, pieces = results.dataset, results.stochastic.pieces
+        data, cells = results.dataset, results.stochastic.cells
         for name, values in (
-            ("state_k1", pieces.k[:, 0].mean(axis=0)),
-            ("state_k2", pieces.k[:, 1].mean(axis=0)),
-            ("state_pressure", pieces.pressure),
-            ("state_mean_gap", pieces.mean_gap),
-            ("state_contact_fraction", pieces.contact_fraction),
-            ("state_factor", pieces.factor),
-            ("state_leakage", pieces.face),
+            ("state_k1", cells.k[:, 0].mean(axis=0)),
+            ("state_k2", cells.k[:, 1].mean(axis=0)),
+            ("state_pressure", cells.pressure),
+            ("state_mean_gap", cells.mean_gap),
+            ("state_contact_fraction", cells.contact_fraction),
+            ("state_factor", cells.factor),
+            ("state_leakage", cells.face),
         ):
             assert_allclose(data[name], values, err_msg=name)
-        assert_allclose(data["state_nominal_pressure"], pieces.steps.pressures)
+        assert_allclose(data["state_nominal_pressure"], cells.steps.pressures)
     assert strip.dataset.sizes["state"] == 3  # as broad as the face: at its own loads
     assert ring.dataset.sizes["state"] > 3
 
@@ -119,7 +119,7 @@ def test_states_are_in_files_with_their_number_as_time(ring, tmp_path):
     nominal = data["state_nominal_pressure"][-1:] / 1e6
     assert_allclose(block.field_data["nominal_pressure_MPa"], nominal)
     assert block.area == pytest.approx(30e-6 * 60e-6)
-    x1, x2 = (data[name].values for name in ("state_piece1", "state_piece2"))
+    x1, x2 = (data[name].values for name in ("state_cell1", "state_cell2"))
     assert_allclose(block.cell_centers().points[:, 0], np.repeat(x1, len(x2)), rtol=1e-6)
     assert_allclose(block.cell_data["k1_m3"], data["state_k1"][-1].values.ravel(), rtol=1e-6)
 

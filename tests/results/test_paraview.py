@@ -110,8 +110,8 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
         assert [step["time"] for step in steps] == [0, 1, 2]
         assert_allclose([f["nominal_pressure_MPa"][0] for f in fields], [50, 700, 50])
         assert_allclose([f["unloaded_from_MPa"][0] for f in fields], [np.nan, np.nan, 700])
-    for s, step in enumerate(found[str(folder / "vtk/pieces.pvd")]):
-        known = meshio.read(folder / f"vtk/pieces/step_{s:04d}.vtu").cell_data
+    for s, step in enumerate(found[str(folder / "vtk/cells.pvd")]):
+        known = meshio.read(folder / f"vtk/cells/step_{s:04d}.vtu").cell_data
         assert step["Cell"].keys() == known.keys()
         for name, (values,) in known.items():
             assert_array_equal(step["Cell"][name], values)
@@ -136,5 +136,5 @@ def test_the_macro_draws_both_scales(folder, tmp_path):
     assert np.ptp(matplotlib.image.imread(tmp_path / "view.png")[..., :3]) > 0.5
     run = pvpython(MACRO, tmp_path, tmp_path / "view.png", 0)
     assert run.returncode == 1
-    assert f"there is no {tmp_path / 'vtk' / 'pieces.pvd'}" in run.stderr
+    assert f"there is no {tmp_path / 'vtk' / 'cells.pvd'}" in run.stderr
     assert "Traceback" not in run.stderr

@@ -36,7 +36,7 @@ def load(folder, changed=CASE):
     return load_case(path)
 
 
-def test_a_run_has_the_leakage_of_blocks_its_band_and_its_pieces(tmp_path):
+def test_a_run_has_the_leakage_of_blocks_its_band_and_its_cells(tmp_path):
     case = load(tmp_path)
     results = fs.run(case, tmp_path / "out", workers=1)
     assert results.failures == []
@@ -48,12 +48,12 @@ def test_a_run_has_the_leakage_of_blocks_its_band_and_its_pieces(tmp_path):
     assert (budget.lower < results.leakage).all()
     assert (budget.upper > results.leakage).all()
     assert_allclose(
-        results.dataset["piece_pressure"].mean(("piece1", "piece2")),
+        results.dataset["cell_pressure"].mean(("cell1", "cell2")),
         alone.steps.pressures,
         rtol=1e-3,
     )
     again = fs.open_results(tmp_path / "out")
-    assert_array_equal(again.dataset["piece_k1"], alone.k1)
+    assert_array_equal(again.dataset["cell_k1"], alone.k1)
     assert_array_equal(again.dataset["leakage_blocks"], alone.leakage)
     assert "blocks" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
@@ -62,7 +62,7 @@ def test_a_run_has_the_leakage_of_blocks_its_band_and_its_pieces(tmp_path):
     ("old", "new", "text"),
     [
         ('"ignored"', '"trapped"', "fluid_pressure: given 'trapped' with blocks, expected 'acts'"),
-        ("[8, 8]", "[8, 6]", r"cells: .*expected multiples of 4, the pieces of a block"),
+        ("[8, 8]", "[8, 6]", r"cells: .*expected multiples of 4, the cells of a block"),
         (
             "[8, 8]",
             "[8, 12]",

@@ -124,7 +124,7 @@ def test_large_states_take_disk_and_no_memory(data):
         ({"load": {"loading": ["0 MPa"]}, "material": {}}, "with the contact"),
         (
             {"method": "stochastic", "stochastic": {"length": "1 mm"}},
-            "states of the face, at its loads; pieces stay in their rows",
+            "states of the face, at its loads; cells stay in their rows",
         ),
         (
             {"method": "stochastic", "stochastic": {"length": "1 mm", "breadth": "0.5 mm"}},
@@ -148,7 +148,7 @@ def test_one_load_is_named_in_the_singular(data):
     case, prepared = of(data)
     results = fs.run(case, workers=1)
     texts = [*describe(case, prepared), *results.warnings, results._repr_html_()]
-    things = "state|step|load|seal|realisation|piece|tile|cell|row|column|solution"
+    things = "state|step|load|seal|realisation|cell|tile|cell|row|column|solution"
     for text in [*texts, report_html(results)]:
         plain = re.sub(r"<[^>]*>", " ", text)
         assert not (found := re.findall(rf"(?<![×.]) 1 (?:\w+ )?(?:{things})s\b.*", plain)), found
@@ -188,7 +188,7 @@ def test_drawn_seals_take_longer_at_several_fluid_pressures(data):
 
 
 def test_a_gas_with_slip_takes_longer():
-    """Pieces at several pressures, and other flow solved again and again."""
+    """Cells at several pressures, and other flow solved again and again."""
     sampling = fs.Sampling(length=1e-2, realisations=9, seed=1)
     options = StudyOptions((8, 16), sampling)
     face = fs.self_affine((256, 512), (256e-6, 512e-6), hurst=0.8, rms_slope=0.1, rng=1)

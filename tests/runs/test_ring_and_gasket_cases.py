@@ -17,7 +17,7 @@ from femseal.preparation import prepare
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-#: Fewer loads and tiles; the ring is narrower, and the gasket has larger pieces.
+#: Fewer loads and tiles; the ring is narrower, and the gasket has larger cells.
 REDUCED = {
     "annular_seal": {
         "seal": {"outer_radius": "10.6 mm"},

@@ -9,7 +9,7 @@ from femseal.base import InputError
 from femseal.seal import AnnularLayout, FileForm, Frame, MeasuredForm, RectangularLayout, WavyForm
 from femseal.seal.contact_grid import ContactGrid
 from femseal.seal.form import ScaledForm
-from femseal.seal.tiles import PieceSize
+from femseal.seal.tiles import CellSize
 
 STRIP = Frame.of_strip((2e-3, 8e-3))
 RING = AnnularLayout(20e-3, 22e-3).frame((2e-3, 0.13))
@@ -137,20 +137,20 @@ def test_columns_are_read_with_their_units(tmp_path):
 # cells over a seal
 
 
-def tiles_of(layout, pieces=PieceSize((0.5e-3, 0.5e-3), 4, 8e-3, 2e-3)):  # noqa: B008
-    return layout.lay_out(pieces)
+def tiles_of(layout, cells=CellSize((0.5e-3, 0.5e-3), 4, 8e-3, 2e-3)):  # noqa: B008
+    return layout.lay_out(cells)
 
 
 @pytest.mark.parametrize(
-    ("length", "piece", "rtol"),
+    ("length", "cell", "rtol"),
     [
-        (8e-3, PieceSize((0.5e-3, 0.5e-3), 4, 8e-3, 2e-3), 1e-9),
-        (80e-3, PieceSize((2e-5, 2e-5), 50, 80e-3, 2e-3), None),
+        (8e-3, CellSize((0.5e-3, 0.5e-3), 4, 8e-3, 2e-3), 1e-9),
+        (80e-3, CellSize((2e-5, 2e-5), 50, 80e-3, 2e-3), None),
     ],
 )
-def test_cells_of_a_strip_have_the_means_of_their_tiles(length, piece, rtol):
+def test_cells_of_a_strip_have_the_means_of_their_tiles(length, cell, rtol):
     """Of many tiles there are fewer cells."""
-    tiles = tiles_of(RectangularLayout(), piece)
+    tiles = tiles_of(RectangularLayout(), cell)
     grid = ContactGrid.over(tiles, Frame.of_strip((2e-3, length)))
     assert_allclose(np.multiply(grid.tile.shape, grid.spacing), (2e-3, length))
     means = grid.means(np.moveaxis(grid.points, -1, 0)).T
@@ -163,7 +163,7 @@ def test_cells_of_a_strip_have_the_means_of_their_tiles(length, piece, rtol):
 
 def test_cells_of_a_ring_lie_on_it_from_the_inlet_on():
     layout = AnnularLayout(20e-3, 22e-3, "outer")
-    tiles = tiles_of(layout, PieceSize((0.5e-3, 0.5e-3), 4))
+    tiles = tiles_of(layout, CellSize((0.5e-3, 0.5e-3), 4))
     grid = ContactGrid.over(tiles, layout.frame(tiles.size))
     radius = np.hypot(*np.moveaxis(grid.points, -1, 0))
     assert_allclose(radius[[0, -1], 0], [22e-3 - grid.spacing[0] / 2, 20e-3 + grid.spacing[0] / 2])

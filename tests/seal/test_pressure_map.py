@@ -148,9 +148,9 @@ def test_long_triangles_far_from_their_middles_are_found():
     points = np.vstack([fine, [[0.1, 0], [0.1, 1], [10, 0], [10, 1]]])
     long = [[2000, 2001, 2003], [2000, 2003, 2002]]
     triangles = np.vstack([PressureField.of(fine, np.ones(len(fine))).triangles, long])
-    places = np.stack([np.linspace(0.2, 9.9, 50), np.full(50, 0.5)], axis=1)
+    patches = np.stack([np.linspace(0.2, 9.9, 50), np.full(50, 0.5)], axis=1)
     field = PressureField.of(points, points[:, 0], triangles)
-    assert_allclose(field.at(places, Frame()), places[:, 0])
+    assert_allclose(field.at(patches, Frame()), patches[:, 0])
 
 
 @pytest.mark.parametrize(

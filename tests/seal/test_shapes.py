@@ -17,10 +17,10 @@ from femseal.seal import AnnularLayout, MeshLayout, MeshSeal, RectangularLayout
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import lay_of
 from femseal.seal.mesh_seal import boundaries_without_name, parts_without_flow
-from femseal.seal.tiles import PieceSize
+from femseal.seal.tiles import CellSize
 
 MESHES = Path(__file__).parents[2] / "meshes"
-PIECE = PieceSize((1e-4, 1e-4), 10)
+CELL = CellSize((1e-4, 1e-4), 10)
 RADII = (1e-2, 1.1e-2)
 
 
@@ -98,7 +98,7 @@ def test_turning_mesh_and_lay_together_changes_nothing(tmp_path, angle):
     def rates(path, direction):
         lay = {"angle": direction}
         layout = MeshLayout(path, "mm", "inside", "outside", lay=lay)
-        tiles = layout.lay_out(PieceSize((1e-6, 1e-6), 1))  # an element each
+        tiles = layout.lay_out(CellSize((1e-6, 1e-6), 1))  # an element each
         k = np.random.default_rng(2).lognormal(size=(2, tiles.count)) * [[1.0], [6.0]]
         of_tiles = np.empty_like(k)
         of_tiles[:, tiles.tile] = k
@@ -111,13 +111,13 @@ def test_turning_mesh_and_lay_together_changes_nothing(tmp_path, angle):
 
 
 def test_closed_tiles_seal_exactly():
-    tiles = MeshLayout(MESHES / "ring.msh", "m", "inlet", "outlet").lay_out(PIECE)
+    tiles = MeshLayout(MESHES / "ring.msh", "m", "inlet", "outlet").lay_out(CELL)
     k = np.ones(tiles.count)
     k[np.hypot(*tiles.middles.T) < 11e-3] = 0.0
     flow = tiles.seal.flow(tiles.permeability(k, k), bounds=True)
     assert (flow.conductance, flow.lower, flow.percolates) == (0.0, 0.0, False)
     # closed across the lay, which runs round the bore; no side of an element runs along it
-    turned = MeshLayout(MESHES / "bolted_ring.msh", "mm", "bore", "rim").lay_out(PIECE)
+    turned = MeshLayout(MESHES / "bolted_ring.msh", "mm", "bore", "rim").lay_out(CELL)
     one = np.ones(turned.count)
     half = turned.seal.flow(turned.permeability(0 * one, one), bounds=True)
     assert (half.conductance, half.percolates, half.upper > 0) == (0.0, False, True)
@@ -127,37 +127,37 @@ def test_closed_tiles_seal_exactly():
 
 
 @pytest.mark.parametrize(
-    ("layout", "piece", "grid", "size"),
+    ("layout", "cell", "grid", "size"),
     [
-        (RectangularLayout(), PieceSize((1e-5, 3e-5), 8, 3e-3, 4e-4), (40, 100), (4e-4, 3e-3)),
-        (RectangularLayout(), PieceSize((1e-5, 3e-5), 8, 3e-3), (8, 100), (8e-5, 3e-3)),
-        (RectangularLayout("x1"), PieceSize((1e-5, 3e-5), 9, 3e-3), (3, 300), (9e-5, 3e-3)),
-        (AnnularLayout(1e-2, 1.1e-2, "outer"), PIECE, (10, 660), (1e-3, pi * 21e-3)),
+        (RectangularLayout(), CellSize((1e-5, 3e-5), 8, 3e-3, 4e-4), (40, 100), (4e-4, 3e-3)),
+        (RectangularLayout(), CellSize((1e-5, 3e-5), 8, 3e-3), (8, 100), (8e-5, 3e-3)),
+        (RectangularLayout("x1"), CellSize((1e-5, 3e-5), 9, 3e-3), (3, 300), (9e-5, 3e-3)),
+        (AnnularLayout(1e-2, 1.1e-2, "outer"), CELL, (10, 660), (1e-3, pi * 21e-3)),
         (
             AnnularLayout(1e-2, 1.1e-2, lay="radial"),
-            PieceSize((1e-4, 2e-4), 1),
+            CellSize((1e-4, 2e-4), 1),
             (5, 660),
             (1e-3, pi * 21e-3),
         ),
     ],
 )
-def test_sizes_and_numbers_of_tiles(layout, piece, grid, size):
-    tiles = layout.lay_out(piece)
+def test_sizes_and_numbers_of_tiles(layout, cell, grid, size):
+    tiles = layout.lay_out(cell)
     assert tiles.grid == grid
     assert_allclose(tiles.size, size)
 
 
 @pytest.mark.parametrize(
-    ("layout", "piece", "area"),
+    ("layout", "cell", "area"),
     [
-        (RectangularLayout(), PieceSize((1e-5, 3e-5), 8, length=3e-3), 8e-5 * 3e-3),
-        (AnnularLayout(1e-2, 1.1e-2), PIECE, pi * 21e-6),
-        (RectangularLayout({"angle": 1.0}), PieceSize((1e-5, 1e-5), 8, length=3e-4), 24e-9),
-        (MeshLayout(MESHES / "frame.msh", "mm", "inside", ["outside"]), PIECE, 384e-6),
+        (RectangularLayout(), CellSize((1e-5, 3e-5), 8, length=3e-3), 8e-5 * 3e-3),
+        (AnnularLayout(1e-2, 1.1e-2), CELL, pi * 21e-6),
+        (RectangularLayout({"angle": 1.0}), CellSize((1e-5, 1e-5), 8, length=3e-4), 24e-9),
+        (MeshLayout(MESHES / "frame.msh", "mm", "inside", ["outside"]), CELL, 384e-6),
     ],
 )
-def test_outlines_cover_the_seal(layout, piece, area):
-    x, y = np.moveaxis(layout.lay_out(piece).outlines, -1, 0)
+def test_outlines_cover_the_seal(layout, cell, area):
+    x, y = np.moveaxis(layout.lay_out(cell).outlines, -1, 0)
     parts = (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
     assert_allclose(0.5 * np.abs(parts).sum(), area, rtol=1e-4)
 
@@ -206,34 +206,34 @@ RINGS = MESHES / "ring.msh"
 
 
 @pytest.mark.parametrize(
-    ("layout", "given", "piece", "message"),
+    ("layout", "given", "cell", "message"),
     [
-        (RectangularLayout, ("radial",), PIECE, "lay: given 'radial' on a strip"),
-        (RectangularLayout, (), PIECE, "length: given none"),
-        (RectangularLayout, (), PieceSize((1e-6, 1e-4), 1001, 1e-3), "at most 1000 tiles"),
-        (AnnularLayout, (1e-2, 1e-2), PIECE, "outer_radius: given 0.01 m, expected a number > the"),
-        (AnnularLayout, (10.0, 120.0), PIECE, "outer_radius: given a seal 240 m across, .* unit r"),
-        (AnnularLayout, RADII, PieceSize((1e-4, 1e-4), 4, length=1.0), "length: given 1 m, expec"),
-        (AnnularLayout, RADII, PieceSize((1e-4, 1e-4), 4, breadth=1.0), "breadth: given 1 m, exp"),
-        (AnnularLayout, RADII, PieceSize((2e-3, 1e-4), 4), "outer_radius: given a ring 1 mm broad"),
-        (AnnularLayout, (1e-3, 1e-2), PIECE, "inner_radius: given .*18% as wide as pieces"),
-        (MeshLayout, (RINGS, "kg", "inlet", "outlet"), PIECE, "unit"),
-        (MeshLayout, (RINGS, "um", "inlet", "outlet"), PIECE, "path: given a seal 30 nm across wi"),
-        (MeshLayout, (RINGS, "m", "inlet", ("outlet", "rim")), PIECE, "outlet: given 'rim'"),
-        (MeshLayout, (RINGS, "m", "inlet", ()), PIECE, r"outlet: given \(\)"),
-        (MeshLayout, (RINGS, "m", "inlet", "inlet"), PIECE, "inlet and outlet: given boundaries"),
-        (MeshLayout, (MESHES / "none.msh", "m", "a", "b"), PIECE, "path: given .* an existing mes"),
+        (RectangularLayout, ("radial",), CELL, "lay: given 'radial' on a strip"),
+        (RectangularLayout, (), CELL, "length: given none"),
+        (RectangularLayout, (), CellSize((1e-6, 1e-4), 1001, 1e-3), "at most 1000 tiles"),
+        (AnnularLayout, (1e-2, 1e-2), CELL, "outer_radius: given 0.01 m, expected a number > the"),
+        (AnnularLayout, (10.0, 120.0), CELL, "outer_radius: given a seal 240 m across, .* unit r"),
+        (AnnularLayout, RADII, CellSize((1e-4, 1e-4), 4, length=1.0), "length: given 1 m, expec"),
+        (AnnularLayout, RADII, CellSize((1e-4, 1e-4), 4, breadth=1.0), "breadth: given 1 m, exp"),
+        (AnnularLayout, RADII, CellSize((2e-3, 1e-4), 4), "outer_radius: given a ring 1 mm broad"),
+        (AnnularLayout, (1e-3, 1e-2), CELL, "inner_radius: given .*18% as wide as cells"),
+        (MeshLayout, (RINGS, "kg", "inlet", "outlet"), CELL, "unit"),
+        (MeshLayout, (RINGS, "um", "inlet", "outlet"), CELL, "path: given a seal 30 nm across wi"),
+        (MeshLayout, (RINGS, "m", "inlet", ("outlet", "rim")), CELL, "outlet: given 'rim'"),
+        (MeshLayout, (RINGS, "m", "inlet", ()), CELL, r"outlet: given \(\)"),
+        (MeshLayout, (RINGS, "m", "inlet", "inlet"), CELL, "inlet and outlet: given boundaries"),
+        (MeshLayout, (MESHES / "none.msh", "m", "a", "b"), CELL, "path: given .* an existing mes"),
     ],
 )
-def test_bad_shapes(layout, given, piece, message):
+def test_bad_shapes(layout, given, cell, message):
     with pytest.raises(InputError, match=message) as error:
-        layout(*given).lay_out(piece)
+        layout(*given).lay_out(cell)
     assert "\n" not in str(error.value)
 
 
 def test_tiles_that_are_narrow_at_the_inner_radius_are_warned_of():
-    (told,) = AnnularLayout(1e-3, 3e-3).lay_out(PIECE).warnings
-    assert "50% as wide as pieces" in told
+    (told,) = AnnularLayout(1e-3, 3e-3).lay_out(CELL).warnings
+    assert "50% as wide as cells" in told
 
 
 def test_parts_of_a_mesh_that_nothing_flows_through_are_warned_of():

@@ -1,4 +1,4 @@
-"""Tiles of strips, rings and meshes: closed forms, what closes a seal, how pieces are drawn, and faults."""
+"""Tiles of strips, rings and meshes: closed forms, what closes a seal, how cells are drawn, and faults."""
 
 from dataclasses import replace
 
@@ -10,18 +10,18 @@ from skfem import MeshTri
 
 from femseal.base import InputError
 from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout
-from femseal.seal.tiles import PieceSize, along_grooves, face_tiles
+from femseal.seal.tiles import CellSize, along_grooves, face_tiles
 
 A = 1e-4
-PIECE = PieceSize((A, A), 3, length=9 * A)
+CELL = CellSize((A, A), 3, length=9 * A)
 
 
 def wide(rows=4, columns=9, lay="x2"):
-    return RectangularLayout(lay).lay_out(replace(PIECE, length=columns * A, breadth=rows * A))
+    return RectangularLayout(lay).lay_out(replace(CELL, length=columns * A, breadth=rows * A))
 
 
 def ring(lay="circumferential", inlet="inner", inner=1e-3, outer=1.4e-3, sides=(A, A)):
-    return AnnularLayout(inner, outer, inlet, lay=lay).lay_out(PieceSize(sides, 3))
+    return AnnularLayout(inner, outer, inlet, lay=lay).lay_out(CellSize(sides, 3))
 
 
 def conductance(tiles, k1, k2=None):
@@ -62,7 +62,7 @@ def test_equal_tiles_of_triangles_are_the_closed_form(tmp_path):
     errors = []
     for n in (4, 8, 16):
         layout = MeshLayout(ring_file(tmp_path, n), "mm", "in", "out", lay="x1")
-        found = conductance(layout.lay_out(PieceSize((A, A), 3)), 1e-18)
+        found = conductance(layout.lay_out(CellSize((A, A), 3)), 1e-18)
         errors.append(abs(found / (np.pi / 2 * 1e-18 / np.log(1.4)) - 1))
     assert errors[2] < 1e-4
     assert errors[0] / errors[2] == pytest.approx(16, rel=0.2)
@@ -154,7 +154,7 @@ def test_a_longer_seal_begins_with_the_tiles_of_a_shorter_one():
             assert set(long[1]) == set(range(5, 10))
 
 
-def test_every_piece_is_drawn_as_often_and_independent_of_its_neighbour():
+def test_every_cell_is_drawn_as_often_and_independent_of_its_neighbour():
     """By chi², of which 99.9 % are below 31 with 11 degrees of freedom, 200 with 143."""
     tiles = wide(10, 2000)
     drawn = tiles.draw((3, 4), np.random.default_rng(1)).reshape(tiles.grid)
@@ -164,14 +164,14 @@ def test_every_piece_is_drawn_as_often_and_independent_of_its_neighbour():
         assert ((count - expected) ** 2 / expected).sum() < most
 
 
-def test_pieces_stay_in_place_where_the_seal_is_like_the_face_alone():
+def test_cells_stay_in_order_where_the_seal_is_like_the_face_alone():
     """Not where a lay does not run along the seal, or where grooves wind."""
     outer, turned = 1e-3 + 3 * A, ("x1", {"angle": 1.0}, {"kind": "spiral", "lead": A})
-    assert wide(3).in_place
-    assert ring(outer=outer).in_place
-    assert not wide(4).in_place
-    assert not any(wide(3, lay=lay).in_place for lay in turned)
-    assert not any(ring(lay, outer=outer).in_place for lay in ("radial", "x2", *turned))
+    assert wide(3).in_order
+    assert ring(outer=outer).in_order
+    assert not wide(4).in_order
+    assert not any(wide(3, lay=lay).in_order for lay in turned)
+    assert not any(ring(lay, outer=outer).in_order for lay in ("radial", "x2", *turned))
 
 
 def test_elements_much_larger_than_cells_are_warned_of(tmp_path):
@@ -179,7 +179,7 @@ def test_elements_much_larger_than_cells_are_warned_of(tmp_path):
     layout = MeshLayout(ring_file(tmp_path, 4), "mm", "in", "out")
 
     def scatter_warnings(side):
-        texts = layout.lay_out(PieceSize((side, side), 4)).warnings
+        texts = layout.lay_out(CellSize((side, side), 4)).warnings
         return [text for text in texts if "scatters too much" in text]
 
     side = 2e-5
@@ -200,7 +200,7 @@ def test_scatter_grows_with_the_root_of_the_cells_for_which_an_element_has_room(
     rng = np.random.default_rng(3)
     for n in (6, 12):
         tiles = MeshLayout(ring_file(tmp_path, n), "mm", "in", "out").lay_out(
-            PieceSize((1e-6, 1e-6), 4)
+            CellSize((1e-6, 1e-6), 4)
         )
         k = np.exp(rng.normal(0, 0.5, (60, tiles.count)))
         rates = [tiles.seal.flow(tiles.permeability(one, one)).conductance for one in k]
@@ -208,9 +208,9 @@ def test_scatter_grows_with_the_root_of_the_cells_for_which_an_element_has_room(
     assert_allclose(deviations[0] / deviations[1], 2, rtol=0.35)
 
 
-def test_elements_smaller_than_a_piece_share_its_tile(tmp_path):
+def test_elements_smaller_than_a_cell_share_its_tile(tmp_path):
     layout = MeshLayout(ring_file(tmp_path, 8), "mm", "in", "out")
-    fine, coarse = (layout.lay_out(PieceSize((s, s), 3)) for s in (1e-6, 2 * A))
+    fine, coarse = (layout.lay_out(CellSize((s, s), 3)) for s in (1e-6, 2 * A))
     assert fine.count == len(fine.tile)
     assert coarse.count < 2.5 * np.pi / 4 * (1.4e-3**2 - 1e-3**2) / (2 * A) ** 2
     middles = coarse.outlines.mean(axis=1)
@@ -241,7 +241,7 @@ def test_the_flux_carries_the_leakage(tiles):
 
 
 def test_faults_of_sizes():
-    with pytest.raises(InputError, match="at least as broad as a piece"):
+    with pytest.raises(InputError, match="at least as broad as a cell"):
         ring(outer=1e-3 + 0.5 * A)
     with pytest.raises(InputError, match="a mesh has none of them"):
         ring(inner=1e-5)
@@ -250,9 +250,9 @@ def test_faults_of_sizes():
     assert "too close together" in ring(inner=2e-4, outer=8e-4).warnings[0]
 
 
-def test_the_pieces_of_a_face_lie_in_their_order():
+def test_the_cells_of_a_face_lie_in_their_order():
     tiles = face_tiles((2.0, 6.0), (2, 3))
-    assert tiles.in_place
+    assert tiles.in_order
     assert_allclose(tiles.middles, [[0.5 + i, 1 + 2 * j] for i in range(2) for j in range(3)])
     k = np.arange(1.0, 7.0)
     # columns that hardly exchange, in series along x1 and beside each other along x2: the lower bound is exact
@@ -263,6 +263,6 @@ def test_the_pieces_of_a_face_lie_in_their_order():
 
 
 def test_a_ring_of_which_a_part_is_drawn_is_as_long_as_the_whole():
-    tiles = AnnularLayout(1e-2, 1.04e-2).lay_out(PieceSize((A, A), 4, most=200))
+    tiles = AnnularLayout(1e-2, 1.04e-2).lay_out(CellSize((A, A), 4, most=200))
     assert tiles.part < 0.5
     assert_allclose(tiles.size, (4e-4, 2 * np.pi * 1.02e-2), rtol=1e-3)

@@ -16,7 +16,7 @@ from kept_study import EVERY, Crash, assert_complete, resumed, study, value
 
 import femseal as fs
 from femseal.base import Stage, numerical_versions
-from femseal.face.piece_flow import SolveCounts
+from femseal.face.cell_flow import SolveCounts
 from femseal.store import store
 from femseal.store.code import NoDigest
 from femseal.store.digests import digest

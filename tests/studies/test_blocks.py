@@ -39,15 +39,15 @@ def test_blocks_leak_as_the_whole_face(height):
     assert_allclose(np.log(found.leakage / whole), 0, atol=np.log(1.8))
 
 
-def test_pieces_press_where_the_whole_face_does():
+def test_cells_press_where_the_whole_face_does():
     one = scene(wavy(2e-6))
-    whole = fs.two_scale(one, (8, 8)).pieces.pressure
+    whole = fs.two_scale(one, (8, 8)).cells.pressure
     found = fs.by_blocks(one, (2, 2)).pressure
     for mine, its in zip(found, whole, strict=True):
         assert np.corrcoef(mine.ravel(), its.ravel())[0, 1] > 0.8
 
 
-def test_pieces_carry_the_load_and_come_back():
+def test_cells_carry_the_load_and_come_back():
     found = fs.by_blocks(scene(wavy(1e-6)), (2, 4))
     assert found.pressure.shape == (3, 8, 16)
     assert_allclose(found.pressure.mean(axis=(1, 2)), [1e8, 3e8, 1e8], rtol=1e-3)
@@ -85,7 +85,7 @@ def test_the_same_bits_on_any_mapper():
         (
             {"surface": Patches([scene().surface, scene().surface.flip(0)])},
             (2, 2),
-            "several places",
+            "several patches",
         ),
     ],
 )

@@ -10,13 +10,13 @@ from skfem import MeshTri
 from small_cases import E, steel_scene
 
 from femseal.contact import solve_contact
-from femseal.face.piece_flow import permeability_along_x2
-from femseal.face.pieces import Cut
+from femseal.face.cell_flow import permeability_along_x2
+from femseal.face.cells import Cut
 from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout
-from femseal.studies import Sampling, piece_states, stochastic, two_scale
-from femseal.studies.piece_states import pieces_on_ladder
+from femseal.studies import Sampling, cell_states, stochastic, two_scale
+from femseal.studies.cell_states import cells_on_ladder
 from femseal.topography import Patches, Topography, self_affine
 
 D = 1e-6
@@ -63,7 +63,7 @@ def gap_of(one):
 def test_turned_by_a_right_angle_both_axes_of_a_surface_change_place():
     surface, loads = turned(), LoadProgramme([LoadStep(p) for p in (1e8, 5e8, 9e8)])
     along, across = (
-        pieces_on_ladder(scene(top), Cut.of(top, (4, 4)), loads, map)
+        cells_on_ladder(scene(top), Cut.of(top, (4, 4)), loads, map)
         for top in (surface, transposed(surface))
     )
     assert_allclose(along.corrected_k[:, 1], across.corrected_k[:, 0].swapaxes(-1, -2), rtol=1e-3)
@@ -75,13 +75,13 @@ def test_a_surface_that_is_closed_along_x1_leaks_along_x2_what_it_leaks():
     """A wall across the flow along x1 makes that factor run to its limit; along x2 it is a groove beside another."""
     surface = turned(depth=2e-6)
     one = scene(surface, loading=(8e8,))
-    pieces = pieces_on_ladder(one, Cut.of(surface, (4, 4)), one.steps, map)
-    assert pieces.face[0] == 0
+    cells = cells_on_ladder(one, Cut.of(surface, (4, 4)), one.steps, map)
+    assert cells.face[0] == 0
     gap = gap_of(one)
     whole = cell_permeability(gap, (D, D), axis=1, sides="periodic").value
-    assert_allclose(pieces.surface_k2, whole, rtol=1e-3)
-    assert_allclose(pieces.factor_k2 * pieces.cells_k2, whole, rtol=1e-3)
-    assert_allclose(pieces.factor_k2, 1, atol=0.1)
+    assert_allclose(cells.surface_k2, whole, rtol=1e-3)
+    assert_allclose(cells.factor_k2 * cells.cells_k2, whole, rtol=1e-3)
+    assert_allclose(cells.factor_k2, 1, atol=0.1)
 
 
 def rectangle(folder, size):
@@ -132,10 +132,10 @@ def test_leakage_along_grooves_is_that_of_their_mean_cube():
     load = 0.5 * np.pi * E * half / (pitch * D)
     one = scene(surface, hardness=np.inf, loading=(load,))
     exact = 3.534788e-3 * (2 * half) ** 3 / 12
-    pieces = pieces_on_ladder(one, Cut.of(surface, (4, 1)), one.steps, map)
-    assert_allclose(pieces.corrected_k[0, 1], (gap_of(one) ** 3).mean() / 12, rtol=1e-6)
-    assert_allclose(pieces.k[0, 1], (gap_of(one) ** 3).mean() / 12, rtol=1e-6)
-    assert_allclose(pieces.k2, exact, rtol=0.02)
+    cells = cells_on_ladder(one, Cut.of(surface, (4, 1)), one.steps, map)
+    assert_allclose(cells.corrected_k[0, 1], (gap_of(one) ** 3).mean() / 12, rtol=1e-6)
+    assert_allclose(cells.k[0, 1], (gap_of(one) ** 3).mean() / 12, rtol=1e-6)
+    assert_allclose(cells.k2, exact, rtol=0.02)
     inner, outer = 2e-3, 2e-3 + n * D
     spiral = AnnularLayout(inner, outer, lay={"kind": "spiral", "lead": pitch * D})
     found = stochastic(
@@ -156,7 +156,7 @@ def test_patches_leak_along_x2_each_by_itself():
     first = turned()
     image = Topography(np.ascontiguousarray(first.heights[:, ::-1]), (D, D), (True, True))
     alone, both = (
-        pieces_on_ladder(scene(top), Cut.of(top, cells), scene(top).steps, map)
+        cells_on_ladder(scene(top), Cut.of(top, cells), scene(top).steps, map)
         for top, cells in ((first, (4, 4)), (Patches([first, image]), (4, 8)))
     )
     for name in ("surface_k2", "cells_k2", "factor_k2", "factor"):
@@ -167,10 +167,10 @@ def test_patches_leak_along_x2_each_by_itself():
 
 
 def test_the_flow_along_x2_is_not_solved_where_cells_stay_in_order(monkeypatch):
-    monkeypatch.setattr(piece_states, "permeability_along_x2", None)
+    monkeypatch.setattr(cell_states, "permeability_along_x2", None)
     one = scene(turned(32))
-    assert np.isnan(two_scale(one, (2, 2)).pieces.surface_k2).all()
+    assert np.isnan(two_scale(one, (2, 2)).cells.surface_k2).all()
     drawn = stochastic(one, (2, 2), Sampling(2e-4, 2, seed=1))
-    assert drawn.tiles.in_place
+    assert drawn.tiles.in_order
     assert (drawn.leakage > 0).all()
-    assert_allclose(drawn.pieces.factor_k2, 1)
+    assert_allclose(drawn.cells.factor_k2, 1)

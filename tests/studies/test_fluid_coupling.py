@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.face.piece_flow import FlowSettings, resolved_flow
+from femseal.face.cell_flow import FlowSettings, resolved_flow
 from femseal.flow.cell import harmonic_fill
 from femseal.scene.fluid_coupling import LEAST_FRACTION, FluidPressure
 from femseal.studies import Sampling, deterministic, stochastic, two_scale

@@ -15,7 +15,7 @@ import femseal as fs
 from femseal import analytic
 from femseal.case import parse_case
 from femseal.contact import HalfSpace
-from femseal.face.pieces import Cut
+from femseal.face.cells import Cut
 from femseal.preparation import prepare
 from femseal.seal import AnnularLayout, MeasuredForm, MeshLayout, WavyForm
 from femseal.studies import laid_out
@@ -244,7 +244,7 @@ def test_the_band_of_a_measured_form_is_one_of_its_own():
     measured = MeasuredForm.of(points, 1e-7 * np.cos(2 * angle))
     forms = measured, WavyForm(1e-7, lobes=2), CrownedSeat(0.1), ()
     kinds = [drawn(scene((5e7,), layout=NARROW), form).kind for form in forms]
-    assert kinds == ["with form", "anywhere", "anywhere", "in place"]
+    assert kinds == ["with form", "at random", "at random", "in order"]
 
 
 CASE = STRIP | {

@@ -1,4 +1,4 @@
-"""Drawn seals: closed forms of equal pieces, invariants, maps, the fluid that acts, places, and faults."""
+"""Drawn seals: closed forms of equal cells, invariants, maps, the fluid that acts, places, and faults."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -11,7 +11,7 @@ from small_cases import OIL, E, H, steel_scene
 from femseal.base import InputError
 from femseal.contact import LinearHardening
 from femseal.execution.run import ordered_map
-from femseal.face.pieces import Cut
+from femseal.face.cells import Cut
 from femseal.fluids import IdealGas, Liquid
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal import (
@@ -23,7 +23,7 @@ from femseal.seal import (
     RectangularLayout,
 )
 from femseal.studies import Sampling, deterministic, stochastic
-from femseal.studies.piece_states import pieces_on_ladder
+from femseal.studies.cell_states import cells_on_ladder
 from femseal.topography import Patches, Topography, self_affine
 
 N, D = 32, 1e-6
@@ -71,7 +71,7 @@ class Halves:
 
 
 @pytest.mark.parametrize("columns", [1, 2, 7])
-def test_a_strip_of_equal_pieces_leaks_as_the_face_over_its_breadth(columns):
+def test_a_strip_of_equal_cells_leaks_as_the_face_over_its_breadth(columns):
     one = scene()
     assert_allclose(
         drawn(one, broad(rows=3, columns=columns), (1, 1)).leakage[0], periodic(one) / 3, rtol=1e-6
@@ -79,7 +79,7 @@ def test_a_strip_of_equal_pieces_leaks_as_the_face_over_its_breadth(columns):
 
 
 @pytest.mark.parametrize("inlet", ["inner", "outer"])
-def test_a_ring_of_equal_pieces_is_the_closed_form(inlet):
+def test_a_ring_of_equal_cells_is_the_closed_form(inlet):
     one = scene(layout=AnnularLayout(20 * SIDE, 24 * SIDE, inlet))
     found = drawn(one, Sampling(None, 1, seed=0), (1, 1))
     assert_allclose(
@@ -89,10 +89,10 @@ def test_a_ring_of_equal_pieces_is_the_closed_form(inlet):
     )
 
 
-def test_in_place_columns_of_the_whole_breadth_leak_what_the_face_leaks():
+def test_in_order_columns_of_the_whole_breadth_leak_what_the_face_leaks():
     one = scene(unload_from=(3e8,), unloading=(1e8,))
     found = drawn(one, Sampling(5 * SIDE, 3, seed=1), (2, 1))
-    assert found.tiles.in_place
+    assert found.tiles.in_order
     assert_allclose(found.leakage, np.tile(deterministic(one).leakage, (3, 1)), rtol=1e-6)
     assert_array_equal(found.row_pressure.shape, (3, N))
     assert found.largest_row_pressure.shape == found.band_breadth.shape == (3,)
@@ -152,7 +152,7 @@ def test_as_many_seals_are_drawn_as_the_band_needs():
 @pytest.mark.parametrize("columns", [2, 8])
 @pytest.mark.parametrize("low", [0.0, 0.6])
 def test_halves_beside_each_other_leak_their_mean_and_in_a_row_their_harmonic_mean(columns, low):
-    """Equal pieces: the pressure falls alike in both halves, so that none flows across; without pressure they touch."""
+    """Equal cells: the pressure falls alike in both halves, so that none flows across; without pressure they touch."""
     one, high = scene(loading=(2e8,)), 2 - low
     k = np.array([periodic(scene(loading=(p * 2e8,)))[0] for p in (low, high)])
     beside, in_a_row = (
@@ -179,12 +179,12 @@ def test_a_field_over_a_strip_of_two_columns_covers_it():
 def tabled(one, pressures):
     """k of the face at nominal pressures, from a ladder of them alone [m³]."""
     steps = LoadProgramme([LoadStep(float(p)) for p in pressures])
-    pieces = pieces_on_ladder(one, Cut.of(one.surface, (1, 1)), steps, map)
-    return pieces.face * 1e-3 / one.inlet_pressure * SIDE
+    cells = cells_on_ladder(one, Cut.of(one.surface, (1, 1)), steps, map)
+    return cells.face * 1e-3 / one.inlet_pressure * SIDE
 
 
 @pytest.mark.parametrize("fluid", [OIL, GAS], ids=["liquid", "gas"])
-def test_a_broad_seal_of_equal_pieces_has_the_mean_over_the_fluid_pressure(fluid):
+def test_a_broad_seal_of_equal_cells_has_the_mean_over_the_fluid_pressure(fluid):
     """∫ k(p̄ − s) ds over the pressure of a liquid, ∫ k(p̄ − s) s ds of a gas, over that without the fluid."""
     load, p_in = 2e8, 8e7
     one = scene(loading=(load,), inlet_pressure=p_in, fluid=fluid)

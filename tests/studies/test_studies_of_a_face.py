@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
-import femseal.face.piece_flow
-import femseal.face.pieces
+import femseal.face.cell_flow
+import femseal.face.cells
 import femseal.scene.scene
 from femseal import analytic
 from femseal.base import FemsealError, InputError, NotConverged
@@ -39,7 +39,7 @@ def leakage_of(permeability, scene):
 
 @pytest.fixture(scope="module")
 def rough():
-    """A face of 4 × 6 pieces under a cycle, with pixels and pieces that are not square."""
+    """A face of 4 × 6 cells under a cycle, with pixels and cells that are not square."""
     face = self_affine((96, 96), (96e-6, 120e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, rng=5)
     return make_scene(
         face.heights,
@@ -80,10 +80,10 @@ def test_ridges_across_the_leakage_that_touch_seal():
     scene = make_scene(corrugated(0), loading=(0.0, 1e6))
     assert not deterministic(scene).leakage.any()
     result = two_scale(scene, (4, 4))
-    # the ridge lies at the border of the first row of pieces
+    # the ridge lies at the border of the first row of cells
     assert not result.k1[1, 0].any()
     assert (result.k1[1, 1:3] > 0).all()
-    assert np.isnan(result.pieces.drop_fraction[1]).all()
+    assert np.isnan(result.cells.drop_fraction[1]).all()
 
 
 @pytest.mark.parametrize("waves", [0, 8])
@@ -104,7 +104,7 @@ def test_the_ends_of_a_flat_face_carry_more_if_they_are_free(boundary):
     punch = 4 * np.diff(np.arcsin(np.linspace(-1, 1, 5))) / np.pi
     share = punch if boundary[0] == "free" else np.ones(4)
     result = two_scale(scene, (4, 4))
-    assert_allclose(result.pieces.pressure[0].T, np.tile(1e8 * share, (4, 1)), rtol=0.03)
+    assert_allclose(result.cells.pressure[0].T, np.tile(1e8 * share, (4, 1)), rtol=0.03)
     assert (result.contact_fraction[0], result.leakage[0]) == (1, 0)
 
 
@@ -129,19 +129,19 @@ def core_permeability(cell, spacing, axis=0, **fluid):
     return flux[first:end].sum() / ((end - first) * spacing[1])
 
 
-def test_gap_and_pressure_of_the_pieces_are_those_of_the_face(rough, rough_two_scale):
-    result, pieces, cut = rough_two_scale, rough_two_scale.pieces, rough_two_scale.pieces.cut
+def test_gap_and_pressure_of_the_cells_are_those_of_the_face(rough, rough_two_scale):
+    result, cells, cut = rough_two_scale, rough_two_scale.cells, rough_two_scale.cells.cut
     pressure = result.contact_pressure
     for s in range(5):
-        assert_allclose(cut.means(result.gap[s]), pieces.mean_gap[s], rtol=1e-6)
-        assert_allclose(cut.means(pressure[s]), pieces.pressure[s], rtol=1e-5, atol=1e-3)
+        assert_allclose(cut.means(result.gap[s]), cells.mean_gap[s], rtol=1e-6)
+        assert_allclose(cut.means(pressure[s]), cells.pressure[s], rtol=1e-5, atol=1e-3)
         # one point may touch without pressure
-        assert_allclose(cut.means(result.gap[s] == 0), pieces.contact_fraction[s], atol=1 / 384)
+        assert_allclose(cut.means(result.gap[s] == 0), cells.contact_fraction[s], atol=1 / 384)
         at_hardness = cut.means(pressure[s] >= HARDNESS * (1 - 1e-7))
-        assert_allclose(at_hardness, pieces.plastic_fraction[s], atol=2 / 384)
+        assert_allclose(at_hardness, cells.plastic_fraction[s], atol=2 / 384)
     # the whole load, at every step
     assert_allclose(pressure.mean(axis=(1, 2), dtype=float), rough.steps.pressures, rtol=1e-5)
-    assert_allclose(pieces.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
+    assert_allclose(cells.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
     gap, spacing = result.gap[0].astype(float), rough.surface.spacing
     for axis, k in ((0, result.k1), (1, result.k2)):
         exact = core_permeability(cut.widened(gap, axis)[11], spacing, axis)
@@ -149,21 +149,21 @@ def test_gap_and_pressure_of_the_pieces_are_those_of_the_face(rough, rough_two_s
 
 
 def test_gas(rough, rough_two_scale):
-    """A gas without slip leaves permeabilities and fractions as they are; with it, each piece has its own factor."""
+    """A gas without slip leaves permeabilities and fractions as they are; with it, each cell has its own factor."""
     gas = IdealGas(viscosity=2e-5, molar_mass=0.029, temperature=300.0, slip=False)
     scene = replace(rough, fluid=gas, inlet_pressure=5e6, outlet_pressure=1e5)
-    fractions = rough_two_scale.pieces.drop_fraction
+    fractions = rough_two_scale.cells.drop_fraction
     result = two_scale(scene, (4, 6))
     assert_array_equal(result.k1, rough_two_scale.k1)
-    assert_allclose(result.pieces.drop_fraction, fractions, atol=1e-9)
+    assert_allclose(result.cells.drop_fraction, fractions, atol=1e-9)
     scene = replace(scene, fluid=replace(gas, slip=True), inlet_pressure=3e5)
     slips, spacing = two_scale(scene, (4, 6)), rough.surface.spacing
-    piece = slips.pieces.cut.widened(result.gap[0].astype(float), 0)[1]
+    cell = slips.cells.cut.widened(result.gap[0].astype(float), 0)[1]
     each = [
-        core_permeability(piece, spacing, law=scene.fluid.law, pressure=p)
+        core_permeability(cell, spacing, law=scene.fluid.law, pressure=p)
         for p in scene.flow.drop.pressures
     ]
-    assert_allclose(slips.pieces.k[:, 0, 0, 0, 1], each, rtol=1e-5)
+    assert_allclose(slips.cells.k[:, 0, 0, 0, 1], each, rtol=1e-5)
     assert_allclose(slips.k1[0, 0, 1], np.mean(each), rtol=1e-5)
 
 
@@ -189,12 +189,12 @@ SAMPLING = Sampling(length=120e-6, realisations=6, seed=3)
 
 
 def test_a_realisation_is_the_flow_through_its_drawn_tiles(rough, rough_two_scale):
-    """Each tile takes a piece of its own row; the seal leaks over the face what it leaks over its pieces in order."""
+    """Each tile takes a cell of its own row; the seal leaks over the face what it leaks over its cells in order."""
     result = stochastic(rough, (4, 6), replace(SAMPLING, seed=8))
-    tiles, pieces = result.tiles, result.pieces
+    tiles, cells = result.tiles, result.cells
     own = face_tiles(rough.surface.size, (4, 6))
     for name in ("k", "pressure", "mean_gap", "contact_fraction", "face", "own"):
-        assert_array_equal(getattr(pieces, name), getattr(rough_two_scale.pieces, name))
+        assert_array_equal(getattr(cells, name), getattr(rough_two_scale.cells, name))
 
     def leakage(of, k):
         return rough.leakage(of.seal, of.permeability(k[0], k[1])).per_length
@@ -203,10 +203,10 @@ def test_a_realisation_is_the_flow_through_its_drawn_tiles(rough, rough_two_scal
         rng = np.random.default_rng(np.random.SeedSequence(8, spawn_key=(r,)))
         drawn = tiles.draw((4, 6), rng)
         for s in range(5):
-            k = pieces.k[0, :, s].reshape(2, -1)
-            assert_allclose(leakage(own, k), pieces.own[s], rtol=1e-6)
-            ratio = np.clip(leakage(tiles, k[:, drawn]) / pieces.own[s], 0.5, 2)
-            assert_allclose(result.leakage[r, s], pieces.face[s] * ratio, rtol=1e-6)
+            k = cells.k[0, :, s].reshape(2, -1)
+            assert_allclose(leakage(own, k), cells.own[s], rtol=1e-6)
+            ratio = np.clip(leakage(tiles, k[:, drawn]) / cells.own[s], 0.5, 2)
+            assert_allclose(result.leakage[r, s], cells.face[s] * ratio, rtol=1e-6)
 
 
 def drawn_result(leakage):
@@ -266,13 +266,13 @@ def test_statistics(leakage, quantiles, mean, sealed):
 def test_the_scene_chooses_the_solver(rough, rough_two_scale, solver):
     """In cells, of the whole surface and over the tiles of a strip."""
     chosen = replace(rough, solver=solver, loading=(1e8,), unload_from=(), unloading=())
-    whole, pieces = deterministic(chosen), two_scale(chosen, (4, 6))
+    whole, cells = deterministic(chosen), two_scale(chosen, (4, 6))
     drawn = stochastic(chosen, (4, 6), replace(SAMPLING, breadth=192e-6, realisations=2))
-    for counts in (whole.solvers, pieces.solvers, drawn.pieces.counts):
+    for counts in (whole.solvers, cells.solvers, drawn.cells.counts):
         assert {name for name, _ in counts.systems} == {solver}
     assert {name for name, _ in drawn.solvers.systems} == {solver}
-    assert_allclose(pieces.leakage, rough_two_scale.leakage[:1], rtol=1e-4)
-    assert_allclose(pieces.k2, rough_two_scale.k2[:1], rtol=1e-3, atol=1e-30)
+    assert_allclose(cells.leakage, rough_two_scale.leakage[:1], rtol=1e-4)
+    assert_allclose(cells.k2, rough_two_scale.k2[:1], rtol=1e-3, atol=1e-30)
     with pytest.raises(InputError, match="solver"):
         replace(rough, solver="magic")
 
@@ -294,34 +294,34 @@ def failing(monkeypatch):
     return fail
 
 
-def test_a_flow_of_a_piece_that_fails_is_named(rough, failing):
-    """In each of 5 steps 24 pieces along and 24 across: the third step across, the second piece."""
-    failing(femseal.face.pieces, "piece_permeability", calls={2 * 48 + 24 + 1})
+def test_a_flow_of_a_cell_that_fails_is_named(rough, failing):
+    """In each of 5 steps 24 cells along and 24 across: the third step across, the second cell."""
+    failing(femseal.face.cells, "cell_permeabilities", calls={2 * 48 + 24 + 1})
     result = two_scale(rough, (4, 6))
-    assert result.failures == ("loading 600 MPa, piece (0, 1), x2: did not converge",)
+    assert result.failures == ("loading 600 MPa, cell (0, 1), x2: did not converge",)
     assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
     assert np.isfinite(result.k1).all()
     assert np.isfinite(result.leakage).all()
 
 
 def test_a_flow_of_the_whole_face_that_fails_is_named(rough, failing):
-    failing(femseal.face.piece_flow, "cell_permeability", calls={3})
+    failing(femseal.face.cell_flow, "cell_permeability", calls={3})
     result = two_scale(rough, (4, 6))
     assert result.failures == ("unloading 300 MPa from 600 MPa: did not converge",)
-    for values in (result.leakage, result.pieces.drop_fraction[:, 0, 0]):
+    for values in (result.leakage, result.cells.drop_fraction[:, 0, 0]):
         assert_array_equal(np.isnan(values), [False, False, False, True, False])
     assert np.isfinite(result.k1).all()
 
 
-def test_a_state_of_which_a_piece_failed_is_not_drawn_from(rough, failing):
-    failing(femseal.face.pieces, "piece_permeability", calls={48 + 3})
+def test_a_state_of_which_a_cell_failed_is_not_drawn_from(rough, failing):
+    failing(femseal.face.cells, "cell_permeabilities", calls={48 + 3})
     result = stochastic(rough, (4, 6), SAMPLING)
-    assert result.failures == ("loading 300 MPa, piece (0, 3), x1: did not converge",)
+    assert result.failures == ("loading 300 MPa, cell (0, 3), x1: did not converge",)
     assert_array_equal(np.isnan(result.leakage), np.tile(np.arange(5) == 1, (6, 1)))
 
 
 def test_a_flow_through_a_seal_that_fails_is_named(rough, failing):
-    # first the pieces in their own order, then the open seal
+    # first the cells in their own order, then the open seal
     failing(femseal.scene.scene, "seal_leakage", calls={5 + 1 + 5 + 1})
     result = stochastic(rough, (4, 6), replace(SAMPLING, realisations=3))
     assert result.failures == ("realisation 1, loading 300 MPa: did not converge",)
@@ -335,7 +335,7 @@ def test_a_contact_that_fails_is_a_fault(rough, failing):
         stochastic(rough, (4, 6), SAMPLING)
 
 
-def test_a_face_without_any_piece_is_a_fault(rough, failing):
-    failing(femseal.face.pieces, "piece_permeability", calls=range(10**6))
+def test_a_face_without_any_cell_is_a_fault(rough, failing):
+    failing(femseal.face.cells, "cell_permeabilities", calls=range(10**6))
     with pytest.raises(FemsealError, match="every flow failed"):
         stochastic(rough, (4, 6), replace(SAMPLING, breadth=192e-6))

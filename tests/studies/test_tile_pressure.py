@@ -11,7 +11,7 @@ from femseal import Topography, self_affine
 from femseal.loads import LoadProgramme
 from femseal.seal import AngleTable, AnnularLayout, MapsAtLoads, Profile, Uniform
 from femseal.studies import Sampling, stochastic
-from femseal.studies.piece_states import along_paths
+from femseal.studies.cell_states import along_paths
 from femseal.studies.sampling import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths
 
 LOADS = {"loading": (5e7, 1e8, 2e8), "unload_from": (2e8,), "unloading": (1e8, 5e7)}
@@ -33,7 +33,7 @@ def rough(shape, rng):
 
 @pytest.fixture(scope="module")
 def equal():
-    """A face whose pieces are all the same."""
+    """A face whose cells are all the same."""
     return scene_of(np.tile(rough((32, 32), 1), (2, 3)))
 
 
@@ -46,14 +46,14 @@ def drawn(scene, sampling, pressure_map=None):
     return stochastic(scene, (2, 3), replace(sampling, pressure_map=pressure_map or Uniform()))
 
 
-def along(pieces, paths, steps):
-    """Permeability along x1 of a piece, all being the same, along paths of the pressure (steps, paths)."""
-    return along_paths(pieces, paths, steps)[0, 0, :, :, 0]
+def along(cells, paths, steps):
+    """Permeability along x1 of a cell, all being the same, along paths of the pressure (steps, paths)."""
+    return along_paths(cells, paths, steps)[0, 0, :, :, 0]
 
 
-def under(scene, shares, pieces):
-    """Permeability of a piece, all being the same, whose nominal pressure is multiplied (steps, shares)."""
-    return along(pieces, scene.steps.pressures[:, None] * np.atleast_1d(shares), scene.steps)
+def under(scene, shares, cells):
+    """Permeability of a cell, all being the same, whose nominal pressure is multiplied (steps, shares)."""
+    return along(cells, scene.steps.pressures[:, None] * np.atleast_1d(shares), scene.steps)
 
 
 @pytest.mark.parametrize("shape", ["strip", "ring"])
@@ -80,7 +80,7 @@ def test_a_tile_has_its_own_peak(equal):
     result = drawn(equal, STRIP, HALVES)
     cycle = LoadProgramme.of([2e8], [2e8], [1e8])
     own, other = (
-        along(result.pieces, np.array([peaks, (1.5e8, 0.5e8)]), cycle)[1].mean()
+        along(result.cells, np.array([peaks, (1.5e8, 0.5e8)]), cycle)[1].mean()
         for peaks in ((3e8, 1e8), (2e8, 2e8))
     )
     at = [s.name for s in equal.steps].index("unloading 100 MPa from 200 MPa")
@@ -90,7 +90,7 @@ def test_a_tile_has_its_own_peak(equal):
 
 @pytest.mark.parametrize("shape", ["strip", "ring"])
 def test_long_waves_leak_as_the_mean_of_local_seals(random, shape):
-    """Waves of period 2, 4 and 8 around a seal against the mean of uniform seals of the same pieces."""
+    """Waves of period 2, 4 and 8 around a seal against the mean of uniform seals of the same cells."""
     one, sampling = (random, STRIP) if shape == "strip" else (replace(random, layout=LAYOUT), RING)
     angle = np.linspace(0, 2 * np.pi, 256, endpoint=False)
     loads = np.linspace(0.55, 1.45, 7)
@@ -111,9 +111,9 @@ def test_a_map_for_each_load_turns_the_seal_round(equal):
     halves = Profile((1.5, 0.5)), Profile((0.5, 1.5))
     turning = drawn(equal, STRIP, MapsAtLoads((5e7, 1e8), halves))
     shares = np.where(equal.steps.pressures[:, None] > 7e7, [0.5, 1.5], [1.5, 0.5])
-    k = along(turning.pieces, equal.steps.pressures[:, None] * shares, equal.steps)
+    k = along(turning.cells, equal.steps.pressures[:, None] * shares, equal.steps)
     assert_allclose(turning.leakage[0], 2 / (1 / k).sum(axis=1) * OVER_K, rtol=1e-6)
-    virgin = under(equal, [0.5, 1.5], turning.pieces)
+    virgin = under(equal, [0.5, 1.5], turning.cells)
     assert k[1, 0] < 0.95 * virgin[1, 0]  # at 100 MPa the first half has 50 MPa, after 75 MPa
     assert_allclose(k[1, 1], virgin[1, 1])
 

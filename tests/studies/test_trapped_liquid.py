@@ -9,7 +9,7 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.case import parse_case
-from femseal.face.piece_flow import FlowSettings
+from femseal.face.cell_flow import FlowSettings
 from femseal.preparation import prepare
 from femseal.scene.fluid_coupling import FluidPressure
 from femseal.scene.trapped_liquid import label_pockets
@@ -134,7 +134,7 @@ def test_pockets_keep_their_volume():
 def test_drawn_seals_in_the_rows_of_the_face_have_its_contact():
     sampling, whole = fs.Sampling(96e-6, 3, seed=1), fs.deterministic(scene())
     alone = fs.stochastic(scene(), (3, 3), sampling)
-    assert_allclose(alone.pieces.face, whole.leakage, rtol=1e-9)
+    assert_allclose(alone.cells.face, whole.leakage, rtol=1e-9)
     acts = fs.stochastic(scene(fluid_pressure="acts"), (3, 3), sampling)
     assert (np.median(alone.leakage / acts.leakage, axis=0)[2:] > 1.01).all()
 
@@ -146,7 +146,7 @@ def test_drawn_seals_in_the_rows_of_the_face_have_its_contact():
         {"surface": [face(seed=1), face(seed=2), face(seed=3)]},
     ],
 )
-def test_a_gas_and_several_places_are_refused(given):
+def test_a_gas_and_several_patches_are_refused(given):
     with pytest.raises(fs.InputError, match="'trapped' with a gas, several patches or a spiral"):
         scene(**given)
 
@@ -154,9 +154,9 @@ def test_a_gas_and_several_places_are_refused(given):
 @pytest.mark.parametrize(
     "given", [{"breadth": 192e-6}, {"pressure_map": Profile((0.8, 1.2))}], ids=["broad", "map"]
 )
-def test_drawn_seals_of_pieces_from_anywhere_are_refused(given, contacts):
+def test_drawn_seals_of_cells_from_anywhere_are_refused(given, contacts):
     """Before any contact is solved: a ladder is one of dry faces."""
-    with pytest.raises(fs.InputError, match="'trapped' with a seal that takes pieces anywhere"):
+    with pytest.raises(fs.InputError, match="'trapped' with a seal that takes cells anywhere"):
         fs.stochastic(scene(), (3, 3), fs.Sampling(96e-6, 2, seed=1, **given))
     assert contacts == []
 

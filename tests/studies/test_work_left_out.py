@@ -145,7 +145,7 @@ def test_the_ladder_of_an_elastic_face_has_no_way_down(elastic):
     found = fs.stochastic(
         elastic, (3, 4), replace(DRAWN, breadth=9e-5, pressure_map=Profile((0.8, 1.2)))
     )
-    assert found.pieces.steps.on_loading.all()
+    assert found.cells.steps.on_loading.all()
     assert_equal_loads_leak_alike(elastic.steps.pressures, found.leakage)
 
 

@@ -116,9 +116,9 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
 
 def test_each_patch_is_continued_separately():
     halves = np.split(MEASURED.heights, 2, axis=1)
-    places = fs.Patches([fs.Topography(z, MEASURED.spacing, (False, False)) for z in halves])
-    known = continuation_of(places, 1e-6, rng=3)
-    fine = places.low_pass(known.longest).resample((1024, 1024))
+    patches = fs.Patches([fs.Topography(z, MEASURED.spacing, (False, False)) for z in halves])
+    known = continuation_of(patches, 1e-6, rng=3)
+    fine = patches.low_pass(known.longest).resample((1024, 1024))
     found = known.added_to(fine)
     assert known.periodic == (False, False)
     assert found.widths == (512, 512)

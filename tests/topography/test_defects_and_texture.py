@@ -375,9 +375,9 @@ def from_the_middle(shape, spacing):
     )
 
 
-def moved_back(places, angle, shift):
+def moved_back(patches, angle, shift):
     """Places on a second face that was turned, then shifted."""
-    d1, d2 = (p - s for p, s in zip(places, shift, strict=True))
+    d1, d2 = (p - s for p, s in zip(patches, shift, strict=True))
     return np.cos(angle) * d1 + np.sin(angle) * d2, np.cos(angle) * d2 - np.sin(angle) * d1
 
 

@@ -1,4 +1,4 @@
-"""Several measured places of one face: contact of each by itself, flow through all of them."""
+"""Several measured patches of one face: contact of each by itself, flow through all of them."""
 
 from dataclasses import replace
 
@@ -9,9 +9,9 @@ from scipy.stats import binom
 from small_cases import STRIP, steel_scene
 
 import femseal as fs
-from femseal.budget import places_to_halve
+from femseal.budget import patches_to_halve
 from femseal.budget.error_parts import ErrorPart
-from femseal.budget.estimates import places_part
+from femseal.budget.estimates import patches_part
 from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.preparation.grooves import groove_pitch
@@ -42,10 +42,10 @@ def scene(surface, **given):
 
 @pytest.mark.parametrize("fluid_pressure", ["ignored", "acts"])
 def test_contact_is_solved_in_each_patch_separately(fluid_pressure):
-    """Gap and pressure are those of each place alone; the leakage is that of the flow through all of them."""
-    places = patches(3)
-    every = fs.deterministic(scene(places, fluid_pressure=fluid_pressure))
-    for n, place in enumerate(places):
+    """Gap and pressure are those of each patch alone; the leakage is that of the flow through all of them."""
+    measured = patches(3)
+    every = fs.deterministic(scene(measured, fluid_pressure=fluid_pressure))
+    for n, place in enumerate(measured):
         alone = fs.deterministic(scene(place, fluid_pressure=fluid_pressure))
         columns = np.s_[:, :, n * 48 : (n + 1) * 48]
         assert_allclose(every.gap[columns], alone.gap, atol=1e-6 * alone.gap.max())
@@ -57,7 +57,7 @@ def test_contact_is_solved_in_each_patch_separately(fluid_pressure):
 
 
 def test_equal_patches_leak_as_much_as_each_of_them():
-    """Mirror images of one place that are mirror images of themselves leak as it does, joined in any order."""
+    """Mirror images of one patch that are mirror images of themselves leak as it does, joined in any order."""
     z = patches(1)[0].heights
     one = fs.Topography(np.concatenate([z, z[:, ::-1]], axis=1), (PIXEL, PIXEL))
     other = fs.Topography(one.heights + 1e-12, one.spacing)
@@ -66,14 +66,14 @@ def test_equal_patches_leak_as_much_as_each_of_them():
 
 
 def test_patches_of_different_size_and_pixels_are_made_alike():
-    """Cut to the least breadth, resampled to the coarsest pixel; waves are those of each place."""
+    """Cut to the least breadth, resampled to the coarsest pixel; waves are those of each patch."""
     a, b, c = patches(3)
     fine = b.resample((96, 96))
     narrow = c.crop((40, 30), (2, 3))
-    places = fs.Patches([a, fine, narrow])
-    assert places.spacing == (PIXEL, PIXEL)
-    assert places.shape[0] == 40
-    assert places.widths == (48, 48, 30) or all(w % 3 == 0 for w in places.widths)
+    measured = fs.Patches([a, fine, narrow])
+    assert measured.spacing == (PIXEL, PIXEL)
+    assert measured.shape[0] == 40
+    assert measured.widths == (48, 48, 30) or all(w % 3 == 0 for w in measured.widths)
     assert_allclose(fs.Patches([a, b]).rms_slope ** 2, np.mean([a.rms_slope**2, b.rms_slope**2]))
     assert_allclose(fs.Patches([a, fine]).heights[:, 48:], b.heights, atol=1e-3 * b.rms_height)
     smooth = fs.Patches([a, b]).low_pass(16e-6)
@@ -179,7 +179,7 @@ def test_grooves_of_patches_are_found_in_each():
 
 def test_the_former_key_of_a_case_warns_of_the_new_one(tmp_path, files):
     names = files["face"]["patches"]
-    former = parse_case(files | {"face": {"kind": "file", "places": names}}, tmp_path)
+    former = parse_case(files | {"face": {"kind": "file", "patches": names}}, tmp_path)
     assert [str(patch.path) for patch in former.face[0].patches] == names
     assert any("face.patches" in text for text in former.named_warnings)
     assert not parse_case(files, tmp_path).named_warnings
@@ -202,20 +202,20 @@ def test_maps_of_different_surfaces_are_refused_as_patches():
 
 def test_leakage_of_each_patch_alone_and_of_all_others_is_known():
     """Each alone is the place by itself; all but one are the others side by side."""
-    places = patches(3)
-    found = fs.deterministic(scene(places)).places
-    alone = [fs.deterministic(scene(place)).leakage for place in places]
+    measured = patches(3)
+    found = fs.deterministic(scene(measured)).patches
+    alone = [fs.deterministic(scene(place)).leakage for place in measured]
     assert_allclose(found.alone, alone, rtol=2e-3)
-    others = fs.deterministic(scene([places[0], places[2]]))
+    others = fs.deterministic(scene([measured[0], measured[2]]))
     assert_allclose(found.without[1], others.leakage, rtol=2e-3)
     assert_allclose(
         found.scatter, np.std(alone, axis=0, ddof=1) / np.mean(alone, axis=0), rtol=0.01
     )
-    assert others.places.without is None
+    assert others.patches.without is None
     assert not replace(found, kept=0 * found.kept).relative.any()
     unknown = replace(found, kept=np.insert(found.kept, 0, np.nan, axis=1))
     assert_allclose(unknown.relative, found.relative)  # the fluid carries all of the first load
-    assert fs.deterministic(scene(places[0])).places is None
+    assert fs.deterministic(scene(measured[0])).patches is None
 
 
 def test_the_jackknife_of_a_mean_is_its_interval():
@@ -227,7 +227,7 @@ def test_the_jackknife_of_a_mean_is_its_interval():
         mean, others = one.mean(axis=0), (one.sum(axis=0) - one) / 3
         # every column is a first load: a leakage of its own, with no decades below another
         parts = [
-            places_part(q, others[:, [n]], ErrorPart.of("patch", q, usual, usual, ""))
+            patches_part(q, others[:, [n]], ErrorPart.of("patch", q, usual, usual, ""))
             for n, q in enumerate(mean[:, None])
         ]
         upper, lower = (np.ravel([getattr(p, end) for p in parts]) for end in ("upper", "lower"))
@@ -238,42 +238,44 @@ def test_the_jackknife_of_a_mean_is_its_interval():
         assert np.sum((lower <= 1) & (upper >= 1)) >= binom.ppf(0.01, 1000, least)
     q = np.array([1.0, 0.0])
     others = np.array([[1.0, 0.0], [0.0, 0.0], [1.5, 2.0]])
-    shut = places_part(q, others, ErrorPart.of("patch", q, usual, usual, ""))
+    shut = patches_part(q, others, ErrorPart.of("patch", q, usual, usual, ""))
     assert shut.lower[0] == 0 < shut.upper[0] < np.inf
     assert shut.upper[1] > 2
-    assert places_to_halve(3) < places_to_halve(4) < places_to_halve(8)
+    assert patches_to_halve(3) < patches_to_halve(4) < patches_to_halve(8)
 
 
 def test_realisations_scatter_like_the_surface_of_their_patches():
     """In their rows seals leak what the face leaks; by place they are in the ratio of the face of the places alone."""
-    places = patches(3)
-    found = fs.stochastic(scene(places), (2, 12), fs.Sampling(2e-3, 12, seed=1))
-    assert found.pieces.cut.place == (0,) * 4 + (1,) * 4 + (2,) * 4
-    whole, median = fs.deterministic(scene(places)), found.quantile(0.5)
+    measured = patches(3)
+    found = fs.stochastic(scene(measured), (2, 12), fs.Sampling(2e-3, 12, seed=1))
+    assert found.cells.cut.place == (0,) * 4 + (1,) * 4 + (2,) * 4
+    whole, median = fs.deterministic(scene(measured)), found.quantile(0.5)
     assert_allclose(median, whole.leakage, rtol=0.15)
     scale = median / whole.leakage
-    assert_allclose(found.places.alone, scale * whole.places.alone, rtol=2e-3)
-    assert_allclose(found.places.without, scale * whole.places.without, rtol=2e-3)
-    assert fs.stochastic(scene(places[0]), (2, 4), fs.Sampling(2e-3, 4, seed=1)).places is None
+    assert_allclose(found.patches.alone, scale * whole.patches.alone, rtol=2e-3)
+    assert_allclose(found.patches.without, scale * whole.patches.without, rtol=2e-3)
+    assert fs.stochastic(scene(measured[0]), (2, 4), fs.Sampling(2e-3, 4, seed=1)).patches is None
 
 
 def test_broad_seals_take_cells_from_all_patches():
-    """Twice as broad as the face they take pieces of every place; by place they are in the ratio of the faces."""
-    places = patches(3)
+    """Twice as broad as the face they take cells of every place; by place they are in the ratio of the faces."""
+    measured = patches(3)
     dry = {"fluid_pressure": "ignored", "boundary": ("periodic", "periodic")}
     sampling = fs.Sampling(2e-3, 12, seed=1, breadth=96 * PIXEL)
-    found = fs.stochastic(scene(places, **dry), (2, 12), sampling)
+    found = fs.stochastic(scene(measured, **dry), (2, 12), sampling)
     drawn = found.tiles.draw((2, 12), np.random.default_rng(0))
     assert_allclose(np.bincount(drawn % 12 // 4) / drawn.size, 1 / 3, atol=0.1)
-    whole, median = fs.deterministic(scene(places, **dry)), found.quantile(0.5)
-    assert_allclose(found.places.alone / median, whole.places.alone / whole.leakage, rtol=5e-3)
-    assert_allclose(found.places.without / median, whole.places.without / whole.leakage, rtol=5e-3)
+    whole, median = fs.deterministic(scene(measured, **dry)), found.quantile(0.5)
+    assert_allclose(found.patches.alone / median, whole.patches.alone / whole.leakage, rtol=5e-3)
+    assert_allclose(
+        found.patches.without / median, whole.patches.without / whole.leakage, rtol=5e-3
+    )
     assert_allclose(2 * median, whole.leakage, rtol=0.15)
 
 
 @pytest.fixture
 def files(tmp_path):
-    """Files of four places, and the tables of a case of them."""
+    """Files of four patches, and the tables of a case of them."""
     for n, place in enumerate(patches()):
         np.savez(tmp_path / f"place{n}.npz", z=place.heights, spacing=place.spacing)
     return STRIP | {
@@ -285,16 +287,16 @@ def files(tmp_path):
 
 
 def test_a_case_with_several_patches_is_run(tmp_path, files):
-    """Paths, a pattern and tables are one thing; pieces are those of each place, each in the cells of the case."""
+    """Paths, a pattern and tables are one thing; cells are those of each patch, each in the cells of the case."""
     prepared = prepare(parse_case(files, tmp_path))
     surface = prepared.scene.surface
     assert surface.widths == (48,) * 4
     assert prepared.cells == (2, 8)
-    for places in (
+    for measured in (
         "place?.npz",
         ["place[01].npz", {"path": "place2.npz"}, {"path": "place3.npz", "channel": 0}],
     ):
-        face = {"kind": "file", "patches": places}
+        face = {"kind": "file", "patches": measured}
         again = prepare(parse_case(files | {"face": face}, tmp_path)).scene.surface
         assert_allclose(again.heights, surface.heights)
     keys = {"crop": ["0 um", "48 um", "0 um", "40 um"]}
@@ -304,7 +306,7 @@ def test_a_case_with_several_patches_is_run(tmp_path, files):
 
 
 def test_points_and_cells_of_a_case_are_those_of_one_patch(tmp_path, files):
-    """Also in messages; of places of unlike length, of the shortest."""
+    """Also in messages; of patches of unlike length, of the shortest."""
 
     def prepared(points=None, face=files["face"], cells=(2, 2), wave="8 um"):
         surface = {"shortest_wave": wave} | ({"points": points} if points else {})
@@ -332,26 +334,26 @@ def test_results_contain_the_leakage_of_each_patch(tmp_path, files):
     case = parse_case(files | {"seed": 3}, tmp_path)
     results = fs.run(case, tmp_path / "out", workers=1)
     data = results.dataset
-    assert data["leakage_of_places"].dims == ("place", "step")
-    assert_allclose(data["place_scatter"], results.stochastic.places.scatter)
+    assert data["leakage_of_patches"].dims == ("patch", "step")
+    assert_allclose(data["patch_scatter"], results.stochastic.patches.scatter)
     parts = {part.name: part for part in results.budget.parts}
     assert "patch" not in parts
-    assert "jackknife over 4 measured patches" in parts["places"].note
+    assert "jackknife over 4 measured patches" in parts["patches"].note
     # a place has fewer points than a map has blocks
-    most = int(np.argmax(data["leakage_of_places"].values[:, 0]))
+    most = int(np.argmax(data["leakage_of_patches"].values[:, 0]))
     height = prepare(case).scene.surface.patches[most].heights
-    assert_allclose(data["place_height"], height, rtol=1e-6, atol=1e-12)
+    assert_allclose(data["patch_height"], height, rtol=1e-6, atol=1e-12)
     for other in (fs.run(case, tmp_path / "out", resume=True), fs.run(case, workers=2)):
         assert_allclose(other.leakage, results.leakage, rtol=0)
-        assert_allclose(other.dataset["leakage_of_places"], data["leakage_of_places"], rtol=0)
+        assert_allclose(other.dataset["leakage_of_patches"], data["leakage_of_patches"], rtol=0)
 
 
 def test_the_gap_of_the_patch_that_leaks_most_is_stored(tmp_path, files):
     results = fs.run(parse_case(files | {"method": "deterministic"}, tmp_path), workers=1)
     data, gap = results.dataset, results.deterministic.gap
-    most = data["place_height"].attrs["place"] - 1
-    assert data["leakage_of_places"].values[:, 0].argmax() == most
-    assert_allclose(data["place_gap"], gap[:, :, 48 * most : 48 * (most + 1)], rtol=1e-6)
+    most = data["patch_height"].attrs["patch"] - 1
+    assert data["leakage_of_patches"].values[:, 0].argmax() == most
+    assert_allclose(data["patch_gap"], gap[:, :, 48 * most : 48 * (most + 1)], rtol=1e-6)
 
 
 def test_both_faces_may_have_several_patches(tmp_path, files):

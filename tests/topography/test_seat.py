@@ -344,7 +344,7 @@ def test_both_calculations_of_a_seat_give_the_same_leakage():
     def both(seat, form):
         whole = [fs.deterministic(replace(scene, surface=seat.on(face))).leakage for face in faces]
         sampling = fs.Sampling(length=8e-3, breadth=breadth, realisations=20, seed=1, form=form)
-        # the band of the sharpest crown is two to five of these pieces broad
+        # the band of the sharpest crown is two to five of these cells broad
         drawn = fs.stochastic(scene, (8, 8), sampling).quantile(0.5)
         mean = np.mean(whole, axis=0)
         return drawn / mean, whole / mean

@@ -263,16 +263,16 @@ def test_a_file_with_two_maps_is_refused(tmp_path):
 
 
 def test_axes_in_the_first_line_and_column_are_removed(tmp_path):
-    """A column of counts, as Olympus exports it, and a line of places are no heights."""
+    """A column of counts, as Olympus exports it, and a line of patches are no heights."""
     lines = [f"{n}\t{line}" for n, line in enumerate(matrix().splitlines())]
     names = "DataLine\t" + "\t".join(f"POS = {n}" for n in range(15))
     found = look(tmp_path, "\n".join([names, *lines]), **MICRONS)
     same(found)
     assert "the first column counts in even steps" in found.notes[0]
-    places = "mm\t" + "\t".join(f"{0.002 * n:.3f}" for n in range(15))
-    same(look(tmp_path, "\n".join([places, *lines]), **MICRONS))
-    places = places.replace("mm", "0")
-    same(look(tmp_path, "\n".join([places, *lines]), **MICRONS))
+    patches = "mm\t" + "\t".join(f"{0.002 * n:.3f}" for n in range(15))
+    same(look(tmp_path, "\n".join([patches, *lines]), **MICRONS))
+    patches = patches.replace("mm", "0")
+    same(look(tmp_path, "\n".join([patches, *lines]), **MICRONS))
     # a plane has even steps everywhere
     plane = np.add.outer(np.arange(12.0), 2 * np.arange(15.0))
     assert look(tmp_path, matrix(lines=plane), **MICRONS).topography.shape == (15, 12)

@@ -1,12 +1,12 @@
-"""Flow through a piece along both axes: what it makes of its gaps step by step, and by which solver."""
+"""Flow through a cell along both axes: what it makes of its gaps step by step, and by which solver."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.ndimage import gaussian_filter
 
-from femseal.face.piece_flow import FlowSettings, piece_permeability
-from femseal.face.pieces import Cut, PieceState
+from femseal.face.cell_flow import FlowSettings, cell_permeabilities
+from femseal.face.cells import CellState, Cut
 from femseal.flow import cell_permeability
 from femseal.flow.law import cubic_law
 
@@ -26,7 +26,7 @@ def gaps_of(shape, seed):
 
 @pytest.mark.parametrize("shape", [(16, 16), (32, 32), (33, 20), (1, 24), (24, 1), (3, 150)])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_a_piece_has_the_flow_of_its_gap(shape, axis):
+def test_a_cell_has_the_flow_of_its_gap(shape, axis):
     """By elimination, of a cell with mirrored sides."""
     spacing = (UM, 1.5 * UM)
     for seed in range(4):
@@ -41,17 +41,17 @@ def test_a_piece_has_the_flow_of_its_gap(shape, axis):
 
 
 def permeability(gap, spacing, axis):
-    return piece_permeability(gap, spacing, axis, FlowSettings())
+    return cell_permeabilities(gap, spacing, axis, FlowSettings())
 
 
-def test_a_piece_that_cannot_be_solved_leaves_the_others():
+def test_a_cell_that_cannot_be_solved_leaves_the_others():
     """And one without a gap has no flow and is no failure."""
     gap = gaps_of((32, 32), 0)[0]
     gap[3, 4], gap[20, 20] = -UM, np.nan
     cut = Cut((0, 16, 32), (0, 16, 32), (0, 0), (UM, UM))
-    state = PieceState.of(gap, 0 * gap, cut, FlowSettings())
+    state = CellState.of(gap, 0 * gap, cut, FlowSettings())
     assert [text[:20] for text in state.failures] == [
-        "piece (0, 0), x1: ga",
-        "piece (0, 0), x2: ga",
+        "cell (0, 0), x1: ga",
+        "cell (0, 0), x2: ga",
     ]
     assert np.isfinite(state.k[0]).tolist() == [[[False, True], [True, False]]] * 2

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from ..base import Array, Flags, Floats, Indices, InputError, Pair, Shape, validate
 from ..loads import LoadProgramme
 from ..topography import Surface
-from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
+from .cell_flow import Failed, FlowSettings, SolveCounts, attempt, cell_permeabilities
 
 #: Cells along the shorter side of a surface where they are put together at random, and where they stay in order. There,
 #: two cells keep the channels that cross from row to row. Measured in docs/evidence/drawn_seals.md.
-PIECES, PIECES_IN_PLACE = 4, 2
+CELLS, CELLS_IN_ORDER = 4, 2
 #: Fewest points of a cell along a side.
 FEWEST_POINTS = 8
 #: Overlap of a cell with each neighbour beside the flow, as a fraction of the cell. Channels that leave the cell and
@@ -33,14 +33,14 @@ OVERLAP = 0.125
 MOST_FACTOR, MOST_RATIO = 3.0, 2.0
 
 
-def usual_pieces(surface: Surface, in_place: bool = False) -> Shape:
+def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
     """Return the usual numbers of about square cells along x1 and x2: four on the shorter side of a patch.
 
     in_place : whether cells stay in order, because the seal is as broad as the surface; then two.
     """
     widths = _widths(surface)
     (d1, d2), n1 = surface.spacing, surface.shape[0]
-    side = min(n1 * d1, min(widths) * d2) / (PIECES_IN_PLACE if in_place else PIECES)
+    side = min(n1 * d1, min(widths) * d2) / (CELLS_IN_ORDER if in_order else CELLS)
     m1 = max(1, min(round(n1 * d1 / side), n1 // FEWEST_POINTS))
     return m1, sum(
         max(1, min(round(width * d2 / side), width // FEWEST_POINTS)) for width in widths
@@ -87,23 +87,23 @@ class Cut:
     spacing: Pair
 
     @classmethod
-    def of(cls, surface: Surface, pieces: Shape) -> Cut:
+    def of(cls, surface: Surface, cells: Shape) -> Cut:
         """Cut a surface into cells along x1 and x2; several patches are cut separately.
 
         Raises InputError: cells of fewer than 8 points a side; fewer columns than patches.
         """
-        widths, (m1, m2) = _widths(surface), validate.grid("cells", pieces)
+        widths, (m1, m2) = _widths(surface), validate.grid("cells", cells)
         if m2 < len(widths):
-            raise InputError("cells", pieces, f"along x2 from {len(widths)}, one for each place")
-        of_place = _shares(widths, min(m2, sum(widths)))
-        sides = [(surface.shape[0], m1), *zip(widths, of_place, strict=True)]
+            raise InputError("cells", cells, f"along x2 from {len(widths)}, one for each patch")
+        of_patch = _shares(widths, min(m2, sum(widths)))
+        sides = [(surface.shape[0], m1), *zip(widths, of_patch, strict=True)]
         if any(n // m < FEWEST_POINTS for n, m in sides if m > 1):
             given = "{} × {} of {} × {} points".format(m1, m2, *surface.shape)
             raise InputError(
-                "cells", given, f"pieces of at least {FEWEST_POINTS} × {FEWEST_POINTS} points"
+                "cells", given, f"cells of at least {FEWEST_POINTS} × {FEWEST_POINTS} points"
             )
         columns, place = [0], []
-        for number, (width, count) in enumerate(zip(widths, of_place, strict=True)):
+        for number, (width, count) in enumerate(zip(widths, of_patch, strict=True)):
             columns += _lines(columns[-1], width, count)[1:]
             place += [number] * count
         return cls(
@@ -136,7 +136,7 @@ class Cut:
         ends = [*np.flatnonzero(np.diff(numbers)) + 1, len(numbers)]
         return [slice(int(a), int(b)) for a, b in pairwise([0, *ends])]
 
-    def pieces(self, fields: NDArray[Any]) -> list[NDArray[Any]]:
+    def split(self, fields: NDArray[Any]) -> list[NDArray[Any]]:
         """Cut fields (…, n1, n2) into cells, row by row."""
         return [
             fields[..., a:b, c:d] for a, b in pairwise(self.rows) for c, d in pairwise(self.columns)
@@ -169,9 +169,7 @@ class Cut:
 
     def sums(self, field: NDArray[Any]) -> Array:
         """Sum a field (n1, n2) over each cell (m1, m2)."""
-        return np.array([piece.sum(dtype=float) for piece in self.pieces(field)]).reshape(
-            self.shape
-        )
+        return np.array([cell.sum(dtype=float) for cell in self.split(field)]).reshape(self.shape)
 
     def means(self, field: NDArray[Any]) -> Array:
         """Average a field (n1, n2) over each cell (m1, m2)."""
@@ -221,7 +219,7 @@ def _lines(first: int, points: int, count: int) -> list[int]:
 
 
 @dataclass(frozen=True, eq=False)
-class PieceState:
+class CellState:
     """The cells of a surface in one state.
 
     Parameters
@@ -249,7 +247,7 @@ class PieceState:
     failures: tuple[str, ...] = ()
     face: float = np.nan
     surface_k2: float = np.nan
-    places: Array | None = None
+    patches: Array | None = None
     failed: str = ""
     carriers: float = np.nan
 
@@ -263,7 +261,7 @@ class PieceState:
         plastic: Flags | float = np.nan,
         fractions: Floats | float = np.nan,
         boundary: Boundary = ("free", "periodic"),
-    ) -> PieceState:
+    ) -> CellState:
         """Cut gap and contact pressure of a surface into cells, and solve the flow through each.
 
         Parameters
@@ -283,9 +281,9 @@ class PieceState:
                 if not np.isfinite(cell.field).all():
                     continue
                 wide = np.array(cell.field, float)
-                solution = attempt(piece_permeability, wide, cut.spacing, axis, flow, cell.core)
+                solution = attempt(cell_permeabilities, wide, cut.spacing, axis, flow, cell.core)
                 if isinstance(solution, Failed):
-                    failures.append(f"piece {place}, x{axis + 1}: {solution.reason}")
+                    failures.append(f"cell {place}, x{axis + 1}: {solution.reason}")
                     continue
                 k[:, axis, *place] = solution.k
                 counts.append(solution.counts)

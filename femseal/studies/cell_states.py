@@ -10,11 +10,9 @@ from typing import ClassVar
 import numpy as np
 
 from ..base import Array, Floats, Mapper, Pair, Shape, Shown
-from ..base.fields import PIECE, PLACE, STATE, STEP, Field, declared
+from ..base.fields import CELL, PATCH, STATE, STEP, Field, declared
 from ..contact import LoadState
-from ..face.curves import PieceCurves, local_peaks
-from ..face.flow_concentration import blocks_of_one_wave, participation_number
-from ..face.piece_flow import (
+from ..face.cell_flow import (
     FaceFlow,
     Failed,
     FlowSettings,
@@ -25,7 +23,9 @@ from ..face.piece_flow import (
     permeability_along_x2,
     resolved_flow,
 )
-from ..face.pieces import Cut, PieceState, factors
+from ..face.cells import CellState, Cut, factors
+from ..face.curves import CellCurves, local_peaks
+from ..face.flow_concentration import blocks_of_one_wave, participation_number
 from ..loads import LoadProgramme, LoadStep, least_counted
 from ..scene import Scene
 from ..topography.patches import divided
@@ -50,7 +50,7 @@ _NEAR, _SAME = 0.02, 1e-3
 
 
 @dataclass(frozen=True, repr=False)
-class PlaceLeakage(Shown):
+class PatchLeakage(Shown):
     """Leakage by measured patches, NaN where the flow failed.
 
     kept : of each patch by itself, continued periodically; and from three patches on, of all patches but each one, side
@@ -61,20 +61,23 @@ class PlaceLeakage(Shown):
 
     computed_fields: ClassVar[dict[str, Field]] = {
         "alone": Field(
-            "leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE
+            "leakage_of_patches",
+            "m^2/s",
+            "leakage per unit seal length, of each patch alone",
+            PATCH,
         ),
         "without": Field(
-            "leakage_without_place",
+            "leakage_without_patch",
             "m^2/s",
-            "leakage per unit seal length, of all places but one",
-            PLACE,
+            "leakage per unit seal length, of all patches but one",
+            PATCH,
         ),
         "scatter": Field(
-            "place_scatter",
+            "patch_scatter",
             "1",
-            "standard deviation of the leakage of single places over its mean",
+            "standard deviation of the leakage of single patches over its mean",
             STEP,
-            "places ± [%]",
+            "patches ± [%]",
         ),
     }
 
@@ -86,8 +89,8 @@ class PlaceLeakage(Shown):
     @property
     def without(self) -> Array | None:
         """Leakage of all patches but each one (patches, steps) [m²/s]; None of two patches."""
-        places = len(self.kept) // 2
-        return self.kept[places:] if places >= FEWEST else None
+        patches = len(self.kept) // 2
+        return self.kept[patches:] if patches >= FEWEST else None
 
     @property
     def relative(self) -> Array:
@@ -107,7 +110,7 @@ class PlaceLeakage(Shown):
         )
 
 
-def permeabilities_of_places(
+def permeabilities_of_patches(
     widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, gap: Floats
 ) -> Array:
     """Solve the permeability of each measured patch, and from three patches on that of all but each one.
@@ -130,7 +133,7 @@ def permeabilities_of_places(
 
 
 @dataclass(frozen=True, eq=False)
-class FacePieces:
+class FaceCells:
     """Cells of a surface at every step of a load programme, NaN where a flow failed.
 
     Parameters
@@ -158,29 +161,29 @@ class FacePieces:
     cut: Cut
     k: Array
     rows: Array
-    places: PlaceLeakage | None
+    patches: PatchLeakage | None
     counts: SolveCounts
-    pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
-    mean_gap: Array = declared("piece_mean_gap", "m", "mean gap of pieces", PIECE)
+    pressure: Array = declared("cell_pressure", "Pa", "contact pressure of cells", CELL)
+    mean_gap: Array = declared("cell_mean_gap", "m", "mean gap of cells", CELL)
     contact_fraction: Array = declared(
-        "piece_contact_fraction", "1", "fraction of pieces in contact", PIECE
+        "cell_contact_fraction", "1", "fraction of cells in contact", CELL
     )
     plastic_fraction: Array = declared(
-        "piece_plastic_fraction", "1", "fraction of pieces at the hardness", PIECE
+        "cell_plastic_fraction", "1", "fraction of cells at the hardness", CELL
     )
     drop_fraction: Array = declared(
-        "piece_drop_fraction",
+        "cell_drop_fraction",
         "1",
-        "fraction of the pressure drop in pieces, NaN without flow",
-        PIECE,
+        "fraction of the pressure drop in cells, NaN without flow",
+        CELL,
     )
     face: Array = declared(
         "state_leakage", "m^2/s", "leakage of the face per unit length, by state", STATE
     )
     own: Array = declared(
-        "state_pieces_leakage",
+        "state_cells_leakage",
         "m^2/s",
-        "leakage of the pieces in their own order per unit length, by state",
+        "leakage of the cells in their own order per unit length, by state",
         STATE,
     )
     carriers: Array = declared(
@@ -208,12 +211,8 @@ class FacePieces:
     unsolved: tuple[tuple[int, str], ...] = ()
 
     computed_fields: ClassVar[dict[str, Field]] = {
-        "k1": Field(
-            "piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE
-        ),
-        "k2": Field(
-            "piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE
-        ),
+        "k1": Field("cell_k1", "m^3", "permeability of cells along x1, their sides closed", CELL),
+        "k2": Field("cell_k2", "m^3", "permeability of cells along x2, their sides closed", CELL),
         "factor": Field(
             "state_factor", "1", "correction factor on k1 of the cells in a state", STATE
         ),
@@ -249,13 +248,13 @@ class FacePieces:
         return self.k * both[:, :, None, None]
 
 
-def pieces_on_ladder(
+def cells_on_ladder(
     scene: Scene,
     cut: Cut,
     steps: LoadProgramme,
     mapper: Mapper,
     boundary: tuple[str, str] = ("periodic", "periodic"),
-) -> FacePieces:
+) -> FaceCells:
     """Solve the cells at tabulated nominal pressures, without fluid.
 
     Parameters
@@ -290,12 +289,12 @@ def _of_state(
     widths: tuple[int, ...],
     boundary: tuple[str, str],
     blocks: Shape,
-) -> PieceState:
+) -> CellState:
     """Cut the contact of a state into cells, and solve the flow through the cells, the surface and its patches."""
     gap = state.contact.gap
-    pieces = PieceState.of(gap, state.contact.pressure, cut, flow, boundary=boundary)
+    cells = CellState.of(gap, state.contact.pressure, cut, flow, boundary=boundary)
     several = len(widths) > 1
-    of_places = permeabilities_of_places(widths, cut.spacing, flow, gap) if several else None
+    of_patches = permeabilities_of_patches(widths, cut.spacing, flow, gap) if several else None
     through = attempt(resolved_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
     carriers = np.nan
     if isinstance(through, FaceFlow):
@@ -304,14 +303,14 @@ def _of_state(
     along_x2 = attempt(
         permeability_along_x2, gap, widths, cut.spacing, flow, flow_sides(boundary[0])
     )
-    failures = pieces.failures
+    failures = cells.failures
     if isinstance(along_x2, Failed):
         failures = (*failures, f"whole surface, x2: {along_x2.reason}")
     return replace(
-        pieces,
+        cells,
         face=through.permeability,
         surface_k2=np.nan if isinstance(along_x2, Failed) else along_x2,
-        places=of_places,
+        patches=of_patches,
         failures=failures,
         failed=getattr(through, "reason", ""),
         carriers=carriers,
@@ -322,9 +321,9 @@ def joined(
     scene: Scene,
     cut: Cut,
     steps: LoadProgramme,
-    taken: Sequence[PieceState],
+    taken: Sequence[CellState],
     boundary: tuple[str, str] = ("free", "periodic"),
-) -> FacePieces:
+) -> FaceCells:
     """Join the states, and solve the flow over the cells in their own order.
 
     boundary : how the surface continues. The flow along x2 is solved in states whose whole surface has a permeability.
@@ -339,9 +338,9 @@ def joined(
         if np.isfinite(state.surface_k2):
             cells_k2[s] = cells_permeability_along_x2(scene, cut, k[:, :, s], boundary[0])
     unit = scene.unit_leakage
-    places = None
-    if taken[0].places is not None:
-        places = PlaceLeakage(unit * np.array([state.places for state in taken]).T)
+    patches = None
+    if taken[0].patches is not None:
+        patches = PatchLeakage(unit * np.array([state.patches for state in taken]).T)
     means = (
         "pressure",
         "mean_gap",
@@ -352,7 +351,7 @@ def joined(
         "carriers",
         "surface_k2",
     )
-    return FacePieces(
+    return FaceCells(
         steps,
         cut,
         k,
@@ -360,7 +359,7 @@ def joined(
         face=unit * np.array([state.face for state in taken]),
         own=own,
         cells_k2=cells_k2,
-        places=places,
+        patches=patches,
         strip_scatter=np.full(len(steps), np.nan),
         counts=SolveCounts.total(state.counts for state in taken),
         failures=tuple(failures),
@@ -416,16 +415,16 @@ def _chosen_peaks(peaks: Array, times: int) -> list[float]:
     return np.unique(values[np.abs(roots - wanted[:, None]).argmin(axis=1)]).tolist()
 
 
-def along_paths(pieces: FacePieces, paths: Array, steps: LoadProgramme) -> Array:
+def along_paths(cells: FaceCells, paths: Array, steps: LoadProgramme) -> Array:
     """Interpolate the permeability of the cells, times the correction factors, along paths of the pressure.
 
     paths : nominal pressures of the steps along each path, array (steps, paths), Pa.
 
     Returns an array (pressures, 2, steps, paths, cells) [m³].
     """
-    k = pieces.corrected_k.reshape(*pieces.k.shape[:3], -1)
+    k = cells.corrected_k.reshape(*cells.k.shape[:3], -1)
     out = np.empty((*k.shape[:2], *paths.shape, k.shape[-1]))
     for at in np.ndindex(*k.shape[:2]):
         for n in range(k.shape[-1]):
-            out[*at, :, :, n] = PieceCurves(pieces.steps, k[*at, :, n]).along(paths, steps)
+            out[*at, :, :, n] = CellCurves(cells.steps, k[*at, :, n]).along(paths, steps)
     return out

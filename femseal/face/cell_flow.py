@@ -117,7 +117,7 @@ _PLAIN = FlowSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class PiecePermeability:
+class CellPermeabilities:
     """Permeability of a cell.
 
     Parameters
@@ -130,13 +130,13 @@ class PiecePermeability:
     counts: SolveCounts
 
 
-def piece_permeability(
+def cell_permeabilities(
     gap: Array,
     spacing: Pair,
     axis: int,
     settings: FlowSettings = _PLAIN,
     core: tuple[int, int] | None = None,
-) -> PiecePermeability:
+) -> CellPermeabilities:
     """Solve the permeability along an axis of a cell with closed sides, at every pressure of the fluid.
 
     Parameters
@@ -162,7 +162,7 @@ def piece_permeability(
     # one flow, however many systems were solved for it
     is_open = cell.flow.percolates
     counts = SolveCounts.total(solvers)
-    return PiecePermeability(k, replace(counts, solved=int(is_open), closed=int(not is_open)))
+    return CellPermeabilities(k, replace(counts, solved=int(is_open), closed=int(not is_open)))
 
 
 def strip_permeability(gap: Array, spacing: Pair, settings: FlowSettings = _PLAIN) -> float:

@@ -1,4 +1,4 @@
-"""Pieces of a face: how it is cut, what each is permeable, and the factor of every state."""
+"""Cells of a face: how it is cut, what each is permeable, and the factor of every state."""
 
 from itertools import pairwise
 
@@ -7,14 +7,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.base import InputError
-from femseal.face.piece_flow import FlowSettings, piece_permeability
-from femseal.face.pieces import (
+from femseal.face.cell_flow import FlowSettings, cell_permeabilities
+from femseal.face.cells import (
     FEWEST_POINTS,
     MOST_FACTOR,
+    CellState,
     Cut,
-    PieceState,
     factors,
-    usual_pieces,
+    usual_cells,
 )
 from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme
@@ -34,7 +34,7 @@ def gaps(n1=48, n2=48, rng=1, closed=0.2):
 
 def state(gap, cells, pressure=None):
     cut = Cut.of(Topography(gap, (D, D)), cells)
-    return PieceState.of(
+    return CellState.of(
         gap, (gap == 0).astype(float) if pressure is None else pressure, cut, FlowSettings()
     )
 
@@ -43,40 +43,40 @@ def state(gap, cells, pressure=None):
     ("shape", "cells"),
     [((64, 64), (4, 4)), ((97, 61), (9, 7)), ((16, 33), (1, 4)), ((40, 8), (5, 1))],
 )
-def test_pieces_fill_the_face_once_and_are_alike(shape, cells):
+def test_cells_fill_the_face_once_and_are_alike(shape, cells):
     cut = Cut.of(Topography(np.zeros(shape) + np.eye(*shape), (D, 2 * D)), cells)
     assert cut.shape == cells
     number = np.arange(np.prod(shape)).reshape(shape)
-    found = np.concatenate([piece.ravel() for piece in cut.pieces(number)])
+    found = np.concatenate([cell.ravel() for cell in cut.split(number)])
     assert_array_equal(np.sort(found), number.ravel())
     for lines in (cut.rows, cut.columns):
         sizes = [b - a for a, b in pairwise(lines)]
         assert max(sizes) - min(sizes) <= 1
     assert_allclose(np.array(cut.size) * cells, [shape[0] * D, shape[1] * 2 * D])
-    weights = np.array([piece.size for piece in cut.pieces(number)]).reshape(cells)
+    weights = np.array([cell.size for cell in cut.split(number)]).reshape(cells)
     assert_allclose(np.average(cut.means(number), weights=weights), number.mean())
 
 
-def test_places_are_cut_each_by_itself_and_drawn_by_their_width():
-    places = Patches([face(32, 32), face(32, 64, rng=2)])
-    cut = Cut.of(places, (2, 6))
+def test_patches_are_cut_each_by_itself_and_drawn_by_their_width():
+    patches = Patches([face(32, 32), face(32, 64, rng=2)])
+    cut = Cut.of(patches, (2, 6))
     assert cut.place == (0, 0, 1, 1, 1, 1)
     assert cut.columns == (0, 16, 32, 48, 64, 80, 96)
-    # all of a piece, and what it takes from beside, is of its own place
+    # all of a cell, and what it takes from beside, is of its own place
     number = np.broadcast_to(np.repeat([0, 1], [32, 64]), (32, 96))
     for cell, of in zip(cut.widened(number, 0), cut.place * 2, strict=True):
         assert (cell.field == of).all()
-    assert usual_pieces(places) == (4, 12)
-    assert Cut.of(places, (2, 4)).place == (0, 1, 1, 1)  # 1.33 and 2.67
-    with pytest.raises(InputError, match="one for each place"):
-        Cut.of(places, (2, 1))
+    assert usual_cells(patches) == (4, 12)
+    assert Cut.of(patches, (2, 4)).place == (0, 1, 1, 1)  # 1.33 and 2.67
+    with pytest.raises(InputError, match="one for each patch"):
+        Cut.of(patches, (2, 1))
 
 
-def test_usual_pieces_are_about_square_and_never_too_small():
+def test_usual_cells_are_about_square_and_never_too_small():
     for shape in ((64, 64), (64, 256), (256, 64), (97, 61), (16, 16), (9, 200), (7, 64), (200, 9)):
         surface = face(*shape)
-        for in_place, most in ((True, 2), (False, 4)):
-            cut = Cut.of(surface, usual_pieces(surface, in_place))
+        for in_order, most in ((True, 2), (False, 4)):
+            cut = Cut.of(surface, usual_cells(surface, in_order))
             assert min(cut.shape) <= most
             if min(shape) >= most * FEWEST_POINTS:
                 assert min(cut.shape) == most
@@ -95,7 +95,7 @@ def test_a_face_of_a_few_rows_is_cut_along_the_other_axis():
         Cut.of(face(7, 64), (1, 9))
 
 
-def test_pieces_between_parallel_plates_have_the_cubic_law():
+def test_cells_between_parallel_plates_have_the_cubic_law():
     found = state(np.full((48, 48), 2e-6), (3, 2))
     assert_allclose(found.k, (2e-6) ** 3 / 12, rtol=1e-9)
     assert found.k.shape == (1, 2, 3, 2)
@@ -139,18 +139,18 @@ def test_only_the_flux_in_a_cell_itself_counts(solver):
     for name, column in (("inside", 20), ("beside", 5)):
         channel = gap.copy()
         channel[:, column : column + 4] = 1e-6
-        flows[name] = piece_permeability(channel, (D, D), 0, FlowSettings(solver), core).k[0]
+        flows[name] = cell_permeabilities(channel, (D, D), 0, FlowSettings(solver), core).k[0]
     assert_allclose(flows["inside"], 4 / 30 * 1e-18 / 12, rtol=1e-6)
     assert flows["beside"] == 0
     bent = gap.copy()
     bent[:32, 20:24] = bent[58:, 20:24] = bent[28:62, 5:9] = 1e-6
     bent[28:32, 5:24] = bent[58:62, 5:24] = 1e-6
     whole = cell_permeability(bent, (D, D), rtol=1e-9).value
-    found = piece_permeability(bent, (D, D), 0, FlowSettings(solver), core).k[0]
+    found = cell_permeabilities(bent, (D, D), 0, FlowSettings(solver), core).k[0]
     assert_allclose(found, 2 * whole * 2 / 3, rtol=0.03)
 
 
-def test_a_mirrored_face_has_mirrored_pieces():
+def test_a_mirrored_face_has_mirrored_cells():
     gap = gaps()
     found, k = state(gap, (3, 4)), state(gap[::-1], (3, 4)).k
     assert_allclose(k, found.k[:, :, ::-1], rtol=1e-5, atol=1e-24)
@@ -159,21 +159,21 @@ def test_a_mirrored_face_has_mirrored_pieces():
 
 
 def test_on_a_turned_face_both_permeabilities_change_place():
-    """But at the ends along x1, where a piece has no neighbour."""
+    """But at the ends along x1, where a cell has no neighbour."""
     gap = gaps()
     k, turned = state(gap, (3, 3)).k[0], state(gap.T, (3, 3)).k[0]
     assert_allclose(turned[0, 1, 1], k[1, 1, 1], rtol=1e-5)
     assert_allclose(turned[1, 1, 1], k[0, 1, 1], rtol=1e-5)
 
 
-def test_a_face_shifted_along_the_seal_has_shifted_pieces():
+def test_a_face_shifted_along_the_seal_has_shifted_cells():
     gap = gaps()
     found, shifted = state(gap, (2, 3)), state(np.roll(gap, 16, axis=1), (2, 3))
     assert_allclose(shifted.k, np.roll(found.k, 1, axis=-1), rtol=1e-6)
     assert_allclose(shifted.contact_fraction, np.roll(found.contact_fraction, 1, axis=-1))
 
 
-def test_closed_pieces_are_zero_to_the_last_digit():
+def test_closed_cells_are_zero_to_the_last_digit():
     gap = np.full((48, 48), 1e-6)
     gap[20] = 0.0  # a ridge that crosses the second of three rows
     gap[:, 5] = 0.0
@@ -191,7 +191,7 @@ def test_the_branches_of_a_programme():
     assert [b.tolist() for b in STEPS.branches] == [[0, 1, 2, 3], [4], [5, 6]]
 
 
-def test_the_factor_makes_pieces_leak_what_the_face_leaks():
+def test_the_factor_makes_cells_leak_what_the_face_leaks():
     face_q = np.array([8.0, 6.0, 4.0, 2.0, 7.0, 3.0, 5.0])
     own = np.array([7.0, 6.5, 3.0, 1.0, 6.0, 3.5, 4.0])
     assert_allclose(factors(face_q, own, STEPS) * own, face_q)
@@ -220,7 +220,7 @@ def test_the_factor_is_bounded():
     assert_allclose(factors(face_q, np.ones(7), STEPS, most=10.0)[[0, 2, 3]], [10, 0.1, 2])
 
 
-def test_centres_are_the_middles_of_the_pieces():
+def test_centres_are_the_middles_of_the_cells():
     cut = Cut.of(face(), (4, 3))
     for found, count in zip(cut.centres, (4, 3), strict=True):
         assert_allclose(found, (np.arange(count) + 0.5) * 48 * D / count)
