@@ -69,6 +69,7 @@ def _section(name, field, definitions, seen):
     kinds = {table: f'`"{kind_of(table)}"`' for table in tables}
     if len(tables) > 1:
         meaning = "; ".join(f"{kinds[table]}: {summary(table)}" for table in tables)
+        meaning = meaning.replace("|", r"\|")
         default = field.default["kind"] if isinstance(field.default, dict) else None
         when = "" if default else f"yes, {declared(field, 'needed') or ''}".removesuffix(", ")
         shown = f'`"{default}"`' if default else ""

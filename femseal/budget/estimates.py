@@ -113,7 +113,7 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
 def patches_to_halve(count: int) -> int:
     """Return how many more measured patches are expected to halve the interval of three or more.
 
-    >>> places_to_halve(3), places_to_halve(4), places_to_halve(8)
+    >>> patches_to_halve(3), patches_to_halve(4), patches_to_halve(8)
     (5, 8, 19)
     """
 

@@ -4,7 +4,7 @@
 more picture of a run. matplotlib is imported when something is drawn.
 """
 
-from .cells import cells_figure
+from .cell_figures import cells_figure
 from .drawing import picture, png, shown
 from .heights import heights_figure, survey_figure
 from .leakage_curves import leak_test_figure, leakage_figure

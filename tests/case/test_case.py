@@ -42,7 +42,9 @@ def test_shipped_cases_are_valid_and_forecast(path):
     case = fs.load_case(path)
     prepared = prepare(case)
     assert prepared.scene.surface.rms_height > 0
-    assert prepared.warnings == ()
+    # the elements of the gasket are larger than its cells, which is said
+    coarse = [text for text in prepared.warnings if "-clmax" in text]
+    assert len(prepared.warnings) == len(coarse) == (path.name == "gasket_seal.toml")
     assert describe(case, prepared)
 
 

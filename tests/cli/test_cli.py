@@ -280,7 +280,9 @@ def test_how_a_table_was_understood_is_said(femseal, tmp_path):
     code, text, errors = femseal("surface", path, *said)
     assert (code, errors) == (0, "")
     assert fields(text)["points"] == "40 × 30"
-    assert "note: the table x y z is a grid of 40 × 30 points; 1 point of them" in text
+    assert (
+        "note: the table x y z is a grid of 40 × 30 points; 1 point (0.0833 %) is missing" in text
+    )
     assert "note: 1 point (0.0833 %) at exactly -9999, far from all others" in text
     code, text, _ = femseal("surface", path, *said, "--no-data", "none")
     assert code == 0

@@ -49,7 +49,7 @@ def merged(*texts):
     return "".join(name + body for name, body in found.items())
 
 
-RUN = {"measured_face", "patches", "leak_test", "bolts", "flatness", "lens_ring"}
+RUN = {"measured_face", "places", "leak_test", "bolts", "flatness", "lens_ring"}
 CASES = {page.stem: blocks(page, "toml")[0] for page in PAGES if blocks(page, "toml")}
 
 

@@ -42,7 +42,7 @@ def in_order(one, cells):
     return np.array(flows) / tiles.seal.length * (one.inlet_pressure / 1e-3) * cells.factor
 
 
-@pytest.mark.parametrize("cells", [(2, 2), (4, 4), (1, 3), (3, 1)])
+@pytest.mark.parametrize("numbers", [(2, 2), (4, 4), (1, 3), (3, 1)])
 def test_cells_in_their_order_times_the_factor_leak_what_the_face_leaks(numbers):
     one = scene()
     cells = two_scale(one, numbers).cells

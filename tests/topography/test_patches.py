@@ -179,7 +179,7 @@ def test_grooves_of_patches_are_found_in_each():
 
 def test_the_former_key_of_a_case_warns_of_the_new_one(tmp_path, files):
     names = files["face"]["patches"]
-    former = parse_case(files | {"face": {"kind": "file", "patches": names}}, tmp_path)
+    former = parse_case(files | {"face": {"kind": "file", "places": names}}, tmp_path)
     assert [str(patch.path) for patch in former.face[0].patches] == names
     assert any("face.patches" in text for text in former.named_warnings)
     assert not parse_case(files, tmp_path).named_warnings
