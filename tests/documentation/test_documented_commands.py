@@ -185,7 +185,9 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
                 shutil.copytree(finished, word)
         code, said, complaint = femseal(*arguments)
     assert code == 0, said + complaint
-    assert all(" INFO " in line for line in complaint.splitlines())
+    # the example's test gas is fast enough for inertia at its lightest load, of which a run warns
+    unexpected = [line for line in complaint.splitlines() if " INFO " not in line]
+    assert all("Test fluid: Less leaks" in line for line in unexpected)
     for output in outputs:
         assert (files := written(Path(output)))
         assert all(files)

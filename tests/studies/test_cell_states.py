@@ -85,7 +85,7 @@ def test_a_ladder_covers_all_paths(seed, elastic):
     assert loading[-1] == pytest.approx(highest, rel=1e-3)
     assert loading[0] == pytest.approx(lowest, rel=1e-3, abs=1.0)
     roots = np.cbrt(loading / highest)
-    assert np.diff(roots).max() <= 1.15 * cell_states._RUNG
+    assert np.diff(roots).max() <= 1.15 * cell_states._SPACING
     assert np.diff(loading).min() > 5e-4 * loading[1:][np.diff(loading).argmin()]
     if elastic:
         assert not ladder.unload_from
