@@ -145,7 +145,7 @@ class ErrorBudget:
 
     @property
     def lower(self) -> Array:
-        """Lower end of the 95 % interval (steps,) [m²/s]: 0 where the seal may be sealed, NaN where a part is unknown.
+        """Lower end of the 95 % interval (steps,) [m²/s], 0 where the seal may be sealed, NaN where a part is unknown.
 
         The distances of ln(leakage) of all parts are combined as the root of the sum of their squares.
         """

@@ -64,7 +64,7 @@ class SealTiles:
     tile : array (n,), number of the tile of each element.
     grid : numbers of rows, from the inlet to the outlet, and of columns of the tiles of a strip or a ring, which are
         numbered row by row; None for meshes.
-    in_place : whether each row of tiles takes cells from the row of the surface at the same distance from the inlet.
+    in_order : whether each row of tiles takes cells from the row of the surface at the same distance from the inlet.
     tangent : array (n,), tan α of spiral grooves; None without a spiral.
     part : fraction of the length of the seal that the tiles cover.
     warnings : sentences for the user.

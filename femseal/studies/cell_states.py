@@ -147,7 +147,7 @@ class FaceCells:
     surface_k2, cells_k2 : permeability along x2 of the whole surface and of the cells in their own order, arrays
         (steps,), m³. They are means over the measured patches, and NaN where the cells of a seal stay in order, which
         needs neither.
-    places : leakage by measured patches; None of one patch.
+    patches : leakage by measured patches; None of one patch.
     carriers : number of blocks that effectively carry the flow through the surface, array (steps,), see
         `participation_number`; NaN where nothing flows.
     strip_scatter : scatter of the permeability of four strips, array (steps,), see `flow_concentration.strip_scatter`.

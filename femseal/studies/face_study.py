@@ -111,7 +111,7 @@ class FaceResult(Shown):
     leakage : per length of seal, array (steps,), m²/s, NaN where the flow failed.
     row_pressure : mean contact pressure of rows, array (steps, n1), Pa.
     cells : cells of the surface; None unless it was cut.
-    places : leakage by measured patches; None of one patch.
+    patches : leakage by measured patches; None of one patch.
     states : of the surface at every step.
     residual : largest residual of the contacts.
     failures : reasons of values that are NaN.

@@ -118,7 +118,7 @@ class StochasticResult(Shown):
     tiles : of the seal.
     cells : cells of the surface, at the loads of the scene or at tabulated pressures.
     row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the surface, or of a seat; None of others.
-    places : leakage by measured patches; None of one patch.
+    patches : leakage by measured patches; None of one patch.
     median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
     failures : reasons of values that are NaN or left out.
     warnings : what is not plausible, one sentence each.
