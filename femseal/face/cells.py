@@ -36,20 +36,15 @@ MOST_FACTOR, MOST_RATIO = 3.0, 2.0
 def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
     """Return the usual numbers of about square cells along x1 and x2: four on the shorter side of a patch.
 
-    in_place : whether cells stay in order, because the seal is as broad as the surface; then two.
+    in_order : whether cells stay in order, because the seal is as broad as the surface; then two.
     """
-    widths = _widths(surface)
+    widths = surface.widths
     (d1, d2), n1 = surface.spacing, surface.shape[0]
     side = min(n1 * d1, min(widths) * d2) / (CELLS_IN_ORDER if in_order else CELLS)
     m1 = max(1, min(round(n1 * d1 / side), n1 // FEWEST_POINTS))
     return m1, sum(
         max(1, min(round(width * d2 / side), width // FEWEST_POINTS)) for width in widths
     )
-
-
-def _widths(surface: Surface) -> tuple[int, ...]:
-    """Return the points along x2 of every measured patch."""
-    return surface.widths
 
 
 #: How a surface continues along x1 and x2, as of a `HalfSpace`.
@@ -92,7 +87,7 @@ class Cut:
 
         Raises InputError: cells of fewer than 8 points a side; fewer columns than patches.
         """
-        widths, (m1, m2) = _widths(surface), validate.grid("cells", cells)
+        widths, (m1, m2) = surface.widths, validate.grid("cells", cells)
         if m2 < len(widths):
             raise InputError("cells", cells, f"along x2 from {len(widths)}, one for each patch")
         of_patch = _shares(widths, min(m2, sum(widths)))
@@ -230,7 +225,7 @@ class CellState:
     rows : mean pressure of the rows of points, array (n1,), Pa.
     counts : numbers of flows through cells that were solved, or known without solving.
     failures : reasons of NaN.
-    face, places : permeability of the whole surface, and of its patches, m³.
+    face, patches : permeability of the whole surface, and of its patches, m³.
     surface_k2 : permeability of the whole surface along x2, m³, mean over its patches; NaN if it was not solved.
     failed : why the flow through the whole surface is unknown; "" if it is known.
     carriers : number of blocks that effectively carry the flow through the whole surface, see `participation_number`.

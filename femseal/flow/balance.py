@@ -54,15 +54,7 @@ def _send(tail, head, exponent, excess):
     of wide links runs through narrow ones only where there is no other path.
     """
     nodes = excess.size
-    # number of links of the tree at each node, and the exclusive or of their numbers: that of the last one
-    degree = np.zeros(nodes, np.int32)
-    link = np.zeros(nodes, np.int32)
-    parent = np.arange(nodes).astype(np.int32)
-    for k in _widest_first(exponent):
-        if union(parent, tail[k], head[k]):
-            for node in (tail[k], head[k]):
-                degree[node] += 1
-                link[node] ^= k
+    degree, link = spanning_tree(tail, head, exponent, nodes)
     for leaf in range(1, nodes):
         node = np.int64(leaf)
         while node != 0 and degree[node] == 1:
@@ -74,6 +66,26 @@ def _send(tail, head, exponent, excess):
             link[other] ^= k
             node = other
     return link
+
+
+@inner()
+def spanning_tree(tail, head, exponent, nodes):
+    """Find the spanning tree of the widest links (Kruskal).
+
+    tail, head : nodes of each link. exponent : of two, of the width of each link; `_CLOSED` of a closed one.
+
+    Returns for every node how many links of the tree it has, and the exclusive or of their numbers: that of the last
+    one that is left.
+    """
+    degree = np.zeros(nodes, np.int32)
+    link = np.zeros(nodes, np.int32)
+    parent = np.arange(nodes).astype(np.int32)
+    for k in _widest_first(exponent):
+        if union(parent, tail[k], head[k]):
+            for node in (tail[k], head[k]):
+                degree[node] += 1
+                link[node] ^= k
+    return degree, link
 
 
 @inner()

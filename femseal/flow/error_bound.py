@@ -16,13 +16,11 @@ import numpy as np
 
 from ..base import Array
 from ..base.compiled import compiled, inner
+from .balance import spanning_tree
 from .grid import Stencil
-from .percolation import union
 
 #: A run ends at a link that is narrower than this fraction of its widest link.
 _NARROW = 1 / 64
-#: Largest exponent of two of a conductance, and number of exponents.
-_LARGEST, _EXPONENTS = 1024, 2100
 
 
 def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
@@ -178,34 +176,11 @@ def _joints(along, across, run):
 
 
 @inner()
-def _widest_first(exponent):
-    """Return the numbers of the joints, those of the largest exponent first."""
-    start = np.zeros(_EXPONENTS + 2, np.int64)
-    for e in exponent:
-        start[_LARGEST - e + 1] += 1
-    start = np.cumsum(start)
-    order = np.empty(exponent.size, np.int32)
-    for k in range(exponent.size):
-        place = _LARGEST - exponent[k]
-        order[start[place]] = k
-        start[place] += 1
-    return order
-
-
-@inner()
 def _correction_energy(along, across, excess):
     """Send the excess of every node to an end along a tree of runs, and return the energy of this flux."""
     run, first, runs = _runs(along, across)
     above, below, link, exponent = _joints(along, across, run)
-    # number of joints of the tree at each run, and the exclusive or of their numbers: that of the last one left
-    degree = np.zeros(runs, np.int32)
-    joint = np.zeros(runs, np.int32)
-    parent = np.arange(runs).astype(np.int32)
-    for k in _widest_first(exponent):
-        if union(parent, above[k], below[k]):
-            for a in (above[k], below[k]):
-                degree[a] += 1
-                joint[a] ^= k
+    degree, joint = spanning_tree(above, below, exponent, runs)
     energy = 0.0
     for leaf in range(1, runs):
         a = np.int64(leaf)

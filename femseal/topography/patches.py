@@ -17,10 +17,10 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Pair, Periodic, Plotted, Shape, as_text, to_text
+from ..base import Array, InputError, Pair, Periodic, Plotted, Shape, to_text
 from ..base.text import TextTable
 from .defects import SPIKES, fit_form
-from .topography import Topography
+from .topography import Topography, facts_of
 
 #: Largest ratio of pixel sizes of patches that carry the same waves.
 _UNLIKE_PIXELS = 4.0
@@ -215,17 +215,7 @@ class Patches(Plotted):
 
     def facts(self) -> dict[str, str]:
         """Return the number of patches and points, size, pixel size and heights as text."""
-        facts = {
-            "patches": str(len(self.patches)),
-            "points": as_text(self.shape),
-            "size": as_text(self.size, "m"),
-            "pixel": as_text(self.spacing, "m"),
-            "periodic": str(self.periodic),
-        }
-        undefined = self.undefined_fraction
-        if undefined:
-            return facts | {"undefined": as_text(undefined, percent=True)}
-        return facts | {"Sq": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
+        return {"patches": str(len(self.patches))} | facts_of(self)
 
     def _repr_html_(self) -> str:
         return TextTable(type(self).__name__, (), tuple(self.facts().items()))._repr_html_()

@@ -610,22 +610,28 @@ class Topography(Plotted):
 
     def facts(self) -> dict[str, str]:
         """Return number of points, size, pixel size and heights as text."""
-        facts = {
-            "points": as_text(self.shape),
-            "size": as_text(self.size, "m"),
-            "pixel": as_text(self.spacing, "m"),
-            "periodic": str(self.periodic),
-        }
-        undefined = self.undefined_fraction
-        if undefined:
-            return facts | {"undefined": as_text(undefined, percent=True)}
-        return facts | {"Sq": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
+        return facts_of(self)
 
     def _repr_html_(self) -> str:
         return TextTable(type(self).__name__, (), tuple(self.facts().items()))._repr_html_()
 
     def __repr__(self) -> str:
         return f"Topography({', '.join(f'{name} {text}' for name, text in self.facts().items())})"
+
+
+def facts_of(surface: Any) -> dict[str, str]:
+    """Return number of points, size, pixel size and heights of a map or of several patches as text."""
+    facts = {
+        "points": as_text(surface.shape),
+        "size": as_text(surface.size, "m"),
+        "pixel": as_text(surface.spacing, "m"),
+        "periodic": str(surface.periodic),
+    }
+    undefined = surface.undefined_fraction
+    if undefined:
+        return facts | {"undefined": as_text(undefined, percent=True)}
+    heights = {"Sq": to_text(surface.rms_height, "m"), "rms slope": f"{surface.rms_slope:.4g}"}
+    return facts | heights
 
 
 def _mean_square(values: NDArray) -> float:
