@@ -5,8 +5,7 @@ A product has three stages:
 1. All rows are transformed. On mirror axes the points are put into another order before, on free axes zeros are
    appended.
 2. A block of columns at a time, while it is in the cache: the columns are transformed, the waves are multiplied with
-the
-   symbol, and the columns are transformed back.
+   the symbol, and the columns are transformed back.
 3. All rows are transformed back.
 
 A mirror axis only needs the transform of its N points in the order 0, 2, 4 … 5, 3, 1. The cosine coefficients k and
@@ -141,6 +140,8 @@ class Convolution:
             self._weights = weights_of(symbol, axis1.is_mirror, axis2.is_mirror, transforms)
             # a transform and its inverse multiply with the number of points
             self._weights /= axis1.length * axis2.length
+            if len(self._weights) == 1 and not is_large:
+                self._weights = whole_columns(self._weights, axis1.length)
         else:
             self._weights = over._weights
         waves_of_row = axis2.length // 2 + 1
@@ -318,6 +319,12 @@ class StridedColumns:
 
     def response(self, block: Any, first: int, count: int) -> Call:
         """Make the call that multiplies the waves in a block with the symbol."""
+        if len(self.weights) == 1:
+            return partial(multiply, block[:count], self.weights[0, first : first + count])
+        return self.mixing_response(block, first, count)
+
+    def mixing_response(self, block: Any, first: int, count: int) -> Call:
+        """Make the call for mirror axes, whose waves k and N − k mix, or for two transforms of the first axis."""
         is_twisted = self.transforms > 1
         return partial(
             respond, block, self.length, first, count, self.weights, is_twisted, *self.turns
@@ -349,7 +356,7 @@ class CopiedColumns(StridedColumns):
         return [
             partial(gather, columns, copy, self.twist, self.order),
             forward,
-            self.response(block, first, columns.shape[1]),
+            self.mixing_response(block, first, columns.shape[1]),
             backward,
             partial(scatter, columns, copy, self.twist, self.order),
         ]
@@ -454,10 +461,24 @@ def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> 
     return np.array([part.T for part in ordered], order="C")
 
 
+def whole_columns(weights: Array, n: int) -> Array:
+    """Write out the weights (1, columns, n // 2 + 1) of all n waves of a column, of which k and n − k are equal."""
+    k = np.arange(n)
+    return np.ascontiguousarray(weights[:, :, np.minimum(k, n - k)])
+
+
 # --- compiled loops ---------------------------------------------------------------------------------------
 
 
 contracted = compiled(fastmath={"contract"})
+
+
+@contracted
+def multiply(block, weights):
+    """Multiply the waves in a block with their weights; both have the shape (columns, waves)."""
+    for j in range(block.shape[0]):
+        for i in range(block.shape[1]):
+            block[j, i] *= weights[j, i]
 
 
 @compiled(fastmath={"contract", "nnan", "nsz"})
