@@ -179,14 +179,14 @@ def run(
         raise FemsealError(f"stopped; `{command}` goes on") from None
     if quiet:
         return
-    for text in results.verdict_texts:
-        print_text(text)
     print_table(results.table())
     if results.attempts is not None:
         print_table(results.attempts_table())
     if sys.stderr.isatty():  # elsewhere the log lines contain them
         _print_first("warning", results.warnings, folder)
         _print_first("failure", results.failures, folder)
+    for text in results.verdict_lines:
+        print_text(text)
     typer.echo(f"results in {folder}")
 
 

@@ -30,6 +30,9 @@ from .validate import Flags, number, reals
 GAS_CONSTANT = 8.31446261815324
 #: Temperature [K] and pressure [Pa] of standard volumes of gas.
 STANDARD_TEMPERATURE, STANDARD_PRESSURE = 273.15, 101_325.0
+#: Units of a single leakage of the whole seal, from the largest.
+_USUAL_FOR_GASES = ("std L/min", "mbar·L/s")
+_USUAL_FOR_LIQUIDS = ("L/min", "mL/min", "drops/min", "drops/h", "mL/year")
 #: Volume of a drop and of a bubble [m³]: 20 drops make 1 mL, and a bubble has 0.15 mL by FCI 70-2.
 DROP, BUBBLE = 0.05e-6, 0.15e-6
 
@@ -140,8 +143,27 @@ class LeakBasis:
         return [LEAK_UNITS[name] for name in names if self.has(LEAK_UNITS[name])]
 
     def readable(self, values: ArrayLike) -> LeakUnit:
-        """Return one unit of volume rate of the whole seal that suits all the given leakages [m²/s]."""
+        """Return one unit of the whole seal that suits all the given leakages [m²/s], as a column of a table needs it.
+
+        It is a volume rate of a liquid, and pressure × volume of a gas.
+        """
+        if self.is_gas:
+            return LEAK_UNITS["mbar·L/s"]
         return readable_unit(reals(values) * self.length, per_length=False)
+
+    def usual_unit(self, value: float) -> LeakUnit:
+        """Return the unit of the whole seal in which people state a single leakage of this size [m²/s].
+
+        A gas is stated in standard litres per minute from one on, and below in mbar·L/s, the unit of leak tests. A
+        liquid is stated in L/min, mL/min, drops per minute or per hour, and mL per year, whichever is the first that
+        makes it 1 or more.
+        """
+        names = _USUAL_FOR_GASES if self.is_gas else _USUAL_FOR_LIQUIDS
+        units = self.units(names)
+        for unit in units:
+            if abs(value) >= self.factor(unit):
+                return unit
+        return units[-1]
 
 
 #: Molar mass of helium [kg/mol], and the relative tolerance within which a gas is taken for helium.

@@ -69,7 +69,8 @@ _TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 86_400.0, "year": 365.25 * 
 #: All units, grouped by kind; within a kind, units per length of seal come first.
 _NAMES = (
     "m²/s, L/(m·s), mL/(m·s), µL/(m·s), nL/(m·s), pL/(m·s), mL/(m·min), mL/(m·h), "
-    "m³/s, L/s, L/min, L/h, mL/s, mL/min, mL/h, mL/day, cm³/s, cm³/min, cm³/h, µL/s, µL/min, mm³/s, nL/s, pL/s, "
+    "m³/s, L/s, L/min, L/h, mL/s, mL/min, mL/h, mL/day, mL/year, cm³/s, cm³/min, cm³/h, µL/s, µL/min, mm³/s, "
+    "nL/s, pL/s, "
     "kg/(m·s), g/(m·s), mg/(m·s), µg/(m·s), g/(m·h), "
     "kg/s, g/s, mg/s, µg/s, kg/h, g/h, mg/h, kg/year, g/year, oz/year, "
     "Pa·m³/(m·s), mbar·L/(m·s), Torr·L/(m·s), atm·cm³/(m·s), Pa·m³/s, mbar·L/s, Torr·L/s, atm·cm³/s, "
@@ -97,7 +98,7 @@ USUAL_UNITS = ("m²/s", "mL/(m·min)", "mg/(m·s)", "m³/s", "mL/min", "drops/mi
 #: Units from which a readable one is chosen. Key: whether the unit is per length of seal.
 _READABLE = {
     True: ("L/(m·s)", "mL/(m·s)", "µL/(m·s)", "nL/(m·s)", "pL/(m·s)"),
-    False: ("L/s", "mL/s", "mL/min", "mL/h", "nL/s", "pL/s"),
+    False: ("L/min", "mL/min", "mL/h", "mL/year"),
 }
 
 #: Replaces characters that have the same meaning by one spelling.

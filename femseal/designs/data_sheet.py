@@ -47,11 +47,9 @@ from ..results.verdict import (
     LoadText,
     NeededPressure,
     Verdict,
-    short_loads,
-    verdict_table,
-    verdicts_in_words,
     verdicts_of,
 )
+from ..results.verdict_text import short_loads, verdict_lines, verdict_table
 from .requirements import ENDS, Requirement, Seals
 from .sensitivities import Sensitivity
 
@@ -384,7 +382,7 @@ def sheet_sentences(answer: Design) -> list[str]:
     """Write the verdict on each class, the seal and the fluid, the sealing load, and what to keep in mind."""
     data = answer.results.dataset
     load_text = answer.load_text
-    sentences = [" ".join(verdict) for verdict in verdicts_in_words(answer.verdicts, load_text)]
+    sentences = verdict_lines(answer.results, answer.verdicts)
     prefix = "test_" if "test_leakage" in data else ""
     fluid = data.attrs[f"{prefix}fluid"]
     inlet, outlet = (

@@ -46,10 +46,10 @@ from ..plots.maps import (
 )
 from ..plots.realisations import realisation_figure
 from ..results.dataset_file import FILE_NAME, inconsistent, open_results
-from ..results.load_steps import load_names, loads_as_given
+from ..results.load_steps import load_names
 from ..results.results import Results
 from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
-from ..results.verdict import verdicts_in_words
+from ..results.verdict_text import verdict_paragraphs
 from ..topography import Surface
 from . import report_tables
 from .report_tables import design_section, png_uri
@@ -157,9 +157,9 @@ def write_report(
 ) -> Path:
     """Write one self-contained HTML page about a run, which loads nothing and can be printed.
 
-    The page begins with the verdict on the leakage classes, the leakage of the whole seal with its 95 % interval and
-    widest source of error, the warnings, and the leakage against load. Maps, cells, faces, tables and the error budget
-    follow. The page depends on the dataset alone, so that a page made from a folder equals the one that the run wrote.
+    The page begins with the verdict on leakage classes, leakage and accuracy and with what would help most. The
+    warnings and the leakage against load follow, and then maps, cells, faces, tables and the error budget. The page
+    depends on the dataset alone, so that a page made from a folder equals the one that the run wrote.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def report_html(results: Results, drawings: Drawings | None = None) -> str:
         load_names=names,
         load=names[step],
         basis=results.leak_basis,
-        verdicts=verdicts_in_words(results.verdicts, loads_as_given(data, 3)),
+        verdict=verdict_paragraphs(results),
         key_numbers=report_tables.key_numbers(results),
         flows=np.nan_to_num(surface_leakage(data)[step]) != 0,
         half_drop=_cells_of_half_drop(data, step),

@@ -18,7 +18,8 @@ from ..loads import first_known, least_counted
 from ..results.load_steps import load_names
 from ..results.results import Results
 from ..results.tables import class_unit, format_interval, format_leakage, with_leak_unit
-from ..results.verdict import LeakageCurve, deciding_fluid, verdict_table
+from ..results.verdict import LeakageCurve, deciding_fluid
+from ..results.verdict_text import verdict_table
 
 #: Files of `femseal design` in the folder of a run.
 DESIGN_FILE, DESIGN_PICTURE = "design.json", "design.png"

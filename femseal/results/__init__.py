@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from .results import Results
     from .run_comparison import RunComparison, compare
     from .tables import attempts_table, leakage_table, rows, summary_html, summary_text
-    from .verdict import verdict_sentences, verdict_table, verdicts_in_words, verdicts_of
+    from .verdict import verdicts_of
+    from .verdict_text import verdict_lines, verdict_sentences, verdict_table
     from .vtk_files import write_vtk
 else:
     __getattr__, __dir__ = lazy(__name__)

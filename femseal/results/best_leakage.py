@@ -160,13 +160,18 @@ def failed_steps(data: xarray.Dataset) -> Flags:
     return has_failed
 
 
-def class_interval_of(data: xarray.Dataset) -> tuple[Array, Array] | None:
+def class_interval_of(
+    data: xarray.Dataset, budget: ErrorBudget | None = None
+) -> tuple[Array, Array] | None:
     """Return the 95 % interval of the leakage that decides on classes: both ends (step,) [m²/s], NaN if unknown.
 
     The interval of a test fluid is that of the fluid of the run, multiplied by the ratio of both leakages. At steps
     without leakage, the ratio is the largest of all steps. None without an error budget.
+
+    budget : error budget of the leakage by the best method; that of the run unless given.
     """
-    budget = best_budget(data)
+    if budget is None:
+        budget = best_budget(data)
     if budget is None:
         return None
     service, deciding = np.abs(budget.leakage), np.abs(class_leakage_of(data))

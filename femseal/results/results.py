@@ -170,11 +170,9 @@ class Results(Plotted):
         return tuple(room("results").verdicts_of(self))
 
     @property
-    def verdict_texts(self) -> list[str]:
-        """The verdicts in words, one text for each class; [] without classes."""
-        load_text = load_steps.loads_as_given(self.dataset, 3)
-        verdicts = room("results").verdicts_in_words(self.verdicts, load_text)
-        return [" ".join(sentences) for sentences in verdicts]
+    def verdict_lines(self) -> list[str]:
+        """The verdict in words, one text for each paragraph, see `verdict_text.verdict_paragraphs`."""
+        return list(room("results").verdict_lines(self))
 
     # --- load steps -----------------------------------------------------------------------------------------------
 

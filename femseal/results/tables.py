@@ -293,7 +293,7 @@ def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
     wanted = format_deviation(log1p(attempts["wanted"]))
     reached = "reached" if attempts["reached"] else "not reached"
     sentences = [
-        f"The accuracy of {wanted} is {reached}: the leakage is known within {_half_width(attempts)} at all loads "
+        f"The accuracy of {wanted} is {reached}: the leakage is known within {half_width_text(attempts)} at all loads "
         "that leak more than 1/1000 of the first, by the numerical sources of its error budget alone."
     ]
     model_parts = attempts.get("model_parts")
@@ -329,7 +329,7 @@ def attempts_table(attempts: dict[str, Any]) -> TextTable:
         ("residual", [f"{setting['rtol']:.0e}" for setting in settings]),
         ("seals", [str(setting["realisations"] or "–") for setting in settings]),
         ("time", [duration(attempt["seconds"]) for attempt in single]),
-        ("error", [_half_width(attempt) for attempt in single]),
+        ("error", [half_width_text(attempt) for attempt in single]),
         ("limited by", [attempt["limit"] for attempt in single]),
     ]
     notes = (" ".join(attempt_sentences(attempts)),)
@@ -354,7 +354,7 @@ def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str
     return case | changes
 
 
-def _half_width(attempt: dict[str, Any]) -> str:
+def half_width_text(attempt: dict[str, Any]) -> str:
     """Return the half-width of the 95 % interval as text; None stands for one that is not known."""
     width = attempt["half_width"]
     return format_deviation(inf if width is None else width)
@@ -391,8 +391,10 @@ def contents(run: Results) -> dict[str, str]:
         "leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})",
         "load": cycle_text(steps),
     }
-    for verdict, verdict_text in zip(run.verdicts, run.verdict_texts, strict=True):
-        facts[f"class {verdict.name}"] = verdict_text
+    load_text = loads_as_given(run.dataset, 3)
+    for verdict in run.verdicts:
+        assembly_load = load_text(verdict.assembly_load)
+        facts[f"class {verdict.name}"] = f"{verdict.answer}, at {assembly_load}"
     stored = stored_steps(run)
     if stored:
         facts["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"

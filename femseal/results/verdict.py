@@ -1,7 +1,7 @@
-"""Verdicts on leakage classes: whether a seal meets a class, from which load on, how sure that is, what would help.
+"""Verdicts on leakage classes: whether a seal meets a class, from which load on, and how sure that is.
 
 Report, tables, design answer and terminal all take their statements from here. `LeakageCurve.needed` finds the load
-that a limit of leakage needs, on loading or on unloading; `verdict_sentences` and `verdict_table` put it into words.
+that a limit of leakage needs, on loading or on unloading; `verdict_text` puts it into words.
 
 Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Beyond the load steps nothing is extrapolated:
 the load is then known to lie above the highest or below the lowest one. If a seal opens or closes between two steps, or
@@ -11,51 +11,25 @@ computation failed there, if the fluid carries all of it, or if the seal is comp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Any
 
 import numpy as np
 
-from ..base import Array, Indices, TextTable, reals
+from ..base import Array, Indices, reals
 from ..base.leak_rates import leak_classes, within
-from ..base.leak_units import LEAK_UNITS
 from ..budget.error_parts import within_others
 from ..loads import LoadProgramme, LoadStep, relaxed
-from .load_steps import load_names, loads_as_given
+from .load_steps import load_names
+from .measures import narrowed_by
 from .results import Results
-from .tables import format_leakage
 
 #: Converts a nominal pressure [Pa] to text, with the force if the case gives forces.
 LoadText = Callable[[float], str]
 #: Name of the interval in sentences.
 INTERVAL = "the whole 95 % interval"
-#: Largest number of classes whose loads are described in sentences; those of more classes are in a table.
-_MOST_IN_SENTENCES = 2
-#: What reduces each source of error, by its name in the error budget.
-_NARROWED_BY = {
-    "blocks": "larger blocks",
-    "continuation": "an instrument that sees shorter waves",
-    "effective pressure": "a smaller pressure of the fluid",
-    "fluid pressure": 'fluid_pressure = "acts" in [contact]',
-    "filter": "a shorter surface.shortest_wave, as far as the waves were measured",
-    "form": "a form that is known more exactly, and a smaller tolerance with it",
-    "form of the patch": "surface.detrend, which says whether the curvature belongs to the seal",
-    "hardness": "a measured hardness, and a smaller hardness_tolerance with it",
-    "longer waves": "a larger measured area, or the flatness of the seal in [seal]",
-    "patch": "a larger measured area, or a second measured patch",
-    "pixels": "more surface.points",
-    "patches": "more measured patches",
-    "realisations": "more realisations in [stochastic]",
-    "solver": "a smaller contact.rtol",
-    "thin gap": "a smoother face: its gap is not thin against its waves",
-}
-#: The same for a generated surface, which can be made in any size.
-_NARROWED_IF_GENERATED = {
-    "patch": "a larger generated surface",
-    "longer waves": "a larger generated surface",
-}
 
 
 @dataclass(frozen=True)
@@ -324,6 +298,8 @@ class Verdict:
         Nominal pressure in assembly [Pa].
     met_as_computed, met_with_interval : bool
         Whether the class is met at that load; the second is None without an interval.
+    may_be_met : bool
+        Whether the lower end of the interval meets the class at that load.
     unknown : str
         Why the leakage at that load may be any, "" if it is known.
     assembly : NeededPressure
@@ -345,6 +321,7 @@ class Verdict:
     assembly_load: float
     met_as_computed: bool
     met_with_interval: bool | None
+    may_be_met: bool
     unknown: str
     assembly: NeededPressure
     service: dict[float, NeededPressure]
@@ -358,6 +335,8 @@ class Verdict:
         """Whether the class is met at the assembly load, as computed and with the whole interval, in words."""
         if self.unknown:
             return f"not met, as {self.unknown}"
+        if not self.met_as_computed and self.may_be_met:
+            return "not met as computed, but the lower end of the 95 % interval meets it"
         if not self.met_as_computed:
             return "not met"
         if self.met_with_interval is None:
@@ -408,7 +387,7 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
         about_interval = {
             "vague_load": float(steps.pressures[step]),
             "widest_source": source,
-            "narrowed_by": _narrowed_by(results, source),
+            "narrowed_by": narrowed_by(results, source),
         }
     (leak_class,) = leak_classes([name])
     is_unknown = np.isinf(curve.leakage[assembly_step])
@@ -421,7 +400,8 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
         assembly_load=float(steps.pressures[assembly_step]),
         met_as_computed=bool(is_met[assembly_step]),
         met_with_interval=bool(is_met_with_interval[assembly_step]) if curve.has_interval else None,
-        unknown=_why_unknown(results, assembly_step) if is_unknown else "",
+        may_be_met=bool(within(curve.lower, limit)[assembly_step]),
+        unknown=why_unknown(results, assembly_step) if is_unknown else "",
         assembly=curve.needed(limit),
         service={peak: curve.needed(limit, peak) for peak in steps.unload_from},
         failed=tuple(names[step] for step in np.flatnonzero(results.has_failed)),
@@ -429,23 +409,13 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
     )
 
 
-def _why_unknown(results: Results, step: int) -> str:
+def why_unknown(results: Results, step: int) -> str:
     """Return why the leakage at a step may be any."""
     if results.has_failed[step]:
         return "the solution failed"
     if step in results.open_steps:
         return "the fluid carries the load alone"
     return "what is computed as sealed may leak any amount by the error budget"
-
-
-def _narrowed_by(results: Results, source: str) -> str:
-    """Return what reduces a source of error, "" if nothing is known."""
-    faces = results.case.get("face") or {}
-    tables = faces if isinstance(faces, list) else [faces]
-    is_generated = bool(faces) and all(table.get("kind", "file") != "file" for table in tables)
-    if is_generated and source in _NARROWED_IF_GENERATED:
-        return _NARROWED_IF_GENERATED[source]
-    return _NARROWED_BY.get(source, "")
 
 
 def deciding_fluid(results: Results) -> str:
@@ -457,123 +427,3 @@ def deciding_fluid(results: Results) -> str:
     if name:
         return str(name)
     return "the gas" if results.class_basis.is_gas else "the liquid"
-
-
-def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = True) -> list[str]:
-    """Put a verdict into words: the answer at the assembly load, then the loads, then what would narrow the interval.
-
-    Parameters
-    ----------
-    verdict : Verdict
-        The verdict.
-    load_text : callable
-        Converts a nominal pressure [Pa] to text.
-    whole : bool
-        False returns the answer alone.
-
-    Returns
-    -------
-    list of str
-        Sentences.
-    """
-    subject = f"Class {verdict.name} with {verdict.fluid}"
-    if verdict.is_own_limit:
-        subject = f"At most {verdict.name} of {verdict.fluid}"
-    assembly_load = load_text(verdict.assembly_load)
-    sentences = [f"{subject}: {verdict.answer}, at the assembly load of {assembly_load}."]
-    if not whole:
-        return sentences
-    sentences.append(f"On loading it is met {_both(verdict.assembly, load_text)}.")
-    for peak, needed in verdict.service.items():
-        if needed.computed == inf:  # the class is not even met at the peak
-            continue
-        sentences.append(f"Unloaded from {load_text(peak)} it is kept {_both(needed, load_text)}.")
-    if verdict.failed:
-        loads = ", ".join(verdict.failed)
-        sentences.append(f"The solution failed at {loads}: such a load counts as not met.")
-    if not verdict.assembly.has_interval:
-        sentences.append("The run has no error budget; output.budget = true gives the interval.")
-    elif verdict.widest_source:
-        sentence = (
-            f"At {load_text(verdict.vague_load)} the widest source of error is "
-            f"'{verdict.widest_source}'"
-        )
-        if verdict.narrowed_by:
-            sentence += f"; {verdict.narrowed_by} would narrow the interval"
-        sentences.append(f"{sentence}.")
-    return sentences
-
-
-def _both(needed: NeededPressure, load_text: LoadText) -> str:
-    """Return the needed load as computed, and with the whole interval if there is one."""
-    computed = needed.words(needed.computed, load_text)
-    if not needed.has_interval:
-        return f"{computed} as computed"
-    value = needed.words(needed.value, load_text)
-    if value == computed:
-        return f"{computed}, as computed and with {INTERVAL}"
-    return f"{computed} as computed, and {value} with {INTERVAL}"
-
-
-def verdicts_in_words(verdicts: Sequence[Verdict], load_text: LoadText) -> list[list[str]]:
-    """Return sentences on each verdict; the answers alone if there are many, as their loads are in the table."""
-    whole = len(verdicts) <= _MOST_IN_SENTENCES
-    return [verdict_sentences(verdict, load_text, whole=whole) for verdict in verdicts]
-
-
-def short_loads(results: Results) -> LoadText:
-    """Return a function that converts a nominal pressure to short text: the force alone if the case gives forces."""
-    load_text = loads_as_given(results.dataset, 3)
-    return lambda pressure: load_text(pressure).partition(" (")[0]
-
-
-def verdict_table(
-    results: Results,
-    verdicts: Sequence[Verdict],
-    more: Iterable[tuple[str, Iterable[str]]] = (),
-    names: tuple[str, str] = ("met", "kept after {}"),
-) -> TextTable:
-    """Return a table with a line for each verdict: class, limit, and its loads as computed and with the interval.
-
-    Parameters
-    ----------
-    results : Results
-        The run.
-    verdicts : sequence of Verdict
-        The verdicts, at least one.
-    more : iterable
-        Heading and texts of further columns.
-    names : (str, str)
-        Headings of the load from which on a class is met, and of that down to which it is kept after an assembly; {}
-        in the second one is replaced by the load of the assembly.
-    """
-    load_text = short_loads(results)
-    columns: list[tuple[str, list[str]]] = [("class", [verdict.name for verdict in verdicts])]
-    if not all(verdict.is_own_limit for verdict in verdicts):
-        columns.append(("limit", _limit_texts(results, verdicts)))
-    met, kept = names
-    needed = [(met, [verdict.assembly for verdict in verdicts])]
-    for peak in verdicts[0].service:
-        heading = kept.format(load_text(peak))
-        needed.append((heading, [verdict.service[peak] for verdict in verdicts]))
-    for heading, pressures in needed:
-        texts = [pressure.words(pressure.computed, load_text) for pressure in pressures]
-        columns.append((f"{heading}, as computed", texts))
-        if pressures[0].has_interval:
-            texts = [pressure.words(pressure.value, load_text) for pressure in pressures]
-            columns.append((f"{heading}, with {INTERVAL}", texts))
-    columns += [(heading, list(texts)) for heading, texts in more]
-    title = f"Leakage classes, decided by {verdicts[0].fluid}"
-    return TextTable.of_columns(title, columns, names=len(columns))
-
-
-def _limit_texts(results: Results, verdicts: Sequence[Verdict]) -> list[str]:
-    """Return the limit of each verdict in the unit of its class."""
-    classes = leak_classes([verdict.name for verdict in verdicts])
-    texts = []
-    for verdict, leak_class in zip(verdicts, classes, strict=True):
-        unit = LEAK_UNITS[leak_class.unit]
-        factor = results.class_basis.factor(unit)
-        limit = f"{format_leakage(verdict.limit, factor)} {unit.name}"
-        texts.append(limit if verdict.limit else "no leakage")
-    return texts

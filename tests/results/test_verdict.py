@@ -1,5 +1,6 @@
 """The verdict on a leakage class: one answer in report, tables, design and terminal, with test fluids and failed loads."""
 
+import json
 import re
 from dataclasses import replace
 from html import unescape
@@ -16,7 +17,8 @@ from femseal.report import report_tables
 from femseal.report.page import report_html
 from femseal.report.report_tables import class_table, key_numbers
 from femseal.results import RunFacts, assemble
-from femseal.results.verdict import verdict_sentences
+from femseal.results.measures import best_narrowing, lowering
+from femseal.results.verdict_text import verdict_sentences
 from femseal.studies import FluidState, OtherLeakage
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15, slip=False)
@@ -65,6 +67,14 @@ def results_of(study, leakage=LEAKAGE, test=None, factor=FACTOR, source="patch",
     return assemble(scene, replace(found, leakage=leakage), facts=facts)
 
 
+def number_of(text):
+    """The number that a text means, also one with a power of ten such as 7.3·10⁻⁷."""
+    digits = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+    plain = text.replace("·", "").replace("10", "e", 1) if set(text) & set("⁰⁴⁵⁶⁷⁸⁹⁻") else text
+    mantissa, _, power = plain.partition("e")
+    return float(mantissa or 1) * 10.0 ** int(power.translate(digits) or 0)
+
+
 def limit_of(results, leakage):
     """A limit of the user's own, in mg/(m·s) of the fluid that decides."""
     return f"{leakage * results.class_basis.density * 1e6:.6g} mg/(m·s)"
@@ -99,17 +109,18 @@ def test_report_table_design_and_terminal_say_the_same(tmp_path, femseal):
     code, printed, _ = femseal("run", path, "-o", folder, "--workers", "1")
     assert code == 0
     results = fs.open_results(folder)
-    (text,) = results.verdict_texts
-    assert "as computed" in text
-    assert "with the whole 95 % interval" in text
+    assert "as computed" in results.verdict_lines[0]
+    assert "with the whole 95 % interval" in results.verdict_lines[0]
+    text = " ".join(results.verdict_lines)
 
     def flat(words):
         return " ".join(words.split())
 
-    assert flat(printed).startswith(flat(text))
+    assert flat(printed).endswith(flat(f"{text} results in {folder}"))
     page = unescape((folder / "report.html").read_text(encoding="utf-8"))
     page = re.sub("<[^>]+>", " ", page)
-    assert re.sub(r"\s", "", text) in re.sub(r"\s", "", page)
+    squeezed = re.sub(r"\s", "", page)
+    assert squeezed.index(re.sub(r"\s", "", text)) < squeezed.index("wholeseal,loading")
     _, told, _ = femseal("design", folder)
     assert flat(told).startswith(flat(text))
     # a design without an output writes nothing
@@ -166,14 +177,14 @@ def test_with_a_test_fluid_the_first_screen_shows_the_test(study):
     units = {re.sub(r"[\d.·⁰-⁹⁻¹²³]+ ", "", value) for _, value, _ in tiles[1:]}
     assert len(units) == 1
     (unit,) = units
-    amounts = [float(value.removesuffix(f" {unit}")) for _, value, _ in tiles[1:]]
+    amounts = [number_of(value.removesuffix(f" {unit}")) for _, value, _ in tiles[1:]]
     per_length = results.class_basis.factor(fs.base.leak_units.LEAK_UNITS[unit])
     assert_allclose(amounts, test[[0, 5]] / per_length, rtol=5e-3)
     for (_, _, interval), q in zip(tiles[1:], test[[0, 5]], strict=True):
-        low, high, name = re.fullmatch(r"95 % interval ([\d.]+)–([\d.]+) (.+)", interval).groups()
+        low, high, name = re.fullmatch(r"95 % interval (.+)–(.+) ([^ ]+)", interval).groups()
         assert name == unit
         ends = np.array([1 / FACTOR, FACTOR]) * q / per_length
-        assert_allclose([float(low), float(high)], ends, rtol=5e-2)
+        assert_allclose([number_of(low), number_of(high)], ends, rtol=5e-2)
     found = report_tables.test_fluid(results)
     assert found["leakage"] == "sealed"
     both_gases = found["ratio"] * 3
@@ -194,9 +205,9 @@ def test_no_interval_is_said_as_such(study):
     results = assemble(scene, found, facts=RunFacts(classes=["1 kg/(m·s)"]))
     (verdict,) = results.verdicts
     assert verdict.met_with_interval is None
-    (text,) = results.verdict_texts
+    text = " ".join(results.verdict_lines)
     assert "no error budget" in text
-    assert "whole" not in text
+    assert "whole 95" not in text
     assert class_table(results).heads == (
         "class",
         "met, as computed",
@@ -207,6 +218,85 @@ def test_no_interval_is_said_as_such(study):
 
 def test_many_classes_are_told_in_a_sentence_each(study):
     results = results_of(study, classes=["ISO 5208"], nominal_diameter=0.05)
-    texts = results.verdict_texts
+    texts = results.verdict_lines[: len(results.verdicts)]
     assert len(texts) == len(class_table(results).lines) > 2
     assert all(text.count(".") <= 3 and "On loading" not in text for text in texts)
+
+
+def test_narrowing_follows_from_the_error_budget(study):
+    """Twice the points divide the distance of second order by four; independent parts of a patch by the root of the area."""
+    q, step = LEAKAGE[3], 3
+    for source, power in (("pixels", 1 / 4), ("patch", 1 / 2), ("hardness", 1 / 2)):
+        narrowing = best_narrowing(results_of(study, source=source), step)
+        assert narrowing.source == source
+        assert not narrowing.is_best_case
+        assert_allclose([narrowing.lower, narrowing.upper], q * FACTOR ** np.array([-power, power]))
+    best = best_narrowing(results_of(study, source="thin gap"), step)
+    assert best.is_best_case
+    assert_allclose([best.lower, best.upper], q)
+    # the interval of a test fluid is that of the fluid in service, in the ratio of both
+    tested = best_narrowing(results_of(study, test=3 * LEAKAGE, source="pixels"), step)
+    assert_allclose(tested.upper, 3 * q * FACTOR**0.25)
+    sealed = np.where(LEAKAGE < 3e-9, 0.0, LEAKAGE)
+    assert best_narrowing(results_of(study, sealed), step) is None
+
+
+def test_effects_of_load_and_finish_are_those_of_solving_again():
+    """The scaling law gives the effect of the heights from those of load and hardness; a solution of lower heights does too."""
+    face = fs.self_affine((64, 64), (6e-5, 6e-5), hurst=0.8, rms_slope=0.2, cut_off=8e-6, rng=1)
+    loads = {"loading": (1.8e8, 2e8, 2.2e8)}
+    scene = steel_scene(face, **loads)
+
+    def leakage(changed):
+        return fs.deterministic(changed).leakage
+
+    q = leakage(scene)
+    harder = leakage(replace(scene, hardness=scene.law.times(1.1)))
+    part = ErrorPart("hardness", q**2 / harder, harder, "by hand")
+    budget = ErrorBudget("deterministic", q, (part,), scene.steps)
+    results = assemble(
+        scene, fs.deterministic(scene), facts=RunFacts(budgets={"deterministic": budget})
+    )
+    effect = lowering(results, q, 1)
+    assert np.log(effect.by_load) == pytest.approx(np.log(q[2] / q[1]), rel=0.2)
+    lower = steel_scene(fs.Topography(0.8 * face.heights, face.spacing, face.periodic), **loads)
+    assert np.log(effect.by_finish) == pytest.approx(np.log(leakage(lower)[1] / q[1]), rel=0.15)
+    assert np.isnan(lowering(results, q, 0).by_load)
+
+
+def test_without_a_class_leakage_and_cycle_are_said_in_usual_units(study):
+    """At the assembly load first; 1 mL/min is 20 drops a minute, and no number needs a power of ten."""
+    scene, found = study
+    per_length = assemble(scene, found).class_basis.factor(fs.base.leak_units.LEAK_UNITS["mL/min"])
+    results = results_of(study, per_length * np.array([3000.0, 40.0, 6.0, 0.1, 0.5, 0.002]))
+    first = results.verdict_lines[0]
+    assert "at the assembly load of 400 MPa: 2 drops/min (95 % interval 0.4–10 drops/min)" in first
+    assert "from 3 L/min at 50 MPa to 2 drops/min at 400 MPa" in first
+    assert "Unloaded from there to 100 MPa it is 2.4 drops/h" in first
+    assert "leakage class" in results.verdict_lines[-1]
+    assert not re.search("·10", " ".join(results.verdict_lines))
+
+
+def test_with_a_test_fluid_the_test_is_said_first(study):
+    case = {"output": {"test_fluid": {"name": "helium"}}, "fluid": {"name": "water"}}
+    lines = results_of(study, LEAKAGE, 3 * LEAKAGE, case=case).verdict_lines
+    assert lines[0].startswith(
+        "Leakage of the whole seal in the test with helium from 100 kPa to 0 Pa"
+    )
+    assert "mbar·L/s" in lines[0]
+    assert lines[1].startswith("In service with water")
+
+
+def test_reached_accuracy_is_said(study):
+    attempts = {
+        "wanted": 0.1,
+        "reached": False,
+        "half_width": np.log(1.2),
+        "with_model": np.log(1.5),
+        "model_parts": ["hardness"],
+    }
+    lines = results_of(study, attributes={"accuracy": json.dumps(attempts)}).verdict_lines
+    assert (
+        "The accuracy of 10 % is not reached: the numerical error is 20 %, and with the model and its input "
+        "it is 50 %."
+    ) in lines

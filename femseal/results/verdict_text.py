@@ -1,0 +1,398 @@
+"""Put the verdict on a run into words and into a table: the same few lines for terminal, report and design.
+
+`verdict_paragraphs` says whether each leakage class is met and from which load on, what the seal leaks at the assembly
+load, what would help most, and whether the accuracy was reached that the case asks for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import inf, isfinite, log1p
+
+from ..base import TextTable, format_deviation, to_text
+from ..base.leak_rates import leak_classes
+from ..base.leak_units import LEAK_UNITS, LeakUnit
+from .load_steps import force_scale, loads_as_given
+from .measures import HEIGHTS, LOAD_INCREASE, Narrowing, best_narrowing, lowering
+from .results import Results
+from .tables import format_interval, format_leakage, half_width_text, with_leak_unit
+from .verdict import (
+    INTERVAL,
+    LeakageCurve,
+    LoadText,
+    NeededPressure,
+    Verdict,
+    deciding_fluid,
+    falling_steps,
+    verdicts_of,
+    why_unknown,
+)
+
+#: Sentences on one subject; the first one is the most important.
+Paragraph = list[str]
+#: Largest number of classes whose loads are described in sentences; those of more classes are in a table.
+_MOST_IN_SENTENCES = 2
+#: Masses per year [kg/s] that are worth stating: 1 mg and 10 t.
+_LEAST_MASS, _MOST_MASS = 1e-6 / 3.15576e7, 1e4 / 3.15576e7
+
+
+def verdict_paragraphs(
+    results: Results, verdicts: Sequence[Verdict] | None = None
+) -> list[Paragraph]:
+    """Say whether the seal is tight enough, how sure that is, and what would help most.
+
+    Parameters
+    ----------
+    results : Results
+        The run.
+    verdicts : sequence of Verdict, optional
+        Verdicts on leakage classes; those of the case unless given.
+
+    Returns
+    -------
+    list of list of str
+        Paragraphs of sentences: one for each class, then leakage, measures, accuracy and hints as far as they apply.
+    """
+    if verdicts is None:
+        verdicts = verdicts_of(results)
+    answer = _Answer(results)
+    paragraphs = [answer.about_class(verdict, len(verdicts)) for verdict in verdicts]
+    classes = leak_classes([verdict.name for verdict in verdicts])
+    if not any(not LEAK_UNITS[leak_class.unit].per_length for leak_class in classes):
+        paragraphs.append(answer.about_leakage(with_cycle=not verdicts))
+    paragraphs.append(answer.about_service())
+    paragraphs.append(answer.about_measures(verdicts))
+    paragraphs.append(_about_accuracy(results))
+    paragraphs.append(_hints(results, verdicts))
+    return [paragraph for paragraph in paragraphs if paragraph]
+
+
+def verdict_lines(results: Results, verdicts: Sequence[Verdict] | None = None) -> list[str]:
+    """Return `verdict_paragraphs` as one text each."""
+    return [" ".join(paragraph) for paragraph in verdict_paragraphs(results, verdicts)]
+
+
+class _Answer:
+    """Sentences on one run, with its leakage curve and the texts of its loads."""
+
+    def __init__(self, results: Results) -> None:
+        self.results = results
+        self.curve = LeakageCurve.of_results(results)
+        self.load_text = loads_as_given(results.dataset, 3)
+        self.step = self.curve.assembly_step
+        self.assembly_load = self.load_of(self.step)
+        self.fluid = deciding_fluid(results)
+        self.has_test = "test_leakage" in results.dataset
+
+    def load_of(self, step: int) -> str:
+        """Return the load of a step as text."""
+        return self.load_text(float(self.curve.steps.pressures[step]))
+
+    # --- leakage in usual units ---
+
+    def usual_unit(self, value: float) -> LeakUnit:
+        """Return the unit of the whole seal that the case gives, or the usual one for a leakage [m²/s]."""
+        basis, asked = self.results.class_basis, self.results.asked_unit
+        if asked is not None and not asked.per_length and basis.has(asked):
+            return asked
+        return basis.usual_unit(value)
+
+    def value_at(self, step: int, unit: LeakUnit | None = None) -> str:
+        """Return the leakage of a step with its unit, "sealed", or why it is unknown."""
+        leakage = float(self.curve.leakage[step])
+        if not isfinite(leakage):
+            return f"unknown, as {why_unknown(self.results, step)}"
+        chosen = unit or self.usual_unit(leakage)
+        factor = self.results.class_basis.factor(chosen)
+        return with_leak_unit(format_leakage(leakage, factor), chosen)
+
+    def interval_text(self, lower: float, upper: float, unit: LeakUnit) -> str:
+        """Return both ends of an interval at the assembly load in a unit, which the text names."""
+        factor = self.results.class_basis.factor(unit)
+        leakage = float(self.curve.leakage[self.step])
+        return with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
+
+    def assembly_leakage(self, unit: LeakUnit | None = None) -> str:
+        """Return the leakage at the assembly load with its 95 % interval."""
+        leakage, lower, upper = (
+            float(values[self.step])
+            for values in (self.curve.leakage, self.curve.lower, self.curve.upper)
+        )
+        if not isfinite(leakage):
+            return self.value_at(self.step)
+        size = leakage or (upper if isfinite(upper) else 0.0)
+        chosen = unit or self.usual_unit(size)
+        text = self.value_at(self.step, chosen)
+        if not self.curve.has_interval:
+            return f"{text} (without an interval)"
+        return f"{text} (95 % interval {self.interval_text(lower, upper, chosen)})"
+
+    def mass_per_year(self) -> str:
+        """Return the leakage at the assembly load as a mass per year, "" if it is unknown or far from usual."""
+        basis, leakage = self.results.class_basis, float(self.curve.leakage[self.step])
+        unit = LEAK_UNITS["kg/s"]
+        if not basis.has(unit) or not isfinite(leakage):
+            return ""
+        mass = leakage / basis.factor(unit)
+        if not _LEAST_MASS <= mass <= _MOST_MASS:
+            return ""
+        name = "kg/year" if mass >= LEAK_UNITS["kg/year"].si else "g/year"
+        unit = LEAK_UNITS[name]
+        return f"{format_leakage(leakage, basis.factor(unit))} {name.replace('/', ' a ')}"
+
+    # --- paragraphs ---
+
+    def about_class(self, verdict: Verdict, count: int) -> Paragraph:
+        """Say whether a class is met, with the leakage that decides, and from which load on."""
+        is_described = count <= _MOST_IN_SENTENCES
+        sentences = verdict_sentences(verdict, self.load_text, whole=is_described)
+        if verdict.unknown or not is_described:
+            return sentences
+        (leak_class,) = leak_classes([verdict.name])
+        unit = LEAK_UNITS[leak_class.unit]
+        leakage = f"There the leakage is {self.assembly_leakage(unit)}"
+        if not verdict.is_own_limit:
+            (limit,) = _limit_texts(self.results, [verdict])
+            leakage += f"; the class allows {limit}"
+        return [sentences[0], f"{leakage}.", *sentences[1:]]
+
+    def about_leakage(self, with_cycle: bool) -> Paragraph:
+        """Say what the whole seal leaks at the assembly load, and how that changes over the cycle."""
+        subject = f"Leakage of the whole seal with {self.fluid}"
+        if self.has_test:
+            subject = (
+                f"Leakage of the whole seal in the test with {self.fluid}{self._test_pressures()}"
+            )
+        sentence = (
+            f"{subject}, at the assembly load of {self.assembly_load}: {self.assembly_leakage()}"
+        )
+        mass = "" if self.has_test or self._has_unit_of_mass() else self.mass_per_year()
+        sentences = [f"{sentence}{f', which is {mass}' if mass else ''}."]
+        if with_cycle:
+            sentences += self._cycle()
+        return sentences
+
+    def _has_unit_of_mass(self) -> bool:
+        """Return whether the case gives a unit of mass, so that the mass need not be added."""
+        asked = self.results.asked_unit
+        return asked is not None and asked.kind == "mass"
+
+    def _test_pressures(self) -> str:
+        """Return between which pressures the test fluid flows."""
+        attributes = self.results.dataset.attrs
+        inlet, outlet = (
+            to_text(attributes[f"test_{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet")
+        )
+        return f" from {inlet} to {outlet}"
+
+    def _cycle(self) -> list[str]:
+        """Say how the leakage changes on loading up to the assembly, and on unloading from there."""
+        steps = self.curve.steps
+        peak = float(steps.pressures[self.step])
+        first = int(falling_steps(steps, None)[-1])
+        sentences = []
+        if first != self.step:
+            sentences.append(
+                f"On loading it changes from {self.value_at(first)} at {self.load_of(first)} to "
+                f"{self.value_at(self.step)} at {self.assembly_load}."
+            )
+        if peak in steps.unload_from:
+            last = int(falling_steps(steps, peak)[-1])
+            sentences.append(
+                f"Unloaded from there to {self.load_of(last)} it is {self.value_at(last)}."
+            )
+        return sentences
+
+    def about_service(self) -> Paragraph:
+        """Say what the fluid in service leaks where a test fluid decides."""
+        results = self.results
+        if not self.has_test:
+            return []
+        leakage = abs(float(results.leakage.values[self.step]))
+        name = (results.case.get("fluid") or {}).get("name") or results.dataset.attrs["fluid"]
+        basis = results.leak_basis
+        unit = basis.usual_unit(leakage if isfinite(leakage) else 0.0)
+        text = with_leak_unit(format_leakage(leakage, basis.factor(unit)), unit)
+        return [f"In service with {name} the whole seal leaks as computed there: {text}."]
+
+    def about_measures(self, verdicts: Sequence[Verdict]) -> Paragraph:
+        """Say what would narrow the interval, and what would lower the leakage, unless all classes are met for sure."""
+        if verdicts and all(verdict.met_with_interval for verdict in verdicts):
+            return []
+        sentences = []
+        is_met = bool(verdicts) and all(verdict.met_as_computed for verdict in verdicts)
+        narrowing = best_narrowing(self.results, self.step)
+        if narrowing is not None and (is_met or not verdicts):
+            sentences.append(self._narrowing(narrowing))
+        lowered = self._lowering()
+        if lowered:
+            sentences.append(lowered)
+            unmet = [verdict for verdict in verdicts if not verdict.met_as_computed]
+            if unmet and unmet[0].limit > 0:
+                ratio = unmet[0].limit / float(self.curve.leakage[self.step])
+                sentences.append(f"{unmet[0].name} asks for {ratio:.2g} times as much.")
+        return sentences
+
+    def _narrowing(self, narrowing: Narrowing) -> str:
+        """Say what narrows the interval at the assembly load, and to which ends."""
+        unit = self.usual_unit(float(self.curve.leakage[self.step]))
+        ends = self.interval_text(narrowing.lower, narrowing.upper, unit)
+        how = "at best" if narrowing.is_best_case else "about"
+        return (
+            f"The widest source of error at {self.assembly_load} is '{narrowing.source}': {narrowing.action} "
+            f"would narrow the interval to {how} {ends}."
+        )
+
+    def _lowering(self) -> str:
+        """Say what a higher load and a smoother finish do to the leakage at the assembly load, "" if unknown."""
+        leakage = self.results.class_leakage[0]
+        if not 0 < float(self.curve.leakage[self.step]) < inf:
+            return ""
+        lowered = lowering(self.results, leakage, self.step)
+        texts = []
+        if lowered.by_load < 1:
+            load = "load" if force_scale(self.results.dataset) is None else "force"
+            texts.append(
+                f"a {load} higher by {100 * LOAD_INCREASE:g} % would let through about "
+                f"{lowered.by_load:.2g} times as much"
+            )
+        if lowered.by_finish < 1:
+            verb = "" if texts else "would let through "
+            texts.append(
+                f"a finish whose heights are lower by {100 * (1 - HEIGHTS):.0f} % {verb}about "
+                f"{lowered.by_finish:.2g} times as much"
+            )
+        text = ", and ".join(texts)
+        return f"{text[:1].upper()}{text[1:]}." if text else ""
+
+
+def _about_accuracy(results: Results) -> Paragraph:
+    """Say whether the accuracy that the case asks for was reached."""
+    attempts = results.attempts
+    if attempts is None:
+        return []
+    wanted = format_deviation(log1p(attempts["wanted"]))
+    reached = "reached" if attempts["reached"] else "not reached"
+    sentence = (
+        f"The accuracy of {wanted} is {reached}: the numerical error is {half_width_text(attempts)}"
+    )
+    if attempts.get("model_parts"):
+        with_model = half_width_text({"half_width": attempts["with_model"]})
+        sentence += f", and with the model and its input it is {with_model}"
+    return [f"{sentence}."]
+
+
+def _hints(results: Results, verdicts: Sequence[Verdict]) -> Paragraph:
+    """Say which key of the case gives a part of the verdict that is missing."""
+    hints = []
+    if results.budget is None:
+        hints.append("The run has no error budget; output.budget = true gives the interval.")
+    if not verdicts:
+        hints.append(
+            "Set classes in [output] of the case to see from which load on a leakage class is met."
+        )
+    return hints
+
+
+def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = True) -> list[str]:
+    """Put a verdict into words: the answer at the assembly load, then the loads.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        The verdict.
+    load_text : callable
+        Converts a nominal pressure [Pa] to text.
+    whole : bool
+        False returns the answer alone.
+
+    Returns
+    -------
+    list of str
+        Sentences.
+    """
+    subject = f"Class {verdict.name} with {verdict.fluid}"
+    if verdict.is_own_limit:
+        subject = f"At most {verdict.name} of {verdict.fluid}"
+    assembly_load = load_text(verdict.assembly_load)
+    sentences = [f"{subject}: {verdict.answer}, at the assembly load of {assembly_load}."]
+    if not whole:
+        return sentences
+    sentences.append(f"On loading it is met {_both(verdict.assembly, load_text)}.")
+    for peak, needed in verdict.service.items():
+        if needed.computed == inf:  # the class is not even met at the peak
+            continue
+        sentences.append(f"Unloaded from {load_text(peak)} it is kept {_both(needed, load_text)}.")
+    if verdict.failed:
+        loads = ", ".join(verdict.failed)
+        sentences.append(f"The solution failed at {loads}: such a load counts as not met.")
+    return sentences
+
+
+def _both(needed: NeededPressure, load_text: LoadText) -> str:
+    """Return the needed load as computed, and with the whole interval if there is one."""
+    computed = needed.words(needed.computed, load_text)
+    if not needed.has_interval:
+        return f"{computed} as computed"
+    value = needed.words(needed.value, load_text)
+    if value == computed:
+        return f"{computed}, as computed and with {INTERVAL}"
+    return f"{computed} as computed, and {value} with {INTERVAL}"
+
+
+def short_loads(results: Results) -> LoadText:
+    """Return a function that converts a nominal pressure to short text: the force alone if the case gives forces."""
+    load_text = loads_as_given(results.dataset, 3)
+    return lambda pressure: load_text(pressure).partition(" (")[0]
+
+
+def verdict_table(
+    results: Results,
+    verdicts: Sequence[Verdict],
+    more: Iterable[tuple[str, Iterable[str]]] = (),
+    names: tuple[str, str] = ("met", "kept after {}"),
+) -> TextTable:
+    """Return a table with a line for each verdict: class, limit, and its loads as computed and with the interval.
+
+    Parameters
+    ----------
+    results : Results
+        The run.
+    verdicts : sequence of Verdict
+        The verdicts, at least one.
+    more : iterable
+        Heading and texts of further columns.
+    names : (str, str)
+        Headings of the load from which on a class is met, and of that down to which it is kept after an assembly; {}
+        in the second one is replaced by the load of the assembly.
+    """
+    load_text = short_loads(results)
+    columns: list[tuple[str, list[str]]] = [("class", [verdict.name for verdict in verdicts])]
+    if not all(verdict.is_own_limit for verdict in verdicts):
+        columns.append(("limit", _limit_texts(results, verdicts)))
+    met, kept = names
+    needed = [(met, [verdict.assembly for verdict in verdicts])]
+    for peak in verdicts[0].service:
+        heading = kept.format(load_text(peak))
+        needed.append((heading, [verdict.service[peak] for verdict in verdicts]))
+    for heading, pressures in needed:
+        texts = [pressure.words(pressure.computed, load_text) for pressure in pressures]
+        columns.append((f"{heading}, as computed", texts))
+        if pressures[0].has_interval:
+            texts = [pressure.words(pressure.value, load_text) for pressure in pressures]
+            columns.append((f"{heading}, with {INTERVAL}", texts))
+    columns += [(heading, list(texts)) for heading, texts in more]
+    title = f"Leakage classes, decided by {verdicts[0].fluid}"
+    return TextTable.of_columns(title, columns, names=len(columns))
+
+
+def _limit_texts(results: Results, verdicts: Sequence[Verdict]) -> list[str]:
+    """Return the limit of each verdict in the unit of its class."""
+    classes = leak_classes([verdict.name for verdict in verdicts])
+    texts = []
+    for verdict, leak_class in zip(verdicts, classes, strict=True):
+        unit = LEAK_UNITS[leak_class.unit]
+        factor = results.class_basis.factor(unit)
+        limit = f"{format_leakage(verdict.limit, factor)} {unit.name}"
+        texts.append(limit if verdict.limit else "no leakage")
+    return texts
