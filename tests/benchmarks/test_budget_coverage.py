@@ -40,6 +40,7 @@ def assert_mostly_held(states, at_least):
     assert sum(held) >= binom.ppf(0.01, len(held), 0.95)
 
 
+@pytest.mark.slow
 def test_bands_hold_the_truth_of_a_dozen_small_scenes():
     states = list(states_of(2, 0, small))
     assert_mostly_held(states, 12)

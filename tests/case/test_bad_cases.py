@@ -286,7 +286,7 @@ def test_only_files_of_a_usual_size_are_read(tmp_path):
         "a = " + "{b=" * 20_000,
         "seed = " + "9" * 5000,
         "seed = 0x" + "f" * 20_000,
-        "a." * 20_000 + "a = 1",
+        "a." * 5_000 + "a = 1",
         "a" * 5000,
         "[" + "a." * 400 + "a]",
         "a = '\x00'",

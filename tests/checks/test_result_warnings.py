@@ -53,7 +53,9 @@ def solve_in_python(prepared, method):
     [
         {"method": "deterministic"},
         {"method": "two-scale", "cells": {"count": [2, 2]}},
-        {"method": "blocks", "cells": {"count": [8, 8]}, "face": FINE},
+        pytest.param(
+            {"method": "blocks", "cells": {"count": [8, 8]}, "face": FINE}, marks=pytest.mark.slow
+        ),
         {"method": "stochastic", "cells": {"count": [2, 2]}, "stochastic": SEAL},
         {
             "method": "stochastic",

@@ -32,8 +32,8 @@ method = "two-scale"
 seed = 1
 [face]
 kind = "turned"
-points = [128, 256]
-size = ["160 um", "320 um"]
+points = [64, 128]
+size = ["80 um", "160 um"]
 pitch = "40 um"
 depth = "1 um"
 roughness = "1 um"
@@ -48,11 +48,11 @@ unloading = ["150 MPa", "100 MPa", "25 MPa"]
 [fluid]
 kind = "liquid"
 viscosity = "1 mPa*s"
-inlet_pressure = "1 MPa"
+inlet_pressure = "0.3 MPa"
 [cells]
-count = [4, 8]
+count = [2, 4]
 [output]
-test_fluid = {name = "helium", inlet_pressure = "20 bar", slip = false}
+test_fluid = {name = "helium", inlet_pressure = "2 bar", slip = false}
 """
 #: A leak test of it.
 LEAK_TEST = "pressure [MPa], leakage [mg/(m·s)]\n25, 40\n50, 20\n100, 5\n200, 1\n300, < 1\n"
@@ -185,9 +185,7 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
                 shutil.copytree(finished, word)
         code, said, complaint = femseal(*arguments)
     assert code == 0, said + complaint
-    # the example's test gas is fast enough for inertia at its lightest load, of which a run warns
-    unexpected = [line for line in complaint.splitlines() if " INFO " not in line]
-    assert all("Test fluid: Less leaks" in line for line in unexpected)
+    assert [line for line in complaint.splitlines() if " INFO " not in line] == []
     for output in outputs:
         assert (files := written(Path(output)))
         assert all(files)

@@ -91,6 +91,7 @@ def test_blocks_by_default_have_at_most_1024_points_a_side_and_take_the_memory_o
     assert "4 × 4 blocks of 128 × 256 points" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", ["", 'accuracy = "90 %"'])
 def test_the_band_knows_pixels_also_where_half_the_points_are_no_blocks(tmp_path, line):
     alone = CASE.replace('compare = ["deterministic"]', line).replace("[128, 256]", "[136, 264]")

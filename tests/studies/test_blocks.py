@@ -55,17 +55,13 @@ def test_cells_carry_the_load_and_come_back():
     assert_allclose(elastic.leakage[2], elastic.leakage[0], rtol=1e-2)
 
 
-def test_the_same_bits_on_any_mapper():
-    one = scene(wavy(1e-6))
-    here = fs.by_blocks(one, (2, 2))
+def test_two_processes_compute_the_same_bits_as_one():
+    pressed_once = scene(wavy(1e-6), loading=(3e8,), unload_from=(), unloading=())
+    in_this_process = fs.by_blocks(pressed_once, (2, 2))
     with ordered_map(workers=2) as mapper:
-        over_processes = fs.by_blocks(one, (2, 2), mapper=mapper)
-    pytest.importorskip("distributed")
-    with ordered_map(workers=2, scheduler="local") as mapper:
-        over_cluster = fs.by_blocks(one, (2, 2), mapper=mapper)
-    for other in (over_processes, over_cluster):
-        assert_array_equal(other.leakage, here.leakage)
-        assert_array_equal(other.k1, here.k1)
+        in_two_processes = fs.by_blocks(pressed_once, (2, 2), mapper=mapper)
+    assert_array_equal(in_two_processes.leakage, in_this_process.leakage)
+    assert_array_equal(in_two_processes.k1, in_this_process.k1)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +91,7 @@ def test_what_blocks_cannot_do_is_refused(changed, blocks, text):
 
 
 def test_a_fluid_that_acts_lets_more_through_as_it_does_in_the_whole_face():
-    one = scene(inlet_pressure=4e7)
+    one = scene(inlet_pressure=4e7, unload_from=(), unloading=())
     acting = replace(one, fluid_pressure="acts")
     whole = fs.deterministic(acting).leakage / fs.deterministic(one).leakage
     found = fs.by_blocks(acting, (2, 2)).leakage / fs.by_blocks(one, (2, 2)).leakage
