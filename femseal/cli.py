@@ -17,7 +17,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from .base import FemsealError, InputError, shortened, writing
+from .base import FemsealError, InputError, shortened
 from .commands import Replace, Resume, calibrate, compare, design, sweep
 from .execution.run import reporting_compilation
 from .execution.terminal import (
@@ -32,6 +32,7 @@ from .execution.terminal import (
     print_text,
     show_progress,
 )
+from .new_case import new
 
 #: Most warnings, and most failures, that a run prints.
 _MOST_PRINTED = 5
@@ -80,41 +81,7 @@ def _main(
     _debug = debug
 
 
-@app.command()
-def new(
-    path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path("case.toml"),
-    face: Annotated[
-        Path | None,
-        typer.Option(
-            "--from",
-            metavar="FILE",
-            help="File of the measured face of the case.",
-            show_default="none",
-        ),
-    ] = None,
-    spacing: Annotated[
-        tuple[str, str] | None,
-        option("Size of a pixel of the face, such as '2 um' '2 um'.", "from the file"),
-    ] = None,
-    height_unit: Annotated[
-        str | None, option("Unit of the heights in this file, such as um.", "from the file")
-    ] = None,
-) -> None:
-    """Write a commented case file to start from, also for a measured face."""
-    if path.exists():
-        raise InputError("path", f"'{path}', which exists", "the name of a new file")
-    if face is None:
-        from .case.case import Case
-        from .case.template import case_template
-
-        text = case_template(Case)
-    else:
-        from .preparation.survey import case_of_face
-
-        text = case_of_face(face, path.absolute().parent, spacing=spacing, height_unit=height_unit)
-    with writing("path", path):
-        path.write_text(text, encoding="utf-8")
-    typer.echo(f"{path} was written; edit it, then: femseal run {path}")
+app.command()(new)
 
 
 @app.command()

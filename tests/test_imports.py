@@ -46,6 +46,7 @@ ROOMS = (
     "designs",
     "calibration",
     "commands",
+    "new_case",
     "cli",
     "__main__",
 )

@@ -66,6 +66,18 @@ class GeneratedFace(Table):
     points: tuple[Count, Count] = key("number of points along x1 and x2", start=[256, 512])
     size: tuple[Side, Side] = key("length along x1 and x2", start=["240 um", "480 um"])
     hurst: Hurst = key("Hurst exponent of the roughness", 0.8)
+    ra: Relief | None = key(
+        "Ra on the drawing, with which `femseal check` compares the surface",
+        None,
+        example="1.6 um",
+        since="0.3",
+    )
+    rz: Relief | None = key(
+        "Rz on the drawing, with which `femseal check` compares the surface",
+        None,
+        example="8 um",
+        since="0.3",
+    )
     if TYPE_CHECKING:
         cut_off: float | None
 
@@ -75,7 +87,7 @@ class GeneratedFace(Table):
 
     def make(self, folder: Path, rng: np.random.Generator) -> FaceMap:
         """Generate the surface; its shortest wave takes the place of the limit of an instrument."""
-        parameters = self.model_dump(exclude={"kind", "points", "size"})
+        parameters = self.model_dump(exclude={"kind", "points", "size", "ra", "rz"})
         heights = type(self).make_heights(self.points, self.size, rng=rng, **parameters)
         shortest_wave = self.cut_off or resolved_wave(self.size, self.points)
         return FaceMap(heights, Instrument(made=shortest_wave))

@@ -40,6 +40,7 @@ from ..topography import (
     representative,
 )
 from ..topography.seat import Seat
+from .drawing_check import drawing_warnings
 from .grooves import groove_warnings, layout_with_grooves
 from .keys import MAP_KEYS, SCENE_KEYS, SEAL_KEYS, errors_with_keys
 from .measurement import filter_warnings, form_check_pressures, is_measured
@@ -283,6 +284,7 @@ def prepare(case: Case) -> Prepared:
                 *_test_fluid_warnings(case),
                 *filter_warnings(case, surface, conditioned.conditioning),
                 *groove_warnings(case, surface),
+                *drawing_warnings(case, surface),
                 *conditioned.conditioning.spike_warnings,
                 *(longest_waves.warnings if longest_waves is not None else ()),
                 *seal_warnings,

@@ -125,7 +125,10 @@ class _Answer:
         text = self.value_at(self.step, chosen)
         if not self.curve.has_interval:
             return f"{text} (without an interval)"
-        return f"{text} (95 % interval {self.interval_text(lower, upper, chosen)})"
+        ends = self.interval_text(lower, upper, chosen)
+        if leakage == 0:
+            return f"none as computed (95 % interval: {ends.replace('sealed–', 'up to ')})"
+        return f"{text} (95 % interval {ends})"
 
     def mass_per_year(self) -> str:
         """Return the leakage at the assembly load as a mass per year, "" if it is unknown or far from usual."""

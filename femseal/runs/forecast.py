@@ -24,6 +24,7 @@ from ..checks import FormEffect, QuickEstimate, flow_warnings
 from ..contact.workspace import KEPT_POINTS
 from ..flow.solvers.choice import elimination_memory
 from ..materials import METALS
+from ..preparation.drawing_check import drawing_text
 from ..preparation.memory import START_MEMORY
 from ..preparation.preparation import Prepared
 from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
@@ -305,6 +306,8 @@ def described(
     )
     yield "face", " against ".join(files)
     yield from _surface_facts(prepared, form_effect)
+    if roughness := drawing_text(case, scene.surface):
+        yield "roughness", roughness
     if prepared.seat:
         yield "seat", prepared.seat
     yield "load", _load_text(case, scene)

@@ -1,0 +1,497 @@
+"""Write a case from what a drawing and a specification state: roughness, marks, diameters, material, force and fluid.
+
+The generated surface has the Ra or Rz of the drawing: its heights are scaled after it was generated once. How large it
+is follows from a measurement (docs/evidence/drawing.md): as broad as the seal, so that cells stay in order, and
+at least 24 spacings of the marks long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Any, NamedTuple
+
+import scipy.fft
+
+from ..base import InputError, number_text, shown, to_si, to_text
+from ..case.case import Case
+from ..case.reading import parse_case
+from ..case.template import as_toml
+from ..materials import METALS, named_solid
+from ..topography.profile_roughness import profile_roughness
+from .surface import condition_surface
+
+#: Vickers hardness of metals as delivered [HV], typical values of data sheets. Of annealed metals 2.8 times the yield
+#: stress is far less, because they harden under the indenter.
+VICKERS = {
+    "steel 304/316, annealed": 160,
+    "steel 1.4571, annealed": 160,
+    "Inconel 718, aged": 420,
+    "copper, soft": 45,
+    "copper, half hard": 85,
+    "aluminium 1050, soft": 20,
+    "aluminium 6061-T6": 107,
+    "nickel 200, annealed": 90,
+    "silver, annealed": 25,
+    "soft iron": 75,
+}
+#: Mean contact pressure [Pa] of an indentation of 1 HV: 1 kgf/mm² over the projected area, which is sin 68° times the
+#: area of the faces of the pyramid.
+VICKERS_PRESSURE = 9.80665e6 / 0.9272
+#: Rz over Ra with which a turned surface is generated before it is scaled.
+_RZ_OVER_RA = 5.0
+#: A generated surface is as broad as the seal up to this number of spacings of the marks, and no shorter than it is
+#: broad. Of broader seals a part is generated.
+MOST_ACROSS = 32
+#: Least length of the surface in spacings of the marks.
+LEAST_ALONG = 24
+#: Points of the surface for the first answer, and most and fewest points per spacing.
+_FIRST_POINTS, _MOST_PER_SPACING, _FEWEST_PER_SPACING = 2e5, 32, 16
+#: Loads of the assembly and of the unloading, over the highest force.
+_LOADING = (0.15, 0.25, 0.35, 0.5, 0.65, 0.8, 1.0)
+_UNLOADING = (0.6, 0.3)
+#: Nominal pressure over the hardness that the force is chosen for if none is given.
+_USUAL_PRESSURE = 0.3
+
+
+class Question(NamedTuple):
+    """What a drawing or a specification states: the text of a question, and what is assumed without an answer.
+
+    assumed : a text, or "" if the answer must be given or follows from others.
+    """
+
+    text: str
+    assumed: str = ""
+
+
+#: Questions by the name of the option on the command line, in the order in which they are asked.
+QUESTIONS = {
+    "ra": Question("Ra on the drawing, such as 1.6 um (empty if it states Rz)"),
+    "rz": Question("Rz on the drawing, such as 8 um"),
+    "process": Question("process: turned, ground, lapped or blasted", "turned"),
+    "pitch": Question("feed per turn, or mean spacing RSm of the marks, such as 0.15 mm"),
+    "lay": Question("lay of the marks: circular, radial or spiral", "circular"),
+    "inner_diameter": Question("inner diameter of the contact area", "50 mm"),
+    "outer_diameter": Question("outer diameter of the contact area", "54 mm"),
+    "metal": Question(f"metal of the softer face, one of {'; '.join(METALS)}", "copper, soft"),
+    "hardness": Question("its hardness, such as 0.5 GPa or 45 HV (empty: typical)"),
+    "force": Question("highest force of the assembly, such as 80 kN (empty: 0.3 of the hardness)"),
+    "fluid": Question("fluid", "helium"),
+    "inlet": Question("absolute pressure at the inlet", "2 bar"),
+    "outlet": Question("absolute pressure at the outlet", "1 bar"),
+    "limit": Question("leakage class or largest leakage, such as '1e-3 mbar·L/s' (empty: none)"),
+}
+#: Spacing of the marks that is assumed of processes without a feed.
+_USUAL_SPACING = {"ground": "60 um", "lapped": "40 um", "blasted": "100 um"}
+_PROCESSES = ("turned", *_USUAL_SPACING)
+_LAYS = ("circular", "radial", "spiral")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What a drawing and a specification state, lengths in m, pressures in Pa and forces in N.
+
+    Attributes
+    ----------
+    ra, rz : float or None
+        Roughness; one of them is given.
+    process, lay : str
+        One of `_PROCESSES`, and one of `_LAYS`.
+    pitch : float
+        Feed per turn, or mean spacing of the marks.
+    inner_diameter, outer_diameter : float
+        Of the contact area.
+    metal : str
+        Of the softer face, a name of `METALS`.
+    hardness, force : float
+        Of the softer face, and highest force of the assembly.
+    fluid, inlet, outlet : str
+        Fluid and its pressures, as the case file has them.
+    limit : str
+        Leakage class or largest leakage, "" for none.
+    assumed : frozenset of str
+        Names of what was not given.
+    """
+
+    ra: float | None
+    rz: float | None
+    process: str
+    pitch: float
+    lay: str
+    inner_diameter: float
+    outer_diameter: float
+    metal: str
+    hardness: float
+    force: float
+    fluid: str
+    inlet: str
+    outlet: str
+    limit: str
+    assumed: frozenset[str]
+
+    @property
+    def breadth(self) -> float:
+        """Breadth of the contact area along the radius [m]."""
+        return (self.outer_diameter - self.inner_diameter) / 2
+
+    @property
+    def length(self) -> float:
+        """Mean circumference of the contact area [m]."""
+        return pi * (self.outer_diameter + self.inner_diameter) / 2
+
+
+def read_drawing(given: Mapping[str, str | None], ask: Callable[[str, str], str] | None) -> Drawing:
+    """Read what a drawing states from texts.
+
+    Parameters
+    ----------
+    given : mapping
+        Texts by the names of `QUESTIONS`; None for what is not given.
+    ask : callable or None
+        Asks a question: its text and what is assumed without an answer; returns the answer. None asks nothing.
+
+    Raises
+    ------
+    InputError
+        A text cannot be used, or nothing says the roughness or the feed per turn.
+    """
+    texts = {name: text.strip() for name, text in given.items() if text and text.strip()}
+    if ask is not None:
+        for name, question in QUESTIONS.items():
+            if (
+                name in texts
+                or (name == "rz" and "ra" in texts)
+                or (name == "ra" and "rz" in texts)
+            ):
+                continue
+            assumed = question.assumed
+            if name == "pitch":
+                assumed = _USUAL_SPACING.get(texts.get("process", "turned"), "")
+            if name == "lay" and texts.get("process") in ("lapped", "blasted"):
+                continue
+            answer = ask(question.text, assumed).strip()
+            if answer:
+                texts[name] = answer
+    assumed_names = frozenset(QUESTIONS.keys() - texts.keys())
+    for name, question in QUESTIONS.items():
+        if question.assumed:
+            texts.setdefault(name, question.assumed)
+    return _drawing_of_texts(texts, assumed_names)
+
+
+def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing:
+    """Convert the texts of a drawing to SI, and check them."""
+    process = _one_of("--process", texts["process"], _PROCESSES)
+    lay = _one_of("--lay", texts["lay"], _LAYS)
+    if ("ra" in texts) == ("rz" in texts):
+        given = "both" if "ra" in texts else "neither Ra nor Rz"
+        raise InputError("--ra, --rz", given, "one of them, such as --ra 1.6um")
+    if process != "turned":
+        texts.setdefault("pitch", _USUAL_SPACING[process])
+    if "pitch" not in texts:
+        raise InputError("--pitch", "nothing", "the feed per turn of the tool, such as 0.15mm")
+    lengths = {
+        name: _positive(name, texts[name], "m")
+        for name in ("ra", "rz", "pitch", "inner_diameter", "outer_diameter")
+        if name in texts
+    }
+    inner, outer = lengths["inner_diameter"], lengths["outer_diameter"]
+    if not inner < outer:
+        expected = f"more than the inner diameter of {to_text(inner, 'm')}"
+        raise InputError("--outer-diameter", texts["outer_diameter"], expected)
+    if lengths["pitch"] > (outer - inner) / 4:
+        expected = (
+            f"at most half the breadth of the contact area, {to_text((outer - inner) / 4, 'm')}"
+        )
+        raise InputError("--pitch", texts["pitch"], expected)
+    metal = next((name for name in METALS if METALS[name][0] == named_solid(texts["metal"])), "")
+    hardness = _hardness(texts.get("hardness", f"{VICKERS[metal]} HV"))
+    area = pi / 4 * (outer**2 - inner**2)
+    force = _USUAL_PRESSURE * hardness * area
+    if "force" in texts:
+        force = _positive("force", texts["force"], "N")
+    else:
+        force = float(f"{force:.2g}")
+    if force >= hardness * area:
+        given = f"{texts['force']}, which is {to_text(force / area, 'Pa', 3)} of nominal pressure"
+        raise InputError(
+            "--force", given, f"less than the hardness of {to_text(hardness, 'Pa', 3)}"
+        )
+    return Drawing(
+        ra=lengths.get("ra"),
+        rz=lengths.get("rz"),
+        process=process,
+        pitch=lengths["pitch"],
+        lay=lay,
+        inner_diameter=inner,
+        outer_diameter=outer,
+        metal=metal,
+        hardness=hardness,
+        force=force,
+        fluid=texts["fluid"],
+        inlet=texts["inlet"],
+        outlet=texts["outlet"],
+        limit=texts.get("limit", ""),
+        assumed=assumed,
+    )
+
+
+def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
+    """Return a choice in lower case; InputError if it is none of the choices."""
+    if text.lower() not in choices:
+        raise InputError(name, shown(text), f"one of {', '.join(choices)}")
+    return text.lower()
+
+
+def _positive(name: str, text: str, unit: str) -> float:
+    """Convert a text to SI; InputError unless it is above 0."""
+    option = f"--{name.replace('_', '-')}"
+    value = to_si(text, unit, option)
+    if not value > 0:
+        raise InputError(option, shown(text), f"a value > 0 in {unit}")
+    return value
+
+
+def _hardness(text: str) -> float:
+    """Convert a hardness to Pa, from a pressure or from a Vickers hardness such as "45 HV"."""
+    number, is_vickers, _ = text.upper().partition("HV")
+    if not is_vickers:
+        return _positive("hardness", text, "Pa")
+    try:
+        return float(number) * VICKERS_PRESSURE
+    except ValueError:
+        raise InputError("--hardness", shown(text), "such as '45 HV' or '0.5 GPa'") from None
+
+
+class _SurfaceSize(NamedTuple):
+    """Points and sides [m] of the generated surface, and breadth of the seal [m] if it is broader, else None."""
+
+    points: tuple[int, int]
+    better_points: tuple[int, int]
+    size: tuple[float, float]
+    breadth: float | None
+
+
+def _surface_size(drawing: Drawing) -> _SurfaceSize:
+    """Choose the size of the generated surface and its points, for the first answer and for a better one."""
+    across = drawing.breadth / drawing.pitch
+    breadth = None
+    if across > MOST_ACROSS:
+        across = float(MOST_ACROSS // 2)
+        breadth = drawing.breadth
+    along = max(LEAST_ALONG, round(across))
+    per_spacing = sqrt(_FIRST_POINTS / (across * along))
+    per_spacing = min(max(per_spacing, _FEWEST_PER_SPACING), _MOST_PER_SPACING)
+
+    def points(density: float) -> tuple[int, int]:
+        return _fast_length(across * density), _fast_length(along * density)
+
+    size = (across * drawing.pitch, along * drawing.pitch)
+    return _SurfaceSize(points(per_spacing), points(2 * per_spacing), size, breadth)
+
+
+def _fast_length(points: float) -> int:
+    """Return the next even number of points that is fast for Fourier transforms."""
+    return 2 * int(scipy.fft.next_fast_len(round(points / 2), real=True))
+
+
+def _face_keys(drawing: Drawing, scale: float) -> dict[str, Any]:
+    """Return the keys of [face] that describe its heights, before scaling with a scale of 1."""
+    height = drawing.rz or _RZ_OVER_RA * (drawing.ra or 0.0)
+
+    def length(value: float) -> str:
+        return to_text(value, "m", 4)
+
+    if drawing.process in ("turned", "ground"):
+        is_turned = drawing.process == "turned"
+        return {
+            "kind": "turned",
+            "pitch": length(drawing.pitch),
+            "depth": length(0.7 * height * scale),
+            "feed_error": 0.03 if is_turned else 0.3,
+            "depth_error": 0.1 if is_turned else 0.5,
+            "roughness": length(0.1 * height * scale),
+            "roughness_roll_off": length(0.6 * drawing.pitch),
+        }
+    return {
+        "kind": "self-affine",
+        "rms_height": length(height / _RZ_OVER_RA * 1.25 * scale),
+        "roll_off": length(drawing.pitch),
+    }
+
+
+def case_of_drawing(drawing: Drawing) -> str:
+    """Write the text of a case from a drawing, which runs as it is.
+
+    Parameters
+    ----------
+    drawing : Drawing
+        What the drawing states.
+
+    Returns
+    -------
+    str
+        The case file.
+
+    Raises
+    ------
+    InputError
+        The values cannot be used in a case.
+    """
+    size = _surface_size(drawing)
+    scale = 1.0
+    for _ in range(2):  # the second time corrects what rounding and filters change
+        case = parse_case(_tables(drawing, size, scale))
+        scale *= _scale_to_drawing(drawing, case)
+    return _text(drawing, size, _tables(drawing, size, scale))
+
+
+def _scale_to_drawing(drawing: Drawing, case: Case) -> float:
+    """Generate the surface of a case, and return the Ra or Rz of the drawing over its own."""
+    surface = condition_surface(case).surface.shortest_patch
+    spacing = drawing.pitch if drawing.process in ("turned", "ground") else None
+    roughness = profile_roughness(surface, spacing)
+    if drawing.ra is not None:
+        return drawing.ra / roughness.ra
+    assert drawing.rz is not None
+    return drawing.rz / roughness.rz
+
+
+def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any]:
+    """Return the tables of the case."""
+    face: dict[str, Any] = _face_keys(drawing, scale)
+    face["points"] = list(size.points)
+    face["size"] = [to_text(side, "m", 6) for side in size.size]
+    if drawing.ra is not None:
+        face["ra"] = to_text(drawing.ra, "m", 6)
+    if drawing.rz is not None:
+        face["rz"] = to_text(drawing.rz, "m", 6)
+    metal = named_solid(drawing.metal)
+    stochastic = {"length": to_text(drawing.length, "m", 5)}
+    if size.breadth is not None:
+        stochastic["breadth"] = to_text(size.breadth, "m", 5)
+    lay: Any = {"circular": "x2", "radial": "x1"}.get(drawing.lay)
+    if lay is None:
+        lay = {"kind": "spiral", "lead": to_text(drawing.pitch, "m", 5)}
+    tables: dict[str, Any] = {
+        "title": "Seal from a drawing",
+        "method": "stochastic",
+        "seed": 1,
+        "face": face,
+        "material": {
+            "young": to_text(metal.young, "Pa"),
+            "poisson": metal.poisson,
+            "hardness": to_text(drawing.hardness, "Pa", 3),
+        },
+        "counter_material": {"young": "210 GPa", "poisson": 0.3},
+        "load": {
+            "loading": [_force(drawing.force * fraction) for fraction in _LOADING],
+            "unload_from": [_force(drawing.force)],
+            "unloading": [_force(drawing.force * fraction) for fraction in _UNLOADING],
+        },
+        "fluid": {
+            "name": drawing.fluid,
+            "inlet_pressure": drawing.inlet,
+            "outlet_pressure": drawing.outlet,
+        },
+        "seal": {"lay": lay},
+        "stochastic": stochastic,
+    }
+    if drawing.limit:
+        tables["output"] = {"classes": [drawing.limit]}
+    return tables
+
+
+def _force(value: float) -> str:
+    return to_text(value, "N", 4)
+
+
+def _text(drawing: Drawing, size: _SurfaceSize, tables: dict[str, Any]) -> str:
+    """Write the tables as TOML, with a comment on what each means and on what was assumed."""
+    comments = _comments(drawing, size)
+    lines = [
+        f"# A case from a drawing: {drawing.process}, {_stated_roughness(drawing)}, ring of "
+        f"{to_text(drawing.inner_diameter, 'm')} to {to_text(drawing.outer_diameter, 'm')}.",
+        "# x1 is the direction of the leakage, x2 runs along the seal. 'assumed' marks what the drawing does not say.",
+        "# First `femseal check` this file, then `femseal run` it: the first answer takes about a minute.",
+        "",
+    ]
+    for name, value in tables.items():
+        if not isinstance(value, dict):
+            lines.append(f"{name} = {as_toml(value)}")
+            continue
+        lines += ["", f"[{name}]"]
+        for key, inner in value.items():
+            text = f"{key} = {_toml(inner)}"
+            comment = comments.get((name, key), "")
+            lines.append(f"{text:<48}  # {comment}" if comment else text)
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: Any) -> str:
+    """Write a value as TOML, also an inline table."""
+    if isinstance(value, dict):
+        pairs = ", ".join(f"{key} = {as_toml(inner)}" for key, inner in value.items())
+        return f"{{{pairs}}}"
+    return as_toml(value)
+
+
+def _stated_roughness(drawing: Drawing) -> str:
+    if drawing.ra is not None:
+        return f"Ra {to_text(drawing.ra, 'm')}"
+    assert drawing.rz is not None
+    return f"Rz {to_text(drawing.rz, 'm')}"
+
+
+def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str]:
+    """Return the comments of keys, by table and key."""
+
+    def assumed(*names: str) -> str:
+        return "assumed: " if drawing.assumed & set(names) else ""
+
+    better = as_toml(list(size.better_points))
+    area = drawing.breadth * drawing.length
+    pressure = drawing.force / area
+    fraction = f"{100 * pressure / drawing.hardness:.2g} %"
+    vickers = number_text(drawing.hardness / VICKERS_PRESSURE, 2)
+    heights = "scaled so that the surface has the roughness of the drawing"
+    comments = {
+        (
+            "face",
+            "points",
+        ): f"for the first answer; a better one with {better}, which takes four to six times as long",
+        ("face", "size"): "as broad as the contact area, and at least 24 spacings long"
+        if size.breadth is None
+        else "a part of the contact area",
+        ("face", "kind"): f"{assumed('process')}{drawing.process}",
+        ("face", "pitch"): f"{assumed('pitch')}feed per turn, or spacing of the marks",
+        ("face", "roll_off"): f"{assumed('pitch')}spacing of the marks",
+        ("face", "depth"): heights,
+        ("face", "rms_height"): heights,
+        ("face", "roughness"): "between the marks, a seventh of their depth",
+        ("face", "feed_error"): "scatter from mark to mark, which no drawing states",
+        ("face", "ra"): "of the drawing; `femseal check` compares the surface with it",
+        ("face", "rz"): "of the drawing; `femseal check` compares the surface with it",
+        ("material", "young"): f"{assumed('metal')}{drawing.metal}",
+        (
+            "material",
+            "hardness",
+        ): f"{assumed('hardness')}{vickers} HV; measure it on the machined face",
+        ("counter_material", "young"): "assumed: steel, harder than the other face",
+        (
+            "load",
+            "unload_from",
+        ): f"{assumed('force')}{to_text(pressure, 'Pa', 3)}, {fraction} of the hardness",
+        ("fluid", "name"): "assumed" if "fluid" in drawing.assumed else "",
+        ("fluid", "inlet_pressure"): f"{assumed('inlet')}absolute pressure",
+        ("fluid", "outlet_pressure"): f"{assumed('outlet')}absolute pressure",
+        ("seal", "lay"): f"{assumed('lay')}{drawing.lay}"
+        if drawing.process in ("turned", "ground")
+        else "of no matter: the surface is alike in all directions",
+        (
+            "stochastic",
+            "length",
+        ): f"{assumed('inner_diameter', 'outer_diameter')}mean circumference of the ring",
+    }
+    return comments

@@ -1,0 +1,59 @@
+"""Compare a generated surface with what a drawing says of it: Ra and Rz across the marks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..base import to_text
+from ..case.case import Case
+from ..case.faces import GeneratedFace
+from ..topography import Surface, Topography
+from ..topography.profile_roughness import ProfileRoughness, profile_roughness
+
+#: Relative difference from the value of the drawing from which on a warning is given. A drawing itself allows that 16 %
+#: of the measured values exceed the stated one.
+_TOLERANCE = 0.1
+
+
+def drawing_text(case: Case, surface: Surface) -> str:
+    """Return Ra, Rz, Sq and rms slope of a surface that was generated, "" of any other."""
+    roughness = _roughness(case, surface)
+    if roughness is None:
+        return ""
+    cut_off = "no long-wave filter"
+    if roughness.cut_off > 0:
+        cut_off = f"λc {to_text(roughness.cut_off, 'm', 3)}"
+    heights = ", ".join(
+        f"{name} {to_text(value, 'm', 3)}"
+        for name, value in (("Ra", roughness.ra), ("Rz", roughness.rz))
+    )
+    sq = to_text(surface.rms_height, "m", 3)
+    return f"along x1 {heights} ({cut_off}), Sq {sq}, rms slope {surface.rms_slope:.3g}"
+
+
+def drawing_warnings(case: Case, surface: Surface) -> Iterator[str]:
+    """Warn if the generated surface does not have the Ra or Rz that the case gives from a drawing."""
+    roughness = _roughness(case, surface)
+    if roughness is None:
+        return
+    (face,) = case.face
+    assert isinstance(face, GeneratedFace)
+    for key, wanted, value in (("ra", face.ra, roughness.ra), ("rz", face.rz, roughness.rz)):
+        if wanted is None or abs(value / wanted - 1) <= _TOLERANCE:
+            continue
+        name = key.capitalize()
+        texts = to_text(value, "m", 3), to_text(wanted, "m", 3)
+        yield (
+            f"The surface is not that of the drawing: its {name} is {texts[0]}, the drawing states {texts[1]}. "
+            f"Multiply the heights of [face] (depth, roughness, rms_height, rms_slope) by {wanted / value:.3g}"
+        )
+
+
+def _roughness(case: Case, surface: Surface) -> ProfileRoughness | None:
+    """Return Ra and Rz of a single generated face that is not flat; None of any other surface."""
+    if len(case.face) != 1 or not isinstance(surface, Topography) or not surface.rms_slope:
+        return None
+    (face,) = case.face
+    if not isinstance(face, GeneratedFace):
+        return None
+    return profile_roughness(surface, getattr(face, "pitch", None))

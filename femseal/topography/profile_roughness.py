@@ -1,0 +1,89 @@
+"""Roughness parameters of a generated surface as a drawing states them: Ra and Rz of profiles across its marks.
+
+The long-wave filter is that of the mean spacing of the profile (RSm), which is the feed per turn of a turned surface.
+A surface that is shorter than this filter is taken as it is. Sources: ISO 21920-2 (Ra, Rz), ISO 21920-3 (filters).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .describe import _gaussian_filter, _profile_parameters
+from .topography import Topography
+
+#: Largest mean spacing RSm [m] for each long-wave filter λc [m], see ISO 21920-3.
+_FILTERS = ((4e-5, 8e-5), (1.3e-4, 2.5e-4), (4e-4, 8e-4), (1.3e-3, 2.5e-3), (4e-3, 8e-3))
+#: Largest number of sections of the length λc over which Rz is averaged.
+_SECTIONS = 5
+
+
+@dataclass(frozen=True)
+class ProfileRoughness:
+    """Roughness of profiles along x1.
+
+    Attributes
+    ----------
+    ra, rz : float
+        Arithmetic mean deviation, and mean height of the sections of a profile [m].
+    cut_off : float
+        Long-wave filter λc [m]; NaN if the surface is too short for one.
+    """
+
+    ra: float
+    rz: float
+    cut_off: float
+
+
+def profile_roughness(surface: Topography, spacing: float | None = None) -> ProfileRoughness:
+    """Compute Ra and Rz of the profiles along x1.
+
+    Parameters
+    ----------
+    surface : Topography
+        The surface, without undefined points.
+    spacing : float, optional
+        Mean spacing of the profile RSm [m], from which the filter follows; without it, Ra decides on the filter.
+
+    Returns
+    -------
+    ProfileRoughness
+        Means over all profiles.
+
+    Examples
+    --------
+    A wave of 0.1 mm has Ra = 2/π of its amplitude:
+
+    >>> x = (np.arange(500) + 0.5) * 2e-6
+    >>> wave = Topography(1e-6 * np.cos(2 * np.pi * x / 1e-4)[:, None] * np.ones((1, 8)), (2e-6, 2e-6))
+    >>> round(profile_roughness(wave, 1e-4).ra * 1e6, 2)
+    0.63
+    """
+    if spacing is None:
+        parameters = _profile_parameters(surface, 0)
+        if np.isfinite(parameters.ra):
+            return ProfileRoughness(parameters.ra, parameters.rz, parameters.cut_off)
+    cut_off = np.nan if spacing is None else long_wave_filter(spacing)
+    heights = surface.heights
+    sections = 1
+    if cut_off <= surface.size[0]:
+        heights = heights - _gaussian_filter(surface, heights, cut_off, (0,))
+        sections = min(_SECTIONS, int(surface.size[0] / cut_off + 1e-9))
+    else:
+        cut_off = np.nan
+    heights = heights - heights.mean(axis=0)
+    points = len(heights) // sections
+    parts = np.split(heights[: sections * points], sections)
+    rz = float(np.mean([np.ptp(part, axis=0) for part in parts]))
+    return ProfileRoughness(float(np.abs(heights).mean()), rz, float(cut_off))
+
+
+def long_wave_filter(spacing: float) -> float:
+    """Return the long-wave filter λc [m] for a mean spacing of the profile RSm [m].
+
+    >>> long_wave_filter(0.15e-3)
+    0.0008
+    """
+    for largest, cut_off in _FILTERS:
+        if spacing <= largest:
+            return cut_off
+    return _FILTERS[-1][1]

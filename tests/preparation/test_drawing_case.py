@@ -1,0 +1,199 @@
+"""A case from a drawing: its surface has the roughness of the drawing, and the check says so or warns."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.base import InputError
+from femseal.case.reading import parse_case
+from femseal.materials import METALS
+from femseal.preparation import case_of_drawing as drawing
+from femseal.preparation.case_of_drawing import QUESTIONS, VICKERS, case_of_drawing, read_drawing
+from femseal.preparation.drawing_check import drawing_text, drawing_warnings
+from femseal.preparation.preparation import prepare
+from femseal.preparation.surface import condition_surface
+from femseal.topography.profile_roughness import long_wave_filter, profile_roughness
+
+TURNED = {
+    "ra": "1.6um",
+    "pitch": "0.15mm",
+    "inner_diameter": "50 mm",
+    "outer_diameter": "53.6 mm",
+    "force": "80 kN",
+    "limit": "1e-3 mbar*L/s",
+}
+
+
+@pytest.fixture(autouse=True)
+def few_points(monkeypatch):
+    """A tenth of the points, so that surfaces are generated at once."""
+    monkeypatch.setattr(drawing, "_FIRST_POINTS", 4e4)
+
+
+def case_of(**given):
+    return parse_case(tomllib.loads(case_of_drawing(read_drawing(given, None))))
+
+
+def test_ra_and_rz_of_a_wave_have_closed_forms():
+    """Ra is 2/π of the amplitude and Rz twice the amplitude; a wave of ten times the filter does not count."""
+    n, pixel, amplitude = 4000, 1e-6, 1e-6
+    x = (np.arange(n) + 0.5) * pixel
+    wave = amplitude * np.cos(2 * np.pi * x / 1e-4)
+    long_wave = 5e-6 * np.cos(2 * np.pi * x / 4e-3)
+    for heights in (wave, wave + long_wave):
+        surface = fs.Topography(np.outer(heights, np.ones(4)), (pixel, pixel))
+        found = profile_roughness(surface, 1e-4)
+        assert found.cut_off == 2.5e-4
+        assert_allclose([found.ra, found.rz], [2 / np.pi * amplitude, 2 * amplitude], rtol=0.06)
+    short = fs.Topography(np.outer(wave[:200], np.ones(4)), (pixel, pixel))
+    unfiltered = profile_roughness(short, 1e-4)
+    assert np.isnan(unfiltered.cut_off)
+    assert_allclose(
+        [unfiltered.ra, unfiltered.rz], [2 / np.pi * amplitude, 2 * amplitude], rtol=1e-3
+    )
+    # ISO 21920-3: RSm up to 0.04, 0.13, 0.4 and 1.3 mm
+    assert [long_wave_filter(rsm) for rsm in (4e-5, 1e-4, 1.5e-4, 1e-3)] == [
+        8e-5,
+        2.5e-4,
+        8e-4,
+        2.5e-3,
+    ]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        TURNED,
+        TURNED | {"process": "ground", "lay": "radial", "pitch": "60um"},
+        {"rz": "4um", "process": "lapped", "metal": "silver, annealed"},
+        {
+            "rz": "20um",
+            "process": "turned",
+            "pitch": "0.3mm",
+            "outer_diameter": "60mm",
+            "lay": "spiral",
+        },
+    ],
+)
+def test_the_surface_has_the_roughness_of_the_drawing(given):
+    case = case_of(**given)
+    surface = condition_surface(case).surface
+    (face,) = case.face
+    found = profile_roughness(surface, getattr(face, "pitch", None))
+    key = "ra" if "ra" in given else "rz"
+    assert getattr(found, key) == pytest.approx(getattr(face, key), rel=0.01)
+    assert not list(drawing_warnings(case, surface))
+    text = drawing_text(case, surface)
+    for words in ("Ra", "Rz", "Sq", "rms slope"):
+        assert words in text
+
+
+def test_another_surface_than_that_of_the_drawing_is_warned_of():
+    case = case_of(**TURNED)
+    (face,) = case.face
+    changed = {"depth": 1.5 * face.depth, "roughness": 1.5 * face.roughness}
+    case = case.model_copy(update={"face": (face.model_copy(update=changed),)})
+    (warning,) = drawing_warnings(case, condition_surface(case).surface)
+    assert "Ra is 2.4 µm, the drawing states 1.6 µm" in warning
+    assert "by 0.667" in warning
+    assert warning in prepare(case).warnings
+
+
+def test_the_surface_is_as_broad_as_the_seal_and_its_cells_stay_in_order():
+    case = case_of(**TURNED)
+    prepared = prepare(case)
+    assert_allclose(prepared.scene.surface.size, [1.8e-3, 3.6e-3], rtol=1e-6)
+    assert prepared.cut_and_tiles[1].in_order
+    assert_allclose(case.stochastic.length, np.pi * 51.8e-3, rtol=1e-4)
+    # 80 kN over the ring
+    area = np.pi / 4 * (53.6e-3**2 - 50e-3**2)
+    assert_allclose(max(prepared.scene.steps.pressures), 80e3 / area, rtol=1e-3)
+    broad = case_of(**TURNED | {"outer_diameter": "70 mm", "force": "500 kN"})
+    assert broad.stochastic.breadth == pytest.approx(10e-3)
+    assert broad.face[0].size[0] == pytest.approx(16 * 0.15e-3)
+    # what is not given follows from usual values, which the file marks
+    text = case_of_drawing(read_drawing({"ra": "1.6um", "pitch": "0.15mm"}, None))
+    assert "# assumed: copper, soft" in text
+    assert "30 % of the hardness" in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"ra": None}, "--ra, --rz"),
+        ({"rz": "8um"}, "--ra, --rz"),
+        ({"pitch": None}, "--pitch"),
+        ({"pitch": "3mm"}, "--pitch"),
+        ({"process": "honed"}, "--process"),
+        ({"lay": "crossed"}, "--lay"),
+        ({"outer_diameter": "40mm"}, "--outer-diameter"),
+        ({"hardness": "soft HV"}, "--hardness"),
+        ({"force": "800 kN"}, "--force"),
+        ({"force": "-1 kN"}, "--force"),
+        ({"ra": "0 um"}, "--ra"),
+    ],
+)
+def test_what_no_drawing_states_is_refused(changes, what):
+    with pytest.raises(InputError) as caught:
+        read_drawing(TURNED | changes, None)
+    assert caught.value.what == what
+
+
+def test_questions_are_asked_for_what_is_missing_alone():
+    asked = []
+
+    def ask(text, assumed):
+        asked.append(text)
+        return {"pitch": "0.15 mm"}.get(next(n for n, q in QUESTIONS.items() if q.text == text), "")
+
+    found = read_drawing({"ra": "1.6um", "metal": "silver, annealed"}, ask)
+    assert found.pitch == 0.15e-3
+    assert "metal" in QUESTIONS
+    assert QUESTIONS["ra"].text not in asked
+    assert QUESTIONS["rz"].text not in asked
+    assert QUESTIONS["metal"].text not in asked
+    assert QUESTIONS["force"].text in asked
+    assert len(asked) == len(QUESTIONS) - 3
+
+
+def test_hardness_of_metals_is_that_of_an_indentation():
+    """1 HV is 1 kgf/mm² over 1/0.9272 of the projected area; annealed metals are harder than 2.8 yield stresses."""
+    assert VICKERS.keys() == METALS.keys()
+    found = read_drawing(TURNED | {"hardness": "50 HV"}, None)
+    assert found.hardness == pytest.approx(50 * 9.80665e6 / 0.9272)
+    for name, (solid, _source) in METALS.items():
+        if "annealed" in name or "soft" in name:
+            assert drawing._hardness(f"{VICKERS[name]} HV") > 1.3 * solid.hardness
+
+
+@pytest.mark.slow
+def test_a_case_from_a_drawing_runs_as_it_is(tmp_path, femseal):
+    path = tmp_path / "seal.toml"
+    options = [
+        f"--{'class' if n == 'limit' else n.replace('_', '-')}={v}" for n, v in TURNED.items()
+    ]
+    code, printed, _ = femseal("new", path, "--drawing", *options)
+    assert code == 0
+    assert "run it as it is" in printed
+    code, printed, _ = femseal("run", path, "-o", tmp_path / "results", "--workers", "1")
+    assert code == 0
+    assert "At most 0.001 mbar·L/s of helium" in " ".join(printed.split())
+
+
+def test_options_of_a_drawing_need_it(tmp_path, femseal):
+    path = tmp_path / "seal.toml"
+    code, _, error = femseal("new", path, "--ra", "1.6um")
+    assert code == 2
+    assert "--drawing" in error
+    code, _, error = femseal("new", path, "--drawing", "--pitch", "0.15mm")
+    assert code == 2
+    assert "--ra, --rz" in error
+    assert not path.exists()
+    code, _, _ = femseal("new", path, "--drawing", "--ra", "1.6um", "--pitch", "0.15mm")
+    assert code == 0
+    code, printed, _ = femseal("check", path)
+    assert code == 0
+    assert "Ra 1.6 µm" in printed
