@@ -49,7 +49,7 @@ LEAST_ALONG = 24
 #: Points of the surface for the first answer, and most and fewest points per spacing.
 _FIRST_POINTS, _MOST_PER_SPACING, _FEWEST_PER_SPACING = 2e5, 32, 16
 #: Loads of the assembly and of the unloading, over the highest force.
-_LOADING = (0.15, 0.25, 0.35, 0.5, 0.65, 0.8, 1.0)
+_LOADING = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.65, 0.8, 1.0)
 _UNLOADING = (0.6, 0.3)
 #: Nominal pressure over the hardness that the force is chosen for if none is given.
 _USUAL_PRESSURE = 0.3
@@ -444,6 +444,15 @@ def _stated_roughness(drawing: Drawing) -> str:
     return f"Rz {to_text(drawing.rz, 'm')}"
 
 
+def _process_comment(drawing: Drawing) -> str:
+    """Return what the kind of the surface stands for, "" if it is the process itself."""
+    if drawing.process == "turned":
+        return "assumed" if "process" in drawing.assumed else ""
+    if drawing.process == "ground":
+        return "ground: irregular grooves"
+    return f"{drawing.process}: alike in all directions"
+
+
 def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str]:
     """Return the comments of keys, by table and key."""
 
@@ -464,7 +473,7 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
         ("face", "size"): "as broad as the contact area, and at least 24 spacings long"
         if size.breadth is None
         else "a part of the contact area",
-        ("face", "kind"): f"{assumed('process')}{drawing.process}",
+        ("face", "kind"): _process_comment(drawing),
         ("face", "pitch"): f"{assumed('pitch')}feed per turn, or spacing of the marks",
         ("face", "roll_off"): f"{assumed('pitch')}spacing of the marks",
         ("face", "depth"): heights,

@@ -56,6 +56,8 @@ _STEPS = {
 #: The same for the patch, with the area over that of the case; the factor follows from the contact state.
 _LARGER_PATCH = ("a measured area four times as large", 4.0)
 _LARGER_GENERATED = ("a generated surface with twice the length along each side", 4.0)
+#: The same where the surface is as broad as the seal, so that more breadth is of no use.
+_LONGER_GENERATED = ("a generated surface four times as long along x2", 4.0)
 #: Relative increase of the load, and heights over those of the case, whose effects are stated.
 LOAD_INCREASE, HEIGHTS = 0.1, 0.8
 #: Relative error of the hardness unless the case says another one.
@@ -142,7 +144,7 @@ def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) ->
     """Estimate the interval at a load if one source is made smaller."""
     action, factor = _STEPS.get(source, ("", 0.0))
     if source == "patch":
-        action, area = _LARGER_GENERATED if is_generated(results) else _LARGER_PATCH
+        action, area = _larger_patch(results)
         factor = _patch_factor(results, step, area)
     is_best_case = not action
     if is_best_case:
@@ -156,6 +158,14 @@ def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) ->
     assert ends is not None
     lower, upper = (float(np.abs(end[step])) for end in ends)
     return Narrowing(source, action, lower, upper, is_best_case)
+
+
+def _larger_patch(results: Results) -> tuple[str, float]:
+    """Return how to make the patch larger, and its area over that of the run."""
+    if not is_generated(results):
+        return _LARGER_PATCH
+    is_as_broad = bool(results.dataset.attrs.get("tiles_in_place"))
+    return _LONGER_GENERATED if is_as_broad else _LARGER_GENERATED
 
 
 def _patch_factor(results: Results, step: int, area: float) -> float:

@@ -13,7 +13,7 @@ from ..base import TextTable, format_deviation, to_text
 from ..base.leak_rates import leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from .load_steps import force_scale, loads_as_given
-from .measures import HEIGHTS, LOAD_INCREASE, Narrowing, best_narrowing, lowering
+from .measures import HEIGHTS, LOAD_INCREASE, best_narrowing, lowering
 from .results import Results
 from .tables import format_interval, format_leakage, half_width_text, with_leak_unit
 from .verdict import (
@@ -106,12 +106,6 @@ class _Answer:
         factor = self.results.class_basis.factor(chosen)
         return with_leak_unit(format_leakage(leakage, factor), chosen)
 
-    def interval_text(self, lower: float, upper: float, unit: LeakUnit) -> str:
-        """Return both ends of an interval at the assembly load in a unit, which the text names."""
-        factor = self.results.class_basis.factor(unit)
-        leakage = float(self.curve.leakage[self.step])
-        return with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
-
     def assembly_leakage(self, unit: LeakUnit | None = None) -> str:
         """Return the leakage at the assembly load with its 95 % interval."""
         leakage, lower, upper = (
@@ -125,7 +119,8 @@ class _Answer:
         text = self.value_at(self.step, chosen)
         if not self.curve.has_interval:
             return f"{text} (without an interval)"
-        ends = self.interval_text(lower, upper, chosen)
+        factor = self.results.class_basis.factor(chosen)
+        ends = with_leak_unit(format_interval(lower, upper, factor, leakage), chosen)
         if leakage == 0:
             return f"none as computed (95 % interval: {ends.replace('sealed–', 'up to ')})"
         return f"{text} (95 % interval {ends})"
@@ -153,7 +148,7 @@ class _Answer:
             return sentences
         (leak_class,) = leak_classes([verdict.name])
         unit = LEAK_UNITS[leak_class.unit]
-        leakage = f"There the leakage is {self.assembly_leakage(unit)}"
+        leakage = f"Leakage there: {self.assembly_leakage(unit)}"
         if not verdict.is_own_limit:
             (limit,) = _limit_texts(self.results, [verdict])
             leakage += f"; the class allows {limit}"
@@ -219,14 +214,12 @@ class _Answer:
         return [f"In service with {name} the whole seal leaks as computed there: {text}."]
 
     def about_measures(self, verdicts: Sequence[Verdict]) -> Paragraph:
-        """Say what would narrow the interval, and what would lower the leakage, unless all classes are met for sure."""
+        """Say what would narrow the interval most, and what would lower the leakage if that is needed."""
         if verdicts and all(verdict.met_with_interval for verdict in verdicts):
-            return []
+            return self._narrowing(self._vague_step(verdicts))
         sentences = []
-        is_met = bool(verdicts) and all(verdict.met_as_computed for verdict in verdicts)
-        narrowing = best_narrowing(self.results, self.step)
-        if narrowing is not None and (is_met or not verdicts):
-            sentences.append(self._narrowing(narrowing))
+        if all(verdict.met_as_computed for verdict in verdicts):
+            sentences += self._narrowing(self.step)
         lowered = self._lowering()
         if lowered:
             sentences.append(lowered)
@@ -236,15 +229,37 @@ class _Answer:
                 sentences.append(f"{unmet[0].name} asks for {ratio:.2g} times as much.")
         return sentences
 
-    def _narrowing(self, narrowing: Narrowing) -> str:
-        """Say what narrows the interval at the assembly load, and to which ends."""
-        unit = self.usual_unit(float(self.curve.leakage[self.step]))
-        ends = self.interval_text(narrowing.lower, narrowing.upper, unit)
-        how = "at best" if narrowing.is_best_case else "about"
-        return (
-            f"The widest source of error at {self.assembly_load} is '{narrowing.source}': {narrowing.action} "
-            f"would narrow the interval to {how} {ends}."
+    def _vague_step(self, verdicts: Sequence[Verdict]) -> int | None:
+        """Return the highest load that leaks and at which a class is met as computed alone; None without one."""
+        steps = self.curve.steps
+        vague = [
+            step
+            for step in falling_steps(steps, None).tolist()
+            for verdict in verdicts
+            if 0 < self.curve.leakage[step] <= verdict.limit < self.curve.upper[step]
+        ]
+        return vague[0] if vague else None
+
+    def _narrowing(self, step: int | None) -> Paragraph:
+        """Say what narrows the interval at a load, and to which ends; nothing if this is not known."""
+        narrowing = None if step is None else best_narrowing(self.results, step)
+        if step is None or narrowing is None:
+            return []
+        leakage = float(self.curve.leakage[step])
+        unit = self.usual_unit(leakage)
+        factor = self.results.class_basis.factor(unit)
+        before, after = (
+            with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
+            for lower, upper in (
+                (float(self.curve.lower[step]), float(self.curve.upper[step])),
+                (narrowing.lower, narrowing.upper),
+            )
         )
+        how = "at best" if narrowing.is_best_case else "about"
+        return [
+            f"The widest source of error at {self.load_of(step)} is '{narrowing.source}': {narrowing.action} "
+            f"would narrow the interval from {before} to {how} {after}."
+        ]
 
     def _lowering(self) -> str:
         """Say what a higher load and a smoother finish do to the leakage at the assembly load, "" if unknown."""
