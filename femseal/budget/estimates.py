@@ -245,8 +245,10 @@ def longer_waves_part(
     return part_of_changes("longer waves", steps, leakage, below, above, note)
 
 
-def calibrated_part(name: str, kind: str, leakage: Array, state: PatchState) -> ErrorPart:
-    """Estimate how far one measured patch, or a surface by blocks, may be from the truth, by the calibration set.
+def calibrated_part(
+    name: str, kind: str, leakage: Array, state: PatchState, patches: int = 1
+) -> ErrorPart:
+    """Estimate how far measured patches, or a surface by blocks, may be from the truth, by the calibration set.
 
     The estimate depends on the contact state alone, not on other loads.
 
@@ -255,9 +257,10 @@ def calibrated_part(name: str, kind: str, leakage: Array, state: PatchState) -> 
     name : of the part.
     kind : one of `drawn_error.KINDS`.
     leakage : array (steps,), m²/s.
-    state : contact state of the patch at every step.
+    state : contact state of the patches at every step.
+    patches : number of measured patches.
     """
-    widths = interval_widths(kind)
+    widths = interval_widths(kind, patches)
     sign = np.where(np.asarray(leakage) < 0, -1.0, 1.0)
     lower, upper = (sign * end for end in widths.ends(leakage, state))
     note = (
@@ -376,7 +379,8 @@ class NumericalErrors:
         if not isinstance(study, BlocksResult | StochasticResult) or study.patch_state is None:
             return []
         name = "blocks" if isinstance(study, BlocksResult) else "patch"
-        part = calibrated_part(name, study.kind, self.leakage, study.patch_state)
+        n_patches = len(self.scene.surface.patches)
+        part = calibrated_part(name, study.kind, self.leakage, study.patch_state, n_patches)
         if isinstance(study, StochasticResult) and study.patches is not None:
             without = study.patches.without
             if without is not None:  # the scatter of several patches shows more than one patch can

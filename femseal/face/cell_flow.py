@@ -165,18 +165,6 @@ def cell_permeabilities(
     return CellPermeabilities(k, replace(counts, solved=int(is_open), closed=int(not is_open)))
 
 
-def strip_permeability(gap: Array, spacing: Pair, settings: FlowSettings = _PLAIN) -> float:
-    """Solve the permeability [m³] along x1 of a strip (n1, n2) [m] with closed sides, at the mean pressure of its ends.
-
-    Raises NotConverged: the linear solver failed.
-    """
-    drop = settings.drop
-    pressure = (drop.inlet + drop.outlet) / 2 if drop.law.depends_on_pressure else drop.inlet
-    equivalent = drop.law.equivalent_gap(gap, pressure)
-    cell = cell_flow(equivalent, spacing, axis=0, sides="mirror", solver=settings.solver)
-    return cell.permeability
-
-
 @dataclass(frozen=True, eq=False)
 class FaceFlow:
     """Flow along x1 through a whole surface.

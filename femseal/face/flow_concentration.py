@@ -1,26 +1,20 @@
 """How much of a surface carries its flow in one contact state. The less of it does, the less one patch tells of others.
 
 Near closing, the flow passes a few constrictions. How many there are is a property of the state itself, whatever other
-loads are solved. Two quantities describe it: the participation number N = (Σd)²/Σd² of the dissipation d over blocks of
-one short wave (Bell & Dean, Discuss. Faraday Soc. 50, 1970, 55, for the number of sites that a state occupies), and
-the coefficient of variation of the permeability of four strips of the surface, side by side along x2.
+loads are solved. It is described by the participation number N = (Σd)²/Σd² of the dissipation d over blocks of one
+short wave (Bell & Dean, Discuss. Faraday Soc. 50, 1970, 55, for the number of sites that a state occupies).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..base import Floats, Pair, Shape
+from ..base import Floats, Shape
 from ..topography import Surface, Topography
 from ..topography.topography import power, wavenumber_grids
-from .cell_flow import Failed, FlowSettings, attempt, strip_permeability
 
-#: Strips of a surface along x2 whose permeabilities are compared.
-STRIPS = 4
 #: Fraction of the mean square slope in waves no shorter than a block of the participation number.
 _SLOPE_FRACTION = 0.95
-#: Coefficient of variation where the surface leaks and none of its strips does: beyond that of a single open strip, √3.
-_NO_STRIP = 2.0
 #: Pixels of a block on a surface without slope.
 _FLAT_BLOCK = 8
 
@@ -41,21 +35,6 @@ def participation_number(dissipation: Floats, blocks: Shape) -> float:
     sums = np.add.reduceat(sums, starts[1], axis=1)
     total = float(sums.sum())
     return total**2 / float((sums**2).sum()) if total > 0 else float("nan")
-
-
-def strip_scatter(gap: Floats, spacing: Pair, flow: FlowSettings) -> float:
-    """Coefficient of variation of the permeability along x1 of four strips of a gap (n1, n2) [m], side by side.
-
-    Strips have closed sides. NaN where the flow through a strip failed.
-    """
-    permeabilities = []
-    for strip in np.array_split(gap, min(STRIPS, gap.shape[1]), axis=1):
-        permeability = attempt(strip_permeability, np.array(strip, float), spacing, flow)
-        if isinstance(permeability, Failed):
-            return float("nan")
-        permeabilities.append(permeability)
-    mean = float(np.mean(permeabilities))
-    return float(np.std(permeabilities)) / mean if mean > 0 else _NO_STRIP
 
 
 def blocks_of_one_wave(surface: Surface) -> Shape:

@@ -171,8 +171,8 @@ def _larger_patch(results: Results) -> tuple[str, float]:
 def _patch_factor(results: Results, step: int, area: float) -> float:
     """Return the distances of the source "patch" with a larger area over those of the run, by its contact state.
 
-    More area has more blocks that carry the flow, and strips that differ less from each other. Without a known contact
-    state it is what many carriers would have, the root of the larger area.
+    A larger area has more blocks that carry the flow; contact fraction and detours stay what they are. Without a known
+    contact state the factor is what many carriers would have, the root of the larger area.
     """
     data = results.dataset
     independent = area**-0.5
@@ -181,28 +181,17 @@ def _patch_factor(results: Results, step: int, area: float) -> float:
     pressures = data["state_nominal_pressure"].values
     nearest = int(np.argmin(np.abs(pressures - data["nominal_pressure"].values[step])))
     carriers = float(data["state_flow_carriers"].values[nearest])
-    scatter = float(data["state_strip_scatter"].values[nearest])
     if not carriers > 0:
         return independent
-    kind = "in order" if np.isfinite(scatter) else "at random"
-
-    def distance(larger: float) -> float:
-        state = PatchState(
-            _single(carriers * larger),
-            _single(scatter / larger**0.5),
-            _single(0.1),
-            _single(0.0),
-            _single(1.0),
-        )
-        below, _above = DIFFICULTY[kind].distances(state)
-        return float(below[0])
-
-    return distance(area) / distance(1.0)
-
-
-def _single(value: float) -> Array:
-    """Make an array of one step."""
-    return np.array([value])
+    with_both = PatchState(
+        carriers=np.array([carriers, area * carriers]),
+        contact_fraction=np.zeros(2),
+        detours=np.zeros(2),
+        open_leakage=np.ones(2),
+    )
+    # both kinds of order depend on the number of carriers in the same way
+    below, _above = DIFFICULTY["in order"].distances(with_both)
+    return float(below[1] / below[0])
 
 
 def lowering(results: Results, leakage: Array, step: int) -> Lowering:

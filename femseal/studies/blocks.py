@@ -19,7 +19,6 @@ from ..checks import QuickEstimate, estimate_scene, result_warnings
 from ..contact import HalfSpace
 from ..face.cell_flow import Failed, SolveCounts
 from ..face.cells import FEWEST_POINTS, Cut
-from ..face.flow_concentration import STRIPS
 from ..loads import LoadProgramme
 from ..scene import Scene
 from ..seal.tiles import face_tiles
@@ -133,7 +132,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     for at, (own, *_) in zip(np.ndindex(*blocks), found, strict=True):
         _of_block(k, at)[...] = own.reshape(*own.shape[:3], CELLS, CELLS)
     k += opened(separation, opening)
-    state = _state_of(scene, [block for *_, block in found], k, separation + opening)
+    state = _state_of(scene, [block for *_, block in found], separation + opening)
     fluid, tiles = TileFluid.of(scene), face_tiles(scene.surface.size, shape)
     leakage = np.full(len(scene.steps), np.nan)
     failed = dict(scene.separated_steps)
@@ -263,31 +262,19 @@ def _cells(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts, PatchState]:
     return k, cells.counts, state
 
 
-def _state_of(scene: Scene, blocks: list[PatchState], k: Array, gap: Array) -> PatchState:
+def _state_of(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchState:
     """Combine the states of blocks to those of the whole surface, assuming that each dissipates about as much.
 
     Parameters
     ----------
     scene : the whole surface.
     blocks : states of the blocks.
-    k : permeabilities, array (pressures, 2, steps, rows, columns), m³.
     gap : mean gap of the cells, array (steps, rows, columns), m.
     """
-    columns = k.shape[-1] // STRIPS
-    tiles = face_tiles(scene.surface.size, (k.shape[-2], columns))
-    fluid = TileFluid.of(scene)
-    strips = np.full((STRIPS, len(scene.steps)), np.nan)
-    for strip, s in np.ndindex(*strips.shape):
-        part = k[:, :, s, :, strip * columns : (strip + 1) * columns]
-        through = flow_in_order(scene, tiles, part, fluid.pressures, fluid.piecewise)
-        strips[strip, s] = through.per_length
-    with np.errstate(invalid="ignore"):
-        scatter = strips.std(axis=0) / strips.mean(axis=0)
-    few = [1 / np.nan_to_num(block.carriers, nan=1.0) for block in blocks]
-    carriers = len(blocks) ** 2 / np.sum(few, axis=0)
+    inverse_carriers = [1 / np.nan_to_num(block.carriers, nan=1.0) for block in blocks]
+    carriers = len(blocks) ** 2 / np.sum(inverse_carriers, axis=0)
     contact = np.mean([block.contact_fraction for block in blocks], axis=0)
     mean_gap = gap.mean(axis=(1, 2))
-    still_open = scene.unit_leakage * mean_gap**3 / 12
-    scatter = scatter[scene.steps.peak_indices]
-    # cells of blocks stay in their order
-    return PatchState(carriers, scatter, contact, np.zeros(len(carriers)), still_open)
+    open_leakage = scene.unit_leakage * mean_gap**3 / 12
+    no_detours = np.zeros(len(carriers))  # cells of blocks stay in their order
+    return PatchState(carriers, contact, no_detours, open_leakage)

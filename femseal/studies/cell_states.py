@@ -150,8 +150,6 @@ class FaceCells:
     patches : leakage by measured patches; None of one patch.
     carriers : number of blocks that effectively carry the flow through the surface, array (steps,), see
         `participation_number`; NaN where nothing flows.
-    strip_scatter : scatter of the permeability of four strips, array (steps,), see `flow_concentration.strip_scatter`.
-        It is NaN where nothing flows, and where cells are put together at random, which does not need it.
     counts : numbers of flows through cells.
     failures : one line for each flow that failed.
     unsolved : numbers of the steps without leakage, and why.
@@ -190,12 +188,6 @@ class FaceCells:
         "state_flow_carriers",
         "1",
         "number of blocks of one short wave that effectively carry the flow, by state",
-        STATE,
-    )
-    strip_scatter: Array = declared(
-        "state_strip_scatter",
-        "1",
-        "coefficient of variation of the permeability of four strips of the face, by state",
         STATE,
     )
     surface_k2: Array = declared(
@@ -360,7 +352,6 @@ def joined(
         own=own,
         cells_k2=cells_k2,
         patches=patches,
-        strip_scatter=np.full(len(steps), np.nan),
         counts=SolveCounts.total(state.counts for state in taken),
         failures=tuple(failures),
         unsolved=tuple((s, state.failed) for s, state in enumerate(taken) if state.failed),

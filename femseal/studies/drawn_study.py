@@ -236,7 +236,7 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
     if tiles.in_order:
         # grooves that wind are those of the seal
         flat = scene if scene.flow.spiral is None else replace(scene, layout=RectangularLayout())
-        cells = cut_into_cells(flat, cut, mapper, with_strips=True).cells
+        cells = cut_into_cells(flat, cut, mapper).cells
         assert cells is not None
         k = cells.k.reshape(*cells.k.shape[:3], 1, -1)
         fluid = TileFluid(tuple(drop.pressures))

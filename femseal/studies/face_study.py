@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, Pair, Shape, Shown, Singles, Stage
+from ..base import Array, InputError, Mapper, Shape, Shown, Singles, Stage
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..checks import QuickEstimate, estimate_scene, result_warnings
@@ -17,7 +17,7 @@ from ..contact import LoadState
 from ..contact.workspace import KEPT_POINTS
 from ..face.cell_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
 from ..face.cells import CellState, Cut
-from ..face.flow_concentration import blocks_of_one_wave, participation_number, strip_scatter
+from ..face.flow_concentration import blocks_of_one_wave, participation_number
 from ..loads import LoadProgramme
 from ..scene import Scene
 from ..scene.fluid_coupling import CoupledContact
@@ -317,24 +317,14 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
     return _checked(scene, cut_into_cells(scene, Cut.of(scene.surface, cells), mapper))
 
 
-def cut_into_cells(
-    scene: Scene, cut: Cut, mapper: Mapper, *, with_strips: bool = False
-) -> FaceResult:
-    """Solve a surface and the cells of a cut, without plausibility checks; see `two_scale`.
-
-    with_strips : also solve the flow through four strips of the surface, whose scatter the interval of cells in order
-    needs.
-    """
+def cut_into_cells(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
+    """Solve a surface and the cells of a cut, without plausibility checks; see `two_scale`."""
     face = solve_face(scene, mapper)
     blocks = blocks_of_one_wave(scene.surface)
     solve = partial(_cells, cut=cut, flow=scene.flow, blocks=blocks)
     found = list(mapper(Stage("cells of the face", solve), face.states))
     cells = joined(scene, cut, scene.steps, found)
     cells = replace(cells, face=face.leakage, patches=face.patches)
-    if with_strips:
-        solve_strips = partial(_strip_scatter, spacing=cut.spacing, flow=scene.flow)
-        scatter = list(mapper(Stage("strips of the surface", solve_strips), face.states))
-        cells = replace(cells, strip_scatter=np.array(scatter))
     return replace(face, cells=cells, failures=(*face.failures, *cells.failures))
 
 
@@ -349,10 +339,3 @@ def _cells(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) -> 
     cells = CellState.of(gap, state.pressure, cut, flow, plastic, fractions)
     carriers = participation_number(fractions, blocks)
     return replace(cells, failed=state.failed, carriers=carriers)
-
-
-def _strip_scatter(state: FaceState, *, spacing: Pair, flow: FlowSettings) -> float:
-    """Compute the scatter of the permeability of four strips of a state; NaN where nothing flows."""
-    if not state.permeability > 0:
-        return float("nan")
-    return strip_scatter(state.gap.astype(float), spacing, replace(flow, spiral=None))

@@ -28,8 +28,6 @@ class PatchState:
     Parameters
     ----------
     carriers : number of blocks that effectively carry the flow, see `participation_number`; NaN of a sealed state.
-    strip_scatter : coefficient of variation of the leakage of four strips; NaN of a sealed state, and of cells at
-        random.
     contact_fraction : fraction of the patch in contact.
     detours : ln of the leakage of the patch over that of its cells in their own order, from 0 to ln 3. It measures how
         much flows through channels that cross the sides of cells, which cells at random do not have. NaN of a sealed
@@ -38,7 +36,6 @@ class PatchState:
     """
 
     carriers: Array
-    strip_scatter: Array
     contact_fraction: Array
     detours: Array
     open_leakage: Array
@@ -60,13 +57,13 @@ class PatchState:
         with np.errstate(divide="ignore", invalid="ignore"):
             detours = np.clip(np.log(cells.face / cells.own), 0.0, np.log(MOST_FACTOR))
         detours = np.where(np.isnan(cells.carriers), np.nan, detours)
-        quantities = cells.carriers, cells.strip_scatter, contact, detours
+        quantities = cells.carriers, contact, detours
         peaks = steps.peak_indices
         if cells.steps == steps:
             taken = [values[peaks] for values in quantities]
         else:
             taken = [_on_loading(cells.steps, values, pressures[peaks]) for values in quantities]
-        return cls(taken[0], taken[1], taken[2], taken[3], open_leakage)
+        return cls(taken[0], taken[1], taken[2], open_leakage)
 
 
 def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:

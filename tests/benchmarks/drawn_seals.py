@@ -146,7 +146,7 @@ def state_rows(same, scene, study, budget, truth):
     q, steps = budget.leakage, scene.steps
     unknown = np.full(len(steps), np.nan)
     still_open = open_leakage_of(study, scene)
-    state = getattr(study, "patch_state", None) or PatchState(*[unknown] * 4, still_open)
+    state = getattr(study, "patch_state", None) or PatchState(*[unknown] * 3, still_open)
     known = np.isfinite(q) & np.isfinite(truth) & (still_open > 0)
     columns = {"load": steps.pressures / max(steps.pressures)}
     columns |= {"peak": steps.pressures[steps.peak_indices] / max(steps.pressures)}
@@ -154,8 +154,8 @@ def state_rows(same, scene, study, budget, truth):
         columns |= {"leakage": q / still_open, "truth": truth / still_open}
         columns |= {"lower": budget.lower / still_open, "upper": budget.upper / still_open}
         columns |= {"decades": np.log10(truth[first_known(truth)] / truth)}
-    columns |= {"carriers": state.carriers, "strip_scatter": state.strip_scatter}
-    columns |= {"contact": state.contact_fraction, "detours": state.detours}
+    columns |= {"carriers": state.carriers, "contact": state.contact_fraction}
+    columns |= {"detours": state.detours}
     for s in np.flatnonzero(known):
         yield same | {"step": s} | {name: f"{value[s]:.4g}" for name, value in columns.items()}
 

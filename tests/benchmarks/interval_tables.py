@@ -55,13 +55,13 @@ def of_patches(rows, single):
     return [row for row in rows if (row["patch"] != "both") == single]
 
 
-def with_kind_left_out(kind, rows):
+def with_kind_left_out(kind, rows, *, of_two=False):
     """Rows with intervals that are calibrated on the other kinds of surfaces."""
     found = []
     for surface in sorted({row["surface"] for row in rows}):
         others = [row for row in rows if row["surface"] != surface]
         own = [row for row in rows if row["surface"] == surface]
-        found.append(Judged(own, IntervalWidths.of(kind, others)))
+        found.append(Judged(own, IntervalWidths.of(kind, others, of_two=of_two)))
     return Judged.joined(found)
 
 
@@ -90,9 +90,12 @@ def by_surface(kind, unseen):
 
 def by_half_decade(kind, rows):
     """Table of what is contained by half decade, and of half-widths as factors, of one patch and of two."""
-    widths = IntervalWidths.of(kind, calibration_rows(kind))
+    widths = {
+        of_two: IntervalWidths.of(kind, calibration_rows(kind), of_two=of_two)
+        for of_two in (False, True)
+    }
     lines = []
-    judged = [Judged(of_patches(rows, single), widths) for single in (True, False)]
+    judged = [Judged(of_patches(rows, single), widths[not single]) for single in (True, False)]
     for low, high in HALF_DECADES:
         cells = [f"{max(low, 0):g} to {high:g}" if high < 9 else f"from {low:g}"]
         for one in judged:

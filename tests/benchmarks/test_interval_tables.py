@@ -10,7 +10,7 @@ from femseal.studies.drawn_error import (
     interval_widths,
     state_of_rows,
 )
-from interval_tables import HALF_DECADES, Judged, of_patches, with_kind_left_out
+from interval_tables import HALF_DECADES, of_patches, with_kind_left_out
 
 #: Least share of the loads of one kind of surface that intervals contain which were calibrated on the other kinds.
 LEAST_OF_A_KIND = 0.88
@@ -30,10 +30,16 @@ def test_intervals_contain_the_truth_of_a_kind_of_surface_that_their_calibration
 
 @pytest.mark.parametrize("kind", DRAWN)
 def test_intervals_of_two_patches_are_narrower_and_contain_as_much(kind):
-    rows, widths = calibration_rows(kind), interval_widths(kind)
-    both = Judged(of_patches(rows, single=False), widths)
+    rows = calibration_rows(kind)
+    both = with_kind_left_out(kind, of_patches(rows, single=False), of_two=True)
     assert both.contained.mean() >= COVERAGE
-    distances = np.sum(DIFFICULTY[kind].distances(state_of_rows(rows)), axis=0)
+    by_patch = {"first": interval_widths(kind), "both": interval_widths(kind, 2)}
+    by_patch["second"] = by_patch["first"]
+    below, above = DIFFICULTY[kind].distances(state_of_rows(rows))
+    distances = [
+        by_patch[row["patch"]].below * below[n] + by_patch[row["patch"]].above * above[n]
+        for n, row in enumerate(rows)
+    ]
     named = {}
     for row, distance in zip(rows, distances, strict=True):
         named[row["scene"], row["step"], row["patch"]] = distance

@@ -10,7 +10,6 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.budget.estimates import calibrated_part
 from femseal.studies.drawn_error import (
-    COVERAGE,
     DIFFICULTY,
     KINDS,
     LEAST_KNOWN,
@@ -27,9 +26,9 @@ from femseal.studies.patch_state import PatchState
 from femseal.topography import Patches
 
 
-def state(carriers, scatter, contact, detours=0.0, still_open=1.0):
-    arrays = np.broadcast_arrays(*map(np.atleast_1d, (carriers, scatter, contact, detours)))
-    return PatchState(*arrays, np.full(arrays[0].shape, still_open))
+def state(carriers, contact, detours=0.0, open_leakage=1.0):
+    arrays = np.broadcast_arrays(*map(np.atleast_1d, (carriers, contact, detours)))
+    return PatchState(*arrays, np.full(arrays[0].shape, open_leakage))
 
 
 # --- by the state --------------------------------------------------------------------------------------------------
@@ -39,28 +38,26 @@ def state(carriers, scatter, contact, detours=0.0, still_open=1.0):
 def test_the_distances_grow_with_what_one_patch_cannot_tell(kind):
     difficulty = DIFFICULTY[kind]
     for harder in (
-        state([100.0, 30.0, 5.0, 1.0], 0.5, 0.1),
-        state(20.0, [0.0, 0.5, 1.0, 2.0], 0.1),
-        state(20.0, 0.5, [0.1, 0.2, 0.4]),
-        state(20.0, 0.5, [0.03, 0.01, 0.001]),
-        state(20.0, 0.5, 0.1, [0.0, 0.5, 1.0]),
+        state([100.0, 30.0, 5.0, 1.0], 0.1),
+        state(20.0, 0.1, [0.0, 0.5, 1.0]),
     ):
         for distance in difficulty.distances(harder):
             assert (np.diff(distance) >= 0).all()
-    for distance in difficulty.distances(state([100.0, 30.0, 5.0, 1.0], 0.5, 0.1)):
+    for distance in difficulty.distances(state([100.0, 30.0, 5.0, 1.0], 0.1)):
         assert (np.diff(distance) > 0).all()
+    # more contact closes more of the paths
+    above_or_below = np.sum(difficulty.distances(state(20.0, [0.1, 0.2, 0.4])), axis=0)
+    assert (np.diff(above_or_below) > 0).all()
     # a sealed state is as uncertain as one with a single constriction
-    sealed, single = (
-        difficulty.distances(s) for s in (state(np.nan, np.nan, 0.3, np.nan), state(1, 2, 0.3))
-    )
+    sealed, single = (difficulty.distances(s) for s in (state(np.nan, 0.3, np.nan), state(1, 0.3)))
     assert_allclose(sealed, single)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_interval_is_as_wide_whatever_the_size_of_the_leakage(kind):
     q = np.array([0.5, 0.1, 1e-2, 0.0])
-    ends = interval_widths(kind).ends(q, state([50, 20, 5, np.nan], [0.3, 1, 1.7, np.nan], 0.2))
-    scaled = state([50, 20, 5, np.nan], [0.3, 1, 1.7, np.nan], 0.2, still_open=1e-9)
+    ends = interval_widths(kind).ends(q, state([50, 20, 5, np.nan], 0.2))
+    scaled = state([50, 20, 5, np.nan], 0.2, open_leakage=1e-9)
     for end, other in zip(ends, interval_widths(kind).ends(1e-9 * q, scaled), strict=True):
         assert_allclose(other, 1e-9 * end)
     lower, upper = ends
@@ -71,7 +68,7 @@ def test_an_interval_is_as_wide_whatever_the_size_of_the_leakage(kind):
 
 
 def test_no_upper_end_is_far_above_an_open_seal():
-    hardest = state(1.0, 2.0, 0.5, 1.0)
+    hardest = state(1.0, 0.8, 1.0)
     for kind in KINDS:
         widths, most = interval_widths(kind), DIFFICULTY[kind].most
         assert widths.ends(np.array([0.1]), hardest)[1] == most
@@ -79,7 +76,7 @@ def test_no_upper_end_is_far_above_an_open_seal():
 
 
 def test_leakage_against_the_drop_has_its_ends_on_its_own_side():
-    part = calibrated_part("patch", "in order", np.array([-0.5]), state(20.0, 0.5, 0.1))
+    part = calibrated_part("patch", "in order", np.array([-0.5]), state(20.0, 0.1))
     assert part.upper[0] < -0.5 < part.lower[0] < 0
 
 
@@ -121,7 +118,7 @@ def test_the_number_of_realisations_is_that_of_the_state_that_needs_most():
     """A load asks for as many whether or not others are listed with it."""
     rng = np.random.default_rng(1)
     draws = np.exp(0.3 * rng.normal(size=(6, 3))) * [1.0, 0.1, 1e-3]
-    states = [state(*values) for values in ((80, 0.2, 0.05), (30, 0.6, 0.2), (3, 1.7, 0.4))]
+    states = [state(*values) for values in ((80, 0.05), (30, 0.2), (3, 0.4))]
     alone = [_needed(draws[:, [n]], "in order", one) for n, one in enumerate(states)]
     together = PatchState(
         *(np.concatenate(v) for v in zip(*(vars(s).values() for s in states), strict=True))
@@ -147,13 +144,14 @@ def test_two_measured_patches_narrow_the_interval():
     narrower = []
     for seed in range(3):
         patches = [scene_of((4e8,), 10 * seed + n).surface for n in range(2)]
-        widths = []
+        half_widths = []
         for surface in (patches[0], patches[1], Patches(patches)):
             scene = replace(scene_of((4e8,)), surface=surface)
             study = fs.stochastic(scene, None, fs.Sampling(3e-4, realisations=5, seed=1))
-            lower, upper = interval_widths(study.kind).ends(study.quantile(0.5), study.patch_state)
-            widths.append(float(np.log(upper / lower)[0]))
-        narrower.append(widths[2] / np.mean(widths[:2]))
+            widths = interval_widths(study.kind, len(surface.patches))
+            lower, upper = widths.ends(study.quantile(0.5), study.patch_state)
+            half_widths.append(float(np.log(upper / lower)[0]) / 2)
+        narrower.append(half_widths[2] / np.mean(half_widths[:2]))
     assert max(narrower) < 1.0
     assert np.mean(narrower) < 0.93
 
@@ -173,7 +171,7 @@ def test_each_end_leaves_out_as_much_of_its_calibration_as_it_may(kind):
     kept = truth < limit
     rows = [row for row, keep in zip(rows, kept, strict=True) if keep]
     leakage, truth, scene = leakage[kept], truth[kept], scene[kept]
-    widths, end = IntervalWidths.of(kind, rows), (1 + COVERAGE) / 2
+    widths, end = IntervalWidths.of(kind, rows), (1 + DIFFICULTY[kind].fraction) / 2
     names = list(scene)
     weight = np.array([1 / names.count(name) for name in names]) / (widths.scenes + 1)
     beyond = 1 / (widths.scenes + 1)

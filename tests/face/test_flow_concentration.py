@@ -13,9 +13,7 @@ from femseal.face.flow_concentration import (
     blocks_of_one_wave,
     participation_number,
     short_wave,
-    strip_scatter,
 )
-from femseal.studies import face_study
 from femseal.studies.patch_state import PatchState
 from femseal.topography import Patches
 
@@ -31,7 +29,6 @@ def carriers_of(gap, blocks):
 def test_a_uniform_gap_is_carried_by_all_blocks_alike():
     gap = np.full((32, 64), 1e-6)
     assert_allclose(carriers_of(gap, (4, 8)), 32)
-    assert_allclose(strip_scatter(gap, SPACING, FLOW), 0, atol=1e-12)
 
 
 @pytest.mark.parametrize("channels", [1, 2, 4])
@@ -41,10 +38,6 @@ def test_separate_channels_along_the_flow_are_counted_by_their_blocks(channels):
     for n in range(channels):
         gap[:, 16 * n + 1 : 16 * n + 7] = 1e-6
     assert_allclose(carriers_of(gap, (4, 8)), 4 * channels)
-    # of four strips as many are open as there are channels, one in each
-    open_strips = np.repeat([1.0, 0.0], [channels, 4 - channels])
-    scatter = strip_scatter(gap, SPACING, FLOW)
-    assert_allclose(scatter, open_strips.std() / open_strips.mean(), rtol=1e-9)
 
 
 def test_a_constriction_carries_the_whole_drop():
@@ -58,15 +51,6 @@ def test_no_block_of_a_sealed_surface_carries_flow():
     gap = np.full((32, 64), 1e-6)
     gap[10] = 0.0
     assert np.isnan(carriers_of(gap, (4, 8)))
-
-
-def test_a_path_across_all_strips_leaves_each_of_them_closed():
-    gap = np.zeros((32, 64))
-    gap[:8, 2:5] = gap[24:, 60:62] = gap[8:24, 2:62] = 1e-6
-    gap[:, [15, 16, 31, 32, 47, 48]] = 0.0
-    gap[10, 2:62] = 1e-6
-    assert resolved_flow(gap, SPACING, FLOW).permeability > 0
-    assert strip_scatter(gap, SPACING, FLOW) == 2.0
 
 
 def test_participation_does_not_depend_on_the_size_of_the_dissipation():
@@ -110,34 +94,16 @@ def states_of(points, loading, **changes):
 def test_the_state_of_a_patch_is_the_same_on_twice_the_points():
     coarse, fine = (states_of(n, (1e8, 4e8)) for n in (64, 128))
     assert_allclose(fine.carriers, coarse.carriers, rtol=0.1)
-    assert_allclose(fine.strip_scatter, coarse.strip_scatter, rtol=0.2)
     assert_allclose(fine.contact_fraction, coarse.contact_fraction, rtol=0.1)
-
-
-def test_strips_are_solved_only_where_cells_stay_in_order(monkeypatch):
-    """Neither a two-scale study nor cells at random need their scatter."""
-    solved = []
-    real = face_study.strip_scatter
-    monkeypatch.setattr(
-        face_study, "strip_scatter", lambda *given: solved.append(1) or real(*given)
-    )
-    scene = steel_scene(rough(64), loading=(1e8, 4e8))
-    assert np.isnan(fs.two_scale(scene, (2, 2)).cells.strip_scatter).all()
-    at_random = fs.Sampling(256e-6, realisations=1, seed=1, breadth=128e-6)
-    assert np.isnan(fs.stochastic(scene, None, at_random).patch_state.strip_scatter).all()
-    assert not solved
-    in_order = fs.stochastic(scene, None, fs.Sampling(256e-6, realisations=1, seed=1))
-    assert np.isfinite(in_order.patch_state.strip_scatter).all()
-    assert len(solved) == 2
 
 
 def test_the_state_of_a_patch_does_not_depend_on_other_loads():
     alone = states_of(64, (4e8,))
     among = states_of(64, (1e8, 2e8, 4e8, 6e8), unload_from=(4e8,), unloading=(3e8, 1e8))
-    for name in ("carriers", "strip_scatter", "contact_fraction", "open_leakage"):
+    for name in ("carriers", "contact_fraction", "open_leakage"):
         assert_allclose(getattr(among, name)[2], getattr(alone, name)[0], rtol=1e-3)
     # unloading is as uncertain as its peak, but its gap is its own
-    for name in ("carriers", "strip_scatter", "contact_fraction"):
+    for name in ("carriers", "contact_fraction"):
         values = getattr(among, name)
         assert (values[4:] == values[2]).all()
     assert (among.open_leakage[4:] > among.open_leakage[2]).all()
