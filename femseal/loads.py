@@ -12,10 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from .base import Array, Flags, Indices, InputError, validate
+from .base import Array, Flags, Indices, InputError, to_text, validate
 
 #: Units of loads: nominal pressure, force on the whole seal, force per length of seal.
 LOAD_UNITS = ("Pa", "N", "N/m")
+#: What a load in each of these units is called in messages.
+_LOAD_NAMES = {"Pa": "pressure", "N": "force", "N/m": "line load"}
 #: A leakage below this fraction of the first one is too small to be compared.
 FLOOR = 1e-3
 
@@ -72,6 +74,8 @@ class LoadProgramme(tuple[LoadStep, ...]):
         loading: Sequence[float],
         unload_from: Sequence[float] = (),
         unloading: Sequence[float] = (),
+        *,
+        unit: str = "Pa",
     ) -> LoadProgramme:
         """Make a load programme from lists of nominal pressures.
 
@@ -83,6 +87,8 @@ class LoadProgramme(tuple[LoadStep, ...]):
             Peaks from which the seal is unloaded [Pa]. Peaks that are not in `loading` are added to it.
         unloading : sequence of float
             Pressures of the unloading [Pa]. The unloading from each peak stops at those below it, in falling order.
+        unit : str
+            Unit of the numbers in messages, one of `LOAD_UNITS`: loads that are forces are checked as forces.
 
         Raises
         ------
@@ -93,18 +99,21 @@ class LoadProgramme(tuple[LoadStep, ...]):
         unload_from = _check_pressures("unload_from", unload_from)
         unloading = _check_pressures("unloading", unloading)
         if not loading:
-            raise InputError("loading", "an empty list", "at least one pressure [Pa]")
+            raise InputError("loading", "an empty list", f"at least one {_LOAD_NAMES[unit]}")
         if any(b <= a for a, b in pairwise(loading)):
-            raise InputError("loading", loading, "rising pressures")
+            expected = (
+                f"rising {_LOAD_NAMES[unit]}s, the assembly; loads on the way down are `unloading`"
+            )
+            raise InputError("loading", _loads_text(loading, unit), expected)
         if unloading and not unload_from:
-            expected = "at least one pressure where `unloading` is given"
+            expected = f"at least one {_LOAD_NAMES[unit]} where `unloading` is given"
             raise InputError("unload_from", "an empty list", expected)
         steps = [LoadStep(pressure) for pressure in sorted({*loading, *unload_from})]
         for peak in sorted(set(unload_from)):
             below = sorted({pressure for pressure in unloading if pressure < peak}, reverse=True)
             if not below:
-                expected = f"at least one pressure below the peak, {peak:g}"
-                raise InputError("unloading", unloading, expected)
+                expected = f"at least one {_LOAD_NAMES[unit]} below the peak, {to_text(peak, unit)}"
+                raise InputError("unloading", _loads_text(unloading, unit), expected)
             steps += [LoadStep(pressure, peak) for pressure in below]
         return cls(steps)
 
@@ -277,6 +286,11 @@ def least_counted(leakage: Array) -> float:
     It is 1e-3 of the first known leakage, NaN if there is none.
     """
     return float(FLOOR * np.abs(leakage[first_known(leakage)]))
+
+
+def _loads_text(loads: Sequence[float], unit: str) -> str:
+    """Return loads in a unit as text, "an empty list" if there are none."""
+    return ", ".join(to_text(load, unit) for load in loads) or "an empty list"
 
 
 def _check_pressures(name: str, values: Sequence[float]) -> list[float]:

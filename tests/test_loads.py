@@ -3,10 +3,12 @@
 import pickle
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
+from femseal.base import InputError
 from femseal.loads import LoadProgramme, LoadStep
 
 PROGRAMME = LoadProgramme.of((1e8, 2e8, 4e8), (2e8, 4e8), (3e8, 1e8))
@@ -70,3 +72,19 @@ def test_an_empty_programme_has_empty_masks():
     empty = LoadProgramme(())
     assert empty.on_loading.dtype == bool
     assert empty.peak_indices.dtype == np.int64
+
+
+def test_loads_that_do_not_rise_are_answered_in_their_unit():
+    """A force is answered as a force, a line load as a line load, and not as a pressure in pascals."""
+    for unit, texts, name in (
+        ("Pa", "2 MPa, 1 MPa", "pressures"),
+        ("N", "2 MN, 1 MN", "forces"),
+        ("N/m", "2 MN/m, 1 MN/m", "line loads"),
+    ):
+        with pytest.raises(InputError) as caught:
+            LoadProgramme.of([2e6, 1e6], unit=unit)
+        assert caught.value.given == texts
+        assert f"rising {name}" in caught.value.expected
+        with pytest.raises(InputError) as caught:
+            LoadProgramme.of([1e6, 2e6], [2e6], [3e6], unit=unit)
+        assert f"below the peak, {texts.partition(',')[0]}" in caught.value.expected

@@ -221,7 +221,7 @@ class LoadTable(Table):
         """Raise an InputError unless the loads rise, and are unloaded from peaks that they reach."""
         if self.steps > _MOST_STEPS:
             raise InputError("", f"{self.steps} steps", f"at most {_MOST_STEPS} steps")
-        LoadProgramme.of(**self.pressures(1.0, 1.0))
+        LoadProgramme.of(**self.pressures(1.0, 1.0), unit=self.unit)
         return self
 
     @property

@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 import scipy.fft
 
 from ..base import InputError, number_text, shown, to_si, to_text
+from ..base.leak_rates import leak_classes
+from ..base.leak_units import LEAK_UNITS
 from ..case.case import Case
 from ..case.reading import parse_case
 from ..case.template import as_toml
@@ -400,6 +402,9 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
     }
     if drawing.limit:
         tables["output"] = {"classes": [drawing.limit]}
+        unit = LEAK_UNITS[leak_classes([drawing.limit])[0].unit]
+        if not unit.per_length:
+            tables["output"]["leakage_unit"] = unit.name
     return tables
 
 

@@ -118,9 +118,13 @@ SOLID_AT_2_GPA = {
         (
             "load.unload_from",
             ["25 MPa"],
-            r"load.unloading: .* at least one pressure below the peak, 2.5e\+07",
+            r"load.unloading: .* at least one pressure below the peak, 25 MPa",
         ),
-        ("load.unloading", [], r"unloading: given \[\], expected at least one pressure below"),
+        (
+            "load.unloading",
+            [],
+            r"unloading: given an empty list, expected at least one pressure below",
+        ),
         ("contact.rtol", "small", "rtol: given 'small', expected a number"),
         (
             "flow.solver",

@@ -90,7 +90,7 @@ def test_a_key_of_one_of_two_faces(case):
         (["seed.x=1"], "sweep: given 'seed.x', expected a dotted key of the case"),
         (
             ['load.loading=["2MPa","1MPa"]'],
-            "load.loading: given [2000000.0, 1000000.0], expected rising pressures",
+            "load.loading: given 2 MPa, 1 MPa, expected rising pressures",
         ),
         (["cells.count=[2,4],[32,64]"], r"with count = [32, 64]"),
         (
