@@ -72,14 +72,17 @@ def documented():
     found = set()
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        lines = "".join(re.findall(r"(?s)```sh\n(.*?)```", text)).splitlines()
+        blocks = "".join(re.findall(r"(?s)```sh\n(.*?)```", text))
+        lines = blocks.replace("\\\n", " ").splitlines()
         lines += re.findall(r"(?<!`)`([^`]+)`(?!`)", re.sub(r"(?s)```.*?```", "", text))
         options = re.findall(r"(?m)^\| `(--[^`]+)` \|", text)
         lines += [f"femseal run CASE -o DIR {option}" for option in options]
         for line in lines:
             words = " ".join(line.split("#")[0].split())
             command = re.search(r"(?:^|&& |/)femseal ([^#\[]\S*(?: .*)?)$", words)
-            if command and "=" not in command[1].split()[0]:
+            # `new --drawing` names the option; without a file it asks questions
+            is_name = command and command[1].startswith("new --")
+            if command and not is_name and "=" not in command[1].split()[0]:
                 found.add(command[1].strip())
     return sorted(found)
 
@@ -108,6 +111,7 @@ FORMS = sorted(
 )
 #: These start processes, or run several cases.
 SLOW = {
+    "sweep seal.toml seed=1,2 material.hardness=0.35GPa,0.8GPa -o results/hardness",
     "run CASE -o DIR --workers N",
     "run CASE -o DIR --scheduler local",
     "run examples/gasket_seal.toml -o results/gasket",
