@@ -1,6 +1,8 @@
-"""The leakage of a dataset: that of the best method, that which decides on leakage classes, and their intervals.
+"""Read leakages from the dataset of a run, with their units, error budgets and 95 % intervals.
 
-All functions take the dataset of a run, as `assemble` makes it.
+The *leakage of the best method* is the answer of a run. The *leakage that decides on classes* is compared with the
+limits of leakage classes: it is the leakage of the test fluid if the case has one, and the leakage of the best method
+otherwise. All functions take a dataset that `assemble` has made.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 METHODS = {study.label: study.leakage_variable for study in reversed(STUDIES.values())}
 #: Names of the methods in the variables of error budgets.
 _BUDGET_NAMES = {study.label: study.key for study in STUDIES.values()}
-#: Attributes of a dataset that store the parts of a `LeakBasis`.
+#: Attribute of a dataset that stores each field of a `LeakBasis`.
 _BASIS_ATTRIBUTES = {
     "density": "reference_density_kg_per_m3",
     "pressure": "reference_pressure_Pa",
@@ -39,17 +41,20 @@ _BASIS_ATTRIBUTES = {
 
 
 def best_method(data: xarray.Dataset) -> str:
-    """Return the best method of a run: "median" (of realisations), "two-scale", "blocks" or "deterministic"."""
+    """Return the best method of a run, "median" (of the realisations), "two-scale", "blocks" or "deterministic"."""
     return next(method for method, variable in METHODS.items() if variable in data)
 
 
 def best_leakage(data: xarray.Dataset) -> xarray.DataArray:
-    """Return the leakage per length of seal by the best method (step,) [m²/s]."""
+    """Return the leakage per unit seal length computed by the best method, (step,) [m²/s]."""
     return data[METHODS[best_method(data)]]
 
 
 def open_steps(data: xarray.Dataset) -> list[int]:
-    """Return the steps at which the fluid carries all of the load, so that the seal is open and has no leakage."""
+    """Return the load steps at which the fluid carries the whole load.
+
+    The surfaces are separated there, so that the model gives no leakage.
+    """
     steps: list[int] = json.loads(data.attrs.get("open_steps", "[]"))
     return steps
 
@@ -58,34 +63,51 @@ def open_steps(data: xarray.Dataset) -> list[int]:
 
 
 def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:
-    """Return the attributes in which a dataset stores a basis of leakage, except the length of the seal."""
-    values = {attribute: getattr(basis, name) for name, attribute in _BASIS_ATTRIBUTES.items()}
-    return {
-        f"{prefix}{attribute}": float(value)
-        for attribute, value in values.items()
-        if value is not None
-    }
+    """Return the attributes in which a dataset stores a `LeakBasis`, except the seal length.
+
+    Parameters
+    ----------
+    basis : data of the fluid and the seal that convert a leakage to another unit.
+    prefix : text before the name of each attribute, "test_" for the test fluid.
+    """
+    attributes = {}
+    for name, attribute in _BASIS_ATTRIBUTES.items():
+        value = getattr(basis, name)
+        if value is not None:
+            attributes[f"{prefix}{attribute}"] = float(value)
+    return attributes
 
 
 def leak_basis_of(data: xarray.Dataset, prefix: str = "") -> LeakBasis:
-    """Return length of the seal and reference state of the fluid, with which leakage is converted to any unit."""
+    """Return the seal length and the reference state of the fluid, which convert a leakage to another unit.
+
+    Parameters
+    ----------
+    data : dataset of a run.
+    prefix : text before the name of each attribute, "test_" for the test fluid.
+    """
     attrs: dict[str, Any] = data.attrs
-    known = {
-        name: float(attrs[f"{prefix}{attribute}"])
-        for name, attribute in _BASIS_ATTRIBUTES.items()
-        if f"{prefix}{attribute}" in attrs
-    }
-    length = float(attrs["seal_size_m"][1])
-    return LeakBasis(**{"length": length, "density": np.nan} | known)
+    # the size of the seal is its width along x1 and its length along x2
+    values = {"length": float(attrs["seal_size_m"][1]), "density": np.nan}
+    for name, attribute in _BASIS_ATTRIBUTES.items():
+        if f"{prefix}{attribute}" in attrs:
+            values[name] = float(attrs[f"{prefix}{attribute}"])
+    return LeakBasis(**values)
 
 
 def asked_unit(data: xarray.Dataset) -> LeakUnit | None:
-    """Return the unit of leakage that the case gives, for its fluid, its test fluid, or both."""
+    """Return the leakage unit that the case asks for, None if it does not ask for one.
+
+    The unit may suit only the fluid of the case, only its test fluid, or both.
+    """
     return LEAK_UNITS.get(data.attrs.get("leakage_unit", ""))
 
 
 def unit_of_leakage(data: xarray.Dataset) -> LeakUnit:
-    """Return the unit of leakage in tables and pictures: that of the case, else a readable one per length of seal."""
+    """Return the unit in which tables and pictures show the leakage.
+
+    Without a suitable unit in the case, it is a rate per unit seal length that gives readable numbers.
+    """
     asked = asked_unit(data)
     if asked is not None and leak_basis_of(data).has(asked):
         return asked
@@ -96,30 +118,30 @@ def unit_of_leakage(data: xarray.Dataset) -> LeakUnit:
 
 
 def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
-    """Return the error budgets by method: "deterministic", "two_scale", "stochastic"; empty without budgets."""
+    """Return the error budget of each method, by "deterministic", "two_scale" and "stochastic".
+
+    Methods without an error budget are left out.
+    """
     steps = load_programme(data)
+    # note on each source of error, by method and source
     notes: dict[str, dict[str, str]] = json.loads(data.attrs.get("error_budget", "{}"))
     budgets = {}
-    for method, notes_of_sources in notes.items():
+    for method, notes_by_source in notes.items():
         lower = data[f"leakage_{method}_budget_part_lower"]
         upper = data[f"leakage_{method}_budget_part_upper"]
-        parts = tuple(
-            ErrorPart(
-                source,
-                lower.sel(budget_part=source).values,
-                upper.sel(budget_part=source).values,
-                note,
-            )
-            for source, note in notes_of_sources.items()
-        )
+        parts = []
+        for source, note in notes_by_source.items():
+            source_lower = lower.sel(budget_part=source).values
+            source_upper = upper.sel(budget_part=source).values
+            parts.append(ErrorPart(source, source_lower, source_upper, note))
         variable = "leakage_median" if method == "stochastic" else f"leakage_{method}"
         leakage = data[variable].values
-        budgets[method] = ErrorBudget(method.replace("_", "-"), leakage, parts, steps)
+        budgets[method] = ErrorBudget(method.replace("_", "-"), leakage, tuple(parts), steps)
     return budgets
 
 
 def best_budget(data: xarray.Dataset) -> ErrorBudget | None:
-    """Return the error budget of the leakage by the best method, None without budgets."""
+    """Return the error budget of the best method, None if the run has no error budget for it."""
     return error_budgets(data).get(_BUDGET_NAMES[best_method(data)])
 
 
@@ -127,25 +149,25 @@ def best_budget(data: xarray.Dataset) -> ErrorBudget | None:
 
 
 def has_test_fluid(data: xarray.Dataset) -> bool:
-    """Return whether a run has a test fluid, which then decides on leakage classes."""
+    """Tell whether a run has a test fluid, whose leakage then decides on leakage classes."""
     return "test_leakage" in data
 
 
 def class_basis_of(data: xarray.Dataset) -> LeakBasis:
-    """Return the basis of leakage of the fluid that decides on classes."""
+    """Return the seal length and the reference state of the fluid whose leakage decides on classes."""
     return leak_basis_of(data, "test_" if has_test_fluid(data) else "")
 
 
 def class_leakage_of(data: xarray.Dataset) -> Array:
-    """Return the leakage that decides on classes (step,) [m²/s]."""
+    """Return the leakage that decides on classes, (step,) [m²/s]."""
     leakage = data["test_leakage"] if has_test_fluid(data) else best_leakage(data)
     return leakage.values
 
 
 def class_leakage_of_realisations(data: xarray.Dataset) -> Array:
-    """Return the leakage of each realisation that decides on classes (realisation, step) [m²/s].
+    """Return the leakage that decides on classes for each realisation, (realisation, step) [m²/s].
 
-    Without realisations, that by the best method counts as a single one.
+    A run without realisations gives a single row with the leakage of the best method.
     """
     variable = "test_leakage_realisations" if has_test_fluid(data) else "leakage"
     if variable in data and best_method(data) == "median":
@@ -154,7 +176,7 @@ def class_leakage_of_realisations(data: xarray.Dataset) -> Array:
 
 
 def failed_steps(data: xarray.Dataset) -> Flags:
-    """Return whether the leakage of the fluid, or of the test fluid, could not be computed (step,)."""
+    """Mark the steps at which the leakage of the fluid or of the test fluid could not be computed, (step,)."""
     has_failed = np.isnan(best_leakage(data).values) | np.isnan(class_leakage_of(data))
     has_failed[open_steps(data)] = False
     return has_failed
@@ -163,20 +185,30 @@ def failed_steps(data: xarray.Dataset) -> Flags:
 def class_interval_of(
     data: xarray.Dataset, budget: ErrorBudget | None = None
 ) -> tuple[Array, Array] | None:
-    """Return the 95 % interval of the leakage that decides on classes: both ends (step,) [m²/s], NaN if unknown.
+    """Return the 95 % interval of the leakage that decides on classes.
 
-    The interval of a test fluid is that of the fluid of the run, multiplied by the ratio of both leakages. At steps
-    without leakage, the ratio is the largest of all steps. None without an error budget.
+    Only the leakage of the fluid of the run has an error budget. The interval of a test fluid is the interval of that
+    fluid, multiplied by the ratio of the two leakages. At steps at which one of them is zero, the largest ratio of all
+    steps is taken, so that the upper end is not too low.
 
-    budget : error budget of the leakage by the best method; that of the run unless given.
+    Parameters
+    ----------
+    data : dataset of a run.
+    budget : error budget of the best method; by default the one stored in the dataset.
+
+    Returns
+    -------
+    Lower and upper end (step,) [m²/s], NaN where unknown; None without an error budget.
     """
     if budget is None:
         budget = best_budget(data)
     if budget is None:
         return None
-    service, deciding = np.abs(budget.leakage), np.abs(class_leakage_of(data))
-    leaks = (service > 0) & (deciding > 0)
-    ratio = np.divide(deciding, service, out=np.zeros_like(deciding), where=leaks)
-    largest = ratio.max(initial=0.0) or 1.0
-    factor = np.where(leaks, ratio, largest)
+    service_leakage = np.abs(budget.leakage)
+    class_leakage = np.abs(class_leakage_of(data))
+    both_leak = (service_leakage > 0) & (class_leakage > 0)
+    ratio = np.zeros_like(class_leakage)
+    np.divide(class_leakage, service_leakage, out=ratio, where=both_leak)
+    largest_ratio = ratio.max(initial=0.0) or 1.0  # 1 if no step leaks
+    factor = np.where(both_leak, ratio, largest_ratio)
     return factor * budget.lower, factor * budget.upper

@@ -1,4 +1,4 @@
-"""The dataset of a run: the results of all studies of a scene, with units and meanings."""
+"""Collect the results of all studies of a scene in one dataset, with units and descriptions."""
 
 from __future__ import annotations
 
@@ -49,35 +49,38 @@ from .results import Results
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What is known of a run besides its scene and the results of its studies.
+    """Facts of a run that its dataset stores in addition to the scene and the results of the studies.
 
     Attributes
     ----------
     case : mapping
-        The case in SI, as plain data. Its "seed", if any, is stored by itself as well.
+        The case in SI units, as plain data. Its "seed", if it has one, is also stored as an attribute of the dataset.
     surface : mapping
-        What was done to the measured surface.
+        Description of how the measured surface was conditioned.
     timings : mapping
         Wall time of each stage [s].
     quantiles : (float, float)
-        Lower and upper quantile of the realisations that are stored.
+        Lower and upper quantile of the leakage of the realisations, which the dataset stores.
     warnings : tuple of str
-        Warnings about the case; those of the studies come after them.
+        Warnings about the case. The warnings of the studies are appended to them.
     leakage_unit : str or None
-        Unit of leakage in tables, pictures and report, see `base.leak_rates`, for the fluid, the test fluid or both; a
-        readable one per length of seal unless given.
+        Unit of the leakage in tables, pictures and the report, see `base.leak_rates`. It has to suit the fluid or the
+        test fluid. By default, a rate per unit seal length that gives readable numbers.
     budgets : mapping
-        Error budgets of the studies, by their keys.
+        Error budget of each study, by the key of the study.
     test : OtherLeakage or None
         Leakage of a test fluid through the same seals.
     classes : sequence of str
-        Leakage classes that are checked at every step, by the leakage of the test fluid if there is one.
+        Names of the leakage classes that are checked at every step. The leakage of the test fluid is checked if there
+        is one, and that of the fluid otherwise.
     nominal_diameter : float or None
-        That some classes need [m].
+        Nominal diameter of the seat [m], which the limits of some classes depend on.
     throughput_temperature : float or None
-        Temperature for pressure × volume of a gas [K]; its own unless given.
+        Temperature at which the throughput (pressure × volume per time) of a gas is given [K]; by default the
+        temperature of the gas.
     valve : mapping
-        Volumes of a drop and a bubble, and rated capacity: `drop`, `bubble`, `capacity` of `LeakBasis`.
+        Volume of a drop, volume of a bubble and rated capacity of a valve, by their names in `LeakBasis`: `drop`,
+        `bubble` and `capacity`.
     attributes : mapping
         Further attributes of the dataset.
 
@@ -119,29 +122,40 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     *studies : StudyResult
         Results of at least one study.
     facts : RunFacts
-        What else is known of the run.
+        Further facts of the run.
 
     Returns
     -------
     Results
-        Every variable of the dataset has the attributes `units` and `long_name`. Its dimensions are: step; realisation;
-        cell1, cell2, cells by their centres [m]; state, state_cell1, state_cell2, contact states of the face and
-        its cells in them; place1, place2, blocks of the measured patch that leaks most; part, corner, plane, tiles of
-        the realisation nearest to the median; budget_part, sources of error. Attributes store the case, the surface,
-        versions, machine, wall times, peak memory of the main process, numbers of linear systems by solver with the
-        largest imbalance between inlet and outlet (`solvers`), notes on the errors (`error_budget`), warnings and
-        failures.
+        Results with the dataset. Each of its variables has the attributes `units` and `long_name`.
 
     Raises
     ------
     InputError
-        There is no study, a study has another load programme, or a unit or class does not exist or is not for the
-        fluid.
+        There is no study; a study has another load programme than the scene; or a leakage unit or class is unknown or
+        does not suit the fluid.
+
+    Notes
+    -----
+    The dataset has the following dimensions:
+
+    - `step`: load steps
+    - `realisation`: realisations of the seal
+    - `cell1`, `cell2`: cells of the face, whose coordinates are their centres [m]
+    - `state`, `state_cell1`, `state_cell2`: contact states of the face, and its cells in these states
+    - `patch1`, `patch2`: blocks of the measured patch that leaks most
+    - `part`, `corner`, `plane`: tiles of the realisation nearest to the median, their corners, and their axes
+    - `budget_part`: sources of error
+
+    Its attributes store the case, the conditioning of the surface, versions, the machine, wall times, the peak memory
+    of the main process, warnings and failures. The attribute `solvers` has the number of linear systems by solver and
+    the largest imbalance between the flows at inlet and outlet; `error_budget` has notes on the sources of error.
     """
     if not studies:
         raise InputError("results", "no study", "at least one")
     if any(study.steps != scene.steps for study in studies):
         raise InputError("results", "a study of another load programme", "those of the scene")
+    # in the order of `STUDIES`, whatever the order of the arguments
     by_key = {
         registered.key: study
         for name, registered in STUDIES.items()
@@ -156,8 +170,9 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     data.attrs["open_steps"] = _json(_open_steps(data, scene))
     variables.add_totals(data, best_leakage(data), leak_basis_of(data))
     if facts.test is not None:
-        service, temperature = FluidState.of(scene), facts.throughput_temperature
-        variables.add_test_fluid(data, facts.test, service, temperature, facts.valve)
+        service_fluid = FluidState.of(scene)
+        temperature = facts.throughput_temperature
+        variables.add_test_fluid(data, facts.test, service_fluid, temperature, facts.valve)
     results = Results(data, None, scene, by_key)
     warnings = [*_vague_leakage(data), *_add_classes(data, facts)]
     if warnings:
@@ -180,39 +195,32 @@ def _add_studies(
     ----------
     data : dataset that is extended.
     scene : input of the studies.
-    by_key : results of the studies.
-    quantiles : lower and upper quantile of the realisations.
+    by_key : result of each study, by the key of the study.
+    quantiles : lower and upper quantile of the leakage of the realisations.
     """
-    faces = [study for study in by_key.values() if isinstance(study, FaceResult)]
-    for face in faces:
-        study = STUDIES[face.method]
+    face_results = [study for study in by_key.values() if isinstance(study, FaceResult)]
+    for face_result in face_results:
+        study = STUDIES[face_result.method]
         long_name = f"leakage per unit seal length, {study.label}"
         leakage = Field(study.leakage_variable, "m^2/s", long_name, STEP, study.label)
-        variables.add(data, leakage, face.leakage)
-    if faces:
-        # the two-scale study, if there is one, has the fields of the deterministic one too
-        _add_face(data, scene, faces[-1])
+        variables.add(data, leakage, face_result.leakage)
+    if face_results:
+        # the last one is the two-scale study if there is one, which has all fields of the deterministic study
+        _add_face(data, scene, face_results[-1])
     blocks = by_key.get("blocks")
     if isinstance(blocks, BlocksResult):
         cut = Cut.of(scene.surface, blocks.pressure.shape[1:])
         variables.add_cell_centres(data, "", cut)
         variables.add_declared(data, blocks)
     stochastic = by_key.get("stochastic")
-    breadth = scene.surface.size[0]
     if isinstance(stochastic, StochasticResult):
         _add_stochastic(data, stochastic, quantiles)
-        if stochastic.row_pressure is not None:
-            breadth = stochastic.seal.size[0]
-    of_patches = next(
-        (study.patches for study in by_key.values() if study.patches is not None), None
-    )
-    if of_patches is not None:
-        gap = faces[-1].gap if faces else None
-        variables.add_patches(data, cast(Patches, scene.surface), of_patches, gap)
+    patch_results = [study.patches for study in by_key.values() if study.patches is not None]
+    if patch_results:
+        gap = face_results[-1].gap if face_results else None
+        variables.add_patches(data, cast(Patches, scene.surface), patch_results[0], gap)
     if "row" in data.sizes:
-        count = data.sizes["row"]
-        rows = (np.arange(count) + 0.5) * (breadth / count)
-        variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
+        _add_row_coordinate(data, _width_of_rows(scene, stochastic))
     _add_heights(data, scene)
     fraction = contact_fraction_of(next(iter(by_key.values())), scene.steps)
     if not np.isnan(fraction).all():
@@ -221,8 +229,25 @@ def _add_studies(
         variables.add(data, contact, fraction)
 
 
+def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
+    """Return the distance from inlet to outlet over which the rows of the mean fluid pressure extend [m].
+
+    The rows divide the seal of a stochastic study if it has stored their pressure, and the face otherwise.
+    """
+    if isinstance(stochastic, StochasticResult) and stochastic.row_pressure is not None:
+        return stochastic.seal.size[0]
+    return scene.surface.size[0]
+
+
+def _add_row_coordinate(data: xarray.Dataset, width: float) -> None:
+    """Add the positions of the centres of the rows between inlet and outlet, which are a `width` [m] apart."""
+    count = data.sizes["row"]
+    centres = (np.arange(count) + 0.5) * (width / count)
+    variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", centres)
+
+
 def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
-    """Add the fields of a study of the whole face, and of its cells if it has any."""
+    """Add the fields of a deterministic or two-scale study, and those of its cells if it has cells."""
     variables.add_declared(data, face)
     variables.add_block_means(data, scene, face)
     if face.cells is None:
@@ -236,21 +261,26 @@ def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
 def _add_stochastic(
     data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]
 ) -> None:
-    """Add the realisations, the states of the face, and the realisation nearest to the median."""
+    """Add the fields of a stochastic study.
+
+    They are the leakages of all realisations, the contact states of the face, and the fields of the realisation whose
+    leakage is nearest to the median.
+    """
     variables.add_realisations(data, result, quantiles)
     variables.add_states(data, result.cells)
     median = result.median_seal
     if median is not None:
         variables.add_declared(data, median)
-        about = {"realisation": median.realisation, "part": result.tiles.part}
-        data["drawn_corners"].attrs |= about
+        # "part" is the simulated fraction of the seal length
+        attributes = {"realisation": median.realisation, "part": result.tiles.part}
+        data["drawn_corners"].attrs |= attributes
 
 
 def _add_heights(data: xarray.Dataset, scene: Scene) -> None:
-    """Add the heights of the face as means over blocks."""
-    most = variables.HEIGHT_BLOCKS
-    variables.add_blocks(data, ("face1", "face2"), scene.surface, most)
-    heights = variables.block_means(scene.surface.heights, most)
+    """Add the heights of the face, averaged over blocks of pixels."""
+    largest_count = variables.HEIGHT_BLOCKS
+    variables.add_blocks(data, ("face1", "face2"), scene.surface, largest_count)
+    heights = variables.block_means(scene.surface.heights, largest_count)
     long_name = "height of the face, mean of each block"
     variables.add_new(data, "face_height", "m", long_name, heights, FACE)
 
@@ -261,14 +291,17 @@ def _add_heights(data: xarray.Dataset, scene: Scene) -> None:
 def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts) -> dict[str, Any]:
     """Return the attributes of the dataset."""
     stochastic = by_key.get("stochastic")
-    size, seal, about_tiles = scene.surface.size, "a strip", {}
+    # without a stochastic study, the seal is a strip as large as the face
+    size = scene.surface.size
+    seal = "a strip"
+    tile_attributes: dict[str, Any] = {}
     if isinstance(stochastic, StochasticResult):
         tiles = stochastic.tiles
-        size, seal = tiles.size, str(scene.layout)
-        about_tiles = {"tiles": str(tiles), "tiles_in_place": int(tiles.in_order)}
+        size = tiles.size
+        seal = str(scene.layout)
+        tile_attributes = {"tiles": str(tiles), "tiles_in_place": int(tiles.in_order)}
     basis = _leak_basis(scene, size, facts)
-    seed = facts.case.get("seed")
-    return {
+    attributes = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",
         "Conventions": "CF-1.11",
         "source": f"femseal {versions()['femseal']}",
@@ -292,13 +325,22 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
         "contact_law": str(scene.law),
         **basis_attributes(basis),
         **facts.attributes,
-        **about_tiles,
-        **({} if seed is None else {"seed": seed}),
+        **tile_attributes,
     }
+    if facts.case.get("seed") is not None:
+        attributes["seed"] = facts.case["seed"]
+    return attributes
 
 
 def _leak_basis(scene: Scene, size: Pair, facts: RunFacts) -> LeakBasis:
-    """Return the basis of leakage of the fluid of a scene, for a seal of breadth and length [m]."""
+    """Return the data that convert leakages of the fluid of a scene to other units.
+
+    Parameters
+    ----------
+    scene : scene with the fluid.
+    size : width of the seal from inlet to outlet, and length of the seal [m].
+    facts : further facts of the run.
+    """
     return leak_basis(
         scene.fluid,
         float(size[1]),
@@ -311,12 +353,19 @@ def _leak_basis(scene: Scene, size: Pair, facts: RunFacts) -> LeakBasis:
 def _solver_attributes(
     by_key: Mapping[str, StudyResult], warnings: Sequence[str]
 ) -> dict[str, str]:
-    """Return the attributes with what the studies have solved, and their warnings and failures."""
+    """Return the attributes with solver statistics, warnings and failures.
+
+    Parameters
+    ----------
+    by_key : result of each study, by the key of the study; the best method comes last.
+    warnings : warnings about the case.
+    """
     solvers = {
         key: vars(study.solvers) | {"systems": dict(study.solvers.systems)}
         for key, study in by_key.items()
     }
-    # every study checks the scene and its own leakage; the results give the leakage of the last one
+    # The warnings of a study concern the scene and the leakage that this study computed. Only the leakage of the last
+    # study is the answer of the run, so only its warnings are given.
     last_study = list(by_key.values())[-1]
     all_warnings = [*warnings, *last_study.warnings]
     all_failures = [text for study in by_key.values() for text in study.failures]
@@ -328,18 +377,23 @@ def _solver_attributes(
 
 
 def _unit_name(facts: RunFacts, basis: LeakBasis) -> str:
-    """Return the name of the unit that is asked for, "" without one; InputError if it is for neither fluid."""
+    """Return the name of the leakage unit that the case asks for, "" if it does not ask for one.
+
+    Raises
+    ------
+    InputError : the unit suits neither the fluid nor the test fluid.
+    """
     if facts.leakage_unit is None:
         return ""
     unit = leak_unit(facts.leakage_unit)
-    is_for_test = facts.test is not None and leak_basis(facts.test.state.fluid, 1.0).has(unit)
-    if not is_for_test:
-        basis.factor(unit)  # raises the error
+    suits_test_fluid = facts.test is not None and leak_basis(facts.test.state.fluid, 1.0).has(unit)
+    if not suits_test_fluid:
+        basis.factor(unit)  # raises an InputError if the unit does not suit the fluid
     return unit.name
 
 
 def _open_steps(data: xarray.Dataset, scene: Scene) -> list[int]:
-    """Return the steps without leakage at which the fluid carries all of the load."""
+    """Return the steps without a computed leakage at which the fluid carries the whole load."""
     carries_all = np.zeros(len(scene.steps), bool)
     carries_all[[step for step, _ in scene.separated_steps]] = True
     if "contact_fraction" in data:
@@ -352,9 +406,9 @@ def _open_steps(data: xarray.Dataset, scene: Scene) -> list[int]:
 
 
 def _add_classes(data: xarray.Dataset, facts: RunFacts) -> list[str]:
-    """Add which leakage classes are met, and return warnings."""
+    """Add variables that say which leakage classes are met at each step, and return warnings."""
     budget = best_budget(data)
-    # a load at which the computation of either fluid failed meets no class
+    # if the computation failed for either fluid, no class is met at this step
     leakage = np.where(failed_steps(data), np.nan, class_leakage_of(data))
     deciding = DecidingLeakage(
         basis=class_basis_of(data),
@@ -366,10 +420,12 @@ def _add_classes(data: xarray.Dataset, facts: RunFacts) -> list[str]:
 
 
 def _vague_leakage(data: xarray.Dataset) -> list[str]:
-    """Return a warning if the error of the leakage is larger than a factor of `VAGUE`, else an empty list."""
+    """Return a warning if the leakage is uncertain by more than a factor of `VAGUE`, else an empty list."""
     budget = best_budget(data)
-    steps = [] if budget is None else vague_steps(budget).tolist()
-    if budget is None or not steps:
+    if budget is None:
+        return []
+    steps = vague_steps(budget).tolist()
+    if not steps:
         return []
     more = f" and {counted(len(steps) - 1, 'more load')}" if len(steps) > 1 else ""
     return [
@@ -379,6 +435,7 @@ def _vague_leakage(data: xarray.Dataset) -> list[str]:
 
 
 def _json(value: Any) -> str:
+    """Convert a value to JSON; values that JSON does not know become lists or texts."""
     return json.dumps(value, ensure_ascii=False, default=_plain)
 
 

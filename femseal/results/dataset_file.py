@@ -1,4 +1,4 @@
-"""The file `results.nc` of a run: netCDF, which any tool reads."""
+"""Write and read the file `results.nc` of a run, which is in the netCDF format."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .results import Results
 
 FILE_NAME = "results.nc"
 _EXPECTED = "a file that femseal wrote"
-#: Attributes that store JSON, and the type of each.
+#: Attributes that store JSON, and the Python type that each of them is parsed into.
 _JSON_ATTRIBUTES: dict[str, type] = {
     "case": dict,
     "surface": dict,
@@ -34,14 +34,14 @@ def save(results: Results, folder: AnyPath) -> Path:
     Parameters
     ----------
     results : Results
-        Their dataset is written.
+        Results whose dataset is written.
     folder : str or path
-        Created if needed. An older file in it is replaced whole or not at all.
+        Folder of the file, which is created if needed. An older file remains intact if writing fails.
 
     Returns
     -------
     Path
-        The file.
+        Path of the file.
 
     Raises
     ------
@@ -60,8 +60,8 @@ def save(results: Results, folder: AnyPath) -> Path:
     for name, coordinate in data.coords.items():
         if coordinate.dtype.kind == "f":
             encoding[name] = {"_FillValue": None}
-    # The file is made in memory, because HDF5 ends the process if a disk is full. `to_netcdf` is not used, because it
-    # takes a lock from a Dask client if there is one.
+    # The file is built in memory, because HDF5 terminates the process when the disk is full. `to_netcdf` is not used,
+    # because it acquires a distributed lock if there is a Dask client.
     content = io.BytesIO()
     store = H5NetCDFStore.open(content, mode="w", lock=False)
     try:
@@ -82,7 +82,7 @@ def open_results(folder: AnyPath) -> Results:
     Returns
     -------
     Results
-        The dataset; fields over the pixels are read from the folder when they are needed.
+        Results with the dataset. Fields over the pixels are read from the folder when they are needed.
 
     Raises
     ------
@@ -104,21 +104,23 @@ def open_results(folder: AnyPath) -> Results:
     try:
         _check_attributes(results.dataset)
         results.table()
-    except Exception as error:  # also for a variable of another type, shape or dimension
+    except (
+        Exception
+    ) as error:  # variables of a wrong type, shape or dimension cause any kind of error
         raise inconsistent(path, error) from None
     return results
 
 
 def inconsistent(path: Path, error: Exception) -> InputError:
-    """Return the error of a file that can be read, but whose values do not fit together."""
+    """Return the error to raise for a file that can be read, but whose contents are inconsistent."""
     reason = f"{type(error).__name__}: {shortened(error, 80)}"
     return InputError("results file", f"{path} ({reason})", _EXPECTED)
 
 
 def _read(path: Path) -> xarray.Dataset:
-    """Read the dataset from a file that femseal wrote."""
+    """Read the dataset of a file, and raise an InputError unless femseal wrote it."""
     try:
-        _refuse_foreign(path)
+        _check_safety(path)
         with xarray.open_dataset(path, engine="h5netcdf", phony_dims="access") as data:
             data.load()
     except InputError:
@@ -133,7 +135,7 @@ def _read(path: Path) -> xarray.Dataset:
 
 
 def _with_present_names(data: xarray.Dataset) -> xarray.Dataset:
-    """Rename the variables and dimensions of a file that an earlier version wrote."""
+    """Give the variables and dimensions of files that an earlier version wrote their present names."""
     names = {}
     for name in map(str, (*data.variables, *data.dims)):
         present = name.replace("piece", "cell").replace("places", "patches")
@@ -144,24 +146,25 @@ def _with_present_names(data: xarray.Dataset) -> xarray.Dataset:
 
 
 def _check_attributes(data: xarray.Dataset) -> None:
-    """Raise an error if an attribute is missing, or is no JSON of its type."""
+    """Raise an error if an attribute is missing, is not JSON, or has the wrong type."""
     for name, kind in _JSON_ATTRIBUTES.items():
         if not isinstance(json.loads(data.attrs[name]), kind):
             raise TypeError(f"the attribute '{name}' is of another kind")
 
 
-def _refuse_foreign(path: Path) -> None:
-    """Raise an InputError if a file refers to other files, or needs more memory than there is.
+def _check_safety(path: Path) -> None:
+    """Raise an InputError if a file refers to other files, or needs more memory than is free.
 
-    Results are data: opening them must not read any other file.
+    HDF5 files can contain links to other files. Opening results from someone else must not read such files.
     """
     import h5py
 
-    size = 0
+    size = 0  # of all variables, uncompressed [byte]
     with h5py.File(path, "r") as file:
         for name in file:
-            is_inside = isinstance(file.get(name, getlink=True), h5py.HardLink)
-            item = file[name] if is_inside else None
+            link = file.get(name, getlink=True)
+            # soft and external links are not followed
+            item = file[name] if isinstance(link, h5py.HardLink) else None
             if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
                 given = f"{path}, whose '{name}' is not held in the file itself"
                 raise InputError("results file", given, _EXPECTED)

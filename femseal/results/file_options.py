@@ -1,6 +1,10 @@
-"""Which files of results a case may choose; a file of its own, so that a case is read without the solvers."""
+"""Options for the files of results that a case can choose.
 
-#: Files for ParaView: series of .vtu, which every ParaView opens, or none.
+They have a module of their own so that a case can be read without importing the solvers.
+"""
+
+#: Formats of the files for ParaView: series of .vtu files, which every version of ParaView opens, or no files.
 FORMATS = ("vtu", "none")
-#: Default size of the fields of all pixels above which steps are left out [byte], before compression.
+#: Default limit of the size of all fields over the pixels before compression [byte]. Larger fields are written only at
+#: some of the steps.
 FIELDS_LIMIT = 1e9

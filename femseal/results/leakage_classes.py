@@ -1,4 +1,7 @@
-"""Leakage classes in a dataset: which are met at each load step, by the leakage of the fluid that decides."""
+"""Compare the leakage at each load step with the limits of leakage classes, and store the outcome in a dataset.
+
+If the case has a test fluid, its leakage is compared, otherwise that of the fluid.
+"""
 
 from __future__ import annotations
 
@@ -16,20 +19,21 @@ from .variables import add_coordinate, add_new
 if TYPE_CHECKING:
     import xarray
 
-#: Ratio of the length of a seal to the circumference of its nominal diameter beyond which a warning is given.
+#: Largest factor by which the seal length may differ from the circumference of its nominal diameter without a warning.
 _ODD_LENGTH_RATIO = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class DecidingLeakage:
-    """The leakage that decides on classes, of the test fluid if there is one.
+    """Leakage that decides on classes: that of the test fluid if there is one.
 
     Attributes
     ----------
-    basis : length of the seal, and reference state of the fluid.
-    leakage : (step,) [m²/s], NaN where it is not known.
-    of_realisations : (realisation, step) [m²/s].
-    upper : upper end of the 95 % interval (step,) [m²/s], NaN if unknown; None without an error budget.
+    basis : seal length and reference state of the fluid, which convert the leakage to the units of the limits.
+    leakage : leakage per unit seal length, (step,) [m²/s], NaN where unknown.
+    of_realisations : leakage of each realisation per unit seal length, (realisation, step) [m²/s].
+    upper : upper end of the 95 % interval of the leakage, (step,) [m²/s], NaN where unknown; None without an error
+        budget.
     """
 
     basis: LeakBasis
@@ -44,33 +48,32 @@ def add_classes(
     deciding: DecidingLeakage,
     diameter: float | None,
 ) -> list[str]:
-    """Add which classes are met at each step, and by which fraction of the realisations.
+    """Add variables that say which classes are met at each step, and by which fraction of the realisations.
 
-    A class is open at a step without computed leakage whose interval has no upper end: it is neither met nor not met.
+    If the computed leakage is zero but its 95 % interval has no upper end, it remains open whether a class is met.
 
     Parameters
     ----------
     data : dataset that is extended.
-    classes : the leakage classes.
-    deciding : the leakage that decides.
-    diameter : nominal diameter [m], which some classes need.
+    classes : leakage classes to check.
+    deciding : leakage that decides on the classes.
+    diameter : nominal diameter [m], on which the limits of some classes depend; None if unknown.
 
     Returns
     -------
-    Warnings.
+    Warnings about the classes.
 
     Raises
     ------
-    InputError : a class needs a diameter and has none, or is not for the fluid.
+    InputError : a class needs a nominal diameter and there is none, or a class does not suit the fluid.
     """
     if diameter is not None:
         data.attrs["nominal_diameter_m"] = float(diameter)
     if not classes:
         return []
     limits = np.array([leak_class.limit(deciding.basis, diameter) for leak_class in classes])
-    add_coordinate(
-        data, "leak_class", "1", "leakage class", [leak_class.name for leak_class in classes]
-    )
+    names = [leak_class.name for leak_class in classes]
+    add_coordinate(data, "leak_class", "1", "leakage class", names)
     text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
     add_new(data, "class_limit", "m^2/s", text, limits, ("leak_class",))
     text = "1 where the leakage given meets the class, 0 where not or failed, NaN: open"
@@ -81,7 +84,7 @@ def add_classes(
 
 
 def _is_met(limits: Array, deciding: DecidingLeakage) -> Array:
-    """Return 1 where the leakage is within a limit, 0 where not, NaN where this is open (leak_class, step)."""
+    """Return 1 where the leakage is within a limit, 0 where it is not, NaN where this is open; (leak_class, step)."""
     is_met = np.array([within(deciding.leakage, limit) for limit in limits]).astype(float)
     if deciding.upper is not None:
         is_open = (deciding.leakage == 0) & ~np.isfinite(deciding.upper)
@@ -90,23 +93,38 @@ def _is_met(limits: Array, deciding: DecidingLeakage) -> Array:
 
 
 def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
-    """Return the fraction of the realisations within each limit (leak_class, step), NaN where open or failed."""
-    leakage = deciding.of_realisations
+    """Return the fraction of the realisations whose leakage is within each limit, (leak_class, step).
+
+    The fraction is NaN at steps at which it is open or the computation failed.
+    """
+    leakage = deciding.of_realisations  # (realisation, step)
     is_known = np.isfinite(leakage)
-    known = np.maximum(is_known.sum(axis=0), 1)
-    counts = [(within(leakage, limit) & is_known).sum(axis=0) for limit in limits]
-    fraction = np.array(counts) / known
+    known_count = np.maximum(is_known.sum(axis=0), 1)  # at least 1, so as not to divide by 0
+    met_counts = [(within(leakage, limit) & is_known).sum(axis=0) for limit in limits]
+    fraction = np.array(met_counts) / known_count
     is_missing = ~is_known.any(axis=0) | np.isnan(deciding.leakage)
     if deciding.upper is not None:
+        # the true leakage of a realisation without computed leakage has no upper bound
         is_missing |= (leakage == 0).any(axis=0) & ~np.isfinite(deciding.upper)
     fraction[:, is_missing] = np.nan
     return fraction
 
 
 def _warnings(classes: Sequence[LeakClass], length: float, diameter: float | None) -> list[str]:
-    """Return warnings of limits from secondary sources, and of a diameter that does not suit the length of the seal."""
+    """Warn of limits from secondary sources, and of a nominal diameter that contradicts the seal length.
+
+    Parameters
+    ----------
+    classes : leakage classes that are checked.
+    length : seal length [m].
+    diameter : nominal diameter [m], None if unknown.
+    """
     warnings = []
-    secondary = [f"{item.name} ({item.edition})" for item in classes if item.second_hand]
+    secondary = [
+        f"{leak_class.name} ({leak_class.edition})"
+        for leak_class in classes
+        if leak_class.second_hand
+    ]
     if secondary:
         warnings.append(
             f"The limits of {', '.join(secondary)} are from tables of others, not from the text of the standard: "
@@ -126,30 +144,29 @@ def _warnings(classes: Sequence[LeakClass], length: float, diameter: float | Non
 
 
 def tightest_classes(data: xarray.Dataset) -> list[str]:
-    """Return the tightest class of each standard that is met at each step, [] without classes.
+    """Return a text for each step that lists the tightest class of each standard that is met.
 
-    The text of a step is "none" if no class is met, "failed" if the computation failed, and "open" if no leakage was
-    computed but its 95 % interval has no upper end.
+    The text is "none" if no class is met, "failed" if the computation failed, and "open" if the computed leakage is
+    zero but its 95 % interval has no upper end. The list is empty if no classes were checked.
     """
     if "leak_class" not in data.coords:
         return []
     classes = leak_classes(data["leak_class"].values.tolist())
-    from_widest = np.argsort(data["class_limit"].values, kind="stable")[::-1]
+    largest_limit_first = np.argsort(data["class_limit"].values, kind="stable")[::-1]
+    met_by_step = data["class_met"].values.T  # (step, leak_class)
+    fraction_by_step = data["class_fraction"].values.T
     texts = []
-    for is_met, fraction in zip(
-        data["class_met"].values.T, data["class_fraction"].values.T, strict=True
-    ):
+    for is_met, fraction in zip(met_by_step, fraction_by_step, strict=True):
         if np.isnan(is_met).any():
             texts.append("open")
-            continue
-        if np.isnan(fraction).all():
+        elif np.isnan(fraction).all():
             texts.append("failed")
-            continue
-        tightest: dict[str, str] = {}
-        for number in from_widest:
-            leak_class = classes[number]
-            if is_met[number]:
-                # later ones are tighter
-                tightest[leak_class.family or leak_class.name] = leak_class.name
-        texts.append(", ".join(tightest.values()) or "none")
+        else:
+            # a tighter class replaces a wider one of the same standard
+            tightest: dict[str, str] = {}
+            for number in largest_limit_first:
+                leak_class = classes[number]
+                if is_met[number]:
+                    tightest[leak_class.family or leak_class.name] = leak_class.name
+            texts.append(", ".join(tightest.values()) or "none")
     return texts

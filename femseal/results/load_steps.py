@@ -1,6 +1,7 @@
-"""Load steps of a dataset: their pressures and branches, and how texts name them.
+"""Read the load steps of a dataset, and name them in texts.
 
-A dataset has, for each load step, its nominal pressure and the peak from which it is unloaded, which is NaN on loading.
+A dataset has two variables for each load step: the nominal pressure, and the peak pressure from which the seal has been
+unloaded, which is NaN on loading.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class ForceScale(NamedTuple):
-    """Unit of the forces of a case, and the force in this unit at a nominal pressure of 1 Pa."""
+    """Unit of the forces in a case, and the force in this unit that belongs to a nominal pressure of 1 Pa."""
 
     unit: str
     per_pascal: float
@@ -36,23 +37,24 @@ def load_programme(data: xarray.Dataset) -> LoadProgramme:
 
 
 def pressures_and_peaks(steps: Sequence[LoadStep]) -> tuple[Array, Array]:
-    """Return nominal pressures and peaks of load steps [Pa]; peaks are NaN on loading."""
+    """Return the nominal pressure and the peak of each load step [Pa]; the peak is NaN on loading."""
     pressures = [step.pressure for step in steps]
     peaks = [np.nan if step.unloaded_from is None else step.unloaded_from for step in steps]
     return np.array(pressures, dtype=float), np.array(peaks, dtype=float)
 
 
 def branches(pressures: Array, peaks: Array) -> list[tuple[str, Indices]]:
-    """Return name and steps of the loading, and of the unloading from each peak, from the highest peak on.
+    """Divide a load cycle into its branches: the loading, and the unloading from each peak.
 
     Parameters
     ----------
     pressures : nominal pressure of each step [Pa].
-    peaks : peak from which each step is unloaded [Pa], NaN on loading.
+    peaks : peak from which the seal has been unloaded at each step [Pa], NaN on loading.
 
     Returns
     -------
-    The steps of an unloading begin with that of its peak, which belongs to the loading too.
+    Name and step indices of each branch. The loading comes first, then the unloadings from the highest peak to the
+    lowest. An unloading begins with the step of its peak, which is also a step of the loading.
     """
     loading = np.flatnonzero(np.isnan(peaks))
     result = [("loading", loading)]
@@ -69,7 +71,7 @@ def branches_in(data: xarray.Dataset) -> list[tuple[str, Indices]]:
 
 
 def cycle_text(steps: LoadProgramme) -> str:
-    """Return how many steps a load programme has on loading, and how many on unloading from which peaks."""
+    """Describe a load programme by the numbers of its loading and unloading steps, and its peaks."""
     loading = len(steps.loading)
     text = f"{counted(len(steps), 'step')}: {loading} loading"
     if steps.unload_from:
@@ -96,29 +98,32 @@ def branch_text(peak: float | None, text: Callable[[float], str] = _pressure_tex
 
 
 def force_scale(data: xarray.Dataset) -> ForceScale | None:
-    """Return the scale of forces if the loads of the case are forces, None if they are pressures."""
+    """Return how to convert nominal pressures to forces if the case gives its loads as forces, else None."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
     loads = [*(table.get("loading") or ()), *(table.get("unload_from") or ())]
     # a force is stored as text with its unit, a pressure as a number
-    parts = [str(load).split() for load in loads]
-    if not parts or len(parts[0]) < 2:
+    words = [str(load).split() for load in loads]
+    if not words or len(words[0]) < 2:
         return None
-    highest = max(float(number) for number, _ in parts)
+    highest_force = max(float(number) for number, _ in words)
     unit, factor = "N", 1.0
-    if parts[0][1] == "N/m":
+    if words[0][1] == "N/m":
         unit, factor = "N/mm", 1e-3
-    elif highest >= 1e3:
+    elif highest_force >= 1e3:
         unit, factor = "kN", 1e-3
-    return ForceScale(unit, factor * highest / data["nominal_pressure"].values.max())
+    highest_pressure = data["nominal_pressure"].values.max()
+    return ForceScale(unit, factor * highest_force / highest_pressure)
 
 
 def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], str]:
-    """Return a function that converts a nominal pressure [Pa] to text, with the force before it if the case has forces.
+    """Return a function that converts a nominal pressure [Pa] to text.
+
+    If the case gives its loads as forces, the text begins with the force, for example "2 kN (40 MPa)".
 
     Parameters
     ----------
-    data : the dataset.
-    digits : of the numbers.
+    data : dataset of a run.
+    digits : number of significant digits.
     """
     scale = force_scale(data)
 
@@ -132,12 +137,12 @@ def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], s
 
 
 def load_names(data: xarray.Dataset) -> list[str]:
-    """Return branch and load of every step as text, see `loads_as_given`."""
+    """Return a text for every step with its branch and its load, such as "unloading 40 MPa from 300 MPa"."""
     text = loads_as_given(data)
+    pressures = data["nominal_pressure"].values
+    peaks = data["unloaded_from"].values
     names = []
-    for pressure, peak in zip(
-        data["nominal_pressure"].values, data["unloaded_from"].values, strict=True
-    ):
+    for pressure, peak in zip(pressures, peaks, strict=True):
         if np.isnan(peak):
             names.append(f"loading {text(pressure)}")
         else:

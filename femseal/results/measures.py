@@ -1,9 +1,12 @@
-"""Estimate what would narrow the interval of a leakage most, and what would lower the leakage.
+"""Estimate which measure would narrow the 95 % interval of a leakage most, and which would lower the leakage.
 
-The effect of a smaller source of error follows from the error budget: the other sources stay, and the distances of this
-one to both ends are multiplied by a factor. The effect of a higher load follows from the loading curve, and that of a
-smoother finish from the scaling law of contact and flow (see `designs.sensitivities`) with the slope that the row
-"hardness" of the budget has. Nothing is solved.
+- A smaller source of error: its contribution to the interval, in terms of ln(leakage), is multiplied by a factor, and
+  the other contributions of the error budget stay.
+- A higher load: the leakage is extrapolated along the loading curve.
+- A smoother finish: the scaling law of contact and flow (see `designs.sensitivities`) gives the leakage, with the
+  sensitivity to the hardness that the error budget contains.
+
+All of this is computed from stored results, without solving any contact or flow.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from ..studies.patch_state import PatchState
 from .best_leakage import class_interval_of
 from .results import Results
 
-#: What reduces each source of error, by its name in the error budget.
+#: Measure that reduces each source of error, by the name of the source in the error budget.
 NARROWED_BY = {
     "blocks": "larger blocks",
     "continuation": "an instrument that sees shorter waves",
@@ -39,13 +42,13 @@ NARROWED_BY = {
     "solver": "a smaller contact.rtol",
     "thin gap": "a smoother face: its gap is not thin against its waves",
 }
-#: The same for a generated surface, which can be made in any size.
+#: Other measures for a generated surface, which can be made in any size.
 NARROWED_IF_GENERATED = {
     "patch": "a larger generated surface",
     "longer waves": "a larger generated surface",
 }
-#: A definite step that makes each source smaller, and the factor on its distances of ln(leakage).
-_STEPS = {
+#: Measures of a given size, and the factor by which each of them multiplies the error of ln(leakage) from this source.
+_QUANTIFIED_MEASURES = {
     "pixels": ("twice the points along each side", 2.0**-ORDER),
     "realisations": ("four times as many realisations in [stochastic]", 0.5),
     "solver": ("a tenth of contact.rtol", 0.1),
@@ -53,14 +56,15 @@ _STEPS = {
     "form": ("half the tolerance of the form, by measuring it", 0.5),
     "patches": ("four times as many measured patches", 0.5),
 }
-#: The same for the patch, with the area over that of the case; the factor follows from the contact state.
+#: Measures for the source "patch", with the ratio of the new area to the present one. The factor on the error depends
+#: on the contact state, see `_patch_factor`.
 _LARGER_PATCH = ("a measured area four times as large", 4.0)
 _LARGER_GENERATED = ("a generated surface with twice the length along each side", 4.0)
-#: The same where the surface is as broad as the seal, so that more breadth is of no use.
+#: The measure for a generated surface that is as wide as the seal already, so that only more length helps.
 _LONGER_GENERATED = ("a generated surface four times as long along x2", 4.0)
-#: Relative increase of the load, and heights over those of the case, whose effects are stated.
+#: Relative increase of the load, and ratio of the roughness heights to those of the case, whose effects are reported.
 LOAD_INCREASE, HEIGHTS = 0.1, 0.8
-#: Relative error of the hardness unless the case says another one.
+#: Relative error of the hardness if the case does not give one.
 _HARDNESS_TOLERANCE = 0.1
 #: Keys of a material whose hardness depends on the depth of the deformation.
 _HARDENING_KEYS = ("hardening", "nix_gao_depth", "hardness_table")
@@ -68,18 +72,18 @@ _HARDENING_KEYS = ("hardening", "nix_gao_depth", "hardness_table")
 
 @dataclass(frozen=True)
 class Narrowing:
-    """A step that makes the interval of a leakage narrower.
+    """A measure that makes the 95 % interval of a leakage narrower.
 
     Attributes
     ----------
     source : str
-        Source of error that it makes smaller.
+        Source of error that the measure reduces.
     action : str
-        What to do.
+        Description of the measure.
     lower, upper : float
-        Ends of the interval afterwards [m²/s].
+        Estimated ends of the interval after the measure [m²/s].
     is_best_case : bool
-        Whether the source would have to vanish for these ends, because its decrease is not known.
+        True if the effect of the measure is unknown. The ends then assume that the source vanishes.
     """
 
     source: str
@@ -91,14 +95,14 @@ class Narrowing:
 
 @dataclass(frozen=True)
 class Lowering:
-    """What lowers a leakage: the factor on it by a higher load, and by a smoother finish; NaN if unknown.
+    """Factors by which a higher load and a smoother finish would multiply the leakage; NaN if unknown.
 
     Attributes
     ----------
     by_load : float
-        With a load that is higher by `LOAD_INCREASE`.
+        Factor for a load that is higher by the fraction `LOAD_INCREASE`.
     by_finish : float
-        With heights of the roughness of `HEIGHTS` times those of the case.
+        Factor for roughness heights that are `HEIGHTS` times those of the case.
     """
 
     by_load: float
@@ -106,33 +110,36 @@ class Lowering:
 
 
 def narrowed_by(results: Results, source: str) -> str:
-    """Return what reduces a source of error, "" if nothing is known."""
+    """Describe the measure that reduces a source of error; "" if none is known."""
     if is_generated(results) and source in NARROWED_IF_GENERATED:
         return NARROWED_IF_GENERATED[source]
     return NARROWED_BY.get(source, "")
 
 
 def is_generated(results: Results) -> bool:
-    """Return whether all faces of a run are generated."""
+    """Tell whether all faces of a run are generated instead of measured."""
     faces = results.case.get("face") or {}
     tables = faces if isinstance(faces, list) else [faces]
     return bool(faces) and all(table.get("kind", "file") != "file" for table in tables)
 
 
 def best_narrowing(results: Results, step: int) -> Narrowing | None:
-    """Find what narrows the interval at a load most: the widest source of error there, made smaller.
+    """Find the measure that narrows the 95 % interval at a load step most.
+
+    It reduces the largest source of error at this step.
 
     Parameters
     ----------
     results : Results
-        The run.
+        Results of a run.
     step : int
-        Number of the load step.
+        Index of the load step.
 
     Returns
     -------
     Narrowing or None
-        None without an error budget, or if the seal is sealed at this load: then only its upper end is known.
+        None without an error budget. Also None if the computed leakage is zero, because the error budget then gives
+        only an upper end.
     """
     budget = results.budget
     if budget is None or not budget.parts or not np.abs(budget.leakage[step]) > 0:
@@ -141,11 +148,12 @@ def best_narrowing(results: Results, step: int) -> Narrowing | None:
 
 
 def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) -> Narrowing:
-    """Estimate the interval at a load if one source is made smaller."""
-    action, factor = _STEPS.get(source, ("", 0.0))
+    """Estimate the 95 % interval at a load step after one source of error has been reduced."""
+    # a measure of unknown effect is taken to remove the source, hence the factor 0
+    action, factor = _QUANTIFIED_MEASURES.get(source, ("", 0.0))
     if source == "patch":
-        action, area = _larger_patch(results)
-        factor = _patch_factor(results, step, area)
+        action, area_ratio = _larger_patch(results)
+        factor = _patch_factor(results, step, area_ratio)
     is_best_case = not action
     if is_best_case:
         action = narrowed_by(results, source) or f"a smaller error of the source '{source}'"
@@ -154,83 +162,101 @@ def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) ->
         part.widened(budget.leakage, factors) if part.name == source else part
         for part in budget.parts
     )
-    ends = class_interval_of(results.dataset, replace(budget, parts=parts))
-    assert ends is not None
-    lower, upper = (float(np.abs(end[step])) for end in ends)
+    interval = class_interval_of(results.dataset, replace(budget, parts=parts))
+    assert interval is not None
+    lower, upper = (float(np.abs(end[step])) for end in interval)
     return Narrowing(source, action, lower, upper, is_best_case)
 
 
 def _larger_patch(results: Results) -> tuple[str, float]:
-    """Return how to make the patch larger, and its area over that of the run."""
+    """Return the measure that enlarges the patch, and the ratio of the new area to the present one."""
     if not is_generated(results):
         return _LARGER_PATCH
-    is_as_broad = bool(results.dataset.attrs.get("tiles_in_place"))
-    return _LONGER_GENERATED if is_as_broad else _LARGER_GENERATED
+    is_as_wide_as_seal = bool(results.dataset.attrs.get("tiles_in_place"))
+    return _LONGER_GENERATED if is_as_wide_as_seal else _LARGER_GENERATED
 
 
-def _patch_factor(results: Results, step: int, area: float) -> float:
-    """Return the distances of the source "patch" with a larger area over those of the run, by its contact state.
+def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
+    """Estimate by which factor a larger measured area multiplies the error of ln(leakage) from the source "patch".
 
-    A larger area has more blocks that carry the flow; contact fraction and detours stay what they are. Without a known
-    contact state the factor is what many carriers would have, the root of the larger area.
+    On a larger area, the number of blocks that carry the flow grows in proportion to the area, while the contact
+    fraction and the detours stay. The calibrated law for the error of a patch (`studies.drawn_error.DIFFICULTY`) is
+    evaluated before and after. If the number of blocks is unknown, the error is taken to decrease like that of a mean
+    of independent samples.
+
+    Parameters
+    ----------
+    results : results of a run.
+    step : index of the load step.
+    area_ratio : ratio of the larger area to the present one.
     """
     data = results.dataset
-    independent = area**-0.5
+    factor_of_independent_samples = area_ratio**-0.5
     if "state_flow_carriers" not in data:
-        return independent
-    pressures = data["state_nominal_pressure"].values
-    nearest = int(np.argmin(np.abs(pressures - data["nominal_pressure"].values[step])))
-    carriers = float(data["state_flow_carriers"].values[nearest])
+        return factor_of_independent_samples
+    state_pressures = data["state_nominal_pressure"].values
+    distance = np.abs(state_pressures - data["nominal_pressure"].values[step])
+    nearest_state = int(np.argmin(distance))
+    carriers = float(data["state_flow_carriers"].values[nearest_state])
     if not carriers > 0:
-        return independent
-    with_both = PatchState(
-        carriers=np.array([carriers, area * carriers]),
+        return factor_of_independent_samples
+    # the present and the larger area; only the number of carriers matters for the ratio of the errors
+    state = PatchState(
+        carriers=np.array([carriers, area_ratio * carriers]),
         contact_fraction=np.zeros(2),
         detours=np.zeros(2),
         open_leakage=np.ones(2),
     )
-    # both kinds of order depend on the number of carriers in the same way
-    below, _above = DIFFICULTY["in order"].distances(with_both)
+    # cells in order and cells at random depend on the number of carriers in the same way
+    below, _above = DIFFICULTY["in order"].distances(state)
     return float(below[1] / below[0])
 
 
 def lowering(results: Results, leakage: Array, step: int) -> Lowering:
-    """Estimate what a higher load and a smoother finish do to the leakage at a load of the loading.
+    """Estimate how a higher load and a smoother finish change the leakage at a step of the loading.
 
     Parameters
     ----------
     results : Results
-        The run.
+        Results of a run.
     leakage : array
-        Leakage that decides on classes (step,) [m²/s].
+        Leakage that decides on classes, (step,) [m²/s].
     step : int
-        Number of the load step.
+        Index of the load step.
     """
-    slope = _slope_over_load(results, leakage, step)
-    by_load = (1 + LOAD_INCREASE) ** slope
-    by_finish = HEIGHTS ** _slope_over_heights(results, slope, step)
+    load_slope = _slope_over_load(results, leakage, step)
+    height_slope = _slope_over_heights(results, load_slope, step)
+    by_load = (1 + LOAD_INCREASE) ** load_slope
+    by_finish = HEIGHTS**height_slope
     return Lowering(float(by_load), float(by_finish))
 
 
 def _slope_over_load(results: Results, leakage: Array, step: int) -> float:
-    """Return d ln L/d ln p below a load on loading; NaN if either leakage is 0 or unknown."""
+    """Return d ln(leakage)/d ln(load) between a step of the loading and the step before it.
+
+    The slope is NaN if one of the two leakages is zero or unknown.
+    """
     steps = results.steps
     loading = np.flatnonzero(steps.on_loading)
     before = loading[steps.pressures[loading] < steps.pressures[step]]
     if not before.size:
         return np.nan
     pair = [int(before[-1]), step]
-    pressures, leakages = steps.pressures[pair], np.abs(np.asarray(leakage)[pair])
+    pressures = steps.pressures[pair]
+    leakages = np.abs(np.asarray(leakage)[pair])
     if not ((pressures > 0) & (leakages > 0) & np.isfinite(leakages)).all():
         return np.nan
     return float(np.diff(np.log(leakages))[0] / np.diff(np.log(pressures))[0])
 
 
 def _slope_over_heights(results: Results, slope_over_load: float, step: int) -> float:
-    """Return d ln L/d ln a of the heights a of the roughness, by the scaling law for a fluid without slip.
+    """Return d ln(leakage)/d ln(roughness height), for a fluid without slip.
 
-    It is NaN for a seal whose form does not scale with the roughness, for a hardness that depends on the depth, and
-    without the row "hardness" of the error budget.
+    Multiplying all heights by a has the same effect as dividing load and hardness by a and multiplying the resulting
+    gap by a, that is, the leakage by a³. The slope therefore follows from the slopes over load and hardness.
+
+    It is NaN if the seal has a form or a seat, which do not scale with the roughness; if the hardness depends on
+    depth; or if the slope over the hardness is unknown, because the error budget has no source "hardness".
     """
     case = results.case
     material: dict[str, Any] = case.get("material") or {}
@@ -239,11 +265,12 @@ def _slope_over_heights(results: Results, slope_over_load: float, step: int) -> 
         return np.nan
     slope_over_hardness = np.nan
     if not np.isfinite(results.dataset.attrs.get("hardness_Pa", np.nan)):
-        slope_over_hardness = 0.0
+        slope_over_hardness = 0.0  # elastic
     elif results.budget is not None:
         tolerance = material.get("hardness_tolerance") or _HARDNESS_TOLERANCE
         leakage = abs(results.budget.leakage[step])
         for part in results.budget.parts:
             if part.name == "hardness" and leakage > 0:
+                # the upper end belongs to a hardness that is higher by its tolerance
                 slope_over_hardness = np.log(abs(part.upper[step]) / leakage) / np.log1p(tolerance)
     return 3.0 - slope_over_hardness - slope_over_load

@@ -1,8 +1,8 @@
-"""Fields over all pixels of the surface, such as gap, contact and fluid pressure: read, written, exported.
+"""Read, write and export fields over all pixels of the surface, such as gap, contact pressure and fluid pressure.
 
-They are too large for `results.nc`. Each load step has an image with all of them in the folder `fields`, in single
-precision and compressed, and `fields.pvd` lists the images for ParaView; `Results.pixels` reads the same images. Every
-field that a study declares over pixels is one of them. `export_field` writes one field for other programs.
+These fields are too large for `results.nc`. For each load step, the folder `fields` has a compressed image in single
+precision with all fields that the studies declare over pixels. The file `fields.pvd` lists the images for ParaView, and
+`Results.pixels` reads them. `export_field` writes a single field for other programs.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from .results import Results
 
 NAME = "fields"
-#: What is expected in place of results without fields.
+#: Explanation in error messages of which results have fields over the pixels.
 WITH_FIELDS = 'a run with "deterministic" or "two-scale" as method or in `compare`, with fields = true in [output]'
 #: Fields that can be exported.
 FIELDS = ("gap", "contact_pressure", "fluid_pressure")
-#: Window of a field: x1 from and to, x2 from and to [m].
+#: Rectangle of a surface: first and last x1, first and last x2 [m].
 Window = tuple[float, float, float, float]
 
-#: By how much a window may exceed the surface, over its size, because its ends were written as text.
+#: Fraction of the surface by which a window may exceed it. The ends of a window can be numbers rounded to text.
 _ROUNDING = 1e-6
 _BYTES_PER_VALUE = np.dtype(np.float32).itemsize
 
 
 class _PixelField(NamedTuple):
-    """A field over the pixels at one step: its declaration, its values (x1, x2) in SI, and the pixel [m]."""
+    """Field over the pixels at one step: its declaration, its values (x1, x2) in SI units, and the pixel size [m]."""
 
     declaration: Field
     values: Any
@@ -47,7 +47,7 @@ class _PixelField(NamedTuple):
 
 
 def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
-    """Return the fields over all pixels of a study in memory, with their values (step, x1, x2)."""
+    """Return the declarations and the values (step, x1, x2) of all fields over pixels, if a study is in memory."""
     study = run.two_scale or run.deterministic
     if study is None:
         return []
@@ -58,26 +58,26 @@ def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
 
 
 def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
-    """Choose the steps whose fields are written.
+    """Choose the load steps whose fields over the pixels are written.
 
-    If not all of them fit into the limit, the chosen steps are spread evenly over the load programme and contain that
-    of the highest load.
+    If the fields of all steps exceed the limit, the chosen steps are spread evenly over the load programme, and the
+    step with the highest load is one of them.
 
     Parameters
     ----------
-    run : the results.
-    limit : largest size of all fields before compression [byte].
+    run : results with a study in memory.
+    limit : largest total size of the fields before compression [byte].
 
     Returns
     -------
-    The steps, and a sentence on those that are left out, if any.
+    Indices of the chosen steps, and a list with a sentence about the steps that are left out, if there are any.
     """
     size_of_step = sum(_BYTES_PER_VALUE * values[0].size for _, values in _fields_in_memory(run))
     if not size_of_step:
         return np.arange(0), []
     count = run.dataset.sizes["step"]
     fitting = int(min(limit // size_of_step, count))
-    # the middles of equal parts of the programme
+    # divide the programme into equal parts and take the step in the middle of each
     chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
     if fitting and run.peak not in chosen:
         nearest = np.argmin(np.abs(chosen - run.peak))
@@ -94,7 +94,7 @@ def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
 
 
 def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
-    """Write the fields of the studies in memory at some steps, and return the paths of all files."""
+    """Write the fields over the pixels of a study in memory at some load steps, and return the paths of all files."""
     assert run.scene is not None
     spacing = run.scene.surface.spacing
     loads = vtk_files.loads_of(run.dataset)
@@ -112,30 +112,31 @@ def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
 
 
 def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
-    """Return a field over the pixels at one step, from memory or from the folder of the results.
+    """Return a field over the pixels at one load step, from memory or from the folder of the results.
 
-    It is that of the two-scale study if there is one, else of the deterministic study.
+    The field is taken from the two-scale study if there is one, and otherwise from the deterministic study.
 
     Parameters
     ----------
     run : Results
-        The results.
+        Results of a run.
     name : str
-        "gap", "contact_pressure", "fluid_pressure", or another field that the study has at the pixels.
+        "gap", "contact_pressure", "fluid_pressure", or another field that the study declares over pixels.
     step : int
         Index of the load step.
     cell : (int, int), optional
-        Row and column of a cell; the whole surface unless given.
+        Row and column of a cell, to return the field over this cell only; by default the whole surface.
 
     Returns
     -------
     xarray.DataArray
-        Values (x1, x2) in SI, with coordinates [m].
+        Values (x1, x2) in SI units, with the positions of the pixel centres [m] as coordinates.
 
     Raises
     ------
     InputError
-        There is no such step or cell, or the step has no such field; `stored_steps` lists those that have fields.
+        The step or the cell does not exist, or the field was not stored at this step. `stored_steps` lists the steps
+        with fields.
     """
     import xarray
 
@@ -156,22 +157,23 @@ def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -
     attrs = {"units": declaration.unit, "long_name": long_name}
     values = xarray.DataArray(field.values, coordinates, ("x1", "x2"), name, attrs)
     if cell is not None:
-        i, j = checked_cell(data, *cell)
+        row, column = checked_cell(data, *cell)
+        # pixels of a cell along x1 and x2
         n1 = values.sizes["x1"] // data.sizes["cell1"]
         n2 = values.sizes["x2"] // data.sizes["cell2"]
-        values = values[i * n1 : (i + 1) * n1, j * n2 : (j + 1) * n2]
+        values = values[row * n1 : (row + 1) * n1, column * n2 : (column + 1) * n2]
     return values.astype(np.float64, copy=False)
 
 
 def stored_steps(run: Results) -> list[int]:
-    """Return the steps whose fields over the pixels are in memory, or else in the folder of the results."""
+    """Return the indices of the steps whose fields over the pixels are in memory, or else in the results folder."""
     if _fields_in_memory(run):
         return list(range(run.dataset.sizes["step"]))
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
 
 
 def _from_memory(run: Results, name: str, step: int) -> _PixelField | None:
-    """Return a field at a step of a study in memory."""
+    """Return a field at one step from a study in memory, None if there is none."""
     if run.scene is None:
         return None
     for field, values in _fields_in_memory(run):
@@ -181,18 +183,20 @@ def _from_memory(run: Results, name: str, step: int) -> _PixelField | None:
 
 
 def _from_folder(run: Results, name: str, step: int) -> _PixelField | None:
-    """Read a field at a step from the folder of the results."""
+    """Read a field at one step from the folder of the results; return None if it is not stored there."""
     images = {} if run.folder is None else vtk_files.stored_images(run.folder, NAME)
     if step not in images:
         return None
-    # the name of an array contains its unit, which tells in which unit of SI the field is
+    # Only the name of the field is known, but the name of its array also contains the unit: try every unit.
     candidates = [Field(name, unit, name.replace("_", " "), PIXEL) for unit in READABLE]
     by_array_name = {field.array_name: field for field in candidates}
     array, image = vtk_files.read_image(images[step], by_array_name)
     if array is None:
         return None
     field = by_array_name[array]
-    shape = tuple(count - 1 for count in image.dimensions[:2])
+    shape = tuple(
+        count - 1 for count in image.dimensions[:2]
+    )  # VTK counts the corners of the pixels
     values = np.asarray(image.cell_data[array].reshape(shape, order="F"), np.float64)
     return _PixelField(field, values / field.scale, tuple(image.spacing[:2]))
 
@@ -209,38 +213,43 @@ def export_field(
     cell: Shape | None = None,
     window: Window | None = None,
 ) -> list[Path]:
-    """Write the gap, the contact pressure or the fluid pressure over the pixels for other programs.
+    """Write the gap, the contact pressure or the fluid pressure over the pixels to files for other programs.
 
-    A file .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
-    [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; NumPy and `read_topography` read it. A file
-    .vti is for ParaView.
+    The file is either an image for ParaView (.vti) or an archive of NumPy (.npz), which `read_topography` also reads.
+    The archive contains
+
+    - the field under its name: `gap` [m], `contact_pressure` [Pa] or `fluid_pressure` [Pa], each (n1, n2);
+    - `spacing`, the size of a pixel along x1 and x2 [m];
+    - `origin`, the position of the first corner of the field [m];
+    - `step`, `name` and `nominal_pressure` [Pa] of the load step.
 
     Parameters
     ----------
     run : Results
-        The results.
+        Results of a run.
     path : str or path
-        The file, whose suffix chooses the format. If there are several steps, their numbers come before the suffix.
+        Path of the file. Its suffix chooses the format. If `step` is not given, the index of each step is added to the
+        name of its file.
     field : str
-        "gap", "contact_pressure" or "fluid_pressure"; the last one is NaN where nothing flows.
+        "gap", "contact_pressure" or "fluid_pressure". The fluid pressure is NaN where nothing flows.
     step : int, optional
-        Index of the load step; all that are stored unless given.
+        Index of the load step; by default all steps whose fields are stored.
     cell : (int, int), optional
-        Row and column of a cell; the whole surface unless given.
+        Row and column of a cell, to export the field over this cell only; by default the whole surface.
     window : (float, float, float, float), optional
-        In place of a cell, a part of the surface: x1 from and to, x2 from and to [m]. It contains the pixels whose
-        centres lie inside.
+        Rectangle of the surface to export, instead of a cell: first and last x1, first and last x2 [m]. It contains
+        the pixels whose centres lie inside.
 
     Returns
     -------
     list of Path
-        The files.
+        Paths of the files.
 
     Raises
     ------
     InputError
-        The field or the format is unknown, there is no such step or window, the results have no fields, or a file
-        cannot be written.
+        The field or the format is unknown; the step, the cell or the window does not exist; the results have no
+        fields over pixels; or a file cannot be written.
     """
     path = Path(path)
     if field not in FIELDS:
@@ -256,16 +265,16 @@ def export_field(
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
-    written = []
-    for number in steps:
-        values = read_pixels(run, field, number, cell)
+    targets = []
+    for step_index in steps:
+        values = read_pixels(run, field, step_index, cell)
         if window is not None:
             values = _in_window(values, window)
-        target = path if step is not None else path.with_stem(f"{path.stem}_{number:04d}")
+        target = path if step is not None else path.with_stem(f"{path.stem}_{step_index:04d}")
         with writing("output", target), replacing(target) as temporary:
-            write(temporary, values, run, number)
-        written.append(target)
-    return written
+            write(temporary, values, run, step_index)
+        targets.append(target)
+    return targets
 
 
 def _in_window(values: xarray.DataArray, window: Window) -> xarray.DataArray:
@@ -273,12 +282,14 @@ def _in_window(values: xarray.DataArray, window: Window) -> xarray.DataArray:
 
     Raises
     ------
-    InputError : the window exceeds the surface, or contains no centre of a pixel.
+    InputError : the window exceeds the surface, or contains no pixel centre.
     """
-    pixel, _ = _pixel_and_corner(values)
+    pixel, _corner = _pixel_and_corner(values)
     sides = np.multiply(values.shape, pixel)
     part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
-    low, high = np.reshape(window, (2, 2)).T / sides
+    low, high = (
+        np.reshape(window, (2, 2)).T / sides
+    )  # both along (x1, x2), as fractions of the sides
     is_inside = (low >= -_ROUNDING).all() and (high <= 1 + _ROUNDING).all()
     if not part.size or not is_inside:
         expected = (
@@ -290,21 +301,21 @@ def _in_window(values: xarray.DataArray, window: Window) -> xarray.DataArray:
 
 
 def _pixel_and_corner(values: xarray.DataArray) -> tuple[Pair, Pair]:
-    """Return the size of a pixel and the first corner of a field [m], along x1 and x2."""
+    """Return the size of a pixel and the position of the first corner of a field, along x1 and x2 [m]."""
     pixel, corner = [], []
     for dim in ("x1", "x2"):
         centres = values[dim].values.tolist()
         if len(centres) > 1:
             width = (centres[-1] - centres[0]) / (len(centres) - 1)
         else:
-            width = 2 * centres[0]
+            width = 2 * centres[0]  # a single pixel begins at 0
         pixel.append(width)
         corner.append(centres[0] - width / 2)
     return (pixel[0], pixel[1]), (corner[0], corner[1])
 
 
 def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
-    """Write an archive of NumPy with the field, its pixel and corner, and the load."""
+    """Write a field to an archive of NumPy, with its pixel size, its first corner and its load."""
     pixel, corner = _pixel_and_corner(values)
     load = run.steps[step]
     with path.open("wb") as file:
@@ -321,7 +332,7 @@ def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) ->
 
 
 def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
-    """Write an image for ParaView."""
+    """Write a field to an image for ParaView."""
     field = Field.of(values)
     pixel, corner = _pixel_and_corner(values)
     image = vtk_files.image(pixel, corner, [(field.array_name, values.values * field.scale)])
@@ -329,6 +340,7 @@ def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) ->
     path.write_bytes(vtk_files.as_xml(image))
 
 
+#: Function that writes a field, by the suffix of the file.
 _FORMATS: dict[str, Callable[[Path, xarray.DataArray, Results, int], None]] = {
     ".npz": _write_npz,
     ".vti": _write_vti,

@@ -1,4 +1,4 @@
-"""Results of a run: its dataset, with selections, tables, pictures and files."""
+"""Hold the results of a run, and select, tabulate, plot and export them."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ class Results(Plotted):
     Attributes
     ----------
     dataset : xarray.Dataset
-        Every number with its unit and meaning, see `assemble`.
+        All results, with units and descriptions, see `assemble`.
     folder : Path or None
-        From which the results were read, or in which they were saved.
+        Folder from which the results were read, or to which they were saved.
     scene : Scene or None
         Input of the studies; None if the results were read from a folder.
     studies : mapping
-        Results of the studies by key, with the fields that are too large for the dataset; empty if the results were
-        read from a folder.
+        Result of each study, by the key of the study. They contain the fields that are too large for the dataset. The
+        mapping is empty if the results were read from a folder.
     """
 
     dataset: xarray.Dataset
@@ -79,28 +79,29 @@ class Results(Plotted):
 
     @property
     def method(self) -> str:
-        """Method of `leakage`: "median" (of realisations), "two-scale", "blocks" or "deterministic"."""
+        """Method that computed `leakage`, "median" (of the realisations), "two-scale", "blocks" or "deterministic"."""
         return best_leakage.best_method(self.dataset)
 
     @property
     def leakage(self) -> xarray.DataArray:
-        """Leakage per length of seal by the best method (step,) [m²/s]."""
+        """Leakage per unit seal length computed by the best method of the run, (step,) [m²/s]."""
         return best_leakage.best_leakage(self.dataset)
 
     def leakage_in(self, unit: str) -> xarray.DataArray:
-        """Return `leakage` in another unit (step,).
+        """Return the leakage at each step in another unit, (step,).
 
         Parameters
         ----------
         unit : str
-            For example "mL/min", "g/year" or "mL/(m·min)"; of gases also "mbar·L/s" or "std cm³/s". Units that are not
-            per length are of the whole seal. Volumes of gases are at 101 325 Pa and their temperature, standard ones
-            at 0 °C; pressure × volume is at the temperature that the case gives, else at that of the gas.
+            For example "mL/min", "g/year" or "mL/(m·min)", for gases also "mbar·L/s" or "std cm³/s". A unit that is not
+            per unit length gives the leakage of the whole seal. The volume of a gas is given at 101 325 Pa and the
+            temperature of the gas, or at 0 °C in a standard unit. A throughput (pressure × volume per time) is given
+            at the temperature that the case states, by default at the temperature of the gas.
 
         Raises
         ------
         InputError
-            The unit does not exist, or is for gases only.
+            The unit is unknown, or it is for gases and the fluid is a liquid.
         """
         chosen = leak_unit(unit)
         values = self.leakage / self.leak_basis.factor(chosen)
@@ -108,133 +109,146 @@ class Results(Plotted):
 
     @property
     def leak_basis(self) -> LeakBasis:
-        """Length of the seal and reference state of the fluid, with which leakage is converted to any unit."""
+        """Seal length and reference state of the fluid, which convert a leakage to another unit."""
         return best_leakage.leak_basis_of(self.dataset)
 
     @property
     def leak_unit(self) -> LeakUnit:
-        """Unit of leakage in tables and pictures: that of the case, else a readable one per length of seal."""
+        """Unit in which tables and pictures show the leakage.
+
+        Without a suitable unit in the case, it is a rate per unit seal length that gives readable numbers.
+        """
         return best_leakage.unit_of_leakage(self.dataset)
 
     @property
     def asked_unit(self) -> LeakUnit | None:
-        """Unit of leakage that the case gives, for its fluid, its test fluid, or both."""
+        """Leakage unit that the case asks for, None if it does not ask for one.
+
+        The unit may suit only the fluid of the case, only its test fluid, or both.
+        """
         return best_leakage.asked_unit(self.dataset)
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
-        """`leak_unit`, and the leakage per length that is 1 in it [m²/s]."""
+        """Unit `leak_unit`, and the leakage per unit seal length that equals 1 in this unit [m²/s]."""
         return self.leak_unit, self.leak_basis.factor(self.leak_unit)
 
     @property
     def budgets(self) -> dict[str, ErrorBudget]:
-        """Error budgets by method: "deterministic", "two_scale", "stochastic"; empty with output.budget = false."""
+        """Error budget of each method, by "deterministic", "two_scale" and "stochastic".
+
+        The mapping is empty if the case has output.budget = false.
+        """
         return best_leakage.error_budgets(self.dataset)
 
     @property
     def budget(self) -> ErrorBudget | None:
-        """Error budget of `leakage`; None with output.budget = false."""
+        """Error budget of `leakage`; None if the case has output.budget = false."""
         return best_leakage.best_budget(self.dataset)
 
     # --- leakage classes ------------------------------------------------------------------------------------------
 
     @property
     def class_basis(self) -> LeakBasis:
-        """`leak_basis` of the fluid that decides on leakage classes: the test fluid if there is one."""
+        """Seal length and reference state of the test fluid if there is one, otherwise of the fluid of the run."""
         return best_leakage.class_basis_of(self.dataset)
 
     @property
     def class_leakage(self) -> tuple[Array, Array]:
-        """Leakage that decides on classes [m²/s]: (step,), and of each realisation (realisation, step)."""
+        """Leakage that decides on classes (step,), and its values in each realisation (realisation, step) [m²/s]."""
         leakage = best_leakage.class_leakage_of(self.dataset)
         return leakage, best_leakage.class_leakage_of_realisations(self.dataset)
 
     @property
     def class_interval(self) -> tuple[Array, Array] | None:
-        """95 % interval of that leakage, both ends (step,) [m²/s], NaN if unknown; None without an error budget."""
+        """Lower and upper end of the 95 % interval of the leakage that decides on classes, (step,) [m²/s] each.
+
+        The ends are NaN where unknown. The property is None without an error budget.
+        """
         return best_leakage.class_interval_of(self.dataset)
 
     @property
     def has_failed(self) -> Flags:
-        """Whether the leakage of the fluid, or of the test fluid, could not be computed (step,)."""
+        """Steps at which the leakage of the fluid or of the test fluid could not be computed, bool (step,)."""
         return best_leakage.failed_steps(self.dataset)
 
     @property
     def classes(self) -> list[str]:
-        """Tightest class of each standard that is met at each step, see `tightest_classes`; [] without classes."""
+        """Text for each step with the tightest class of each standard that is met, see `tightest_classes`."""
         return tightest_classes(self.dataset)
 
     @property
     def verdicts(self) -> tuple[Any, ...]:
-        """Whether, and from which load on, each leakage class of the case is met, see `verdict.Verdict`."""
+        """Verdict on each leakage class of the case: whether it is met, and from which load on."""
         return tuple(room("results").verdicts_of(self))
 
     @property
     def verdict_lines(self) -> list[str]:
-        """The verdict in words, one text for each paragraph, see `verdict_text.verdict_paragraphs`."""
+        """Paragraphs of text that state the verdicts, see `verdict_text.verdict_paragraphs`."""
         return list(room("results").verdict_lines(self))
 
     # --- load steps -----------------------------------------------------------------------------------------------
 
     @property
     def steps(self) -> LoadProgramme:
-        """The load programme."""
+        """Load programme of the run."""
         return load_steps.load_programme(self.dataset)
 
     @property
     def peak(self) -> int:
-        """The first step of the highest load."""
+        """Index of the first load step with the highest nominal pressure."""
         return int(np.argmax(self.dataset["nominal_pressure"].values))
 
     @property
     def open_steps(self) -> list[int]:
-        """Steps at which the fluid carries all of the load, so that the seal is open and has no leakage."""
+        """Indices of the steps at which the fluid carries the whole load, so that the surfaces are separated."""
         return best_leakage.open_steps(self.dataset)
 
     def loading(self) -> xarray.Dataset:
-        """Return all variables of load steps on loading, over the nominal pressure [Pa]."""
+        """Return the variables of the load steps on loading, with the nominal pressure [Pa] as their dimension."""
         _, steps = load_steps.branches_in(self.dataset)[0]
         return self._over_pressure(steps)
 
     def unloading(self, from_: float | str | None = None) -> xarray.Dataset:
-        """Return all variables of load steps on the unloading from a peak, which comes first.
+        """Return the variables of the load steps on unloading, with the nominal pressure [Pa] as their dimension.
+
+        The first of these steps is the peak.
 
         Parameters
         ----------
         from_ : float or str, optional
-            The peak, in Pa or for example as "900 MPa"; the highest one unless given.
+            Peak from which the seal is unloaded, in Pa or as text such as "900 MPa"; by default the highest peak.
 
         Raises
         ------
         InputError
-            The seal is not unloaded from there.
+            The load cycle has no unloading from this peak.
         """
         pressure = self.dataset["nominal_pressure"].values
-        unloadings = {
-            pressure[steps[0]]: steps for _, steps in load_steps.branches_in(self.dataset)[1:]
-        }
-        if not unloadings:
+        _loading, *unloadings = load_steps.branches_in(self.dataset)
+        steps_by_peak = {pressure[steps[0]]: steps for _, steps in unloadings}
+        if not steps_by_peak:
             raise InputError("from_", from_, "nothing: the cycle has no unloading")
-        wanted = max(unloadings)
+        chosen_peak = max(steps_by_peak)
         if from_ is not None:
-            wanted = to_si(from_, "Pa", "from_") if isinstance(from_, str) else from_
-        for peak, steps in unloadings.items():
-            if np.isclose(peak, wanted, rtol=1e-9, atol=0):
+            chosen_peak = to_si(from_, "Pa", "from_") if isinstance(from_, str) else from_
+        for peak, steps in steps_by_peak.items():
+            if np.isclose(peak, chosen_peak, rtol=1e-9, atol=0):
                 return self._over_pressure(steps)
-        peaks = ", ".join(to_text(peak, "Pa") for peak in sorted(unloadings))
+        peaks = ", ".join(to_text(peak, "Pa") for peak in sorted(steps_by_peak))
         raise InputError("from_", from_, f"one of {peaks}")
 
     def _over_pressure(self, steps: Indices) -> xarray.Dataset:
-        """Return all variables of some load steps, over the nominal pressure in place of the number of the step."""
+        """Return the variables of some load steps, with the nominal pressure as dimension instead of the step."""
         data = self.dataset
         names = [name for name in data.data_vars if "step" in data[name].dims]
         return data[names].isel(step=steps).swap_dims(step="nominal_pressure")
 
-    # --- what is known of the run ---------------------------------------------------------------------------------
+    # --- facts of the run -----------------------------------------------------------------------------------------
 
     @property
     def case(self) -> dict[str, Any]:
-        """The case in SI, as given to `assemble`; tuples have become lists."""
+        """Case of the run in SI units. Tuples have become lists."""
         return self._json("case")
 
     @property
@@ -249,26 +263,29 @@ class Results(Plotted):
 
     @property
     def left_out(self) -> list[str]:
-        """Files that were not written to the folder, with the reason, one line each."""
+        """Files that were not written to the folder, with the reason for each."""
         return self._json("left_out", "[]")
 
     @property
     def attempts(self) -> dict[str, Any] | None:
-        """Attempts at the accuracy that the case asks for, and whether it is reached; None if it asks for none."""
+        """Attempts to reach the accuracy that the case asks for, and their outcome; None if it asks for none."""
         return self._json("accuracy", "null")
 
     def _json(self, attribute: str, default: str = "") -> Any:
+        """Parse an attribute of the dataset that stores JSON."""
         return json.loads(self.dataset.attrs.get(attribute, default))
 
     # --- cells and pixels -----------------------------------------------------------------------------------------
 
     def cell(self, i: int, j: int) -> xarray.Dataset:
-        """Return the variables of one cell, over the load steps of a two-scale study, else over the states of the face.
+        """Return the variables of one cell of the face.
+
+        A two-scale study has them at every load step. A stochastic study has them in every contact state of the face.
 
         Parameters
         ----------
         i, j : int
-            Row and column of the cell, along x1 and x2.
+            Row of the cell along x1, and column of the cell along x2.
 
         Raises
         ------
@@ -276,19 +293,20 @@ class Results(Plotted):
             There is no such cell, or the results have no cells.
         """
         data = self.dataset
-        prefix = "state_" if "cell1" not in data.dims and "state" in data.dims else ""
-        dims = f"{prefix}cell1", f"{prefix}cell2"
-        names = [name for name in data.data_vars if dims[0] in data[name].dims]
-        row, column = checked_cell(data, i, j, dims)
-        return data[names].isel({dims[0]: row, dims[1]: column})
+        has_only_states = "cell1" not in data.dims and "state" in data.dims
+        prefix = "state_" if has_only_states else ""
+        row_dim, column_dim = f"{prefix}cell1", f"{prefix}cell2"
+        names = [name for name in data.data_vars if row_dim in data[name].dims]
+        row, column = checked_cell(data, i, j, (row_dim, column_dim))
+        return data[names].isel({row_dim: row, column_dim: column})
 
     def piece(self, i: int, j: int) -> xarray.Dataset:
-        """Return the variables of one cell; the former name of `cell`."""
+        """Return the variables of one cell. This is the former name of `cell`."""
         warnings.warn("Results.piece is Results.cell now", DeprecationWarning, stacklevel=2)
         return self.cell(i, j)
 
     def pixels(self, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
-        """Return a field over the pixels (x1, x2) at one step in SI, see `pixel_fields.read_pixels`."""
+        """Return a field over the pixels (x1, x2) at one step in SI units, see `pixel_fields.read_pixels`."""
         return room("results").read_pixels(self, name, step, cell)
 
     def gap(self, step: int, cell: Shape | None = None) -> xarray.DataArray:
@@ -305,46 +323,46 @@ class Results(Plotted):
 
     @property
     def stored_steps(self) -> list[int]:
-        """Steps whose fields over the pixels are in memory or in the folder."""
+        """Indices of the steps whose fields over the pixels are available in memory or in the folder."""
         return room("results").stored_steps(self)
 
     # --- tables, pictures and files -------------------------------------------------------------------------------
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return the table as dictionaries in SI, one for each step, see `tables.rows`."""
+        """Return the results as one dictionary for each load step, in SI units, see `tables.rows`."""
         return room("results").rows(self)
 
     def table(self) -> TextTable:
-        """Return the table for people, to be given to `rich.print`, see `tables.leakage_table`."""
+        """Return a table of the leakage that `rich.print` displays, see `tables.leakage_table`."""
         return room("results").leakage_table(self)
 
     def attempts_table(self) -> TextTable:
-        """Return the attempts at the accuracy that the case asks for, to be given to `rich.print`.
+        """Return a table of the attempts to reach the requested accuracy, which `rich.print` displays.
 
         Raises
         ------
         InputError
-            The case asks for no accuracy.
+            The case does not ask for an accuracy.
         """
         if self.attempts is None:
             raise InputError("attempts", "a case that asks for no accuracy", "one with it")
         return room("results").attempts_table(self.attempts)
 
     def plot_cells(self) -> Any:
-        """Plot the permeability of the cells over their mean gap and their pressure, see `cells_figure`."""
+        """Plot the permeability of the cells against their mean gap and their contact pressure, see `cells_figure`."""
         return room("plots").shown(room("plots").cells_figure(self))
 
     def plot_pieces(self) -> Any:
-        """Plot the permeability of the cells; the former name of `plot_cells`."""
+        """Plot the permeability of the cells. This is the former name of `plot_cells`."""
         warnings.warn("plot_pieces is plot_cells now", DeprecationWarning, stacklevel=2)
         return self.plot_cells()
 
     def plot_seal(self, step: int | None = None) -> Any:
-        """Plot contact, fluid pressure and permeability over the seal at one step, see `seal_figure`."""
+        """Plot contact pressure, gap and fluid pressure over the seal at one step, see `seal_figure`."""
         return room("plots").shown(room("plots").seal_figure(self, step))
 
     def report(self, path: AnyPath | None = None) -> Path:
-        """Write the report, `report.html` in the folder unless `path` is given, see `write_report`."""
+        """Write the report, by default as `report.html` in the folder of the results, see `write_report`."""
         return room("report").write_report(self, path)
 
     def export(self, path: AnyPath, **options: Any) -> list[Path]:
@@ -361,7 +379,16 @@ class Results(Plotted):
 def checked_cell(
     data: xarray.Dataset, i: int, j: int, dims: tuple[str, str] = ("cell1", "cell2")
 ) -> Shape:
-    """Return the row and column of a cell as integers.
+    """Return the row and column of a cell as integers, after a check that the cell exists.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Dataset of a run.
+    i, j : int
+        Row and column of the cell.
+    dims : pair of str
+        Dimensions of the rows and columns of cells in the dataset.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Several runs side by side: one table and one picture, in one unit of leakage."""
+"""Compare several runs in one table and one picture, in the same unit of leakage."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .dataset_file import open_results
 from .results import Results
 from .tables import format_interval, kind_of, leakage_texts
 
-#: Variables with the quantiles of the realisations, if a run has them.
+#: Variables with the lower and upper quantile of the leakage of the realisations.
 QUANTILES = ("leakage_lower", "leakage_upper")
 
 Run = Results | AnyPath
@@ -40,20 +40,20 @@ Run = Results | AnyPath
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunComparison(Plotted):
-    """Runs side by side; their loads, methods and lengths of seal may differ.
+    """Comparison of several runs, whose loads, methods and seal lengths may differ.
 
     Attributes
     ----------
     names : tuple of str
-        A name for each run.
+        Name of each run.
     runs : tuple of Results
-        The runs.
+        Results of each run.
     unit : LeakUnit
-        Unit of leakage in table and picture.
+        Unit of leakage in the table and the picture.
     keys : tuple of str
-        Of a sweep, the keys of the case that were varied.
+        Keys of the case that a sweep has varied; empty if the runs are not from a sweep.
     settings : tuple of tuple of str
-        Of a sweep, the values of each run as texts, one for each key.
+        Values of these keys as texts, one tuple for each run.
     """
 
     names: tuple[str, ...]
@@ -63,12 +63,15 @@ class RunComparison(Plotted):
     settings: tuple[tuple[str, ...], ...] = field(default=())
 
     def leakage(self, run: int) -> Array:
-        """Return the leakage of a run at its own steps (step,) in `unit`, NaN where it failed."""
+        """Return the leakage of a run at its load steps in `unit`, (step,), NaN where the computation failed."""
         results = self.runs[run]
         return np.asarray(results.leakage.values / self._factor(run))
 
     def band(self, run: int) -> tuple[Array, Array] | None:
-        """Return lower and upper quantile of the realisations of a run (step,) in `unit`; None without realisations."""
+        """Return the lower and upper quantile of the leakage of the realisations of a run.
+
+        Both are arrays (step,) in `unit`. The result is None if the run has no realisations.
+        """
         results = self.runs[run]
         data = results.dataset
         if results.method != "median" or any(name not in data for name in QUANTILES):
@@ -77,56 +80,58 @@ class RunComparison(Plotted):
         return lower, upper
 
     def interval(self, run: int) -> tuple[Array, Array] | None:
-        """Return both ends of the 95 % interval of a run (step,) in `unit`; None without an error budget."""
+        """Return the lower and upper end of the 95 % interval of the leakage of a run.
+
+        Both are arrays (step,) in `unit`. The result is None if the run has no error budget.
+        """
         budget = self.runs[run].budget
         if budget is None:
             return None
         return budget.lower / self._factor(run), budget.upper / self._factor(run)
 
     def _factor(self, run: int) -> float:
-        """Return the leakage per length of a run [m²/s] that is 1 in `unit`."""
+        """Return the leakage per unit seal length [m²/s] that equals 1 in `unit` for a run."""
         return self.runs[run].leak_basis.factor(self.unit)
 
     @property
     def common_steps(self) -> tuple[LoadStep, ...]:
-        """Load steps that all runs have, in the order of the first run."""
+        """Load steps that all runs have in common, in the order of the first run."""
         others = [set(results.steps) for results in self.runs[1:]]
         return tuple(step for step in self.runs[0].steps if all(step in steps for steps in others))
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the runs for people: the settings of a sweep that differ, or else `names`."""
+        """Labels of the runs: the settings of a sweep that differ between runs, otherwise `names`."""
         if not self.keys:
             return self.names
-        columns = zip(self.keys, *self.settings, strict=True)
-        varied = [
-            [f"{key} {value}" for value in values]
-            for key, *values in columns
-            if len(set(values)) > 1
-        ]
+        varied = []  # for each key whose values differ, a text for each run
+        for key, *values in zip(self.keys, *self.settings, strict=True):
+            if len(set(values)) > 1:
+                varied.append([f"{key} {value}" for value in values])
         if not varied:
             return self.names
         return tuple(", ".join(texts) for texts in zip(*varied, strict=True))
 
     @property
     def label(self) -> str:
-        """What is compared, with its unit."""
+        """Name of the compared leakage, with its unit."""
         return f"{kind_of(self.unit)} [{self.unit.name}]"
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return the comparison as dictionaries, one for each run and load step.
+        """Return the comparison as one dictionary for each run and load step.
 
         Returns
         -------
         list of dict
-            Name of the run, keys of a sweep, load, and leakage in SI and in `unit`. Names of the columns contain the
-            units. Intervals and quantiles that a run does not have are NaN.
+            Name of the run, settings of a sweep, load, and leakage in SI units and in `unit`. The names of the columns
+            contain their units. Intervals and quantiles that a run does not have are NaN.
         """
         rows = []
         for run, results in enumerate(self.runs):
-            data, factor = results.dataset, self._factor(run)
-            low, high = self.band(run) or (np.nan, np.nan)
-            lowest, highest = self.interval(run) or (np.nan, np.nan)
+            data = results.dataset
+            factor = self._factor(run)
+            lower_quantile, upper_quantile = self.band(run) or (np.nan, np.nan)
+            lower_end, upper_end = self.interval(run) or (np.nan, np.nan)
             settings = dict(zip(self.keys, self.settings[run], strict=True)) if self.keys else {}
             columns: dict[str, Any] = {
                 "run": self.names[run],
@@ -138,29 +143,30 @@ class RunComparison(Plotted):
                 "nominal_pressure_Pa": data["nominal_pressure"],
                 "unloaded_from_Pa": data["unloaded_from"],
                 "leakage_m2_per_s": results.leakage,
-                "leakage_lower_m2_per_s": low * factor,
-                "leakage_upper_m2_per_s": high * factor,
-                "interval_lower_m2_per_s": lowest * factor,
-                "interval_upper_m2_per_s": highest * factor,
+                "leakage_lower_m2_per_s": lower_quantile * factor,
+                "leakage_upper_m2_per_s": upper_quantile * factor,
+                "interval_lower_m2_per_s": lower_end * factor,
+                "interval_upper_m2_per_s": upper_end * factor,
                 with_unit("leakage", self.unit.name): self.leakage(run),
             }
             rows += rows_of(columns)
         return rows
 
     def table(self) -> TextTable:
-        """Return the table for people, to be given to `rich.print`.
+        """Return the comparison as a table that `rich.print` displays.
 
         Returns
         -------
         TextTable
-            One line for each run. The columns are the keys of a sweep, or else the names of the runs; the method if it
-            differs; the leakage, with its 95 % interval in brackets, at a few load steps that all runs have, or else at
-            the highest load of each.
+            Table with one line for each run. The first columns are the keys of a sweep, or else the name of the run,
+            followed by the method if it differs between runs. The other columns give the leakage, with its 95 %
+            interval in brackets, at a few load steps that all runs have in common, or else at the highest load of
+            each run.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
             columns = [(key, texts) for key, *texts in zip(self.keys, *self.settings, strict=True)]
-        names = len(columns)
+        name_columns = len(columns)
         methods = [results.method for results in self.runs]
         if len(set(methods)) > 1:
             columns.append(("method", methods))
@@ -168,10 +174,10 @@ class RunComparison(Plotted):
         for heading, steps in self._compared_steps():
             texts = [leakage[step] for leakage, step in zip(leakages, steps, strict=True)]
             columns.append((heading, texts))
-        return TextTable.of_columns(self.label, columns, names=names)
+        return TextTable.of_columns(self.label, columns, names=name_columns)
 
     def _leakage_texts(self, run: int) -> list[str]:
-        """Return the leakage of a run at its own steps as text, with its 95 % interval if it is known."""
+        """Return a text for each load step of a run with its leakage, and the 95 % interval if it is known."""
         results, factor = self.runs[run], self._factor(run)
         budget = results.budget
         texts = leakage_texts(results, factor)
@@ -187,7 +193,12 @@ class RunComparison(Plotted):
         return with_intervals
 
     def _compared_steps(self) -> list[tuple[str, list[int]]]:
-        """Return heading, and the number of the step in every run, of each column of leakage."""
+        """Choose the load steps that the table shows.
+
+        Returns
+        -------
+        Heading of each column of leakage, and the index of its load step in every run.
+        """
         common = self.common_steps
         if not common:
             return [("highest load of each", [results.peak for results in self.runs])]
@@ -196,26 +207,26 @@ class RunComparison(Plotted):
         if loading:
             chosen = [loading[0], loading[len(loading) // 2], loading[-1], *chosen]
         columns = []
-        for step in dict.fromkeys(chosen):
+        for step in dict.fromkeys(chosen):  # without repetition
             loads = [load for load in (step.pressure, step.unloaded_from) if load is not None]
             heading = " from ".join(to_text(load, "Pa", 3) for load in loads)
             columns.append((heading, [results.steps.index(step) for results in self.runs]))
         return columns
 
     def write(self, folder: AnyPath, stem: str = "comparison") -> list[Path]:
-        """Write the table as .csv and the picture as .png.
+        """Write the table to a .csv file and the picture to a .png file.
 
         Parameters
         ----------
         folder : str or path
-            Created if needed.
+            Folder of the files, which is created if needed.
         stem : str
             Name of the files without their suffix.
 
         Returns
         -------
         list of Path
-            The files.
+            Paths of the two files.
 
         Raises
         ------
@@ -235,45 +246,46 @@ class RunComparison(Plotted):
 
 
 def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None) -> RunComparison:
-    """Compare several finished runs; their loads, methods, faces and lengths of seal may differ.
+    """Compare several finished runs, whose loads, methods, faces and seal lengths may differ.
 
     Parameters
     ----------
     runs : mapping or sequence
-        Folders of results, or `Results`. The keys of a mapping are their names; otherwise they are named after their
-        folders.
+        Folders of results, or `Results`. The keys of a mapping are the names of the runs. The runs of a sequence are
+        named after their folders.
     unit : str, optional
-        Of leakage, such as "mL/min"; that of the cases if it is the same in all of them, or else a readable one per
-        length of seal.
+        Unit of leakage, such as "mL/min". By default, the unit of the cases if all of them have the same, otherwise a
+        rate per unit seal length that gives readable numbers.
 
     Returns
     -------
     RunComparison
-        With a table, a picture, and files of both.
+        Comparison, which can be tabulated, plotted and written to files.
 
     Raises
     ------
     InputError
-        There are fewer than two runs, a folder has no results, two runs have one name, or the unit does not exist or is
-        not for the fluid of one of the runs.
+        There are fewer than two runs; a folder has no results; two runs have the same name; or the unit is unknown or
+        does not suit the fluid of one of the runs.
 
     Examples
     --------
     >>> both = compare({"polished": "results/a", "turned": "results/b"}, unit="mL/min")  # doctest: +SKIP
     >>> axes = both.plot()  # doctest: +SKIP
     """
-    given = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
-    if len(given) < 2:
-        raise InputError("compare", counted(len(given), "run"), "two or more")
-    opened = tuple(run if isinstance(run, Results) else open_results(run) for run in given)
+    sources = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
+    if len(sources) < 2:
+        raise InputError("compare", counted(len(sources), "run"), "two or more")
+    opened = tuple(run if isinstance(run, Results) else open_results(run) for run in sources)
     names = tuple(runs) if isinstance(runs, Mapping) else _names_of(opened)
     return compared(names, opened, unit=unit)
 
 
 def named(arguments: Sequence[str]) -> Mapping[str, Run] | Sequence[Run]:
-    """Return the runs that arguments of the command line name, as `compare` takes them.
+    """Convert arguments of the command line to the argument `runs` of `compare`.
 
-    An argument is DIR or NAME=DIR. If one of them has a name, the others are named by the last part of their path.
+    Each argument has the form DIR or NAME=DIR. If at least one run has a name, the other runs are named after the last
+    part of their path.
     """
     pairs = [_name_and_path(text) for text in arguments]
     if not any(name for name, _ in pairs):
@@ -285,10 +297,15 @@ def named(arguments: Sequence[str]) -> Mapping[str, Run] | Sequence[Run]:
 
 
 def _name_and_path(text: str) -> tuple[str, str]:
-    """Split NAME=DIR; the name is empty without "=", and if the whole text is a folder."""
+    """Split an argument NAME=DIR into name and folder.
+
+    The name is empty if the argument has no "=", or if the whole text is the path of an existing folder.
+    """
+    if Path(text).is_dir():
+        return "", text
     name, _, path = text.partition("=")
-    if not path or Path(text).is_dir():
-        return "", text if Path(text).is_dir() else name
+    if not path:
+        return "", name  # the text has no "=", or nothing after it
     return name, path
 
 
@@ -300,7 +317,7 @@ def compared(
     keys: tuple[str, ...] = (),
     settings: tuple[tuple[str, ...], ...] = (),
 ) -> RunComparison:
-    """Return the comparison of runs that are in memory; arguments as of `compare` and `RunComparison`."""
+    """Compare runs that are in memory; the arguments are explained in `compare` and `RunComparison`."""
     repeated = sorted({name for name in names if list(names).count(name) > 1})
     if repeated:
         given = f"two runs named {shown(repeated[0])}"
@@ -312,7 +329,7 @@ def compared(
 
 
 def _common_unit(runs: Sequence[Results]) -> LeakUnit:
-    """Return the unit of the cases if they agree, else a readable one per length of seal for all of them."""
+    """Return the leakage unit that all cases ask for, or else a rate per unit seal length with readable numbers."""
     asked = {results.asked_unit for results in runs}
     unit = asked.pop() if len(asked) == 1 else None
     if unit is not None and all(results.leak_basis.has(unit) for results in runs):
@@ -322,12 +339,17 @@ def _common_unit(runs: Sequence[Results]) -> LeakUnit:
 
 
 def _names_of(runs: Sequence[Results]) -> tuple[str, ...]:
-    """Return the names of the folders of runs, or their paths if two have one name; a number without a folder."""
+    """Name runs after their folders, or by the paths of the folders if two folders have the same name.
+
+    A run without a folder is named by its number.
+    """
     folders = [results.folder for results in runs]
-    short = [None if folder is None else folder.name for folder in folders]
-    names = _numbered(short)
-    return names if len(set(names)) == len(names) else _numbered(folders)
+    folder_names = [None if folder is None else folder.name for folder in folders]
+    names = _with_numbers(folder_names)
+    are_different = len(set(names)) == len(names)
+    return names if are_different else _with_numbers(folders)
 
 
-def _numbered(names: Sequence[str | Path | None]) -> tuple[str, ...]:
+def _with_numbers(names: Sequence[str | Path | None]) -> tuple[str, ...]:
+    """Convert names to text; a run without a name is named by its number."""
     return tuple(str(name or f"run {number}") for number, name in enumerate(names, start=1))

@@ -1,4 +1,4 @@
-"""Results as tables, for people and for spreadsheets, and in a few lines; the attempts at a wanted accuracy."""
+"""Make tables and short summaries of results, to be read or to be used in spreadsheets."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from .results import Results
 if TYPE_CHECKING:
     import xarray
 
-#: A column of a table: heading, and the text of each line.
+#: Heading of a column of a table, and the text of each of its lines.
 Column = tuple[str, list[str]]
 
-#: Length of a heading in the terminal beyond which it is broken between words.
+#: Headings in the terminal that are longer than this are broken between words [characters].
 _HEADING_WIDTH = 10
-#: Ratio of the ends of an interval up to which they have three digits instead of two.
+#: The ends of an interval have three digits instead of two up to this ratio between them.
 _NARROW_RATIO = 1.2
 
 # --- tables for programs ----------------------------------------------------------------------------------------
 
 
 def rows(run: Results) -> list[dict[str, Any]]:
-    """Return the table of results in SI, with leakage in more units in the last columns.
+    """Return the results at all load steps in SI units, and the leakage in further units.
 
     Parameters
     ----------
     run : Results
-        The results.
+        Results of a run.
 
     Returns
     -------
     list of dict
-        One for each load step. Keys contain the units, such as "leakage_m2_per_s".
+        Dictionary for each load step. Its keys contain the units, such as "leakage_m2_per_s".
     """
     data = run.dataset
     variables = {"nominal_pressure_Pa": data["nominal_pressure"], "leakage_m2_per_s": run.leakage}
@@ -63,7 +63,10 @@ def rows(run: Results) -> list[dict[str, Any]]:
 
 
 def write_workbook(run: Results, path: Path) -> Path:
-    """Write the rows as a sheet of an Excel workbook; NaN is an empty cell, and no text is read as a formula."""
+    """Write `rows` to an Excel workbook.
+
+    NaN becomes an empty cell. Texts that begin with "=" are not interpreted as formulas.
+    """
     from pandas import DataFrame, ExcelWriter
 
     options = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}
@@ -80,23 +83,24 @@ def write_workbook(run: Results, path: Path) -> Path:
 
 
 def leakage_table(run: Results) -> TextTable:
-    """Return the table of the leakage for people, to be given to `rich.print`.
+    """Return a table of the leakage that `rich.print` displays.
 
-    Its columns are branch, load, leakage with its intervals, leakage of the whole seal, every field over the load steps
-    that has a heading, leakage of the test fluid, and leakage classes. All leakages but that of the whole seal and of
-    the test fluid are in one unit.
+    Its columns are the branch, the load, the leakage with its intervals, the leakage of the whole seal, every variable
+    over the load steps that has a heading, the leakage of the test fluid, and the leakage classes. The leakages of the
+    whole seal and of the test fluid have units of their own; all others are in the same unit.
 
     Parameters
     ----------
     run : Results
-        The results.
+        Results of a run.
 
     Returns
     -------
     TextTable
-        One line for each load step.
+        Table with one line for each load step.
     """
-    data, best = run.dataset, run.leakage
+    data = run.dataset
+    best = run.leakage
     unit, factor = run.leak_scale
     heading = best.attrs.get("heading", run.method)
     columns = [
@@ -105,18 +109,19 @@ def leakage_table(run: Results) -> TextTable:
         *_interval_columns(run, factor),
     ]
     if unit.per_length:
-        whole = run.leak_basis.readable(best.values)
-        texts = [format_leakage(q, run.leak_basis.factor(whole)) for q in best.values]
-        columns.append((f"whole seal [{whole.name}]", texts))
-    with_heading = data.filter_by_attrs(heading=lambda text: text is not None)
-    for name, variable in with_heading.items():
+        seal_unit = run.leak_basis.readable(best.values)
+        seal_factor = run.leak_basis.factor(seal_unit)
+        texts = [format_leakage(leakage, seal_factor) for leakage in best.values]
+        columns.append((f"whole seal [{seal_unit.name}]", texts))
+    data_with_headings = data.filter_by_attrs(heading=lambda text: text is not None)
+    for name, variable in data_with_headings.items():
         is_shown = name != "sealed_fraction" or bool(variable.any())
         if is_shown and name != best.name:
             columns.append((variable.attrs["heading"], _cells(variable, factor)))
     if "test_leakage" in data:
         test_unit = class_unit(run)
-        scale = run.class_basis.factor(test_unit)
-        texts = [format_leakage(q, scale) for q in data["test_leakage"].values]
+        test_factor = run.class_basis.factor(test_unit)
+        texts = [format_leakage(leakage, test_factor) for leakage in data["test_leakage"].values]
         columns.append((f"test fluid [{test_unit.name}]", texts))
     if "leak_class" in data.coords:
         columns.append(("class", run.classes))
@@ -126,12 +131,19 @@ def leakage_table(run: Results) -> TextTable:
 
 
 def _interval_columns(run: Results, factor: float) -> list[Column]:
-    """Return the columns of the 95 % interval, and of the scatter between realisations, as far as they are known."""
-    data, budget = run.dataset, run.budget
+    """Return the columns of the 95 % interval and of the scatter between realisations, if the run has them.
+
+    Parameters
+    ----------
+    run : results of a run.
+    factor : leakage per unit seal length that equals 1 in the unit of the table [m²/s].
+    """
+    data = run.dataset
+    budget = run.budget
     columns: list[Column] = []
     if budget is not None:
-        ends = zip(budget.lower, budget.upper, run.leakage.values, strict=True)
-        texts = [format_interval(low, high, factor, q) for low, high, q in ends]
+        by_step = zip(budget.lower, budget.upper, run.leakage.values, strict=True)
+        texts = [format_interval(low, high, factor, leakage) for low, high, leakage in by_step]
         columns.append(("95 % interval", texts))
     if "leakage_lower" in data:
         lower, upper = data["leakage_lower"], data["leakage_upper"]
@@ -143,7 +155,7 @@ def _interval_columns(run: Results, factor: float) -> list[Column]:
 
 
 def totals_table(run: Results) -> TextTable:
-    """Return a table of the leakage in several units, with a column for each."""
+    """Return a table of the leakage with a column for each of several units."""
     units = run.leak_basis.units(USUAL_UNITS)
     if run.leak_unit not in units:
         units = [*units, run.leak_unit]
@@ -154,10 +166,12 @@ def totals_table(run: Results) -> TextTable:
 
 
 def _load_columns(data: xarray.Dataset) -> list[Column]:
-    """Return the columns of branch, of force if the case gives forces, and of nominal pressure."""
-    scale, load_text = force_scale(data), loads_as_given(data)
+    """Return the columns with the branch, the force if the case gives forces, and the nominal pressure."""
+    scale = force_scale(data)
+    load_text = loads_as_given(data)
     pressures = data["nominal_pressure"].values.tolist()
-    columns = [("branch", [branch_text(peak, load_text) for peak in data["unloaded_from"].values])]
+    branch = [branch_text(peak, load_text) for peak in data["unloaded_from"].values]
+    columns = [("branch", branch)]
     if scale is not None:
         forces = [f"{scale.per_pascal * pressure:.4g}" for pressure in pressures]
         columns.append((f"force [{scale.unit}]", forces))
@@ -166,7 +180,11 @@ def _load_columns(data: xarray.Dataset) -> list[Column]:
 
 
 def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
-    """Return values over the load steps as texts: leakage in the unit `factor`, fractions in per cent."""
+    """Convert the values of a variable at all load steps to texts.
+
+    A leakage is divided by `factor`, which is the leakage [m²/s] that equals 1 in the unit of the table. Fractions are
+    given in per cent.
+    """
     unit = variable.attrs["units"]
     if unit == "m^2/s":
         return [format_leakage(value, factor) for value in variable.values]
@@ -176,12 +194,18 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
 
 
 def leakage_texts(run: Results, factor: float) -> list[str]:
-    """Return the leakage at every step in the unit `factor` as text, see `format_leakage`; "open" at open steps."""
+    """Convert the leakage at every load step to text, see `format_leakage`; separated steps are "open".
+
+    Parameters
+    ----------
+    run : results of a run.
+    factor : leakage per unit seal length that equals 1 in the unit of the texts [m²/s].
+    """
     return _with_open_steps(run, _cells(run.leakage, factor))
 
 
 def _with_open_steps(run: Results, texts: Iterable[str]) -> list[str]:
-    """Replace "failed" by "open" at steps where the fluid carries all of the load."""
+    """Replace "failed" by "open" at the steps at which the fluid carries the whole load."""
     texts = list(texts)
     for step in run.open_steps:
         if texts[step] == "failed":
@@ -193,7 +217,10 @@ def _with_open_steps(run: Results, texts: Iterable[str]) -> list[str]:
 
 
 def class_unit(run: Results) -> LeakUnit:
-    """Return the unit of the leakage that decides on classes: that of the case if it is for the test fluid."""
+    """Return the unit in which to show the leakage that decides on classes.
+
+    For a test fluid, it is the unit that the case asks for if it suits this fluid, otherwise a usual one.
+    """
     if "test_leakage" not in run.dataset:
         return run.leak_unit
     basis, asked = run.class_basis, run.asked_unit
@@ -203,23 +230,23 @@ def class_unit(run: Results) -> LeakUnit:
 
 
 def leakage_of(run: Results) -> str:
-    """Return what the leakage in its unit refers to, with the length of a whole seal."""
+    """Name the leakage in the unit of the run, with the seal length if it is the leakage of the whole seal."""
     text = kind_of(run.leak_unit)
     return text if run.leak_unit.per_length else f"{text}, {to_text(run.leak_basis.length, 'm')},"
 
 
 def kind_of(unit: LeakUnit) -> str:
-    """Return what a leakage in a unit refers to."""
+    """Tell whether a unit gives the leakage per length or the leakage of the whole seal."""
     return "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
 
 
 def format_leakage(value: float, factor: float) -> str:
-    """Return a leakage as text with three digits; "sealed" for 0, "failed" for NaN.
+    """Format a leakage with three digits, as "sealed" if it is 0, and as "failed" if it is NaN.
 
     Parameters
     ----------
-    value : the leakage [m²/s].
-    factor : leakage [m²/s] that is 1 in the unit of the text.
+    value : leakage per unit seal length [m²/s].
+    factor : leakage per unit seal length that equals 1 in the unit of the text [m²/s].
     """
     if np.isnan(value):
         return "failed"
@@ -227,16 +254,16 @@ def format_leakage(value: float, factor: float) -> str:
 
 
 def format_interval(low: float, high: float, factor: float, leakage: float) -> str:
-    """Return both ends of the 95 % interval of a leakage as text.
+    """Format the 95 % interval of a leakage.
 
-    Ends that differ from the leakage by more than a factor of `VAGUE` have no number. The others have two digits, or
-    three if the interval is narrow.
+    An end that differs from the leakage by more than a factor of `VAGUE` is described in words. Other ends are numbers
+    with two digits, or with three digits if the interval is narrow.
 
     Parameters
     ----------
-    low, high : ends of the interval [m²/s].
-    factor : leakage [m²/s] that is 1 in the unit of the text.
-    leakage : the leakage [m²/s].
+    low, high : lower and upper end of the interval [m²/s].
+    factor : leakage per unit seal length that equals 1 in the unit of the text [m²/s].
+    leakage : leakage to which the interval belongs [m²/s].
 
     Examples
     --------
@@ -245,7 +272,7 @@ def format_interval(low: float, high: float, factor: float, leakage: float) -> s
     >>> format_interval(1e-6, 2.0, 1.0, leakage=1.0), format_interval(1e-6, 2e39, 1.0, leakage=1.0)
     ('≈0–2', '≈0 to > 1000 times')
     """
-    size = abs(leakage)
+    magnitude = abs(leakage)
     if np.isnan(low) or np.isnan(high):
         return "unknown"
     if np.isinf(high):
@@ -253,21 +280,21 @@ def format_interval(low: float, high: float, factor: float, leakage: float) -> s
     digits = 2 if high > _NARROW_RATIO * low else 3
     lower = number_text(low / factor, digits) if low else "sealed"
     upper = number_text(high / factor, digits) if high else "sealed"
-    if 0 < VAGUE * low < size:
+    if 0 < VAGUE * low < magnitude:
         lower = "≈0"
-    if high > VAGUE * size > 0:
+    if high > VAGUE * magnitude > 0:
         upper = f"> {VAGUE:g} times"
     return "sealed" if low == high == 0 else _joined(lower, upper)
 
 
 def _joined(low: str, high: str) -> str:
-    """Join both ends of an interval; a dash would be misread before a minus sign."""
+    """Join the ends of an interval by a dash, or by "to" where a dash could be misread as a minus sign."""
     is_ambiguous = low.startswith("-") or high.startswith(">")
     return f"{low} to {high}" if is_ambiguous else f"{low}–{high}"
 
 
 def with_leak_unit(text: str, unit: LeakUnit) -> str:
-    """Add the unit to a leakage or an interval as text, except to words such as "sealed".
+    """Add the unit to the text of a leakage or an interval, unless the text ends with a word such as "sealed".
 
     Examples
     --------
@@ -280,15 +307,15 @@ def with_leak_unit(text: str, unit: LeakUnit) -> str:
     return f"{number} {unit.name}{rest}" if number[-1:].isdigit() else text
 
 
-# --- attempts at a wanted accuracy ------------------------------------------------------------------------------
+# --- attempts to reach a requested accuracy ---------------------------------------------------------------------
 
 
 def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
-    """Return sentences that say whether the wanted accuracy is reached, what limits it, and what half the error costs.
+    """Say whether the requested accuracy is reached, what limits it, and how much it would cost to halve the error.
 
     Parameters
     ----------
-    attempts : as `Results.attempts` has them.
+    attempts : record of the attempts, as in `Results.attempts`.
     """
     wanted = format_deviation(log1p(attempts["wanted"]))
     reached = "reached" if attempts["reached"] else "not reached"
@@ -314,35 +341,35 @@ def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
 
 
 def attempts_table(attempts: dict[str, Any]) -> TextTable:
-    """Return a table with a line for each attempt at the wanted accuracy, and with sentences on them as notes.
+    """Return a table with a line for each attempt to reach the requested accuracy; its notes explain the outcome.
 
     Parameters
     ----------
-    attempts : as `Results.attempts` has them.
+    attempts : record of the attempts, as in `Results.attempts`.
     """
-    single = attempts["attempts"]
-    settings = [attempt["settings"] for attempt in single]
+    records = attempts["attempts"]
+    settings = [attempt["settings"] for attempt in records]
     columns: list[Column] = [
-        ("attempt", [str(number) for number in range(1, len(single) + 1)]),
+        ("attempt", [str(number) for number in range(1, len(records) + 1)]),
         ("method", [setting["method"] for setting in settings]),
-        ("points", [" × ".join(map(str, attempt["points"])) for attempt in single]),
+        ("points", [" × ".join(map(str, attempt["points"])) for attempt in records]),
         ("residual", [f"{setting['rtol']:.0e}" for setting in settings]),
         ("seals", [str(setting["realisations"] or "–") for setting in settings]),
-        ("time", [duration(attempt["seconds"]) for attempt in single]),
-        ("error", [half_width_text(attempt) for attempt in single]),
-        ("limited by", [attempt["limit"] for attempt in single]),
+        ("time", [duration(attempt["seconds"]) for attempt in records]),
+        ("error", [half_width_text(attempt) for attempt in records]),
+        ("limited by", [attempt["limit"] for attempt in records]),
     ]
     notes = (" ".join(attempt_sentences(attempts)),)
     return TextTable.of_columns("", columns, names=len(columns), notes=notes)
 
 
 def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str, Any]:
-    """Return a case with the values that the last attempt has chosen for keys that the case leaves open.
+    """Return a case in which keys without a value have the value that the last attempt chose.
 
     Parameters
     ----------
-    case : in SI, as `Results.case` has it.
-    attempts : as `Results.attempts` has them; None leaves the case as it is.
+    case : case in SI units, as in `Results.case`.
+    attempts : record of the attempts, as in `Results.attempts`; None if there were none.
     """
     if attempts is None:
         return case
@@ -355,16 +382,16 @@ def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str
 
 
 def half_width_text(attempt: dict[str, Any]) -> str:
-    """Return the half-width of the 95 % interval as text; None stands for one that is not known."""
+    """Format the half-width of the 95 % interval of ln(leakage) after an attempt; an unknown one is infinite."""
     width = attempt["half_width"]
     return format_deviation(inf if width is None else width)
 
 
-# --- a few lines on the results ---------------------------------------------------------------------------------
+# --- summary of results -----------------------------------------------------------------------------------------
 
 
 def summary_text(run: Results) -> str:
-    """Return the main results as text, one per line."""
+    """Summarise the main results as text, with one result per line."""
     title = run.case.get("title", "")
     head = f"femseal.Results {title!r}" if title else "femseal.Results"
     facts = contents(run)
@@ -375,20 +402,21 @@ def summary_text(run: Results) -> str:
 
 
 def summary_html(run: Results) -> str:
-    """Return the main results and the table of the leakage as HTML."""
+    """Summarise the main results as HTML, with the table of the leakage."""
     title = escape(run.case.get("title", "") or "femseal results")
     facts = TextTable("", (), tuple(contents(run).items()))._repr_html_()
     return f"<div><b>{title}</b>\n{facts}\n{leakage_table(run)._repr_html_()}</div>"
 
 
 def contents(run: Results) -> dict[str, str]:
-    """Return name and text of each of the main results."""
-    steps, peak = run.steps, run.peak
+    """Return the texts of the main results, by the names of the results."""
+    steps = run.steps
     unit, factor = run.leak_scale
-    leakage = run.leakage.values[peak]
-    text = with_leak_unit(format_leakage(leakage, factor), unit)
+    leakage_at_peak = run.leakage.values[run.peak]
+    leakage_text = with_leak_unit(format_leakage(leakage_at_peak, factor), unit)
+    peak_text = to_text(steps[run.peak].pressure, "Pa")
     facts = {
-        "leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})",
+        "leakage": f"at {peak_text}: {leakage_text} ({run.method})",
         "load": cycle_text(steps),
     }
     load_text = loads_as_given(run.dataset, 3)

@@ -1,7 +1,8 @@
-"""Variables of the dataset: the declared fields of the studies' results, and those computed from several results.
+"""Add variables to the dataset of a run.
 
-A field over the load steps becomes a column of the file `table.csv`, and of the printed table if it has a heading. A
-field over cells, or over the tiles of a realisation, becomes an array for ParaView.
+Most of them are fields that the results of the studies declare; others are computed from several results. A variable
+over the load steps becomes a column of the file `table.csv`, and of the printed table if it has a heading. A variable
+over cells, or over the tiles of a realisation, becomes an array for ParaView.
 """
 
 from __future__ import annotations
@@ -48,20 +49,20 @@ from .load_steps import pressures_and_peaks
 if TYPE_CHECKING:
     import xarray
 
-#: Largest number of blocks along a side in maps of the heights, and of a field at every step.
+#: Largest number of blocks along each side of the maps: of the heights, and of fields that change with the load.
 HEIGHT_BLOCKS, FIELD_BLOCKS = 256, 128
 
 # --- single variables -------------------------------------------------------------------------------------------
 
 
 def add(data: xarray.Dataset, declaration: Field, values: Any, **attrs: Any) -> None:
-    """Add a declared field, unless the dataset has a variable of this name.
+    """Add a declared field to a dataset, unless the dataset already has a variable with this name.
 
     Parameters
     ----------
     data : dataset that is extended.
-    declaration : name, unit, meaning and dimensions.
-    values : in the shape of the dimensions.
+    declaration : name, unit, description and dimensions of the field.
+    values : values of the field, with one axis for each dimension.
     attrs : further attributes of the variable.
     """
     if declaration.name not in data:
@@ -78,19 +79,19 @@ def add_new(
     dims: Place = STEP,
     **attrs: Any,
 ) -> None:
-    """Add a field that no result declares; arguments as of `Field` and `add`."""
+    """Add a field that no result declares; the arguments are explained in `Field` and `add`."""
     add(data, Field(name, unit, long_name, dims), values, **attrs)
 
 
 def add_coordinate(
     data: xarray.Dataset, name: str, unit: str, long_name: str, values: Any, dim: str = ""
 ) -> None:
-    """Add a coordinate along a dimension, which has its name unless given."""
+    """Add a coordinate along the dimension `dim`, by default the dimension with the name of the coordinate."""
     data.coords[name] = (dim or name, values, {"units": unit, "long_name": long_name})
 
 
 def add_declared(data: xarray.Dataset, result: Any) -> None:
-    """Add every declared field of a result, except the large ones over all pixels."""
+    """Add all declared fields of a result except those over all pixels, which are too large."""
     for declaration, values in fields_of(result):
         if declaration.place != PIXEL and np.size(values):
             add(data, declaration, values)
@@ -105,26 +106,25 @@ def add_load_steps(data: xarray.Dataset, dim: str, prefix: str, steps: Sequence[
     Parameters
     ----------
     data : dataset that is extended.
-    dim : dimension of the load steps, or of the states of a face.
-    prefix : comes before the names of the coordinates.
-    steps : the load steps.
+    dim : dimension of the load steps, or of the contact states of a face.
+    prefix : text at the beginning of the names of the coordinates.
+    steps : load steps, or loads of the contact states.
     """
     pressures, peaks = pressures_and_peaks(steps)
     branch = [step.branch for step in steps]
     names = [step.name for step in steps]
-    load = "nominal pressure"
     add_coordinate(data, dim, "1", "index of the load step", np.arange(len(steps)))
     for name, unit, long_name, values in (
         ("branch", "1", "branch of the load cycle", branch),
-        ("nominal_pressure", "Pa", load, pressures),
-        ("unloaded_from", "Pa", f"{load} from which the step is unloaded", peaks),
+        ("nominal_pressure", "Pa", "nominal pressure", pressures),
+        ("unloaded_from", "Pa", "nominal pressure from which the step is unloaded", peaks),
         ("name", "1", "name of the load step", names),
     ):
         add_coordinate(data, f"{prefix}{name}", unit, long_name, values, dim)
 
 
 def add_cell_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
-    """Add the coordinates of the cells of a face; the prefix comes before their names."""
+    """Add the coordinates of the centres of the cells of a face; their names begin with `prefix`."""
     x1, x2 = cut.centres
     add_coordinate(data, f"{prefix}cell1", "m", "x1 of the centres of cells, from the inlet", x1)
     add_coordinate(data, f"{prefix}cell2", "m", "x2 of the centres of cells, along the seal", x2)
@@ -133,7 +133,14 @@ def add_cell_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
 def add_realisations(
     data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]
 ) -> None:
-    """Add the leakage of every realisation, its mean and median, and the quantiles if there are enough realisations."""
+    """Add the leakage of every realisation, its mean and its median.
+
+    Parameters
+    ----------
+    data : dataset that is extended.
+    result : result of the stochastic study.
+    quantiles : lower and upper quantile, which are also added if there are enough realisations to determine them.
+    """
     add_declared(data, result)
     add_coordinate(data, "realisation", "1", "realisation", np.arange(len(result.leakage)))
     levels = {"median": 0.5}
@@ -147,17 +154,18 @@ def add_realisations(
 
 
 def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
-    """Add the contact states of the face, and its cells in each of them."""
+    """Add the contact states of the face and, for each state, the fields of the cells of the face.
+
+    The fields of cells are renamed from "cell_..." to "state_...", because the load steps of the run may differ from
+    the loads of these states.
+    """
     add_load_steps(data, "state", "state_", cells.steps)
     add_cell_centres(data, "state_", cells.cut)
     for declaration, values in fields_of(cells):
         if declaration.place == CELL:
-            declaration = replace(
-                declaration,
-                name=declaration.name.replace("cell_", "state_"),
-                long_name=f"{declaration.long_name}, by state",
-                place=CELL_STATE,
-            )
+            name = declaration.name.replace("cell_", "state_")
+            long_name = f"{declaration.long_name}, by state"
+            declaration = replace(declaration, name=name, long_name=long_name, place=CELL_STATE)
         if declaration.place == STATE or not np.isnan(values).all():
             add(data, declaration, values)
 
@@ -165,27 +173,28 @@ def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
 def add_patches(
     data: xarray.Dataset, patches: Patches, result: PatchLeakage, gaps: NDArray[Any] | None
 ) -> None:
-    """Add the leakage of each measured patch and its scatter, and a map of the patch that leaks most.
+    """Add the leakage of each measured patch, the scatter of the patches, and maps of the patch that leaks most.
 
     Parameters
     ----------
     data : dataset that is extended.
-    patches : the measured patches.
-    result : their leakages.
-    gaps : gaps of all patches at every step (step, x1, x2) [m]; None if they are not known.
+    patches : measured patches.
+    result : leakages of the patches.
+    gaps : gap of the whole surface, in which the patches lie side by side, at every step (step, x1, x2) [m]; None if
+        it is unknown.
     """
     numbers = np.arange(1, len(result.alone) + 1)
     add_coordinate(data, "patch", "1", "number of the measured patch", numbers)
     add_declared(data, result)
     ratios = result.relative
-    largest = int(np.argmax(ratios))
-    add_blocks(data, ("patch1", "patch2"), patches.patches[largest], FIELD_BLOCKS)
-    about = {"patch": largest + 1, "over_mean": float(ratios[largest])}
-    heights = block_means(patches.divided(patches.heights)[largest], FIELD_BLOCKS)
+    leakiest = int(np.argmax(ratios))
+    add_blocks(data, ("patch1", "patch2"), patches.patches[leakiest], FIELD_BLOCKS)
+    attributes = {"patch": leakiest + 1, "over_mean": float(ratios[leakiest])}
+    heights = block_means(patches.divided(patches.heights)[leakiest], FIELD_BLOCKS)
     long_name = "height of the patch that leaks most, mean of each block"
-    add_new(data, "patch_height", "m", long_name, heights, PATCH_FACE, **about)
+    add_new(data, "patch_height", "m", long_name, heights, PATCH_FACE, **attributes)
     if gaps is not None:
-        means = [block_means(patches.divided(gap)[largest], FIELD_BLOCKS) for gap in gaps]
+        means = [block_means(patches.divided(gap)[leakiest], FIELD_BLOCKS) for gap in gaps]
         long_name = "gap of the patch that leaks most, mean of each block"
         add_new(data, "patch_gap", "m", long_name, np.array(means), PATCH_BLOCK)
 
@@ -194,7 +203,10 @@ def add_patches(
 
 
 def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> None:
-    """Add the fields over all pixels as means over blocks, as the fields themselves are too large for the dataset."""
+    """Add the fields over all pixels of a study, averaged over blocks of pixels.
+
+    The fields themselves are too large for the dataset.
+    """
     add_blocks(data, ("block1", "block2"), scene.surface, FIELD_BLOCKS)
     for declaration, at_pixels in fields_of(study):
         if declaration.place == PIXEL:
@@ -204,33 +216,44 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> No
             add_new(data, name, unit, long_name, np.array(means), BLOCK)
 
 
-def add_blocks(data: xarray.Dataset, dims: tuple[str, str], face: Surface, most: int) -> None:
-    """Add the coordinates of the blocks of a face, at most `most` along each side."""
+def add_blocks(
+    data: xarray.Dataset, dims: tuple[str, str], face: Surface, largest_count: int
+) -> None:
+    """Add the coordinates of the centres of the blocks into which the pixels of a face are grouped.
+
+    Parameters
+    ----------
+    data : dataset that is extended.
+    dims : dimensions of the blocks along x1 and x2.
+    face : surface that is divided into blocks.
+    largest_count : largest number of blocks along each side.
+    """
     for axis, dim in enumerate(dims):
-        count = min(face.shape[axis], most)
+        count = min(face.shape[axis], largest_count)
         centres = (np.arange(count) + 0.5) * face.size[axis] / count
         add_coordinate(data, dim, "m", f"x{axis + 1} of block centres", centres)
 
 
-def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
-    """Return means over blocks of pixels.
+def block_means(values: NDArray[Any], largest_count: int) -> NDArray[np.float32]:
+    """Average values over blocks of pixels.
 
     Parameters
     ----------
-    values : (n1, n2); NaN is left out.
-    most : largest number of blocks along each side. If it does not divide the side, blocks differ by a pixel.
+    values : values at the pixels (n1, n2). NaN is left out of the means.
+    largest_count : largest number of blocks along each side. If the number of pixels is not a multiple of the number
+        of blocks, some blocks are longer by a pixel.
 
     Returns
     -------
-    Means of the blocks, NaN where all values are NaN.
+    Mean of each block, NaN if all values of the block are NaN.
     """
     count: NDArray[Any] = ~np.isnan(values)
     total = np.where(count, values, 0.0)
     for axis, pixels in enumerate(values.shape):
-        blocks = min(pixels, most)
-        starts = np.arange(blocks) * pixels // blocks
-        total = np.add.reduceat(total, starts, axis, dtype=float)
-        count = np.add.reduceat(count, starts, axis, dtype=float)
+        blocks = min(pixels, largest_count)
+        first_pixels = np.arange(blocks) * pixels // blocks
+        total = np.add.reduceat(total, first_pixels, axis, dtype=float)
+        count = np.add.reduceat(count, first_pixels, axis, dtype=float)
     with np.errstate(invalid="ignore"):  # 0/0 is NaN
         return (total / count).astype(np.float32)
 
@@ -239,17 +262,28 @@ def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
 
 
 def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:
-    """Add the leakage of the whole seal by volume, by mass and, for a gas, as pressure × volume; and in more units."""
+    """Add the leakage of the whole seal as volume and mass flow rate and in all other suitable units.
+
+    For a gas, the throughput (pressure × volume per time) is added as well.
+
+    Parameters
+    ----------
+    data : dataset that is extended.
+    leakage : leakage per unit seal length by the best method, (step,) [m²/s].
+    basis : seal length and reference state of the fluid.
+    """
+    # the long name ends with the method, such as "two-scale"
     statistic = leakage.attrs["long_name"].rpartition(", ")[2]
-    at, stated = "", ""
+    volume_state = ""
+    throughput_state = ""
     if basis.temperature is not None:
-        at = f" at {basis.temperature:g} K and {basis.pressure:g} Pa"
+        volume_state = f" at {basis.temperature:g} K and {basis.pressure:g} Pa"
     if basis.stated_temperature is not None:
-        stated = f" at {basis.stated_temperature:g} K"
+        throughput_state = f" at {basis.stated_temperature:g} K"
     for suffix, unit, si_unit, measure in (
-        ("", "m³/s", "m^3/s", f"by volume{at}"),
+        ("", "m³/s", "m^3/s", f"by volume{volume_state}"),
         ("_mass", "kg/s", "kg/s", "by mass"),
-        ("_throughput", "Pa·m³/s", "Pa*m^3/s", f"pressure × volume{stated}"),
+        ("_throughput", "Pa·m³/s", "Pa*m^3/s", f"pressure × volume{throughput_state}"),
     ):
         leak_unit = LEAK_UNITS[unit]
         if basis.has(leak_unit):
@@ -259,17 +293,17 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     units = basis.units()
     add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
     in_units = np.array([leakage.values / basis.factor(unit) for unit in units])
-    long_name = f"leakage in units of leak_unit{stated}"
+    long_name = f"leakage in units of leak_unit{throughput_state}"
     add_new(data, "leakage_in_units", "1", long_name, in_units, ("leak_unit", "step"))
 
 
 def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> None:
-    """Add the 95 % interval of every leakage, and the interval by each source of error alone.
+    """Add the 95 % interval of every leakage, and the interval due to each source of error alone.
 
     Parameters
     ----------
     data : dataset that is extended.
-    budgets : by the name of their method in variables.
+    budgets : error budgets, by the names of the methods in variables, such as "two_scale".
     """
     if not budgets:
         return
@@ -283,7 +317,7 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
 
 
 def _add_budget(data: xarray.Dataset, method: str, budget: ErrorBudget, sources: list[str]) -> None:
-    """Add the interval of one method, and the interval by each of the sources."""
+    """Add the 95 % interval of one method, and the interval due to each of the sources alone."""
     parts = {part.name: part for part in budget.parts}
     numerical = budget.numerical
     name = f"leakage_{method}_budget"
@@ -293,7 +327,7 @@ def _add_budget(data: xarray.Dataset, method: str, budget: ErrorBudget, sources:
         if len(numerical.parts) < len(parts):
             text = f"{meaning}, of its solution alone"
             add_new(data, f"{name}_numerical_{end}", "m^2/s", text, getattr(numerical, end))
-        # a source that does not apply to the method has an interval without width
+        # a source that does not apply to the method has an interval of zero width, at the leakage itself
         ends = [getattr(parts.get(source), end, budget.leakage) for source in sources]
         text = f"{meaning}, of each source"
         add_new(data, f"{name}_part_{end}", "m^2/s", text, np.array(ends), ERROR_SOURCE)
@@ -309,14 +343,15 @@ def add_test_fluid(
     stated_temperature: float | None,
     valve: Mapping[str, float],
 ) -> None:
-    """Add the leakage of the test fluid, and attributes with its state.
+    """Add the leakage of the test fluid, and attributes that describe the fluid and its pressures.
 
     Parameters
     ----------
     data : dataset that is extended.
     test : leakage of the test fluid.
-    service : fluid of the run, for the factors by which leakage would change in viscous and in molecular flow.
-    stated_temperature : at which pressure × volume of a gas is given [K]; its own unless given.
+    service : fluid of the run and its pressures. Attributes store the ratios of the two leakages in the limits of
+        viscous and of molecular flow.
+    stated_temperature : temperature at which the throughput of a gas is given [K]; None for that of the gas.
     valve : arguments of `LeakBasis` that describe the valve.
     """
     long_name = "leakage per unit seal length, test fluid"
@@ -339,18 +374,19 @@ def add_test_fluid(
 
 
 def fluid_text(fluid: Fluid) -> str:
-    """Return kind and parameters of a fluid; of a user's own fluid the text that Python shows.
+    """Describe a fluid by its kind and parameters, or by its `repr` if it is a class of the user.
 
     >>> import femseal as fs
     >>> fluid_text(fs.IdealGas(1.8e-5, 0.029, 293.0))
     'ideal-gas, viscosity 18 µPa·s, molar mass 0.029 kg/mol, temperature 293 K, slip'
     """
-    kinds = {cls: kind for kind, cls in FLUIDS.items()}
-    if type(fluid) not in kinds:
+    kind_by_class = {fluid_class: kind for kind, fluid_class in FLUIDS.items()}
+    if type(fluid) not in kind_by_class:
         return repr(fluid)
-    texts = [kinds[type(fluid)]]
+    texts = [kind_by_class[type(fluid)]]
     for parameter in fields(fluid):  # type: ignore[arg-type]
-        name, value = parameter.name.replace("_", " "), getattr(fluid, parameter.name)
+        name = parameter.name.replace("_", " ")
+        value = getattr(fluid, parameter.name)
         if isinstance(value, bool):
             texts.append(name if value else f"no {name}")
         elif isinstance(value, str):

@@ -1,13 +1,14 @@
-"""Files for ParaView: data sets of VTK in XML, which every version opens.
+"""Write results to files for ParaView, in the XML formats of VTK, which every version of ParaView opens.
 
-There is one file for each load step, and a file `.pvd` that puts them on the time axis. Time is the index of the load
-step, because the same load occurs on loading and on unloading; the loads are field data.
+Each load step has a file, and a file `.pvd` lists these files with their times. The time is the index of the load step,
+because the same load can occur on loading and on unloading. The load itself is stored as field data.
 
-pyvista writes the data, compressed: images as raw bytes, which take a quarter less space, and meshes in base64, because
-meshio 5.3 confuses arrays of some files of raw bytes. The `.pvd` is written here, because pyvista does not write any.
+pyvista writes the data sets with compression. Images are stored as raw bytes, which take a quarter less space. Meshes
+are stored in base64, because meshio 5.3 mixes up the arrays of some files with raw bytes. The `.pvd` is written here,
+because pyvista does not write this format.
 
-Coordinates are x = x1, y = x2 in metres. Names of arrays contain the units and have no brackets. There are no arrays of
-text, because meshio cannot read them.
+The coordinates are x = x1 and y = x2 in metres. The names of arrays contain their units, without brackets. There are no
+text arrays, because meshio cannot read them.
 """
 
 from __future__ import annotations
@@ -33,16 +34,19 @@ if TYPE_CHECKING:
 
 #: Suffix of an image of pixels in a plane.
 IMAGE = ".vti"
-#: Corners of cells that are nearer than this fraction of the size of the mesh are merged to one point.
+#: Corners of cells are merged to one point if their distance is below this fraction of the size of the mesh.
 _MERGE_TOLERANCE = 1e-9
-#: Level of compression; higher ones save a few per cent and take several times as long.
+#: Compression level. Higher levels save a few per cent of space and take several times as long.
 _COMPRESSION = 1
 
 # --- data sets --------------------------------------------------------------------------------------------------
 
 
 def loads_of(data: xarray.Dataset, dim: str = "step") -> Array:
-    """Return nominal pressure and peak (step, 2) [Pa] of each load step, or of each state if dim is "state"."""
+    """Return the nominal pressure and the peak of each load step as columns (step, 2) [Pa].
+
+    If `dim` is "state", they are those of each contact state of the face.
+    """
     prefix = "" if dim == "step" else f"{dim}_"
     pressures = data[f"{prefix}nominal_pressure"].values
     peaks = data[f"{prefix}unloaded_from"].values
@@ -50,7 +54,7 @@ def loads_of(data: xarray.Dataset, dim: str = "step") -> Array:
 
 
 def with_load(mesh: Any, load: Array) -> Any:
-    """Add nominal pressure and peak [Pa] to a data set, and return it; on loading the peak is NaN."""
+    """Add the nominal pressure and the peak [Pa] to a data set, and return it. The peak is NaN on loading."""
     pressure, peak = load / 1e6
     mesh.field_data["nominal_pressure_MPa"] = np.array([pressure])
     mesh.field_data["unloaded_from_MPa"] = np.array([peak])
@@ -58,13 +62,13 @@ def with_load(mesh: Any, load: Array) -> Any:
 
 
 def image(spacing: Pair, origin: Pair, pixels: Iterable[tuple[str, NDArray[Any]]]) -> Any:
-    """Return an image whose cells are the pixels of fields.
+    """Make a VTK image whose cells are the pixels of one or more fields.
 
     Parameters
     ----------
-    spacing : size of a pixel [m].
-    origin : first corner [m].
-    pixels : name and values (x1, x2) of each field; they are stored in single precision.
+    spacing : size of a pixel along x1 and x2 [m].
+    origin : position of the first corner of the image [m].
+    pixels : name and values (x1, x2) of each field. The values are stored in single precision.
     """
     import pyvista
 
@@ -72,7 +76,7 @@ def image(spacing: Pair, origin: Pair, pixels: Iterable[tuple[str, NDArray[Any]]
     for name, values in pixels:
         rows, columns = values.shape
         data_set.dimensions = (rows + 1, columns + 1, 1)
-        # x1 runs fastest in VTK
+        # VTK numbers the cells along x1 first
         data_set.cell_data[name] = np.asarray(values, np.float32).ravel(order="F")
     return data_set
 
@@ -83,10 +87,10 @@ class Cells:
 
     Attributes
     ----------
-    name : of the files.
-    corners : (cell, 3 or 4, 2) [m].
-    loads : of the steps, see `loads_of`.
-    data : arrays by name (step, cell) or (step, cell, 3).
+    name : name of the series of files.
+    corners : positions of the corners of each cell, (cell, 3 or 4, 2) [m].
+    loads : nominal pressure and peak of each step, see `loads_of`.
+    data : arrays of the data by their names, (step, cell) for scalars and (step, cell, 3) for vectors.
     """
 
     name: str
@@ -96,18 +100,20 @@ class Cells:
 
     @cached_property
     def _mesh(self) -> Any:
+        """Mesh of the cells without data, in which neighbouring cells share their corners."""
         import pyvista
 
-        count, corners_per_cell, _ = self.corners.shape
-        kind = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}[corners_per_cell]
+        cell_count, corners_per_cell, _dimensions = self.corners.shape
+        cell_type = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}[corners_per_cell]
         points = np.pad(self.corners.reshape(-1, 2), ((0, 0), (0, 1)))  # z = 0
-        cells = np.arange(len(points)).reshape(count, corners_per_cell)
-        mesh = pyvista.UnstructuredGrid({kind: cells}, points)
+        # every cell first has corners of its own, which are then merged with those of its neighbours
+        corner_numbers = np.arange(len(points)).reshape(cell_count, corners_per_cell)
+        mesh = pyvista.UnstructuredGrid({cell_type: corner_numbers}, points)
         tolerance = _MERGE_TOLERANCE * np.ptp(points)
         return mesh.clean(tolerance=tolerance, produce_merge_map=False)
 
     def at(self, step: int) -> Any:
-        """Return the mesh with its data at a step."""
+        """Return the mesh with the data at a load step."""
         mesh = self._mesh.copy(deep=False)
         for name, values in self.data.items():
             mesh.cell_data[name] = values[step]
@@ -115,7 +121,7 @@ class Cells:
 
 
 def _heights(surface: Surface) -> Any:
-    """Return the heights of the face at points, so that ParaView can warp the map."""
+    """Make a VTK image of the heights of the face, which are data at points so that ParaView can warp the image."""
     import pyvista
 
     d1, d2 = surface.spacing
@@ -133,18 +139,18 @@ def _heights(surface: Surface) -> Any:
 def write_series(
     name: str, data_set_at: Callable[[int], Any], steps: Iterable[int], folder: Path
 ) -> list[Path]:
-    """Write the data sets of several steps, and a file `.pvd` that lists them.
+    """Write the data sets of several load steps, and a file `.pvd` that lists them.
 
     Parameters
     ----------
-    name : of the subfolder with the data sets, and of the `.pvd`.
-    data_set_at : returns the data set of a step.
-    steps : the steps.
-    folder : of the `.pvd`.
+    name : name of the subfolder with the data sets, and of the `.pvd` file.
+    data_set_at : function that returns the data set of a load step.
+    steps : indices of the load steps.
+    folder : folder of the `.pvd` file.
 
     Returns
     -------
-    Paths of all files. Each is written whole or not at all, the `.pvd` last.
+    Paths of all files. The `.pvd` file is written last, so that it never lists files that do not exist.
     """
     subfolder = made_folder(folder / name)
     paths = {step: _save(data_set_at(step), subfolder / f"step_{step:04d}") for step in steps}
@@ -157,17 +163,17 @@ def write_series(
 
 
 def stored_images(folder: Path, name: str) -> dict[int, Path]:
-    """Return the files of a series of images by their step."""
+    """Return the paths of a series of images, by the index of the load step."""
     paths = sorted((folder / name).glob(f"step_*{IMAGE}"))
     return {int(path.stem.removeprefix("step_")): path for path in paths}
 
 
 def read_image(path: Path, names: Iterable[str]) -> tuple[str | None, Any]:
-    """Read one array of an image: the first of several names that it has.
+    """Read an image with only one of its arrays, the first one whose name is among `names`.
 
     Returns
     -------
-    The name, None if it has none of them, and the image.
+    Name of the array, None if the image has no array with one of these names, and the image.
     """
     import pyvista
 
@@ -180,7 +186,7 @@ def read_image(path: Path, names: Iterable[str]) -> tuple[str | None, Any]:
 
 
 def _save(mesh: Any, stem: Path) -> Path:
-    """Write a data set, whole or not at all."""
+    """Write a data set to a file with the suffix of its format, and return the path."""
     import pyvista
 
     suffix = IMAGE if isinstance(mesh, pyvista.ImageData) else ".vtu"
@@ -190,7 +196,7 @@ def _save(mesh: Any, stem: Path) -> Path:
 def as_xml(mesh: Any) -> bytes:
     """Return the content of the XML file of a data set.
 
-    It is made in memory, because VTK crashes if a disk is full.
+    The file is built in memory, because VTK crashes when the disk is full.
     """
     import pyvista
 
@@ -214,27 +220,29 @@ def as_xml(mesh: Any) -> bytes:
 def write_vtk(
     run: Results, surface: Surface | None, folder: AnyPath, mapper: Mapper = map
 ) -> list[Path]:
-    """Write views of results; open their `.pvd` in ParaView.
+    """Write views of the results that ParaView opens by their `.pvd` files.
 
-    A two-scale study has the view `cells`, the cells of the face at every load. A stochastic study has the views
-    `states`, the cells in every contact state of the face, and `drawn`, the realisation nearest to the median.
+    - `cells`, of a two-scale study: the cells of the face at every load step;
+    - `states`, of a stochastic study: the cells in every contact state of the face;
+    - `drawn`, of a stochastic study: the tiles of the realisation nearest to the median;
+    - `surface`: the heights of the face [µm].
 
     Parameters
     ----------
     run : Results
-        The results.
+        Results of a run.
     surface : Topography or None
-        Heights for the view `surface` [µm], which is not written without them.
+        Surface whose heights are written; None leaves out the view `surface`.
     folder : str or path
-        Created if needed.
+        Folder of the files, which is created if needed.
     mapper : callable
-        Computes a stage, as the builtin `map` does. With processes, one of them writes the files, so that VTK does not
-        block the threads of this process.
+        Function that applies a stage to its arguments, like the builtin `map`. A mapper with processes writes the files
+        in one of them, so that VTK does not block the threads of this process.
 
     Returns
     -------
     list of Path
-        All files. Each is written whole or not at all, a `.pvd` after the files that it lists.
+        Paths of all files.
 
     Raises
     ------
@@ -257,7 +265,7 @@ def write_vtk(
 
 
 def _write_views(folder: Path, views: list[Cells], surface: Surface | None) -> list[Path]:
-    """Write views and heights into an absolute folder; return paths relative to it."""
+    """Write views and heights to a folder, and return the paths of the files relative to it."""
     paths: list[Path] = []
     for view in views:
         paths += write_series(view.name, view.at, range(len(view.loads)), folder)
@@ -267,23 +275,35 @@ def _write_views(folder: Path, views: list[Cells], surface: Surface | None) -> l
 
 
 def _cells_of_face(name: str, data: xarray.Dataset, dims: Place) -> Cells:
-    """Return the cells of the face, with every field of these dimensions."""
-    loads = loads_of(data, dims[0])
-    x1, x2 = np.meshgrid(*(_edges(data[dim].values) for dim in dims[1:]), indexing="ij")
+    """Return the cells of the face with all variables that have the dimensions `dims`.
+
+    Parameters
+    ----------
+    name : name of the view.
+    data : dataset of a run.
+    dims : dimension of the loads, of the rows of cells, and of their columns.
+    """
+    load_dim, row_dim, column_dim = dims
+    loads = loads_of(data, load_dim)
+    row_edges = _edges(data[row_dim].values)
+    column_edges = _edges(data[column_dim].values)
+    x1, x2 = np.meshgrid(row_edges, column_edges, indexing="ij")
+    # for x1 and x2: the coordinate of the four corners, counter-clockwise, (row, column, corner)
     corners = [
         np.stack([x[:-1, :-1], x[1:, :-1], x[1:, 1:], x[:-1, 1:]], axis=-1) for x in (x1, x2)
     ]
+    corners_of_cells = np.stack(corners, axis=-1).reshape(-1, 4, 2)
     cell_data: dict[str, NDArray[Any]] = {}
     for variable in data.data_vars.values():
         if variable.dims == dims:
             field = Field.of(variable)
             array = field.array_name.removeprefix("cell_").removeprefix("state_")
             cell_data[array] = (variable.values * field.scale).reshape(len(loads), -1)
-    return Cells(name, np.stack(corners, axis=-1).reshape(-1, 4, 2), loads, cell_data)
+    return Cells(name, corners_of_cells, loads, cell_data)
 
 
 def _edges(centres: Array) -> list[float]:
-    """Return the edges of cells beside each other, which begin at 0, from their centres."""
+    """Return the edges of adjacent cells from their centres; the first edge is at 0."""
     edges = [0.0]
     for centre in centres:
         edges.append(2 * centre - edges[-1])
@@ -291,17 +311,19 @@ def _edges(centres: Array) -> list[float]:
 
 
 def _realisation(data: xarray.Dataset) -> Cells:
-    """Return the tiles of the realisation nearest to the median, with all their fields."""
-    steps = data.sizes["step"]
+    """Return the tiles of the realisation nearest to the median, with all fields over tiles."""
+    step_count = data.sizes["step"]
     cell_data = {}
     for variable in data.data_vars.values():
         if variable.dims not in (PART, PART_FORM, PART_VECTOR):
             continue
         field = Field.of(variable)
         values = variable.values * field.scale
-        if variable.dims == PART_FORM:  # the same at every step
-            values = np.broadcast_to(values, (steps, values.size))
+        if variable.dims == PART_FORM:
+            # the form is the same at every step
+            values = np.broadcast_to(values, (step_count, values.size))
         if variable.dims == PART_VECTOR:
-            values = np.pad(values, ((0, 0), (0, 0), (0, 1)))  # z = 0
+            # (step, tile, 2) -> (step, tile, 3), with a third component of 0
+            values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
         cell_data[field.array_name.removeprefix("drawn_")] = values
     return Cells("drawn", data["drawn_corners"].values, loads_of(data), cell_data)
