@@ -1,7 +1,7 @@
-"""Results of a run: its dataset, tables, and files for other programs.
+"""Collect the results of a run in a dataset, and make tables and files for other programs from it.
 
 `assemble` collects the results of the studies of a scene in one dataset; `save` and `open_results` write and read it.
-The other modules are functions of the dataset. Pictures and the report are made in `plots` and `report`.
+The other modules compute something from the dataset. Pictures are drawn in `plots`, and the report is made in `report`.
 """
 
 from typing import TYPE_CHECKING

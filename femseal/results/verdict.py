@@ -1,12 +1,14 @@
-"""Verdicts on leakage classes: whether a seal meets a class, from which load on, and how sure that is.
+"""Judge whether a seal meets leakage classes, from which load on, and how certain this is.
 
-Report, tables, design answer and terminal all take their statements from here. `LeakageCurve.needed` finds the load
-that a limit of leakage needs, on loading or on unloading; `verdict_text` puts it into words.
+The report, the tables, the answer of a design and the terminal all take their statements from here.
+`LeakageCurve.needed` finds the load that is required to keep the leakage within a limit, on loading or on unloading;
+`verdict_text` puts it into words.
 
 Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Beyond the load steps nothing is extrapolated:
-the load is then known to lie above the highest or below the lowest one. If a seal opens or closes between two steps, or
-one of them has the load 0, the load of the step that keeps the limit is taken. A load never meets a class if the
-computation failed there, if the fluid carries all of it, or if the seal is computed as sealed but may leak any amount.
+the required load is then only known to lie above the highest or below the lowest step. There is no interpolation either
+if the seal opens or closes between two steps, or if one of them has zero load: the load of the step that keeps the
+limit is taken. A class is never met at a load at which the computation failed, which the fluid carries entirely, or at
+which the computed leakage is zero but its error has no upper bound.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from .load_steps import load_names
 from .measures import narrowed_by
 from .results import Results
 
-#: Converts a nominal pressure [Pa] to text, with the force if the case gives forces.
+#: Function that converts a nominal pressure [Pa] to text, with the force if the case gives forces.
 LoadText = Callable[[float], str]
 #: Name of the interval in sentences.
 INTERVAL = "the whole 95 % interval"
@@ -34,24 +36,26 @@ INTERVAL = "the whole 95 % interval"
 
 @dataclass(frozen=True)
 class NeededPressure:
-    """The nominal pressure that a limit of leakage needs.
+    """Nominal pressure that is required to keep the leakage within a limit.
+
+    On loading, the limit is met at this pressure and above. On unloading, it is kept down to this pressure. A required
+    pressure is inf if no load of the run is sufficient, and 0 if the lowest load of the run is sufficient.
 
     Attributes
     ----------
     value : float
-        By the upper end of the 95 % interval [Pa]; inf if no load of the run is enough, 0 if the lowest one is. Without
-        an interval it is `computed`.
+        Required pressure if the leakage is at the upper end of its 95 % interval [Pa]; without an interval, it equals
+        `computed`.
     computed : float
-        By the leakage as computed [Pa].
+        Required pressure by the computed leakage [Pa].
     low : float
-        By the lower end of the interval [Pa].
+        Required pressure if the leakage is at the lower end of its interval [Pa].
     lowest, highest : float
-        Lowest and highest load of the run [Pa], between which the pressure can be found.
+        Lowest and highest load of the run [Pa], between which the required pressure is searched.
     on_unloading : bool
-        Whether it is the pressure down to which the limit is kept after an assembly at `highest`, instead of that from
-        which on it is met.
+        True if the pressure refers to unloading after an assembly at `highest`, False if it refers to loading.
     has_interval : bool
-        Whether an interval is known.
+        True if the 95 % interval of the leakage is known.
     """
 
     value: float
@@ -64,30 +68,30 @@ class NeededPressure:
 
     @property
     def known(self) -> bool:
-        """Whether the value lies within the loads."""
+        """True if the required pressure lies within the loads of the run."""
         return 0 < self.value < inf
 
     @property
     def at(self) -> float:
-        """The pressure by the leakage as computed if it lies within the loads, else NaN."""
+        """Required pressure by the computed leakage [Pa], NaN if it does not lie within the loads of the run."""
         return self.computed if 0 < self.computed < inf else np.nan
 
     @property
     def relation(self) -> str:
-        """Sign between the needed pressure and `bound(value)`: "=" if it is known, else "<=" or ">"."""
+        """Relation between the required pressure and `bound(value)`, "=" if it is known, otherwise "<=" or ">"."""
         return {inf: ">", 0.0: "<="}.get(self.value, "=")
 
     def bound(self, value: float) -> float:
-        """Return a pressure, or the load that bounds it if it is inf or 0."""
+        """Replace a required pressure of inf or 0 by the load that bounds it: the highest or the lowest one."""
         return {inf: self.highest, 0.0: self.lowest}.get(value, value)
 
     def words(self, value: float, load_text: LoadText) -> str:
-        """Return in words from which load on, or down to which load, the limit is kept.
+        """Say from which load on, or down to which load, the limit is kept.
 
         Parameters
         ----------
-        value : `value`, `computed` or `low`.
-        load_text : converts a nominal pressure to text.
+        value : required pressure: `value`, `computed` or `low`.
+        load_text : function that converts a nominal pressure to text.
         """
         load = load_text(self.bound(value))
         if self.on_unloading:
@@ -99,7 +103,7 @@ class NeededPressure:
         return f"at every load from {load} on" if value == 0 else f"from {load} on"
 
     def text(self, load_text: LoadText) -> str:
-        """Return the value in words, and in brackets that of the leakage as computed if it differs."""
+        """Say which load is required with the 95 % interval, and in brackets by the computed leakage if it differs."""
         value = self.words(self.value, load_text)
         computed = self.words(self.computed, load_text)
         return value if value == computed else f"{value} (as computed: {computed})"
@@ -107,18 +111,19 @@ class NeededPressure:
 
 @dataclass(frozen=True, eq=False)
 class LeakageCurve:
-    """Leakage over a load cycle with its 95 % interval, by which leakage classes are judged.
+    """Leakage over a load cycle with its 95 % interval, which decides on leakage classes.
 
     Attributes
     ----------
     steps : LoadProgramme
-        The load programme.
+        Load programme of the run.
     leakage : array
-        Absolute value of the leakage per length (step,) [m²/s]; inf if it may be any.
+        Absolute value of the leakage per unit seal length, (step,) [m²/s]; inf if nothing is known about it.
     lower, upper : array
-        Ends of the interval (step,) [m²/s], narrowed by the intervals of other loads; the leakage without an interval.
+        Ends of the 95 % interval, (step,) [m²/s]. The intervals of other loads narrow that of a load, because the
+        leakage decreases with the load. Without an interval, both are equal to the leakage.
     has_interval : bool
-        Whether an interval is known.
+        True if the 95 % interval is known.
     """
 
     steps: LoadProgramme
@@ -139,76 +144,86 @@ class LeakageCurve:
         Parameters
         ----------
         steps : LoadProgramme
-            The load programme.
+            Load programme of the run.
         leakage : array
-            Leakage in any direction (step,) [m²/s], NaN if it is not known.
+            Leakage per unit seal length, of either sign, (step,) [m²/s]; NaN where unknown.
         interval : pair of arrays, optional
-            Lower and upper end (step,) [m²/s], NaN if they are not known.
+            Lower and upper end of the 95 % interval, (step,) [m²/s] each; NaN where unknown.
         """
-        size = np.abs(reals(leakage))
-        size = np.where(np.isnan(size), inf, size)
+        magnitude = np.abs(reals(leakage))
+        magnitude = np.where(np.isnan(magnitude), inf, magnitude)
         if interval is None:
-            return cls(steps, size, size, size, has_interval=False)
-        low, high = np.abs(reals(interval[0])), np.abs(reals(interval[1]))
-        high = np.where(np.isnan(high), inf, high)
-        # a seal that is computed as sealed may leak any amount if no upper end is known
-        size = np.where((size == 0) & np.isinf(high), inf, size)
-        is_known = np.isfinite(size)
-        low = np.minimum(np.nan_to_num(low, nan=0.0), size)
-        high = np.maximum(high, size)
-        # loads with unknown leakage do not narrow the intervals of others
-        low, high = within_others(steps, np.where(is_known, size, np.nan), low, high)
-        low = np.where(is_known, low, 0.0)
-        high = np.where(is_known, high, inf)
-        return cls(steps, size, low, high, has_interval=True)
+            return cls(steps, magnitude, magnitude, magnitude, has_interval=False)
+        lower = np.abs(reals(interval[0]))
+        upper = np.abs(reals(interval[1]))
+        upper = np.where(np.isnan(upper), inf, upper)
+        # if the computed leakage is zero but its error has no upper bound, nothing is known about the leakage
+        magnitude = np.where((magnitude == 0) & np.isinf(upper), inf, magnitude)
+        is_known = np.isfinite(magnitude)
+        lower = np.minimum(np.nan_to_num(lower, nan=0.0), magnitude)
+        upper = np.maximum(upper, magnitude)
+        # loads with unknown leakage do not narrow the intervals of other loads
+        known_magnitude = np.where(is_known, magnitude, np.nan)
+        lower, upper = within_others(steps, known_magnitude, lower, upper)
+        lower = np.where(is_known, lower, 0.0)
+        upper = np.where(is_known, upper, inf)
+        return cls(steps, magnitude, lower, upper, has_interval=True)
 
     @classmethod
     def of_results(cls, results: Results) -> LeakageCurve:
-        """Create the curve of the fluid that decides on classes.
+        """Create the curve of the leakage that decides on classes.
 
-        The leakage of a load is not known if the computation of the fluid of the run, or of the test fluid, failed.
+        The leakage at a load is unknown if the computation failed for the fluid of the run or for the test fluid.
         """
         leakage = np.where(results.has_failed, np.nan, results.class_leakage[0])
         return cls.of(results.steps, leakage, results.class_interval)
 
     def needed(self, limit: float, peak: float | None = None) -> NeededPressure:
-        """Return the load that a limit needs.
+        """Return the load that is required to keep the leakage within a limit.
 
         Parameters
         ----------
         limit : float
-            Largest leakage per length [m²/s].
+            Largest permitted leakage per unit seal length [m²/s].
         peak : float, optional
-            Load from which the seal is unloaded [Pa]; without it, the load on loading is returned.
+            Load from which the seal is unloaded [Pa]. If it is given, the result is the load down to which the limit
+            is kept on unloading; otherwise it is the load from which on the limit is met on loading.
         """
         steps = falling_steps(self.steps, peak)
         return self._needed(self.steps.pressures[steps], steps, limit, peak is not None)
 
     def needed_with_relaxation(self, limit: float, relaxation: float) -> NeededPressure:
-        """Return the pressure in assembly that keeps a limit [m²/s] after a fraction of the pressure is lost."""
-        peaks, after = relaxed_steps(self.steps, relaxation)
-        return self._needed(peaks, after, limit, on_unloading=False)
+        """Return the assembly pressure with which the leakage stays within a limit after relaxation.
+
+        Parameters
+        ----------
+        limit : float
+            Largest permitted leakage per unit seal length [m²/s].
+        relaxation : float
+            Fraction of the assembly pressure that is lost.
+        """
+        peaks, steps_after_relaxation = relaxed_steps(self.steps, relaxation)
+        return self._needed(peaks, steps_after_relaxation, limit, on_unloading=False)
 
     def _needed(
         self, pressures: Array, steps: Indices, limit: float, on_unloading: bool
     ) -> NeededPressure:
-        """Return what a limit needs along some steps, by the leakage and by both ends of its interval.
+        """Find the pressures at which the leakage and both ends of its interval reach a limit.
 
         Parameters
         ----------
-        pressures : falling pressures [Pa], by which the steps are identified.
-        steps : numbers of the steps whose leakage counts.
-        limit : largest leakage per length [m²/s].
-        on_unloading : whether the steps are those of an unloading.
+        pressures : pressure that stands for each of the steps, in falling order [Pa]. After relaxation, it is the
+            assembly pressure instead of the pressure of the step.
+        steps : indices of the steps whose leakage is compared with the limit.
+        limit : largest permitted leakage per unit seal length [m²/s].
+        on_unloading : True if the steps are those of an unloading.
         """
-        computed, low, high = (
-            float(crossings(pressures, curve[None, steps], limit)[0])
-            for curve in (self.leakage, self.lower, self.upper)
-        )
+        curves = np.stack([self.leakage, self.lower, self.upper])  # (curve, step)
+        computed, by_lower, by_upper = crossings(pressures, curves[:, steps], limit).tolist()
         return NeededPressure(
-            value=high,
+            value=by_upper,
             computed=computed,
-            low=low,
+            low=by_lower,
             lowest=float(pressures.min()),
             highest=float(pressures.max()),
             on_unloading=on_unloading,
@@ -217,7 +232,10 @@ class LeakageCurve:
 
     @property
     def assembly_step(self) -> int:
-        """Step of the assembly: at the highest load from which the seal is unloaded, or else at the highest load."""
+        """Index of the step of the assembly.
+
+        It is the highest load from which the seal is unloaded, or the highest load if the cycle has no unloading.
+        """
         loading = np.flatnonzero(self.steps.on_loading)
         pressures = self.steps.pressures[loading]
         highest = max(self.steps.unload_from, default=pressures.max())
@@ -225,9 +243,9 @@ class LeakageCurve:
 
 
 def falling_steps(steps: LoadProgramme, peak: float | None = None) -> Indices:
-    """Return the steps of the loading, or of the unloading from a peak, from the highest load down.
+    """Return the indices of the steps on loading, or on unloading from a peak, from the highest load to the lowest.
 
-    An unloading begins with the step of its peak.
+    An unloading begins with the step of its peak, which is a step of the loading.
     """
     loading = np.flatnonzero(steps.on_loading)[::-1]
     if peak is None:
@@ -238,32 +256,34 @@ def falling_steps(steps: LoadProgramme, peak: float | None = None) -> Indices:
 
 
 def relaxed_steps(steps: LoadProgramme, relaxation: float) -> tuple[Array, Indices]:
-    """Return the peaks from the highest down [Pa], and the step of each after relaxation."""
-    numbers = {step: number for number, step in enumerate(steps)}
+    """Return the peaks [Pa], from the highest to the lowest, and the index of the step after relaxation from each."""
+    index_of = {step: index for index, step in enumerate(steps)}
     peaks = np.array(steps.unload_from[::-1])
-    after = [numbers[LoadStep(relaxed(peak, relaxation), peak)] for peak in peaks.tolist()]
-    return peaks, np.array(after, np.int64)
+    steps_after = [LoadStep(relaxed(peak, relaxation), peak) for peak in peaks.tolist()]
+    return peaks, np.array([index_of[step] for step in steps_after], np.int64)
 
 
 def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
-    """Return the lowest pressure down to which the leakage of each seal stays within a limit.
+    """Find the lowest pressure down to which the leakage of each seal stays within a limit.
 
     Parameters
     ----------
     pressure : array
-        Falling pressures (step,) [Pa].
+        Pressures in falling order, (step,) [Pa].
     leakage : array
-        (seal, step) [m²/s].
+        Leakage of each seal per unit seal length, (seal, step) [m²/s].
     limit : float
-        Largest leakage >= 0 [m²/s]; 0 asks for the end of all leakage.
+        Largest permitted leakage [m²/s]; 0 permits no leakage at all.
 
     Returns
     -------
     array
-        Pressure (seal,) [Pa]; inf if the leakage is above the limit at the highest pressure, 0 if it is nowhere.
+        Pressure for each seal, (seal,) [Pa]. It is inf if the leakage exceeds the limit at the highest pressure, and 0
+        if it does not exceed the limit at any pressure.
     """
-    is_within = within(leakage, limit)
+    is_within = within(leakage, limit)  # (seal, step)
     seals = np.arange(len(leakage))
+    # step at which the limit is first exceeded, and the step before it; both are 0 if there is no such step
     first_above = np.argmin(is_within, axis=1)
     last_within = np.maximum(first_above - 1, 0)
     pressure_within, pressure_above = pressure[last_within], pressure[first_above]
@@ -282,34 +302,37 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether, and from which load on, a run meets a leakage class.
+    """Verdict on a leakage class: whether a run meets it, and from which load on.
 
     Attributes
     ----------
     name : str
-        Of the class, or the limit itself.
+        Name of the class, or the text of a limit that the user gives.
     limit : float
-        Largest leakage per length [m²/s].
+        Largest permitted leakage per unit seal length [m²/s].
     fluid : str
-        That decides.
+        Name of the fluid whose leakage decides.
     is_own_limit : bool
-        Whether it is a limit of the user's own instead of a class of a standard.
+        True for a limit that the user gives, False for a class of a standard.
     assembly_load : float
         Nominal pressure in assembly [Pa].
-    met_as_computed, met_with_interval : bool
-        Whether the class is met at that load; the second is None without an interval.
+    met_as_computed : bool
+        True if the computed leakage at the assembly load meets the class.
+    met_with_interval : bool or None
+        True if the whole 95 % interval at the assembly load meets the class; None without an interval.
     may_be_met : bool
-        Whether the lower end of the interval meets the class at that load.
+        True if the lower end of the interval at the assembly load meets the class.
     unknown : str
-        Why the leakage at that load may be any, "" if it is known.
+        Reason why nothing is known about the leakage at the assembly load, "" if it is known.
     assembly : NeededPressure
-        From which load on the class is met.
+        Load from which on the class is met.
     service : dict
-        Down to which load the class is kept, by the pressure in assembly [Pa].
+        Load down to which the class is kept on unloading, by the assembly pressure [Pa].
     vague_load : float
-        Nominal pressure at which the class is met as computed, but not with the interval [Pa]; NaN without one.
+        Nominal pressure at which the computed leakage meets the class, but not the whole interval [Pa]; NaN if there is
+        no such load.
     widest_source, narrowed_by : str
-        The widest source of error at that load, and what reduces it.
+        Largest source of error at `vague_load`, and the measure that reduces it.
     failed : tuple of str
         Names of the load steps at which the computation failed.
     """
@@ -332,7 +355,7 @@ class Verdict:
 
     @property
     def answer(self) -> str:
-        """Whether the class is met at the assembly load, as computed and with the whole interval, in words."""
+        """Text that says whether the computed leakage and the whole interval meet the class at the assembly load."""
         if self.unknown:
             return f"not met, as {self.unknown}"
         if not self.met_as_computed and self.may_be_met:
@@ -349,49 +372,53 @@ class Verdict:
 def verdicts_of(
     results: Results, limits: Sequence[tuple[str, float]] | None = None
 ) -> tuple[Verdict, ...]:
-    """Judge the leakage classes of a run, or other limits.
+    """Judge whether a run meets its leakage classes or other limits.
 
     Parameters
     ----------
     results : Results
-        The run.
+        Results of a run.
     limits : sequence, optional
-        Name and largest leakage per length [m²/s] of each limit; the classes of the case unless given.
+        Name of each limit, and largest permitted leakage per unit seal length [m²/s]; by default the classes of the
+        case.
 
     Returns
     -------
     tuple of Verdict
-        One for each class or limit.
+        Verdict on each class or limit.
     """
     data = results.dataset
     if limits is None:
         if "leak_class" not in data.coords:
             return ()
-        names, largest = data["leak_class"].values.tolist(), data["class_limit"].values.tolist()
-        limits = list(zip(names, largest, strict=True))
+        names = data["leak_class"].values.tolist()
+        largest_leakages = data["class_limit"].values.tolist()
+        limits = list(zip(names, largest_leakages, strict=True))
     curve = LeakageCurve.of_results(results)
-    return tuple(_verdict(results, curve, *limit) for limit in limits)
+    return tuple(_verdict(results, curve, name, limit) for name, limit in limits)
 
 
 def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> Verdict:
-    """Judge one limit by the leakage curve of a run, and find what would narrow its interval."""
-    steps, assembly_step = curve.steps, curve.assembly_step
+    """Judge whether the leakage curve of a run meets one limit, and find the measure that would narrow its interval."""
+    steps = curve.steps
+    assembly_step = curve.assembly_step
     is_met = within(curve.leakage, limit)
     is_met_with_interval = within(curve.upper, limit)
+    # steps at which the computed leakage meets the class, but not the whole interval
     vague_steps = np.flatnonzero(is_met & ~is_met_with_interval & steps.on_loading)
-    about_interval: dict[str, Any] = {}
+    interval_facts: dict[str, Any] = {}
     budget = results.budget
     if vague_steps.size and budget is not None:
         step = assembly_step if assembly_step in vague_steps else int(vague_steps[-1])
         source = budget.limiting(step)
-        about_interval = {
+        interval_facts = {
             "vague_load": float(steps.pressures[step]),
             "widest_source": source,
             "narrowed_by": narrowed_by(results, source),
         }
     (leak_class,) = leak_classes([name])
     is_unknown = np.isinf(curve.leakage[assembly_step])
-    names = load_names(results.dataset)
+    step_names = load_names(results.dataset)
     return Verdict(
         name=name,
         limit=limit,
@@ -404,13 +431,13 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
         unknown=why_unknown(results, assembly_step) if is_unknown else "",
         assembly=curve.needed(limit),
         service={peak: curve.needed(limit, peak) for peak in steps.unload_from},
-        failed=tuple(names[step] for step in np.flatnonzero(results.has_failed)),
-        **about_interval,
+        failed=tuple(step_names[step] for step in np.flatnonzero(results.has_failed)),
+        **interval_facts,
     )
 
 
 def why_unknown(results: Results, step: int) -> str:
-    """Return why the leakage at a step may be any."""
+    """Say why nothing is known about the leakage at a load step."""
     if results.has_failed[step]:
         return "the solution failed"
     if step in results.open_steps:
@@ -419,7 +446,7 @@ def why_unknown(results: Results, step: int) -> str:
 
 
 def deciding_fluid(results: Results) -> str:
-    """Return the name of the fluid that decides on classes as the case gives it, else "the gas" or "the liquid"."""
+    """Return the name of the fluid that decides on classes, "the gas" or "the liquid" if the case gives no name."""
     case = results.case
     has_test_fluid = "test_leakage" in results.dataset
     table = case.get("output", {}).get("test_fluid") if has_test_fluid else case.get("fluid")

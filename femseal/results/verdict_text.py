@@ -1,7 +1,7 @@
-"""Put the verdict on a run into words and into a table: the same few lines for terminal, report and design.
+"""Put the verdict on a run into words and into a table, for the terminal, the report and the answer of a design.
 
-`verdict_paragraphs` says whether each leakage class is met and from which load on, what the seal leaks at the assembly
-load, what would help most, and whether the accuracy was reached that the case asks for.
+`verdict_paragraphs` says whether each leakage class is met and from which load on, how much the seal leaks at the
+assembly load, which measure would help most, and whether the requested accuracy was reached.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from .verdict import (
     why_unknown,
 )
 
-#: Sentences on one subject; the first one is the most important.
+#: Sentences about one subject, with the most important one first.
 Paragraph = list[str]
-#: Largest number of classes whose loads are described in sentences; those of more classes are in a table.
+#: Up to this number of classes, their required loads are described in sentences; more classes need the table.
 _MOST_IN_SENTENCES = 2
 #: Masses per year [kg/s] that are worth stating: 1 mg and 10 t.
 _LEAST_MASS, _MOST_MASS = 1e-6 / 3.15576e7, 1e4 / 3.15576e7
@@ -39,19 +39,20 @@ _LEAST_MASS, _MOST_MASS = 1e-6 / 3.15576e7, 1e4 / 3.15576e7
 def verdict_paragraphs(
     results: Results, verdicts: Sequence[Verdict] | None = None
 ) -> list[Paragraph]:
-    """Say whether the seal is tight enough, how sure that is, and what would help most.
+    """Say whether the seal is tight enough, how certain this is, and which measure would help most.
 
     Parameters
     ----------
     results : Results
-        The run.
+        Results of a run.
     verdicts : sequence of Verdict, optional
-        Verdicts on leakage classes; those of the case unless given.
+        Verdicts on leakage classes; by default those on the classes of the case.
 
     Returns
     -------
     list of list of str
-        Paragraphs of sentences: one for each class, then leakage, measures, accuracy and hints as far as they apply.
+        Paragraphs, each a list of sentences: one for each class, then the leakage, measures, the accuracy and hints if
+        they apply.
     """
     if verdicts is None:
         verdicts = verdicts_of(results)
@@ -68,12 +69,12 @@ def verdict_paragraphs(
 
 
 def verdict_lines(results: Results, verdicts: Sequence[Verdict] | None = None) -> list[str]:
-    """Return `verdict_paragraphs` as one text each."""
+    """Return each of the `verdict_paragraphs` as a single text."""
     return [" ".join(paragraph) for paragraph in verdict_paragraphs(results, verdicts)]
 
 
 class _Answer:
-    """Sentences on one run, with its leakage curve and the texts of its loads."""
+    """Writer of the sentences about one run, which share its leakage curve and its assembly load."""
 
     def __init__(self, results: Results) -> None:
         self.results = results
@@ -85,20 +86,20 @@ class _Answer:
         self.has_test = "test_leakage" in results.dataset
 
     def load_of(self, step: int) -> str:
-        """Return the load of a step as text."""
+        """Convert the load of a step to text."""
         return self.load_text(float(self.curve.steps.pressures[step]))
 
     # --- leakage in usual units ---
 
     def usual_unit(self, value: float) -> LeakUnit:
-        """Return the unit of the whole seal that the case gives, or the usual one for a leakage [m²/s]."""
+        """Return the unit for the leakage of the whole seal: that of the case, or a usual one for `value` [m²/s]."""
         basis, asked = self.results.class_basis, self.results.asked_unit
         if asked is not None and not asked.per_length and basis.has(asked):
             return asked
         return basis.usual_unit(value)
 
     def value_at(self, step: int, unit: LeakUnit | None = None) -> str:
-        """Return the leakage of a step with its unit, "sealed", or why it is unknown."""
+        """Return the leakage of a step with its unit, "sealed", or the reason why it is unknown, as text."""
         leakage = float(self.curve.leakage[step])
         if not isfinite(leakage):
             return f"unknown, as {why_unknown(self.results, step)}"
@@ -107,15 +108,16 @@ class _Answer:
         return with_leak_unit(format_leakage(leakage, factor), chosen)
 
     def assembly_leakage(self, unit: LeakUnit | None = None) -> str:
-        """Return the leakage at the assembly load with its 95 % interval."""
+        """Return the leakage at the assembly load with its 95 % interval, as text."""
         leakage, lower, upper = (
             float(values[self.step])
             for values in (self.curve.leakage, self.curve.lower, self.curve.upper)
         )
         if not isfinite(leakage):
             return self.value_at(self.step)
-        size = leakage or (upper if isfinite(upper) else 0.0)
-        chosen = unit or self.usual_unit(size)
+        # a leakage of zero has no suitable unit, but its upper end has
+        shown_leakage = leakage or (upper if isfinite(upper) else 0.0)
+        chosen = unit or self.usual_unit(shown_leakage)
         text = self.value_at(self.step, chosen)
         if not self.curve.has_interval:
             return f"{text} (without an interval)"
@@ -126,8 +128,9 @@ class _Answer:
         return f"{text} (95 % interval {ends})"
 
     def mass_per_year(self) -> str:
-        """Return the leakage at the assembly load as a mass per year, "" if it is unknown or far from usual."""
-        basis, leakage = self.results.class_basis, float(self.curve.leakage[self.step])
+        """Return the leakage at the assembly load as mass per year, "" if it is unknown, tiny or huge."""
+        basis = self.results.class_basis
+        leakage = float(self.curve.leakage[self.step])
         unit = LEAK_UNITS["kg/s"]
         if not basis.has(unit) or not isfinite(leakage):
             return ""
@@ -141,7 +144,10 @@ class _Answer:
     # --- paragraphs ---
 
     def about_class(self, verdict: Verdict, count: int) -> Paragraph:
-        """Say whether a class is met, with the leakage that decides, and from which load on."""
+        """Say whether a class is met, from which load on, and how large the deciding leakage is.
+
+        `count` is the number of classes; if it is large, the required loads are left to the table.
+        """
         is_described = count <= _MOST_IN_SENTENCES
         sentences = verdict_sentences(verdict, self.load_text, whole=is_described)
         if verdict.unknown or not is_described:
@@ -155,7 +161,7 @@ class _Answer:
         return [sentences[0], f"{leakage}.", *sentences[1:]]
 
     def about_leakage(self, with_cycle: bool) -> Paragraph:
-        """Say what the whole seal leaks at the assembly load, and how that changes over the cycle."""
+        """Say how much the whole seal leaks at the assembly load, and how this changes over the load cycle."""
         subject = f"Leakage of the whole seal with {self.fluid}"
         if self.has_test:
             subject = (
@@ -171,12 +177,12 @@ class _Answer:
         return sentences
 
     def _has_unit_of_mass(self) -> bool:
-        """Return whether the case gives a unit of mass, so that the mass need not be added."""
+        """Tell whether the leakage is given in a unit of mass already."""
         asked = self.results.asked_unit
         return asked is not None and asked.kind == "mass"
 
     def _test_pressures(self) -> str:
-        """Return between which pressures the test fluid flows."""
+        """Return the inlet and outlet pressure of the test fluid as text."""
         attributes = self.results.dataset.attrs
         inlet, outlet = (
             to_text(attributes[f"test_{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet")
@@ -184,7 +190,7 @@ class _Answer:
         return f" from {inlet} to {outlet}"
 
     def _cycle(self) -> list[str]:
-        """Say how the leakage changes on loading up to the assembly, and on unloading from there."""
+        """Say how the leakage changes on loading up to the assembly load, and on unloading from it."""
         steps = self.curve.steps
         peak = float(steps.pressures[self.step])
         first = int(falling_steps(steps, None)[-1])
@@ -202,7 +208,7 @@ class _Answer:
         return sentences
 
     def about_service(self) -> Paragraph:
-        """Say what the fluid in service leaks where a test fluid decides."""
+        """Say how much of the fluid in service leaks, if a test fluid decides on the classes."""
         results = self.results
         if not self.has_test:
             return []
@@ -262,7 +268,7 @@ class _Answer:
         ]
 
     def _lowering(self) -> str:
-        """Say what a higher load and a smoother finish do to the leakage at the assembly load, "" if unknown."""
+        """Say how a higher load and a smoother finish would change the leakage at the assembly load, "" if unknown."""
         leakage = self.results.class_leakage[0]
         if not 0 < float(self.curve.leakage[self.step]) < inf:
             return ""
@@ -285,7 +291,7 @@ class _Answer:
 
 
 def _about_accuracy(results: Results) -> Paragraph:
-    """Say whether the accuracy that the case asks for was reached."""
+    """Say whether the requested accuracy was reached; the list is empty if the case does not ask for one."""
     attempts = results.attempts
     if attempts is None:
         return []
@@ -301,7 +307,7 @@ def _about_accuracy(results: Results) -> Paragraph:
 
 
 def _hints(results: Results, verdicts: Sequence[Verdict]) -> Paragraph:
-    """Say which key of the case gives a part of the verdict that is missing."""
+    """Name the keys of the case that would add missing parts of the verdict."""
     hints = []
     if results.budget is None:
         hints.append("The run has no error budget; output.budget = true gives the interval.")
@@ -313,21 +319,21 @@ def _hints(results: Results, verdicts: Sequence[Verdict]) -> Paragraph:
 
 
 def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = True) -> list[str]:
-    """Put a verdict into words: the answer at the assembly load, then the loads.
+    """Put a verdict into words: whether the class is met at the assembly load, and which loads are required.
 
     Parameters
     ----------
     verdict : Verdict
-        The verdict.
+        Verdict on a leakage class.
     load_text : callable
-        Converts a nominal pressure [Pa] to text.
+        Function that converts a nominal pressure [Pa] to text.
     whole : bool
-        False returns the answer alone.
+        False leaves out the required loads.
 
     Returns
     -------
     list of str
-        Sentences.
+        Sentences, of which the first one is the answer.
     """
     subject = f"Class {verdict.name} with {verdict.fluid}"
     if verdict.is_own_limit:
@@ -348,18 +354,18 @@ def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = Tr
 
 
 def _both(needed: NeededPressure, load_text: LoadText) -> str:
-    """Return the needed load as computed, and with the whole interval if there is one."""
-    computed = needed.words(needed.computed, load_text)
+    """Say which load is required by the computed leakage, and with the whole interval if there is one."""
+    as_computed = needed.words(needed.computed, load_text)
     if not needed.has_interval:
-        return f"{computed} as computed"
-    value = needed.words(needed.value, load_text)
-    if value == computed:
-        return f"{computed}, as computed and with {INTERVAL}"
-    return f"{computed} as computed, and {value} with {INTERVAL}"
+        return f"{as_computed} as computed"
+    with_interval = needed.words(needed.value, load_text)
+    if with_interval == as_computed:
+        return f"{as_computed}, as computed and with {INTERVAL}"
+    return f"{as_computed} as computed, and {with_interval} with {INTERVAL}"
 
 
 def short_loads(results: Results) -> LoadText:
-    """Return a function that converts a nominal pressure to short text: the force alone if the case gives forces."""
+    """Return a function that converts a nominal pressure to a short text: the force alone if the case gives forces."""
     load_text = loads_as_given(results.dataset, 3)
     return lambda pressure: load_text(pressure).partition(" (")[0]
 
@@ -370,30 +376,32 @@ def verdict_table(
     more: Iterable[tuple[str, Iterable[str]]] = (),
     names: tuple[str, str] = ("met", "kept after {}"),
 ) -> TextTable:
-    """Return a table with a line for each verdict: class, limit, and its loads as computed and with the interval.
+    """Return a table with a line for each verdict.
+
+    Its columns are the class, its limit, and the required loads, both as computed and with the whole interval.
 
     Parameters
     ----------
     results : Results
-        The run.
+        Results of a run.
     verdicts : sequence of Verdict
-        The verdicts, at least one.
+        Verdicts, at least one.
     more : iterable
-        Heading and texts of further columns.
+        Heading and texts of each additional column.
     names : (str, str)
-        Headings of the load from which on a class is met, and of that down to which it is kept after an assembly; {}
-        in the second one is replaced by the load of the assembly.
+        Heading of the load from which on a class is met, and heading of the load down to which it is kept after an
+        assembly. In the second one, {} is replaced by the assembly load.
     """
     load_text = short_loads(results)
     columns: list[tuple[str, list[str]]] = [("class", [verdict.name for verdict in verdicts])]
     if not all(verdict.is_own_limit for verdict in verdicts):
         columns.append(("limit", _limit_texts(results, verdicts)))
     met, kept = names
-    needed = [(met, [verdict.assembly for verdict in verdicts])]
+    required = [(met, [verdict.assembly for verdict in verdicts])]
     for peak in verdicts[0].service:
         heading = kept.format(load_text(peak))
-        needed.append((heading, [verdict.service[peak] for verdict in verdicts]))
-    for heading, pressures in needed:
+        required.append((heading, [verdict.service[peak] for verdict in verdicts]))
+    for heading, pressures in required:
         texts = [pressure.words(pressure.computed, load_text) for pressure in pressures]
         columns.append((f"{heading}, as computed", texts))
         if pressures[0].has_interval:
@@ -405,7 +413,7 @@ def verdict_table(
 
 
 def _limit_texts(results: Results, verdicts: Sequence[Verdict]) -> list[str]:
-    """Return the limit of each verdict in the unit of its class."""
+    """Return the limit of each verdict as text, in the unit of its class."""
     classes = leak_classes([verdict.name for verdict in verdicts])
     texts = []
     for verdict, leak_class in zip(verdicts, classes, strict=True):
