@@ -1,7 +1,7 @@
-"""Draw pictures of all results. No package that this one imports draws anything.
+"""Draw pictures of all results.
 
-`picture(result)` draws what `result.plot()` shows. Each of the other functions draws the picture of one class, or one
-more picture of a run. matplotlib is imported when something is drawn.
+`picture(result)` draws the figure that `result.plot()` shows. Each of the other functions draws the figure for one
+class of results, or a further figure of a run. matplotlib is only imported when something is drawn.
 """
 
 from .cell_figures import cells_figure

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Decades below the highest permeability within which cells are drawn.
+#: Cells are drawn if their permeability is at most this number of decades below the highest one.
 _PERMEABILITY_DECADES = 6
 #: Factor by which the scale of permeabilities extends beyond the values.
 _PERMEABILITY_MARGIN = 1.5
@@ -24,11 +24,14 @@ _PERMEABILITY_MARGIN = 1.5
 
 @dataclass(frozen=True)
 class _CellValues:
-    """Values of the cells in every state of a run.
+    """Values of all cells in every contact state of a run.
 
-    permeability : array (states, cells), along x1, towards the outlet [m³].
-    mean_gap, pressure : arrays (states, cells) [m], [Pa].
-    is_loading : array of bool (states,).
+    Attributes
+    ----------
+    permeability : permeability in direction x1, towards the outlet, (states, cells) [m³].
+    mean_gap : mean gap of each cell, (states, cells) [m].
+    pressure : mean contact pressure of each cell, (states, cells) [Pa].
+    is_loading : True for the states on loading, (states,).
     """
 
     permeability: Array
@@ -40,9 +43,9 @@ class _CellValues:
 def cells_figure(results: Results) -> Figure:
     """Draw the permeability of the cells towards the outlet against their mean gap and their contact pressure.
 
-    Sealed cells are not drawn, nor cells a million times less permeable than the most permeable one. The line in the
-    first panel is h̄³/12, the permeability of parallel plates. A stochastic run shows the cells that its realisations
-    are made of, a two-scale run those of the surface.
+    Sealed cells are left out, and so are cells whose permeability is less than a millionth of the highest one. The line
+    in the first panel is h̄³/12, the permeability of parallel plates. The cells of a stochastic run are those from which
+    its realisations are composed; the cells of a two-scale run are those of the surface at each load.
 
     Parameters
     ----------
@@ -73,18 +76,20 @@ def cells_figure(results: Results) -> Figure:
 
 
 def _cell_values(results: Results) -> _CellValues:
-    """Collect the values of all cells of a run; raise InputError if it has none."""
+    """Collect the values of all cells of a run; raise an InputError if the run has no cells."""
     data = results.dataset
     if "state_k1" in data:
-        kind, peaks = "state", data["state_unloaded_from"].values
+        prefix = "state"
+        peaks = data["state_unloaded_from"].values
     elif "cell_k1" in data:
-        kind, peaks = "cell", data["unloaded_from"].values
+        prefix = "cell"
+        peaks = data["unloaded_from"].values
     else:
         expected = "results of a two-scale or stochastic run"
         raise InputError("cells figure", "results without cells", expected)
 
     def by_state(name: str) -> Array:
-        values = data[f"{kind}_{name}"].values
+        values = data[f"{prefix}_{name}"].values  # (state, row, column)
         return np.asarray(values.reshape(len(values), -1))  # (state, cell)
 
     return _CellValues(by_state("k1"), by_state("mean_gap"), by_state("pressure"), np.isnan(peaks))
@@ -95,12 +100,15 @@ def _draw_cells(axes: Axes, cells: _CellValues, x: Array, *, with_parallel_plate
 
     Parameters
     ----------
+    axes : Axes
+        Axes to draw into.
     cells : _CellValues
-        Permeabilities and branches.
+        Permeability of the cells, and branch of each state.
     x : array (states, cells)
-        Position of each point along the axis; the gap [µm] if parallel plates are drawn.
+        Position of each point along the horizontal axis.
     with_parallel_plates : bool
-        Draw the permeability of parallel plates too; cells without a gap are left out then.
+        True if `x` is the mean gap [µm]. The permeability of parallel plates is drawn too, and cells whose mean gap is
+        zero are left out.
     """
     axes.set_ylabel("permeability towards the outlet [m³]")
     axes.grid(alpha=0.25, lw=0.6)
@@ -128,10 +136,10 @@ def _draw_cells(axes: Axes, cells: _CellValues, x: Array, *, with_parallel_plate
     lowest = k[is_drawn].min()
     highest = k[is_drawn].max()
     if with_parallel_plates:
-        gap = np.geomspace(x[is_drawn].min() / 1.1, x[is_drawn].max() * 1.1, 50)
-        plates = cubic_law(gap * 1e-6)
-        axes.plot(gap, plates, color="black", lw=1.4, label="parallel plates, h̄³/12")
-        axes.set(xscale="log", xlim=(gap[0], gap[-1]))
+        gap_um = np.geomspace(x[is_drawn].min() / 1.1, x[is_drawn].max() * 1.1, 50)
+        plates = cubic_law(gap_um * 1e-6)
+        axes.plot(gap_um, plates, color="black", lw=1.4, label="parallel plates, h̄³/12")
+        axes.set(xscale="log", xlim=(gap_um[0], gap_um[-1]))
         highest = max(highest, plates[-1])
         label_decades(axes.xaxis)
     axes.set(yscale="log", ylim=(lowest / _PERMEABILITY_MARGIN, highest * _PERMEABILITY_MARGIN))

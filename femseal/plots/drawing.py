@@ -1,7 +1,7 @@
 """Draw the parts that all pictures have in common: figures, line styles and axes of loads.
 
-Every picture is as wide as the page of a phone, so that its letters can be read there. Colours also differ in
-lightness, and the branches of a load cycle also differ in line and marker, so that pictures can be read without colour.
+Every picture fits the width of a phone screen, so that its letters can be read there. Pictures can also be read without
+colours, because colours differ in lightness, and the branches of a load cycle differ in line style and marker.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 _LOAD_MARGIN = 1.1
 #: Smallest distance between two labels of loads, as a fraction of the axis.
 _LABEL_DISTANCE = 0.12
-#: Ratio of the ends of a logarithmic axis below which its ticks at 2 and 5 are labelled too.
+#: If the ratio of the ends of a logarithmic axis is smaller than this, the ticks at 2 and 5 are labelled as well.
 _FEW_DECADES = 100.0
 #: Exponents of the powers of ten that are written as plain numbers.
 _PLAIN_EXPONENTS = range(-2, 4)
 
-#: Line styles: the first for loading, the others for unloadings. The colours are those of Okabe and Ito, which
-#: colour-blind readers can tell apart.
+#: Line styles. The first one is for loading, the others are for unloadings. The colours are from the palette of Okabe
+#: and Ito, which colour-blind readers can tell apart.
 STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#D55E00", "ls": "-"},
     {"color": "#0072B2", "ls": "--"},
@@ -70,9 +70,9 @@ HEIGHTS = Margins(0.6, 0.9, 0.45, 0.38)
 
 
 class Sheet:
-    """A figure whose panels are stacked at fixed positions.
+    """Figure whose panels are stacked at fixed positions.
 
-    matplotlib can find the positions itself, but then it draws every figure twice.
+    The automatic layout of matplotlib would draw every figure twice.
 
     Parameters
     ----------
@@ -132,21 +132,22 @@ def figure_of(axes: Axes) -> Figure:
 
 
 def branch_styles(count: int) -> list[dict[str, Any]]:
-    """List the line styles of the loading and of `count` − 1 unloadings.
+    """List the line styles of `count` branches: the loading and `count` − 1 unloadings.
 
-    The style of the loading is unique; with many unloadings theirs repeat.
+    If there are many unloadings, their styles repeat. None of them has the style of the loading.
     """
-    numbers = [0, *(1 + n % (len(STYLES) - 1) for n in range(count - 1))]
+    style_count = len(STYLES) - 1  # for unloadings
+    style_numbers = [0, *(1 + n % style_count for n in range(count - 1))]
     return [
         STYLES[number] | {"marker": MARKERS[number], "lw": 1.8, "ms": 4.5}
-        for number in numbers[:count]
+        for number in style_numbers[:count]
     ]
 
 
 def set_panel_title(axes: Axes, title: str) -> None:
     """Set the title of a panel at a fixed height.
 
-    Finding a free height, as matplotlib does by default, takes a second layout.
+    By default, matplotlib searches for a free height, which requires a second layout.
     """
     axes.set_title(title, fontsize=9.5, y=1.0, pad=6)
 
@@ -162,8 +163,10 @@ def legend_below(
 
     Parameters
     ----------
+    figure : Figure
+        Figure to draw into.
     handles : sequence of artists
-        What the legend lists.
+        Artists that the legend lists.
     columns : int
         Number of columns of the legend.
     length : float
@@ -189,11 +192,13 @@ def legend_below(
 def set_load_axis(axes: Axes, loads: Array) -> None:
     """Set the scale of the x axis and put a tick at every load.
 
-    The axis is logarithmic if there are several loads; a load of 0 stands to the left of the others. Ticks are
-    labelled from both ends inwards as long as there is room.
+    The axis is logarithmic if there are several loads. A load of 0 is placed to the left of the logarithmic part. Ticks
+    are labelled from both ends of the axis inwards as long as there is room.
 
     Parameters
     ----------
+    axes : Axes
+        Axes whose x axis is set.
     loads : array (any shape)
         Loads in the unit of the axis; NaN and negative values are ignored.
     """
@@ -216,20 +221,28 @@ def set_load_axis(axes: Axes, loads: Array) -> None:
 
 
 def _load_labels(axes: Axes, loads: Array) -> list[str]:
-    """Label the loads that have room for a label, from both ends of the axis inwards; others get ""."""
+    """Return the labels of the ticks at rising loads, "" where there is no room for a label.
+
+    The ends of the axis are labelled first, then the loads further inwards.
+    """
     to_axes_fraction = axes.transScale + axes.transLimits
     positions = to_axes_fraction.transform([(load, 1.0) for load in loads])[:, 0]
     last = loads.size - 1
-    from_ends_inwards = sorted(range(loads.size), key=lambda n: (min(n, last - n), -n))
+
+    def priority(index: int) -> tuple[int, int]:
+        distance_from_nearer_end = min(index, last - index)
+        return distance_from_nearer_end, -index  # the right end comes before the left one
+
     labelled: list[int] = []
-    for n in from_ends_inwards:
-        if all(abs(positions[n] - positions[other]) > _LABEL_DISTANCE for other in labelled):
-            labelled.append(n)
-    return [f"{load:.4g}" if n in labelled else "" for n, load in enumerate(loads)]
+    for index in sorted(range(loads.size), key=priority):
+        distances = np.abs(positions[index] - positions[labelled])
+        if (distances > _LABEL_DISTANCE).all():
+            labelled.append(index)
+    return [f"{load:.4g}" if index in labelled else "" for index, load in enumerate(loads)]
 
 
 def label_decades(axis: Axis) -> None:
-    """Label a logarithmic axis with plain numbers where they are short, and with powers of ten elsewhere."""
+    """Label a logarithmic axis with plain numbers if they are short, and otherwise with powers of ten."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
@@ -242,7 +255,7 @@ def label_decades(axis: Axis) -> None:
 
 
 def label_axes(axes: Axes, names: Sequence[str]) -> None:
-    """Name the x and the y axis in letters small enough for a narrow map."""
+    """Name the x and the y axis, in a font small enough for a narrow map."""
     axes.set_xlabel(names[0], fontsize=8.5)
     axes.set_ylabel(names[1], fontsize=8.5)
 
@@ -251,10 +264,10 @@ def label_axes(axes: Axes, names: Sequence[str]) -> None:
 
 
 def shown(figure: Figure) -> Figure:
-    """Hand a figure to pyplot, so that `pyplot.show()` opens it and a notebook shows it once."""
+    """Register a figure with pyplot, so that `pyplot.show()` opens it and a notebook shows it once."""
     from matplotlib import pyplot
 
-    # pyplot is told to make a figure, and gets the one that exists
+    # pyplot only registers figures that it creates: the "class" of the new figure returns the existing one
     pyplot.figure(FigureClass=lambda **_: figure)  # type: ignore[arg-type]
     if "inline" in pyplot.get_backend():
         figure._ipython_display_ = partial(_show_in_notebook, figure)  # type: ignore[attr-defined]
@@ -272,11 +285,12 @@ def _show_in_notebook(figure: Figure) -> None:
 
 @singledispatch
 def _draw(result: Any) -> Figure:
-    """Draw a result; this version is called for classes that have no picture."""
+    """Raise an InputError, because no function is registered that draws results of this class."""
     raise InputError("plot", f"a {type(result).__name__}", "a result that has a picture")
 
 
-#: Decorator that registers a function as the picture of a class. Its further arguments are options of `plot()`.
+#: Decorator that registers a function which draws the picture of a class. The arguments of the function after the first
+#: are the options of `plot()`.
 shows = _draw.register
 
 
@@ -288,7 +302,7 @@ def picture(result: Any, **options: Any) -> Figure:
     result : object
         Result of a class that has a picture.
     **options
-        Options of this picture, such as `ax`.
+        Options of the function that draws this picture, such as `ax`.
 
     Returns
     -------
@@ -301,12 +315,13 @@ def picture(result: Any, **options: Any) -> Figure:
         panels cannot be drawn into `ax`.
     """
     draw = _draw.dispatch(type(result))
-    possible = list(signature(draw).parameters)[1:]
-    unknown = [name for name in options if name not in possible]
+    possible_options = list(signature(draw).parameters)[1:]  # the first parameter is the result
+    unknown = [name for name in options if name not in possible_options]
     if unknown:
         given = f"option '{unknown[0]}' for the picture of a {type(result).__name__}"
-        raise InputError("plot", given, f"one of: {', '.join(possible) or 'it has no options'}")
+        expected = f"one of: {', '.join(possible_options) or 'it has no options'}"
+        raise InputError("plot", given, expected)
     figure = draw(result, **options)
     if options.get("ax") is not None:
-        return figure  # it belongs to the user
+        return figure  # the user has created it, and shows it
     return shown(figure)

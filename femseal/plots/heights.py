@@ -1,6 +1,7 @@
 """Draw heights: maps, profiles and spectral densities, and the survey of a measured face.
 
-The colours of a map of heights cover nearly all points. The few points far above or below have colours of their own.
+The colour scale of a map of heights covers nearly all points. The few points far above or below it have two special
+colours.
 """
 
 from __future__ import annotations
@@ -34,11 +35,11 @@ if TYPE_CHECKING:
 
 #: Height of a panel with profiles [inch].
 _PROFILE_HEIGHT = 2.2
-#: Most points of a map along a side; larger maps show means over blocks of points.
+#: Largest number of points of a map along each side. Maps of more points show means over blocks of points.
 _MOST_POINTS = 1024
-#: Percentiles of the heights that the colours cover at least.
+#: The colour scale covers at least the heights between these percentiles.
 _PERCENTILES = (0.5, 99.5)
-#: Distance beyond these percentiles up to which the colours extend, as a fraction of the distance between them.
+#: The colour scale can extend beyond each percentile by this fraction of the distance between the two.
 _RANGE_MARGIN = 0.25
 #: Colours of the points above and below the range of a map, with their names.
 ABOVE, BELOW = ("#E31A1C", "red"), ("#00D5FF", "light blue")
@@ -47,7 +48,7 @@ _WAVELENGTH = "wavelength 2π/q [µm]"
 
 
 def height_range(heights: NDArray) -> Pair:
-    """Find the range of the heights without a few outliers.
+    """Find the range of the heights, leaving out a few outliers.
 
     Parameters
     ----------
@@ -57,7 +58,8 @@ def height_range(heights: NDArray) -> Pair:
     Returns
     -------
     low, high : float
-        Lowest and highest height among those that lie within a margin of the 0.5 and 99.5 % percentiles.
+        Lowest and highest of the heights that are not outliers. Outliers lie far outside the range between the 0.5 and
+        the 99.5 % percentile.
     """
     z = heights[~np.isnan(heights)]
     if not z.size:
@@ -67,9 +69,8 @@ def height_range(heights: NDArray) -> Pair:
     z_without_outliers = z[(z >= low - margin) & (z <= high + margin)]
     low = z_without_outliers.min()
     high = z_without_outliers.max()
-    if (
-        high == low
-    ):  # nearly all points have the same height, so that the colours can show the outliers
+    if high == low:
+        # nearly all points have the same height: the colours can as well show the outliers
         return z.min(), z.max()
     return low, high
 
@@ -77,16 +78,20 @@ def height_range(heights: NDArray) -> Pair:
 def draw_heights(
     axes: Axes, heights: NDArray, size: Pair, title: str = "height [µm]", *, upright: bool = False
 ) -> None:
-    """Draw a map of heights; its colour bar says how many points lie outside its range.
+    """Draw a map of heights, whose colour bar says which fraction of the points lies outside the colour scale.
 
     Parameters
     ----------
+    axes : Axes
+        Axes to draw into.
     heights : array (n1, n2)
-        Heights along x1 and x2 [µm]; undefined points, NaN, are white.
+        Heights along x1 and x2 [µm]. Undefined points (NaN) are white.
     size : pair of float
         Sides of the face along x1 and x2 [mm].
+    title : str
+        Title of the panel.
     upright : bool
-        Keep x1 horizontal, whatever the proportions.
+        True keeps x1 horizontal even if the map is high and narrow.
     """
     from matplotlib import colormaps
 
@@ -115,13 +120,13 @@ def draw_heights(
 @shows(Topography)
 @shows(Patches)
 def heights_figure(topography: Surface) -> Figure:
-    """Draw heights, their profiles through the middle, and the spectral density of profiles along both axes.
+    """Draw a map of heights, two profiles through the middle, and the spectral densities of profiles along both axes.
 
     Parameters
     ----------
     topography : Topography or Patches
-        Heights. Spectral densities are left out if points are undefined. Of several measured patches, the longest one
-        gives the spectral densities.
+        Surface whose heights are drawn. Spectral densities are left out if points are undefined. If there are several
+        measured patches, the spectral densities are those of the longest patch.
 
     Returns
     -------
@@ -157,7 +162,7 @@ def _add_grid(axes: Axes) -> None:
 
 
 def _draw_profiles(axes: Axes, topography: Surface) -> None:
-    """Draw the profiles along both axes through the middle of the face."""
+    """Draw the profiles of the heights along both axes through the middle of the face."""
     z = topography.heights * 1e6
     n1, n2 = topography.shape
     profiles = (z[:, n2 // 2], z[n1 // 2])
@@ -170,7 +175,7 @@ def _draw_profiles(axes: Axes, topography: Surface) -> None:
 
 
 def _draw_profile_densities(axes: Axes, topography: Topography) -> None:
-    """Draw the mean spectral density of the profiles along each axis."""
+    """Draw the spectral density of profiles along each axis, averaged over all profiles."""
     for axis in (0, 1):
         q, density = topography.psd(axis)
         is_drawn = (q > 0) & (density > density.max() * 1e-12)
@@ -201,15 +206,15 @@ def survey_figure(
     Parameters
     ----------
     topography : Topography
-        Heights as measured.
+        Measured heights.
     report : SurfaceReport, optional
-        What `describe_surface` says of this map. Without it the spectral densities are left out.
+        Description of this surface by `describe_surface`. Without it, the spectral densities are left out.
     conditioning : Conditioning, optional
-        What `condition` does to this map in a run.
+        Record of how `condition` changes this surface in a run. If it is given, its shortest wave is marked.
     detrend : int, optional
-        Order of the form that is removed, as in `condition`.
+        Order of the polynomial form that is removed, as in `condition`.
     spikes : float
-        Threshold of spikes, as in `condition`.
+        Threshold for the detection of spikes, as in `condition`.
 
     Returns
     -------
@@ -234,10 +239,7 @@ def survey_figure(
 
 
 def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> None:
-    """Draw the map of the heights, with a dot at every point of a spike.
-
-    is_spike : array of bool (n1, n2)
-    """
+    """Draw a map of the measured heights, with a dot at every point at which `is_spike` (n1, n2) is true."""
     titles = ["levelled height [µm]"]
     if measured.undefined_fraction:
         titles.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
@@ -255,7 +257,7 @@ def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> Non
 
 
 def _draw_histogram(axes: Axes, measured: Topography) -> None:
-    """Draw the probability density of the heights on a logarithmic scale."""
+    """Draw the probability density of the heights about their mean, on a logarithmic scale."""
     axes.set(xlabel="height [µm]", ylabel="probability density [1/µm]")
     axes.set_title("heights", fontsize=9.5)
     z = measured.heights[~np.isnan(measured.heights)] * 1e6
@@ -270,16 +272,20 @@ def _draw_histogram(axes: Axes, measured: Topography) -> None:
 def _draw_radial_density(
     axes: Axes, complete: Topography, report: SurfaceReport, conditioning: Conditioning | None
 ) -> None:
-    """Draw the spectral density averaged over directions, with its power law and the shortest waves."""
+    """Draw the spectral density averaged over directions.
+
+    The fitted power law and the shortest waves, of the measurement and of the run, are marked.
+    """
     q, density = complete.radial_psd()
     is_drawn = (q > 0) & (density > density.max(initial=0.0) * 1e-14)
     axes.loglog(_wavelength_um(q[is_drawn]), density[is_drawn], color=GREY, lw=1.0)
     if report.power_law is not None:
         q_ends = 2 * pi / np.array(report.power_law)
-        law = report.power_law_density * (q_ends / q_ends[0]) ** (-2 - 2 * report.hurst)
+        # a self-affine surface with the Hurst exponent H has the density C(q) ~ q^(-2 - 2 H)
+        fit = report.power_law_density * (q_ends / q_ends[0]) ** (-2 - 2 * report.hurst)
         exponent, error = report.power_law_slope
         label = f"q^({exponent:.2f} ± {error:.2f}), H = {report.hurst:.2f}"
-        axes.loglog(_wavelength_um(q_ends), law, color=STYLES[0]["color"], lw=2.2, label=label)
+        axes.loglog(_wavelength_um(q_ends), fit, color=STYLES[0]["color"], lw=2.2, label=label)
     if conditioning is not None:
         _mark_wavelength(axes, conditioning.shortest_wave, "low-pass of a run", 2)
     _mark_wavelength(axes, report.shortest_wave, "shortest wave measured", 3)

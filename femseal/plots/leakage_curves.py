@@ -28,9 +28,9 @@ _INTERVAL = "95 % interval"
 
 
 def _draw_curves(curves: LeakageCurves, ax: Axes | None, label: str | None) -> Figure:
-    """Draw the curves into a new figure, or into the given axes beside what is there."""
+    """Draw leakage curves into a new figure, or add them to existing axes."""
     if ax is not None:
-        # results that share axes are drawn in one unit
+        # all results in the same axes have the same unit
         in_common_unit = replace(curves, scale=COMMON_SCALE, force=None, limits={})
         leakage_panel(ax, in_common_unit, f"{label or curves.title}, ")
         ax.legend(framealpha=0.9, edgecolor="none", fontsize=7.5, handlelength=3.4)
@@ -55,9 +55,9 @@ def study_figure(
     Parameters
     ----------
     study : FaceResult or BlocksResult
-        Result of a deterministic or two-scale study, or of one in blocks.
+        Result of a deterministic or two-scale study, or of a study in blocks.
     ax : Axes, optional
-        Axes to draw into; a new figure unless given.
+        Axes to draw into; by default those of a new figure.
     label : str, optional
         Name of the study in the legend.
 
@@ -77,14 +77,14 @@ def realisations_figure(
 ) -> Figure:
     """Draw the median leakage of the realisations against nominal pressure.
 
-    The range from 5 to 95 % of the realisations is shaded if there are enough of them.
+    The range between the 5 % and the 95 % quantile is shaded if there are enough realisations.
 
     Parameters
     ----------
     study : StochasticResult
         Result of a stochastic study.
     ax : Axes, optional
-        Axes to draw into; a new figure unless given.
+        Axes to draw into; by default those of a new figure.
     label : str, optional
         Name of the study in the legend.
 
@@ -114,15 +114,17 @@ def realisations_figure(
 def leakage_figure(results: Results, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Draw the magnitude of the leakage of a run against load.
 
-    The load axis has the forces of the case if it has any. Loads at which the seal is tight stand in a strip below the
-    scale. The 95 % interval is shaded; without an error budget it is the scatter between the realisations.
+    The load is the force if the case gives forces, and otherwise the nominal pressure. Loads without leakage are marked
+    in a strip below the scale. The shaded area is the 95 % interval, or the scatter between the realisations if the
+    run has no error budget.
 
     Parameters
     ----------
     results : Results
         Results of a run.
     ax : Axes, optional
-        Axes to draw into, over nominal pressure, so that several runs can be compared; a new figure unless given.
+        Axes to draw into, to compare several runs. The load is the nominal pressure then. By default, the axes are
+        those of a new figure.
     label : str, optional
         Name of the run in the legend.
 
@@ -134,7 +136,7 @@ def leakage_figure(results: Results, ax: Axes | None = None, label: str | None =
 
 
 def leakage_curves(results: Results) -> LeakageCurves:
-    """Collect all leakages of a run that its picture shows."""
+    """Collect the leakages of a run that its picture shows."""
     data = results.dataset
     budget = results.budget
     band = None
@@ -150,7 +152,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         for method, name in METHODS.items()
         if name in data and method not in ("median", results.method)
     }
-    # with a test fluid, the limits are for its leakage and not for the one that is drawn
+    # the limits apply to the leakage of the test fluid if there is one, which this picture does not show
     limits = {} if "test_leakage" in data else _class_limits(data)
     return LeakageCurves(
         pressure=data["nominal_pressure"].values,
@@ -167,7 +169,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
 
 
 def leak_test_figure(results: Results) -> Figure:
-    """Draw the leakage of the test fluid against load, with its interval and the limits of the leakage classes.
+    """Draw the leakage of the test fluid against load, with its 95 % interval and the limits of the leakage classes.
 
     Parameters
     ----------
@@ -209,30 +211,33 @@ def leak_test_figure(results: Results) -> Figure:
 
 
 def _class_limits(data: xarray.Dataset) -> dict[str, float]:
-    """Look up the largest leakage [m²/s] of every leakage class of a run, by name."""
+    """Return the limit [m²/s] of every leakage class of a run, by the name of the class."""
     if "leak_class" not in data.coords:
         return {}
     return dict(zip(data["leak_class"].values, data["class_limit"].values, strict=True))
 
 
 def _method_title(results: Results) -> str:
-    """Name the main curve of a run."""
+    """Return the name of the curve of the best method of a run."""
     return "median of the realisations" if results.method == "median" else results.method
 
 
 def _scatter_name(low: float, high: float) -> str:
-    """Name the range between two quantiles of the realisations."""
+    """Return the name of the range between two quantiles of the leakage of the realisations."""
     return f"scatter between seals,\n{100 * low:g} – {100 * high:g} %"
 
 
 def _readable_scale(leakage: Array) -> tuple[float, str]:
-    """Choose a unit in which leakages [m²/s] are readable, and name the axis."""
+    """Choose a unit in which leakages [m²/s] are readable; return its value in m²/s and the name of the axis."""
     factor, unit = leakage_unit(leakage)
     return factor, f"leakage per length of seal [{unit}]"
 
 
 def _run_scale(results: Results) -> tuple[float, str]:
-    """Get the leakage unit of a run [m²/s], and name the axis with the state of a gas and the direction of flow."""
+    """Return the value of the leakage unit of a run in m²/s, and the name of the axis.
+
+    The name also gives the pressure of a gas volume, and the direction of the flow if it is from outlet to inlet.
+    """
     unit, factor = results.leak_scale
     attrs = results.dataset.attrs
     notes = []

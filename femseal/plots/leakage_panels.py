@@ -1,4 +1,4 @@
-"""Draw leakages against load into axes: curves, 95 % intervals, limits of leakage classes and sealed loads."""
+"""Draw leakages against load: curves, 95 % intervals, limits of leakage classes, and loads without leakage."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ from .drawing import GREY, branch_styles, label_decades, set_load_axis
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Largest factor by which the ends of intervals extend the scale beyond the leakages.
+#: The ends of 95 % intervals can extend the scale beyond the leakages by at most this factor.
 _FARTHEST_END = 10.0
 #: Height of the name of a leakage class beside the axis, as a fraction of the axis.
 _NAME_HEIGHT = 0.042
 #: Height of the strip for sealed loads at the bottom of the axis, as a fraction of the axis.
 _STRIP = 0.08
-#: Marker and size of the studies that are drawn as single points beside the main curve.
+#: Marker, and its size, of each method that is drawn as single points in addition to the main curve.
 _STUDY_MARKERS = {"two-scale": ("D", 7), "deterministic": ("x", 5), "blocks": ("s", 6)}
-#: Unit of axes that several results share [m²/s], and the name of the axis.
+#: Unit of an axis on which several results are drawn [m²/s], and the name of this axis.
 COMMON_SCALE = (1.0, "leakage per length of seal [m²/s]")
 
 
 @dataclass(frozen=True)
 class LeakageCurves:
-    """Leakages per length of seal over a load cycle that are drawn together.
+    """Leakages per unit seal length over a load cycle, which are drawn together.
 
     Parameters
     ----------
     pressure : array (steps,)
         Nominal pressure of each load step [Pa].
     peaks : array (steps,)
-        Nominal pressure from which the step is unloaded [Pa]; NaN on loading.
+        Nominal pressure from which the seal has been unloaded at each step [Pa]; NaN on loading.
     leakage : array (steps,)
-        The main curve [m²/s].
+        Leakage of the main curve [m²/s].
     title : str
         Name of the main curve.
     band : pair of arrays (steps,), optional
         Lower and upper end of the shaded area [m²/s].
     band_name : str
-        What the shaded area is.
+        Name of the shaded area in the legend.
     other_methods : dict of arrays (steps,)
-        Leakages of other methods [m²/s] by name, drawn as single markers.
+        Leakages computed by other methods [m²/s], by the names of the methods. They are drawn as single markers.
     limits : dict of float
-        Largest leakages of leakage classes [m²/s] by name.
+        Limits of leakage classes [m²/s], by the names of the classes.
     scale : pair (float, str)
-        Leakage [m²/s] that is 1 on the axis, and the name of the axis with its unit.
+        Leakage that equals 1 on the axis [m²/s], and the name of the axis with its unit.
     force : pair (str, float), optional
-        Unit of the forces of the case, and the force in it at a nominal pressure of 1 Pa.
+        Unit of the forces in the case, and the force in this unit that belongs to a nominal pressure of 1 Pa.
     """
 
     pressure: Array
@@ -67,7 +67,7 @@ class LeakageCurves:
 
     @property
     def branches(self) -> list[tuple[str, Indices]]:
-        """Name and step indices of the loading and of each unloading, with forces if the case has them."""
+        """Name and step indices of the loading and of each unloading; the name of an unloading gives its peak."""
         loading, *unloadings = branches(self.pressure, self.peaks)
         if self.force is None:
             return [loading, *unloadings]
@@ -80,7 +80,7 @@ class LeakageCurves:
 
     @property
     def load_scale(self) -> tuple[str, float]:
-        """Name of the load axis, and the load on it at a nominal pressure of 1 Pa."""
+        """Name of the load axis, and the value on it that belongs to a nominal pressure of 1 Pa."""
         if self.force is None:
             return "nominal pressure [MPa]", 1e-6
         unit, factor = self.force
@@ -88,19 +88,25 @@ class LeakageCurves:
 
     @property
     def range(self) -> Array:
-        """Magnitudes [m²/s] that the leakage axis must show."""
+        """Absolute values [m²/s] that the leakage axis must cover."""
         leakages = np.abs(np.concatenate([self.leakage, *self.other_methods.values()]))
         ends = np.abs(np.concatenate(self.band)) if self.band is not None else np.empty(0)
         return with_near_ends(leakages, ends)
 
 
 def with_near_ends(leakages: Array, ends: Array) -> Array:
-    """Append the ends of intervals to the leakages, moved to at most 10 times below or above them.
+    """Append the ends of 95 % intervals to leakages, to find the range of an axis.
+
+    An end more than 10 times below the lowest or above the highest leakage is moved to this distance, so that a wide
+    interval does not compress the curves.
 
     Parameters
     ----------
-    leakages, ends : array (any length,)
-        Magnitudes in one unit. Ends may be unknown (NaN), infinite or 0; these are left out.
+    leakages : array (any length,)
+        Absolute values of the leakages.
+    ends : array (any length,)
+        Absolute values of the ends of the intervals, in the same unit. Ends that are unknown (NaN), infinite or 0 are
+        left out.
     """
     positive = leakages[np.isfinite(leakages) & (leakages > 0)]
     if not positive.size:
@@ -112,35 +118,37 @@ def with_near_ends(leakages: Array, ends: Array) -> Array:
 
 
 def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[Any]:
-    """Draw the magnitude of the leakage against load on a logarithmic scale.
+    """Draw the absolute value of the leakage against load on a logarithmic scale.
 
-    Loads at which the seal is tight stand in a strip below the scale. If the axes contain curves already, they are
-    kept and the scale covers both.
+    Loads without leakage are marked in a strip below the scale. Curves that the axes already contain are kept, and the
+    scale covers them too.
 
     Parameters
     ----------
     axes : Axes
         Axes to draw into.
     curves : LeakageCurves
-        What is drawn.
+        Leakages to draw.
     label : str
         Text before the names of the branches in the legend.
 
     Returns
     -------
     list of artists
-        Handles of the legend.
+        Handles for a legend.
     """
     from matplotlib.patches import Patch
 
     factor, leakage_name = curves.scale
     load_name, load_factor = curves.load_scale
     load = load_factor * curves.pressure
-    n_drawn = len(axes.get_legend_handles_labels()[0])
-    drawn = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
-    set_leakage_axis(axes, np.concatenate([curves.range / factor, *drawn]))
+    present_handles, _labels = axes.get_legend_handles_labels()
+    present_leakages = [
+        line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData
+    ]
+    set_leakage_axis(axes, np.concatenate([curves.range / factor, *present_leakages]))
     handles: list[Any] = []
-    for n, (branch, steps) in enumerate(curves.branches, start=n_drawn):
+    for n, (branch, steps) in enumerate(curves.branches, start=len(present_handles)):
         style = branch_styles(n + 1)[n]
         if curves.band is not None:
             low, high = (end[steps] / factor for end in curves.band)
@@ -163,9 +171,14 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
 
 
 def set_leakage_axis(axes: Axes, values: Array) -> None:
-    """Set a logarithmic leakage axis, with a strip below it if some of the values are 0.
+    """Make the y axis a logarithmic leakage axis, with a strip below the scale if some of the values are 0.
 
-    values : array of leakages >= 0 in the unit of the axis, or NaN.
+    Parameters
+    ----------
+    axes : Axes
+        Axes whose y axis is set.
+    values : array (any length,)
+        Absolute values of leakages, in the unit of the axis; NaN is ignored.
     """
     from matplotlib.patches import Rectangle
 
@@ -179,7 +192,7 @@ def set_leakage_axis(axes: Axes, values: Array) -> None:
     label_decades(axes.yaxis)
     if not strip:
         return
-    # axhspan would take the ends of the strip as leakages
+    # not axhspan, which would extend the range of leakages
     axes.add_patch(
         Rectangle((0, 0), 1, strip, transform=axes.transAxes, color="#E4E4E4", lw=0, zorder=0)
     )
@@ -188,23 +201,32 @@ def set_leakage_axis(axes: Axes, values: Array) -> None:
 
 
 def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
-    """Draw a line of leakages >= 0; those that are 0 become markers in the strip below the scale.
+    """Draw a line of leakages >= 0, and markers in the strip below the scale where the leakage is 0.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes to draw into.
+    load, leakage : array (steps,)
+        Load and leakage, in the units of the axes.
+    **style
+        Style of line and markers, as `Axes.plot` takes it.
 
     Returns
     -------
     Line2D
-        The line of the leakages above 0.
+        Line through the leakages above 0.
     """
     (line,) = axes.plot(load, np.where(leakage > 0, leakage, np.nan), **style)
     sealed_loads = load[leakage == 0]
-    heights = np.full(sealed_loads.size, _STRIP / 2)
+    heights = np.full(sealed_loads.size, _STRIP / 2)  # as fractions of the height of the axes
     marker_style = style | {"ls": "", "label": None}
     axes.plot(sealed_loads, heights, transform=axes.get_xaxis_transform(), **marker_style)
     return line
 
 
 def leakage_band(axes: Axes, load: Array, low: Array, high: Array, colour: Any) -> None:
-    """Shade the area between two leakages within the scale; a single load gets a bar."""
+    """Shade the area between two leakages, as far as it lies within the scale; draw a bar if there is only one load."""
     low, high = _within_scale(axes, low, high)
     if len(load) > 1:
         axes.fill_between(load, low, high, color=colour, lw=0, alpha=0.14)
@@ -213,23 +235,28 @@ def leakage_band(axes: Axes, load: Array, low: Array, high: Array, colour: Any) 
 
 
 def leakage_bars(axes: Axes, load: Array, low: Array, high: Array, colour: Any) -> None:
-    """Draw intervals of leakages within the scale as thin vertical bars."""
+    """Draw intervals of leakages as thin vertical bars, as far as they lie within the scale."""
     low, high = _within_scale(axes, low, high)
     axes.vlines(load, low, high, color=colour, lw=1.4, alpha=0.75)
 
 
 def _within_scale(axes: Axes, low: Array, high: Array) -> tuple[Array, Array]:
-    """Limit the magnitudes of two leakages of either direction to the range of the y axis."""
+    """Limit the absolute values of two leakages to the range of the y axis."""
     bottom, top = axes.get_ylim()
     return np.clip(np.abs(low), bottom, top), np.clip(np.abs(high), bottom, top)
 
 
 def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
-    """Draw a line for every limit within the scale, with its name at the right.
+    """Draw a horizontal line for every limit within the scale, with its name to the right of the axes.
 
-    Names that would overlap are written in one line of text.
+    Names that would overlap are joined to one text.
 
-    limits : leakages in the unit of the axis by name.
+    Parameters
+    ----------
+    axes : Axes
+        Axes to draw into.
+    limits : dict of float
+        Limits in the unit of the y axis, by their names.
     """
     low, high = axes.get_ylim()
     names_by_row: dict[int, list[str]] = {}

@@ -12,9 +12,9 @@ from .drawing import MAP, PAGE, Margins, figure_of, label_axes, label_decades, s
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Colour of the points of a map that have no value, such as contact or sealed cells.
+#: Colour of points without a value in most maps, such as points in contact or sealed cells.
 CLOSED = "#B0B0B0"
-#: Colour of pockets. White differs from all colours of the map of fluid pressure, which has grey in its middle.
+#: Colour of pockets in maps of the fluid pressure. It is white because the middle of their colour scale is grey.
 POCKET = "#FFFFFF"
 #: Ratio of height to width above which a map is turned on its side.
 _HIGHEST_UPRIGHT = 1.2
@@ -33,10 +33,12 @@ def draw_map(
 ) -> Any:
     """Draw values over a rectangular face as colours.
 
-    A face that is much longer along x2 than along x1 is turned on its side, see `on_its_side`.
+    The map of a face that is much longer along x2 than along x1 is turned on its side, see `on_its_side`.
 
     Parameters
     ----------
+    axes : Axes
+        Axes to draw into.
     values : array (n1, n2)
         Values along x1 and x2.
     size : pair of float
@@ -48,9 +50,9 @@ def draw_map(
     unit : str
         Unit of length on the axes.
     upright : bool
-        Keep x1 horizontal, whatever the proportions.
+        True keeps x1 horizontal even if the map is high and narrow.
     **scale
-        Range or norm of the colours, as `Axes.imshow` takes them.
+        Range or norm of the colours, with the names of the arguments of `Axes.imshow`.
 
     Returns
     -------
@@ -59,6 +61,7 @@ def draw_map(
     width, height = size if upright else on_its_side(size)
     is_turned = (width, height) != tuple(size)
     image = axes.imshow(
+        # imshow takes (vertical, horizontal); x1 is horizontal unless the map is turned
         values if is_turned else values.T,
         origin="lower",
         extent=(0.0, width, 0.0, height),
@@ -76,7 +79,7 @@ def draw_map(
 
 
 def on_its_side(size: Pair) -> Pair:
-    """Give the width and height of a map; one that would be high and narrow is turned, to fill its panel better."""
+    """Return the width and height of a map with the sides (x1, x2); a high and narrow map is turned by 90°."""
     if size[1] > _HIGHEST_UPRIGHT * size[0]:
         return size[1], size[0]
     return size[0], size[1]
@@ -107,21 +110,22 @@ def add_colour_bar(axes: Axes, image: Any) -> Any:
 
 
 def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
-    """Limit values to a logarithmic colour scale.
+    """Limit values to the range of a logarithmic colour scale.
 
     Parameters
     ----------
     values : array (any shape)
         Values >= 0, or NaN.
     decades : int
-        Largest number of decades of the scale, counted down from the highest value.
+        Largest number of decades that the scale covers below the highest value.
 
     Returns
     -------
     values : array
-        Positive values raised to the lower end of the scale; 0 lies below that end, and NaN stays NaN.
+        Values for the scale. Positive values below the lower end of the scale are raised to this end. Values of 0 are
+        replaced by a value below the scale, so that they get the colour for this range. NaN stays NaN.
     norm : LogNorm
-        The scale.
+        Colour scale.
     """
     from matplotlib.colors import LogNorm
 
@@ -129,7 +133,8 @@ def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
     high = positive.max() if positive.size else 1.0
     low = max(positive.min(), high * 10.0**-decades) if positive.size else 0.1
     if low >= 0.99 * high:
-        low = high / 10  # otherwise all ticks would show the same number
+        # on a narrower scale, all ticks would show the same number
+        low = high / 10
     clipped = np.full(values.shape, np.nan)
     clipped[values > 0] = np.maximum(values[values > 0], low)
     clipped[values == 0] = low / 10
@@ -137,7 +142,7 @@ def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
 
 
 def colours_with_closed(name: str, colour: str = CLOSED) -> Any:
-    """Get a colour map that shows undefined points, and points below its range, in a colour of their own."""
+    """Return a colour map of matplotlib in which `colour` marks undefined values and values below the range."""
     from matplotlib import colormaps
 
     return colormaps[name].with_extremes(bad=colour, under=colour)

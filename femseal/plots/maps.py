@@ -1,7 +1,4 @@
-"""Draw maps: of the surface at one load, and of single solutions.
-
-Single solutions are a contact, a load cycle, the flow in a cell and the leakage of a seal.
-"""
+"""Draw maps of a surface at one load, and of the solution of a single contact, cell flow or seal flow."""
 
 from __future__ import annotations
 
@@ -48,7 +45,7 @@ if TYPE_CHECKING:
 
 
 def default_step(data: xarray.Dataset) -> int:
-    """Find the step of the highest load at which the surface, or else the realisations, leak; 0 if none does."""
+    """Return the index of the step with the highest load that still leaks, 0 if no step leaks."""
     leaking = np.flatnonzero(np.nan_to_num(surface_leakage(data)))
     if not leaking.size:
         return 0
@@ -56,7 +53,7 @@ def default_step(data: xarray.Dataset) -> int:
 
 
 def surface_leakage(data: xarray.Dataset) -> Array:
-    """Get the leakage at every step (steps,) by the first method that the run has, most detailed first."""
+    """Return the leakage (steps,) [m²/s] of the surface, or that of the realisations if the surface was not solved."""
     names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
     available = [name for name in names if name in data]
     return np.asarray(data[available[0]].values)
@@ -65,15 +62,15 @@ def surface_leakage(data: xarray.Dataset) -> Array:
 def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Draw contact pressure, gap and fluid pressure of the surface at one load, and the fluid pressure along x1.
 
-    The maps show means over blocks of pixels. Results that have no fields over the surface give maps of the
-    realisation nearest to the median.
+    The maps show means over blocks of pixels. If the results have no fields over the surface, the realisation nearest
+    to the median is drawn instead.
 
     Parameters
     ----------
     results : Results
         Results of a run.
     step : int, optional
-        Index of the load step; the highest load that still leaks unless given.
+        Index of the load step; by default the step with the highest load that still leaks.
 
     Returns
     -------
@@ -114,7 +111,7 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
 
 
 def representative_steps(data: xarray.Dataset, last: int) -> list[int]:
-    """List the first and the middle loading step that leak, and then the given step."""
+    """Return the first and the middle one of the loading steps that leak, followed by the step `last`."""
     loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
     leaking = loading[np.nan_to_num(surface_leakage(data)[loading]) != 0]
     steps = [leaking[0], leaking[leaking.size // 2]] if leaking.size else []
@@ -122,12 +119,12 @@ def representative_steps(data: xarray.Dataset, last: int) -> list[int]:
 
 
 def patch_figure(data: xarray.Dataset) -> Figure:
-    """Draw the heights of the measured patch that leaks most, and its gap at the highest load that leaks if known."""
+    """Draw the heights of the measured patch that leaks most, and if known its gap at the highest load that leaks."""
     size = sides(data, "patch")
     has_gaps = "patch_gap" in data
     sheet = Sheet([map_row_height(on_its_side(size))] * (2 if has_gaps else 1))
     heights = data["patch_height"]
-    title = f"patch {heights.attrs['place']}: height [µm]"
+    title = f"patch {heights.attrs['patch']}: height [µm]"
     draw_heights(sheet.panel(0, MAP), heights.values * 1e6, size, title)
     if has_gaps:
         step = default_step(data)
@@ -137,7 +134,7 @@ def patch_figure(data: xarray.Dataset) -> Figure:
 
 
 def sides(data: xarray.Dataset, part: str = "face") -> Pair:
-    """Compute the sides [mm] of the surface, or of a measured patch ("patch"), from the centres of its blocks."""
+    """Return the sides [mm] of the surface ("face") or of the drawn patch ("patch"), from the centres of its blocks."""
     x1 = data[f"{part}1"].values
     x2 = data[f"{part}2"].values
     # the first and the last centre are half a block away from the ends
@@ -145,7 +142,7 @@ def sides(data: xarray.Dataset, part: str = "face") -> Pair:
 
 
 def _draw_contact_pressure(axes: Axes, pressure: Array, size: Pair, separator: str) -> None:
-    """Draw a map of a contact pressure (n1, n2) [Pa]; `separator` stands between the parts of its title."""
+    """Draw a map of a contact pressure (n1, n2) [Pa]; `separator` is the text between the two parts of its title."""
     in_contact = np.where(pressure > 0, pressure, np.nan) / 1e6
     title = f"contact pressure [MPa]{separator}grey: no contact"
     draw_map(axes, in_contact, size, colours_with_closed("viridis"), title)
@@ -158,21 +155,26 @@ def _draw_gap(axes: Axes, gap: Array, size: Pair, title: str) -> None:
 
 
 def draw_pressure_drop(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
-    """Draw the fluid pressure along x1, averaged over the length of the seal, and its range at the last step."""
+    """Draw the fluid pressure along x1, averaged over x2.
+
+    A line is drawn for each of the steps; for the last one, the range between the lowest and the highest pressure is
+    shaded as well.
+    """
     values = data["face_fluid_pressure"].values.astype(float)  # (step, row, column)
-    pressure = np.ma.masked_invalid(values) / 1e6
+    pressure = np.ma.masked_invalid(values) / 1e6  # MPa; there is none in contact and in pockets
     x1 = data["block1"].values
     means = {step: pressure[step].mean(axis=1) for step in steps}
     _draw_along_x1(axes, data, x1, means, "fluid pressure [MPa]")
     last = pressure[steps[-1]]
-    lowest, highest = last.min(axis=1), last.max(axis=1)
+    lowest = last.min(axis=1)
+    highest = last.max(axis=1)
     label = "lowest to highest"
     axes.fill_between(x1 * 1e3, lowest, highest, color=GREY, alpha=0.15, lw=0, label=label)
     axes.legend(fontsize=8, framealpha=0.9)
 
 
 def draw_row_pressures(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
-    """Draw the mean contact pressure of each row of pixels along x1, which shows the band on which a seat touches."""
+    """Draw the contact pressure against x1, averaged over x2, which shows the contact band of a seat."""
     pressures = {step: data["row_pressure"].values[step] / 1e6 for step in steps}
     name = "mean contact pressure of rows [MPa]"
     _draw_along_x1(axes, data, data["row"].values, pressures, name)
@@ -182,7 +184,7 @@ def draw_row_pressures(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -
 def _draw_along_x1(
     axes: Axes, data: xarray.Dataset, x1: Array, pressures: dict[int, Array], name: str
 ) -> None:
-    """Draw a line of pressures [MPa] against x1 [m] for each step."""
+    """Draw a line of pressures [MPa] against x1 [m] for each step; `name` is the name of the pressure axis."""
     names = load_names(data)
     for (step, pressure), style in zip(pressures.items(), STYLES, strict=False):
         axes.plot(x1 * 1e3, pressure, lw=1.4, label=names[step], **style)
@@ -241,7 +243,7 @@ def _draw_over_pressure(axes: Axes, cycle: LoadCycle, values: Array, name: str) 
 
 @shows(Permeability)
 def permeability_figure(permeability: Permeability, ax: Axes | None = None) -> Figure:
-    """Draw the fluid pressure in a cell for a pressure drop of 1."""
+    """Draw the fluid pressure in a cell for a unit pressure drop."""
     title = "fluid pressure for a unit drop; white: contact, pockets"
     return _draw_fluid_pressure(permeability.fluid_pressure, ax, title, "pixels")
 
@@ -263,7 +265,10 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
 
 
 def _draw_fluid_pressure(values: Array, ax: Axes | None, title: str, unit: str) -> Figure:
-    """Draw a map of a fluid pressure (n1, n2) into the given axes, or into a new figure."""
+    """Draw a map of a fluid pressure (n1, n2) into axes, by default those of a new figure.
+
+    The axes count pixels or nodes; `unit` says which.
+    """
     n1, n2 = values.shape
     if ax is None:
         height = map_height(on_its_side((n1, n2)), 4.6) + 0.9

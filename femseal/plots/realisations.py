@@ -1,4 +1,4 @@
-"""Draw a realisation in the plane of the seal: the one whose leakage is nearest to the median."""
+"""Draw the realisation whose leakage is nearest to the median, in the plane of the seal."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Decades below the largest flow that its map distinguishes.
+#: Number of decades below the largest flow that the colour scale of the flow covers.
 _FLOW_DECADES = 4
-#: Side of the detail around the largest flow, as a multiple of the breadth of the seal.
+#: Side of the detail around the largest flow, as a multiple of the width of the seal.
 _DETAIL_SIDE = 2.5
-#: Ratio of length to breadth up to which a seal is drawn to scale.
+#: A seal is drawn to scale up to this ratio of length to width.
 _LONGEST_TO_SCALE = 8.0
 
 
@@ -38,9 +38,13 @@ _LONGEST_TO_SCALE = 8.0
 class _TileValues:
     """Values of the tiles of a seal that are drawn as a map.
 
-    title : what they are, with the unit. values : array (tiles,), NaN where unknown. colours : name of a colour map.
-    undefined : what tiles without a value are. decades : largest number of decades of a logarithmic scale; 0 makes the
-    scale linear.
+    Attributes
+    ----------
+    title : name of the quantity, with its unit.
+    values : value of each tile, (tiles,), NaN where there is none.
+    colours : name of the colour map.
+    undefined : explanation of tiles without a value.
+    decades : largest number of decades of a logarithmic colour scale; 0 for a linear scale.
     """
 
     title: str
@@ -51,10 +55,11 @@ class _TileValues:
 
 
 def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
-    """Draw the fluid pressure in the realisation nearest to the median, and the flow around its largest value.
+    """Draw the fluid pressure in the realisation nearest to the median, and the flow around its maximum.
 
-    If the load has a map or the seal has a form, the contact pressure of the tiles, the form, and the distance between
-    the mean planes are drawn too. A long seal is not drawn to scale, and a high one is turned on its side.
+    The contact pressure of the tiles is drawn too if the load has a pressure map or the seal has a form. For a seal
+    with a form, the form and the distance between the mean planes are drawn as well. A long seal is not drawn to scale.
+    A seal whose picture would be high and narrow is turned on its side.
 
     Parameters
     ----------
@@ -74,9 +79,11 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
         corners = corners[..., ::-1]
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
-    flow = np.nan_to_num(np.hypot(*data["drawn_flux"].values[step].T))  # (tiles,)
-    detail_low, detail_high = _detail(data, corners, corners[np.argmax(flow)].mean(axis=0))
+    flow = np.nan_to_num(np.hypot(*data["drawn_flux"].values[step].T))  # magnitude (tiles,)
+    centre_of_largest_flow = corners[np.argmax(flow)].mean(axis=0)
+    detail_low, detail_high = _detail(data, corners, centre_of_largest_flow)
     shows_whole_seal = np.array_equal([detail_low, detail_high], [low, high])
+    # lower left corner, upper right corner and values of each panel
     panels = [(low, high, values) for values in _whole_seal_values(data, step)]
     panels.append((detail_low, detail_high, _flow_values(flow, shows_whole_seal)))
 
@@ -106,7 +113,10 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
 
 
 def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array, Array]:
-    """Find the lower left and upper right corner of the detail around a point, within the seal [mm] (axis,)."""
+    """Return the lower left and upper right corner of the detail, both (axis,) [mm].
+
+    The detail is a square around the point `centre`, moved so that it lies within the seal, and limited to the seal.
+    """
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
     side = _DETAIL_SIDE * data.attrs["seal_size_m"][0] * 1e3
@@ -115,7 +125,7 @@ def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array,
 
 
 def _flow_values(flow: Array, shows_whole_seal: bool) -> _TileValues:
-    """Prepare the map of the flow per width (tiles,) [m²/s]."""
+    """Prepare the map of the flow per unit width, (tiles,) [m²/s]."""
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
     title = f"flow per width [{unit}]"
     if not shows_whole_seal:
@@ -124,7 +134,7 @@ def _flow_values(flow: Array, shows_whole_seal: bool) -> _TileValues:
 
 
 def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
-    """List the values that are drawn over the whole seal."""
+    """Return the values whose maps show the whole seal."""
     maps = []
     has_form = "drawn_form" in data
     has_load_map = json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map")
@@ -142,16 +152,18 @@ def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
 
 
 def _draw_tiles(axes: Axes, corners: Array, tile_values: _TileValues, is_drawn: Flags) -> None:
-    """Draw some of the tiles of a seal, in colours whose scale covers all of them.
+    """Draw some of the tiles of a seal, with a colour scale that covers the values of all tiles.
 
     Parameters
     ----------
+    axes : Axes
+        Axes to draw into.
     corners : array (drawn tiles, corners, 2)
         Corners of the tiles that are drawn [mm].
     tile_values : _TileValues
         Values of all tiles.
     is_drawn : array of bool (tiles,)
-        Which tiles are drawn.
+        True for the tiles that are drawn.
     """
     from matplotlib import colormaps
     from matplotlib.collections import PolyCollection

@@ -1,4 +1,4 @@
-"""Draw several runs in one picture: leakage against load, and against the key that was varied."""
+"""Draw the leakage of several runs in one picture, against load and against the key of the case that was varied."""
 
 from __future__ import annotations
 
@@ -35,10 +35,11 @@ if TYPE_CHECKING:
 
     from ..loads import LoadStep
 
-#: Most runs whose intervals are shaded. Shaded areas of more runs would hide each other: these get bars.
+#: The intervals of up to this number of runs are shaded areas. Those of more runs are bars, which hide each other less.
 _MOST_SHADED = 3
-#: Relative distance between bars that would stand at the same position.
+#: Relative distance by which bars at the same position are moved apart.
 _BAR_DISTANCE = 0.012
+#: A number, and the unit behind it.
 _NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -46,15 +47,17 @@ _NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\
 def comparison_figure(comparison: RunComparison) -> Figure:
     """Draw the leakage of several runs against nominal pressure, each run in its own colour.
 
-    Loading is solid, unloading is dashed with open markers, and loads at which a seal is tight stand in a strip below
-    the scale. The 95 % intervals on loading are shaded, or drawn as bars if there are more than three runs; without
-    error budgets they are the scatter between realisations. A sweep gets a second panel, with the leakage against the
-    key that has most values, at the highest load at which all runs leak.
+    Loading is drawn with solid lines, unloading with dashed lines and open markers. Loads without leakage are marked in
+    a strip below the scale. The 95 % intervals on loading are shaded areas, or bars if there are more than three runs.
+    If no run has an error budget, the scatter between realisations is drawn instead.
+
+    The picture of a sweep has a second panel with the leakage against the key of the case that has most values, at the
+    highest load at which all runs leak.
 
     Parameters
     ----------
     comparison : RunComparison
-        The runs.
+        Runs to draw.
 
     Returns
     -------
@@ -74,7 +77,7 @@ def comparison_figure(comparison: RunComparison) -> Figure:
 
 
 def _most_varied_key(comparison: RunComparison) -> int | None:
-    """Find the index of the key with most values; None if no key varies or the runs have no load in common."""
+    """Return the index of the key with most values, None if no key varies or the runs have no load in common."""
     counts = [len(set(values)) for values in zip(*comparison.settings, strict=True)]
     if not comparison.common_steps or max(counts, default=0) < 2:
         return None
@@ -83,10 +86,12 @@ def _most_varied_key(comparison: RunComparison) -> int | None:
 
 @dataclass(frozen=True)
 class _Bands:
-    """What is drawn around the leakage of each run.
+    """Ranges that are drawn around the leakages of several runs.
 
-    ends : lower and upper end (steps,) for each run, None for a run without.
-    name : what it is; "" if no run has one.
+    Attributes
+    ----------
+    ends : lower and upper end of the range of each run, (steps,) each; None for a run without a range.
+    name : name of the ranges; "" if no run has one.
     """
 
     ends: list[tuple[Array, Array] | None]
@@ -94,7 +99,7 @@ class _Bands:
 
 
 def _bands(comparison: RunComparison) -> _Bands:
-    """Choose the 95 % intervals if a run has one, and otherwise the scatter between realisations."""
+    """Return the 95 % intervals if at least one run has one, and otherwise the scatter between realisations."""
     runs = range(len(comparison.runs))
     intervals = [comparison.interval(n) for n in runs]
     if any(interval is not None for interval in intervals):
@@ -113,27 +118,30 @@ def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], s
     leakages = [np.abs(comparison.leakage(n)) for n in range(count)]
     loads = [run.dataset["nominal_pressure"].values / 1e6 for run in comparison.runs]  # MPa
     bands = _bands(comparison)
-    ends = [np.abs(end) for band in bands.ends if band is not None for end in band]
-    all_ends = np.concatenate(ends) if ends else np.empty(0)
-    set_leakage_axis(axes, with_near_ends(np.concatenate(leakages), all_ends))
+    ends = [np.empty(0)]
+    for band in bands.ends:
+        if band is not None:
+            ends += [np.abs(end) for end in band]
+    set_leakage_axis(axes, with_near_ends(np.concatenate(leakages), np.concatenate(ends)))
     is_shaded = count <= _MOST_SHADED
     dark_to_bright = colormaps["viridis"](np.linspace(0, 0.92, count))
     handles: list[Any] = []
     for n, colour in enumerate(dark_to_bright):
-        (_, loading), *unloadings = branches_in(comparison.runs[n].dataset)
+        (_name, loading), *unloadings = branches_in(comparison.runs[n].dataset)
         style: dict[str, Any] = {"color": colour, "marker": MARKERS[n % len(MARKERS)], "ms": 4.5}
         solid = style | {"lw": 1.8, "label": comparison.labels[n]}
         handles.append(leakage_line(axes, loads[n][loading], leakages[n][loading], **solid))
         dashed = style | {"ls": "--", "lw": 1.0, "mfc": "white"}
-        for _, unloading in unloadings:
+        for _name, unloading in unloadings:
             leakage_line(axes, loads[n][unloading], leakages[n][unloading], **dashed)
         band = bands.ends[n]
         if band is None:
             continue
-        low, high = band[0][loading], band[1][loading]
+        low, high = (end[loading] for end in band)
         if is_shaded:
             leakage_band(axes, loads[n][loading], low, high, colour)
         else:
+            # the bars of the runs stand side by side, centred about the load
             shift = 1 + _BAR_DISTANCE * (n - (count - 1) / 2)
             leakage_bars(axes, loads[n][loading] * shift, low, high, colour)
     axes.set(xlabel="nominal pressure [MPa]", ylabel=comparison.label)
@@ -148,7 +156,7 @@ def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], s
 
 
 def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
-    """Draw leakage at one load against the values of a key, with a line for each choice of the other keys."""
+    """Draw the leakage at one load against the values of a key, with a line for each combination of the other keys."""
     step = _highest_leaking_step(comparison)
     leakages = _leakages_at(comparison, step)
     low, high = _intervals_at(comparison, step)
@@ -163,6 +171,7 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
         x = np.array([positions[texts.index(comparison.settings[run][key])] for run in runs])
         order = np.argsort(x)
         leakage_line(axes, x[order], leakages[runs][order], label=name, **style)
+        # the bars of the lines stand side by side
         shift = _BAR_DISTANCE * (n - (len(runs_by_line) - 1) / 2)
         bar_x = x * (last / first) ** shift if is_log else x + (last - first) * shift
         has_interval = np.isfinite(high[runs])
@@ -184,7 +193,7 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
 
 
 def _highest_leaking_step(comparison: RunComparison) -> LoadStep:
-    """Find the highest load on loading at which all runs leak; the first common step if there is none."""
+    """Return the step of the highest load on loading at which all runs leak, or else the first common step."""
     loading = [step for step in comparison.common_steps if step.unloaded_from is None]
     leaking = [step for step in loading if (_leakages_at(comparison, step) > 0).all()]
     return leaking[-1] if leaking else comparison.common_steps[0]
@@ -200,12 +209,12 @@ def _runs_by_other_keys(comparison: RunComparison, key: int) -> dict[str, list[i
 
 
 def _without(texts: tuple[str, ...], index: int) -> tuple[str, ...]:
-    """Leave out one text."""
+    """Return the texts without the one at an index."""
     return texts[:index] + texts[index + 1 :]
 
 
 def _leakages_at(comparison: RunComparison, step: LoadStep) -> Array:
-    """Collect the magnitude of the leakage of every run at a load step (runs,)."""
+    """Return the absolute value of the leakage of every run at a load step, (runs,)."""
     leakages = [
         comparison.leakage(n)[run.steps.index(step)] for n, run in enumerate(comparison.runs)
     ]
@@ -213,7 +222,10 @@ def _leakages_at(comparison: RunComparison, step: LoadStep) -> Array:
 
 
 def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Array]:
-    """Collect the magnitudes of both ends of the 95 % interval of every run at a load step (runs,), NaN without."""
+    """Return the absolute values of the lower and upper end of the 95 % interval of every run at a load step.
+
+    Both are arrays (runs,), with NaN for runs without an error budget.
+    """
     low = np.full(len(comparison.runs), np.nan)
     high = low.copy()
     for n, run in enumerate(comparison.runs):
@@ -227,7 +239,10 @@ def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Arr
 
 
 def _axis_positions(texts: list[str]) -> list[float]:
-    """Find the positions of values on an axis: their numbers if all have the same unit, else 0, 1, 2, …"""
+    """Return the positions of the values of a key on an axis.
+
+    They are the numbers of the values if all of them are numbers with the same unit, and otherwise 0, 1, 2, …
+    """
     matches = [_NUMBER_WITH_UNIT.fullmatch(text) for text in texts]
     numbers = [float(match[1]) for match in matches if match]
     units = {match[2] for match in matches if match}

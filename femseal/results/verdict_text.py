@@ -220,7 +220,7 @@ class _Answer:
         return [f"In service with {name} the whole seal leaks as computed there: {text}."]
 
     def about_measures(self, verdicts: Sequence[Verdict]) -> Paragraph:
-        """Say what would narrow the interval most, and what would lower the leakage if that is needed."""
+        """Say which measure would narrow the interval most, and which would lower the leakage if a class is not met."""
         if verdicts and all(verdict.met_with_interval for verdict in verdicts):
             return self._narrowing(self._vague_step(verdicts))
         sentences = []
@@ -236,18 +236,19 @@ class _Answer:
         return sentences
 
     def _vague_step(self, verdicts: Sequence[Verdict]) -> int | None:
-        """Return the highest load that leaks and at which a class is met as computed alone; None without one."""
-        steps = self.curve.steps
-        vague = [
-            step
-            for step in falling_steps(steps, None).tolist()
-            for verdict in verdicts
-            if 0 < self.curve.leakage[step] <= verdict.limit < self.curve.upper[step]
-        ]
-        return vague[0] if vague else None
+        """Return the index of the highest load at which the computed leakage meets a class, but not the whole interval.
+
+        Loads without computed leakage are left out. The result is None if there is no such load.
+        """
+        for step in falling_steps(self.curve.steps, None).tolist():
+            leakage = self.curve.leakage[step]
+            upper = self.curve.upper[step]
+            if any(0 < leakage <= verdict.limit < upper for verdict in verdicts):
+                return int(step)
+        return None
 
     def _narrowing(self, step: int | None) -> Paragraph:
-        """Say what narrows the interval at a load, and to which ends; nothing if this is not known."""
+        """Describe the measure that narrows the interval at a load step most; the list is empty if none is known."""
         narrowing = None if step is None else best_narrowing(self.results, step)
         if step is None or narrowing is None:
             return []

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from small_cases import soft_cycle
+from small_cases import soft_cycle, steel_scene
 
 from femseal.base import InputError
 from femseal.base.leak_units import leakage_unit
@@ -17,6 +17,7 @@ from femseal.report import write_report
 from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, save
 from femseal.studies import Sampling, deterministic, stochastic, two_scale
+from femseal.topography import Patches, self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
@@ -246,3 +247,17 @@ def test_the_page_is_printed(page, tmp_path):
     content = target.read_bytes()
     assert content.startswith(b"%PDF")
     assert 2 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 8
+
+
+def test_the_patch_that_leaks_most_has_a_picture_and_a_caption(tmp_path):
+    faces = [
+        self_affine((24, 32), (30e-6, 40e-6), hurst=0.8, rms_slope=0.15, roll_off=30e-6, rng=n)
+        for n in (1, 2)
+    ]
+    scene = steel_scene(Patches(faces), loading=(5e7, 2e8))
+    results = assemble(scene, deterministic(scene))
+    page = write_report(results, tmp_path / "report.html").read_text()
+    attributes = results.dataset["patch_height"].attrs
+    text = f"Heights of measured patch {attributes['patch']} of 2"
+    assert text in page
+    assert f"{attributes['over_mean']:.3g} times the mean of all patches" in page
