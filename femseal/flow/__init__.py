@@ -1,4 +1,4 @@
-"""From the gap of a cell to its permeability; the weak form, its operators and their solvers, also for the seal."""
+"""Compute the permeability of a cell from its gap: weak form, discrete operators and solvers, also for whole seals."""
 
 from typing import TYPE_CHECKING
 

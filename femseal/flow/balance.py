@@ -1,7 +1,8 @@
-"""Correct a flux over a mesh so that it balances: the excess of every node is sent to the ends along a spanning tree.
+"""Correct a numerical flux so that inflow and outflow of every node are equal.
 
-The flux of a numerical solution balances up to rounding only, and at a high contrast rounding matters. A lower bound of
-the flow (Thomson's principle) needs a flux that balances exactly.
+The excess of each node is sent to the inlet or the outlet along a spanning tree. The flux of a numerical solution is
+only conserved up to rounding errors, which matter if the permeabilities differ by many orders of magnitude. A lower
+bound of the flow by Thomson's principle requires a flux that is conserved exactly.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ import numpy as np
 from ..base.compiled import compiled, inner
 from .percolation import union
 
-#: Exponents of two from the largest number down, and that of a closed link.
+#: Largest binary exponent of a double, the number of exponents below it, and an exponent that marks a closed link.
 _LARGEST, _EXPONENTS, _CLOSED = 1024, 2100, -2000
 
 
 @compiled()
 def _exponents(width):
-    """Return the exponent of two of the width of every link."""
+    """Return the binary exponent of the width of each link."""
     exponents = np.empty(width.size, np.int16)
     for k in range(width.size):
         exponents[k] = frexp(width[k])[1] if width[k] > 0.0 else _CLOSED
@@ -28,12 +29,16 @@ def _exponents(width):
 
 @compiled()
 def balance(tail, head, width, flux, nodes):
-    """Change a flux in place so that it balances at every node but node 0, where it enters and leaves.
+    """Correct a flux in place so that it is conserved at every node except node 0.
 
-    tail, head : nodes of each link, both ends of the seal being node 0.
-    width : conductance of each link; links of width 0 keep their flux.
-    flux : from tail to head; 0 where the width is.
-    nodes : number of nodes, all of which links of width > 0 join to node 0 or that have no flux.
+    Node 0 stands for both ends of the seal, where fluid enters and leaves.
+
+    Parameters
+    ----------
+    tail, head : arrays (links,), node at which each link begins and node at which it ends.
+    width : array (links,), conductance of each link. Links with the conductance 0 keep their flux.
+    flux : array (links,), flux from tail to head. It must be 0 in links with the conductance 0.
+    nodes : number of nodes. Each node with a flux must be connected to node 0 by links with a conductance > 0.
     """
     excess = np.zeros(nodes)
     for k in range(flux.size):
@@ -48,34 +53,42 @@ def balance(tail, head, width, flux, nodes):
 
 @compiled()
 def _send(tail, head, exponent, excess):
-    """Turn the excess of every node but node 0 into what it sends along a link; returns the number of that link.
+    """Send the excess of all nodes to node 0 along a spanning tree, and return the link to the parent of each node.
 
-    What nodes have too much of goes to node 0 along the spanning tree of the widest links (Kruskal), so that the excess
-    of wide links runs through narrow ones only where there is no other path.
+    The tree consists of the widest links (Kruskal's algorithm), so that excess only passes a narrow link where there is
+    no other path. On return `excess` has the flux that each node sends through its link.
     """
     nodes = excess.size
     degree, link = spanning_tree(tail, head, exponent, nodes)
+    # remove the leaves of the tree one after another; a leaf has one remaining link, which is then link[node]
     for leaf in range(1, nodes):
         node = np.int64(leaf)
         while node != 0 and degree[node] == 1:
             k = link[node]
-            other = np.int64(tail[k]) + head[k] - node
-            excess[other] += excess[node]
+            parent = np.int64(tail[k]) + head[k] - node  # the other node of the link
+            excess[parent] += excess[node]
             degree[node] = 0
-            degree[other] -= 1
-            link[other] ^= k
-            node = other
+            degree[parent] -= 1
+            link[parent] ^= k  # removes link k from the exclusive or of the remaining links
+            node = parent
     return link
 
 
 @inner()
 def spanning_tree(tail, head, exponent, nodes):
-    """Find the spanning tree of the widest links (Kruskal).
+    """Find the spanning tree of the widest links (Kruskal's algorithm).
 
-    tail, head : nodes of each link. exponent : of two, of the width of each link; `_CLOSED` of a closed one.
+    Parameters
+    ----------
+    tail, head : arrays (links,), the two nodes of each link.
+    exponent : array (links,), binary exponent of the width of each link; `_CLOSED` marks a closed link.
+    nodes : number of nodes.
 
-    Returns for every node how many links of the tree it has, and the exclusive or of their numbers: that of the last
-    one that is left.
+    Returns
+    -------
+    degree : array (nodes,), number of tree links at each node.
+    link : array (nodes,), exclusive or of the numbers of these links. A number is removed by a further exclusive or.
+        When a single link remains at a node, the value is the number of this link.
     """
     degree = np.zeros(nodes, np.int32)
     link = np.zeros(nodes, np.int32)
@@ -90,16 +103,20 @@ def spanning_tree(tail, head, exponent, nodes):
 
 @inner()
 def _widest_first(exponent):
-    """Numbers of the open links, sorted by their exponents, which takes a tenth of the time of sorting by widths."""
-    start = np.zeros(_EXPONENTS + 1, np.int64)  # of every exponent, the largest first
+    """Sort the open links by their exponents, widest first, and return their numbers.
+
+    A counting sort by exponents takes a tenth of the time of sorting by widths.
+    """
+    # next position in the sorted list for the links of each exponent; slot 0 is the largest exponent
+    position = np.zeros(_EXPONENTS + 1, np.int64)
     for e in exponent:
         if e != _CLOSED:
-            start[_LARGEST - e + 1] += 1
-    start = np.cumsum(start)
-    order = np.empty(start[-1], np.int32)
+            position[_LARGEST - e + 1] += 1
+    position = np.cumsum(position)
+    order = np.empty(position[-1], np.int32)
     for k in range(exponent.size):
         if exponent[k] != _CLOSED:
-            place = _LARGEST - exponent[k]
-            order[start[place]] = k
-            start[place] += 1
+            slot = _LARGEST - exponent[k]
+            order[position[slot]] = k
+            position[slot] += 1
     return order

@@ -1,7 +1,8 @@
-"""Flow through a cell: its permeability follows from its gap, by ∇·(K ∇p) = 0 with K = h³/12 or another flow law.
+"""Compute the permeability of a cell from its gap by solving ∇·(K ∇p) = 0, where K is h³/12 or another flow law.
 
-The discrete problem is that of `flow.plain`, which assembles it by scikit-fem. Here the same operator is the network of
-the links between the pixels, each of which has four neighbours; its error is of the second order in the pixel.
+The discrete problem is defined in `flow.plain`, which assembles it with scikit-fem. This module uses the same operator
+in the form of a network of links between neighbouring pixels. The discretisation error is of second order in the pixel
+size.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from .solvers.choice import solve_ready
 from .solvers.hierarchy import levels_of
 from .solvers.multigrid import cycle
 
-#: Error in the norm of the energy at which a continuation ends, over that of zeros, and most iterations.
-_FILL_RTOL, _MOST = 1e-5, 100
+#: `harmonic_fill` stops at this relative error in the energy norm, or after this number of iterations.
+_FILL_RTOL, _FILL_ITERATIONS = 1e-5, 100
 
 
 def cell_stencil(gap: Array, spacing: Pair, sides: str) -> Stencil:
-    """Return the network of links between the pixels of a cell and its ends, from the gap (n1, n2) at the pixels."""
+    """Build the network of links between the pixels of a cell and its ends, from the gap (n1, n2) at the pixels."""
     n1, n2 = gap.shape
     is_ring = sides == "periodic"
     along = np.empty((n1 + 1, n2))
@@ -44,9 +45,13 @@ _cubic_law = inner()(cubic_law)
 
 @compiled()
 def _conductances(first, end, gap, is_ring, weights, along, across):
-    """Write the conductances of the links of some rows, with the last row those to the outlet."""
+    """Compute the conductances of the links in rows `first` to `end` − 1.
+
+    A link of `along` is in the row of the pixel that it leads to. The links from the last row of pixels to the outlet
+    are computed together with this row.
+    """
     gap_on_rows(first, end, gap, False, is_ring, along, across)
-    outlet = len(gap)
+    outlet = len(gap)  # row of the links to the outlet
     for i in range(first, end + 1 if end == outlet else end):
         weight = weights.at_ends if i == 0 or i == outlet else weights.along
         for j in range(along.shape[1]):
@@ -62,12 +67,13 @@ class Permeability(Shown):
 
     Attributes
     ----------
-    value : permeability k [m³], with which the flow per width is (k/η) Δp/L1; 0 if no open path joins both ends.
-    percolates : whether an open path joins both ends.
-    percolating_fraction : fraction of the pixels that are connected to both ends.
-    iterations, residual, imbalance, solver : how the linear system was solved, see `femseal.flow.DarcyFlow`.
-    fluid_pressure : array (n1, n2), pressure at the pixels for a unit drop; NaN at pixels in contact, and in pockets,
-        which are connected to neither end.
+    value : permeability k [m³], such that the volume flow per width is (k/η) Δp/L1; 0 if the cell does not percolate.
+    percolates : whether an open path connects inlet and outlet.
+    percolating_fraction : fraction of the pixels that are connected to both inlet and outlet.
+    iterations, residual, imbalance, solver : details of the solution of the linear system, see
+        `femseal.flow.DarcyFlow`.
+    fluid_pressure : array (n1, n2), pressure at the pixels for a pressure of 1 at the inlet and 0 at the outlet. It is
+        NaN at pixels in contact and in pockets, which are connected to neither end.
     """
 
     value: float = field(metadata={"unit": "m^3", "long_name": "permeability"})
@@ -106,16 +112,18 @@ def cell_permeability(
     spacing : lengths (Δ1, Δ2) of a pixel [m].
     axis : direction of the flow, 0 for x1 or 1 for x2.
     sides : "mirror" (no flow through the sides) or "periodic".
-    rtol : relative error of the permeability that is allowed to an iterative solver. The pressure then has an error of
-        about √rtol, because the error of the permeability is the square of it.
-    solver : "multigrid" or "elimination" (the fast path, see `femseal.flow.solve_flow`); "amg" or "direct" (the plain
-        path by scikit-fem, with pyamg or a factorisation: the same permeability, in many times the time); or "auto".
-    field_rtol : error of the pressure that is allowed to an iterative solver, in the energy norm; None for √rtol.
-        With 1e-6 a picture of the pressure has no visible error anywhere.
-    law : flow law, the permeability of a gap between parallel plates, such as `fluid.law`; see `femseal.flow.law`.
-    pressure : pressure of the fluid, a number or an array (n1, n2) [Pa], for laws that depend on it.
-    threads : number of threads on a grid of 512² points or more; None for those that the run leaves free, which is 1
-        without a run. The result does not depend on it.
+    rtol : largest relative error of the permeability that an iterative solver may leave. The relative error of the
+        pressure is about √rtol, because the error of the permeability is the square of the error of the pressure.
+    solver : "auto", or the name of a solver. "multigrid" and "elimination" take the fast path, see
+        `femseal.flow.solve_flow`. "amg" (pyamg) and "direct" (factorisation) take the plain path by scikit-fem, which
+        gives the same permeability but needs many times as long.
+    field_rtol : largest relative error of the pressure in the energy norm that an iterative solver may leave; None for
+        √rtol. With 1e-6 no error is visible in a picture of the pressure.
+    law : flow law, which gives the permeability of a gap between parallel plates, such as `fluid.law`; see
+        `femseal.flow.law`.
+    pressure : fluid pressure [Pa], a number or an array (n1, n2), for flow laws that depend on it.
+    threads : number of threads for a grid of 512² points or more. None takes the threads that the current run leaves
+        free, or one thread if there is no run. The number of threads does not change the result.
 
     Returns
     -------
@@ -123,7 +131,7 @@ def cell_permeability(
 
     Raises
     ------
-    InputError : a gap that is negative, undefined or not two-dimensional; an unknown side, axis or solver.
+    InputError : the gap is negative, undefined or not two-dimensional, or `sides`, `axis` or `solver` is unknown.
     NotConverged : the linear solver failed.
 
     Examples
@@ -144,8 +152,12 @@ def cell_permeability(
             solver=solver,
             field_rtol=field_rtol,
         )
-    flow, potential = cell.flow, cell.flow.potential[1:-1]
-    potential[(np.asarray(gap).T if axis == 1 else np.asarray(gap)) <= 0] = np.nan
+    flow = cell.flow
+    potential = flow.potential[
+        1:-1
+    ]  # without the rows of inlet and outlet; the flow is along the first axis
+    gap_along_flow = np.asarray(gap).T if axis == 1 else np.asarray(gap)
+    potential[gap_along_flow <= 0] = np.nan
     return Permeability(
         value=cell.permeability,
         percolates=flow.percolates,
@@ -160,13 +172,13 @@ def cell_permeability(
 
 @dataclass(frozen=True, eq=False)
 class CellFlow:
-    """Flow along the first axis of a cell for a unit drop.
+    """Flow along the first axis of a cell for a unit pressure drop.
 
     Attributes
     ----------
     factor : ratio of the permeability [m³] to the conductance of `flow`.
     flow : solution with the pressure at the pixel centres and at both ends.
-    core_ratio : ratio of the permeability of the core to that of the whole cell; 1 if the core is the whole cell.
+    core_ratio : ratio of the permeability of the core to the permeability of the whole cell; 1 without overlaps.
     """
 
     factor: float
@@ -190,21 +202,21 @@ def cell_flow(
     field_rtol: float | None = None,
     core: tuple[int, int] | None = None,
 ) -> CellFlow:
-    """Solve the flow of `cell_permeability` alone, which takes less time for many small cells.
+    """Solve the flow through a cell without the further results of `cell_permeability`, to save time for small cells.
 
     Parameters
     ----------
     gap, spacing, axis, sides, solver, rtol, field_rtol : as in `cell_permeability`.
-    core : first column of the core of the cell, and the column after its last one, counted across the flow; None for
-        the whole cell. See `flow.core_flux`.
+    core : first column of the core, and the column after its last one, counted perpendicular to the flow; None if the
+        core is the whole cell. See `flow.core_flux`.
 
     Returns
     -------
-    CellFlow, whose permeability is that of the core.
+    CellFlow with the permeability of the core.
 
     Raises
     ------
-    InputError, NotConverged : as `cell_permeability`.
+    InputError, NotConverged : as in `cell_permeability`.
     """
     validate.tolerance("rtol", rtol)
     h, (d1, d2), scale = _scaled(gap, spacing, axis, sides)
@@ -227,7 +239,11 @@ def cell_flow(
 
 
 def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, Pair, float]:
-    """The gap of `validated_cell` over the largest one, its unit spacing, and the largest [m], 1 if all is closed."""
+    """Check a gap and divide it by its largest value.
+
+    Returns the scaled gap with the flow along its first axis, the unit spacing, and the largest gap [m], or 1 if the
+    cell is closed everywhere.
+    """
     h, spacing = validated_cell(gap, spacing, axis, sides)
     scale = float(h.max()) or 1.0
     h /= scale
@@ -237,15 +253,26 @@ def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Ar
 def pixel_dissipation(
     gap: Array, spacing: Pair, potential: NDArray[np.floating], *, seam: bool = True
 ) -> Array:
-    """Dissipation of each pixel (n1, n2) [m³] of a flow along x1 through a cell with periodic sides for a unit drop.
+    """Compute the dissipation in each pixel for a flow along x1 through a cell with periodic sides.
 
-    Each pixel gets half of the dissipation of a link to another pixel, and all of that of a link to an end. For the
-    potential of `cell_permeability` the sum is the conductance k L2/L1.
+    The dissipation in a link between two pixels is shared equally by both. The dissipation in a link to an end belongs
+    to its only pixel.
 
-    gap : (n1, n2) [m]. potential : there, between 1 at the inlet and 0 at the outlet, NaN where nothing flows.
+    Parameters
+    ----------
+    gap : array (n1, n2), gap [m].
+    spacing : lengths (Δ1, Δ2) of a pixel [m].
+    potential : array (n1, n2), potential at the pixels for 1 at the inlet and 0 at the outlet; NaN where nothing flows.
     seam : whether fluid flows through the links from the last column to the first one.
 
-    Raises InputError: a gap that is negative, undefined or not two-dimensional.
+    Returns
+    -------
+    Array (n1, n2), dissipation [m³] for a unit drop of the potential. For the pressure that `cell_permeability` gives,
+    the sum is the conductance k L2/L1.
+
+    Raises
+    ------
+    InputError : the gap is negative, undefined or not two-dimensional.
     """
     h, spacing = validated_cell(gap, spacing, 0, "periodic")
     n2 = h.shape[1]
@@ -260,10 +287,11 @@ def pixel_dissipation(
 
 
 def harmonic_fill(values: Array) -> Array:
-    """Values (n1, n2) with those that are NaN continued by Δp = 0 from those that are known: the smoothest.
+    """Fill the undefined (NaN) values of a map by solving Laplace's equation with the defined values prescribed.
 
-    The grid is periodic along x2, and nothing passes its ends along x1. Without any known value all stay NaN. Unknown
-    pixels have links of five points; the system is solved by conjugate gradients with a cycle of multigrid.
+    The map (n1, n2) is periodic along x2 and has zero normal derivatives at its ends along x1. A map without any
+    defined value is returned as it is. The five-point discretisation is solved in single precision, by conjugate
+    gradients with a multigrid cycle as preconditioner.
     """
     unknown = np.isnan(values)
     if unknown.all() or not unknown.any():
@@ -271,23 +299,28 @@ def harmonic_fill(values: Array) -> Array:
     lowest = np.nanmin(values)
     height = np.nanmax(values) - lowest or 1.0
     known = np.where(unknown, 0.0, (values - lowest) / height)
-    found = _continued(unknown, unknown * _beside(known.astype(np.float32)))
-    return np.where(unknown, lowest + height * np.clip(found, 0.0, 1.0), values)
+    rhs = unknown * _sum_of_neighbours(known.astype(np.float32))
+    filled = _solve_laplace(unknown, rhs)
+    return np.where(unknown, lowest + height * np.clip(filled, 0.0, 1.0), values)
 
 
-def _continued(unknown: Flags, r: Singles) -> Singles:
-    """Solve A x = r, which is written over, at the unknown pixels."""
+def _solve_laplace(unknown: Flags, r: Singles) -> Singles:
+    """Solve A x = r for the discrete Laplace operator A at the unknown pixels; r is overwritten with the residual."""
     n1, n2 = r.shape
-    centre = unknown * _beside(np.ones_like(r))
+    centre = unknown * _sum_of_neighbours(np.ones_like(r))
+    # (diagonal, link to the right, link to the next row) of each pixel, with a border of one pixel
     operator = np.zeros((3, n1 + 2, n2 + 2))
     operator[0, 1:-1, 1:-1] = centre
     operator[1, 1:-1, 1:-1] = unknown & np.roll(unknown, -1, 1) & (n2 > 1)
     operator[2, 1:-2, 1:-1] = unknown[:-1] & unknown[1:]
-    operator[:, :, 0], operator[:, :, -1] = operator[:, :, -2], operator[:, :, 1]
+    operator[:, :, 0] = operator[:, :, -2]  # the border continues the operator periodically
+    operator[:, :, -1] = operator[:, :, 1]
     levels, coarsest = levels_of(operator, True)
     allowed = _FILL_RTOL**2 * float(np.vdot(r, r)) / 4
-    x, p, former = np.zeros_like(r), np.zeros_like(r), np.inf
-    for _ in range(_MOST):
+    x = np.zeros_like(r)
+    p = np.zeros_like(r)
+    former = np.inf  # product r·z of the iteration before
+    for _ in range(_FILL_ITERATIONS):
         levels[0].b[1:-1, 1:-1] = r
         cycle(levels, coarsest, True)
         z = unknown * levels[0].r[1:-1, 1:-1]
@@ -295,16 +328,16 @@ def _continued(unknown: Flags, r: Singles) -> Singles:
         if not product > allowed:
             break
         p = z + np.float32(product / former) * p
-        flow = centre * p - unknown * _beside(p)
-        step = np.float32(product / float(np.vdot(p, flow)))
+        a_p = centre * p - unknown * _sum_of_neighbours(p)
+        step = np.float32(product / float(np.vdot(p, a_p)))
         x += step * p
-        r -= step * flow
+        r -= step * a_p
         former = product
     return x
 
 
-def _beside(a: Singles) -> Singles:
-    """Sum of a over the pixels beside each one."""
+def _sum_of_neighbours(a: Singles) -> Singles:
+    """Add up the values of the four neighbours of each pixel; the map is periodic along x2 only."""
     total = np.zeros_like(a)
     if a.shape[1] > 1:
         total += np.roll(a, 1, 1)

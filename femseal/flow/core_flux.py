@@ -1,7 +1,7 @@
-"""Flux in the core of a cell whose flow was solved with overlaps into its neighbours (oversampling).
+"""Compute the flux in the core of a cell that was solved with overlaps into its neighbours (oversampling).
 
-Channels that leave the core through its sides and come back are kept in the solution, and only their flux in the core
-counts. In a uniform gap and in parallel grooves the permeability is that of the core alone.
+The solution includes channels that leave the core through its sides and come back, but only the flux inside the core is
+counted. For a uniform gap and for parallel grooves, the result is the permeability of the core alone.
 Source: Hou & Wu, J. Comput. Phys. 134, 1997, 169.
 """
 
@@ -12,15 +12,17 @@ from ..base.compiled import compiled
 from .error_bound import potential_drop
 from .problem import DarcyFlow
 
-#: Part of the flow through a cell below which its core counts as closed: in a dead end rounding leaves about 1e-16.
+#: Fraction of the flow through a cell below which its core counts as closed. Rounding errors leave about 1e-16 of the
+#: flow in a dead end.
 _LEAST_SHARE = 1e-9
 
 
 @compiled()
 def _core_flux(along, φ, ψ, first, end):
-    """Return the part of the mean flux that passes the columns from `first` to the one before `end`.
+    """Return the fraction of the mean flux that flows in the columns from `first` to `end` − 1.
 
-    The mean flux is the sum over all links of their flux times their length; links to an end are half as long.
+    The mean flux is the sum of flux times length over all links. Links to the inlet or the outlet are half as long as
+    the others.
     """
     core, total = 0.0, 0.0
     for i in range(along.shape[0]):
@@ -35,7 +37,14 @@ def _core_flux(along, φ, ψ, first, end):
 
 
 def core_ratio(along: Array, flow: DarcyFlow, core: tuple[int, int]) -> float:
-    """Return the mean flux in the core of a cell over that in the whole cell; exactly 0 where nothing flows in it."""
+    """Return the ratio of the mean flux in the core to the mean flux in the whole cell; exactly 0 for a closed core.
+
+    Parameters
+    ----------
+    along : array (n1 + 1, n2), conductances of the links along the flow, see `Stencil`.
+    flow : flow through the whole cell.
+    core : first column of the core, and the column after its last one.
+    """
     first, end = core
     share = _core_flux(along, flow.potential, flow.complement, first, end)
     columns = along.shape[1]

@@ -1,11 +1,12 @@
-"""Bound the error of a potential on a structured grid by a flux that balances at every node.
+"""Bound the error of a potential on a structured grid by means of a flux that is conserved at every node.
 
-The energy of a computed potential is above that of the flow (Dirichlet's principle), and that of any flux that balances
-gives a value below it (Thomson's principle). Here the flux of the potential is corrected: every node sends its excess
-towards an end along a spanning tree of wide links. The energy of this correction bounds the error.
+The energy of a computed potential is an upper bound of the exact energy (Dirichlet's principle). Any conserved flux
+yields a lower bound (Thomson's principle). Here the flux of the potential is made conservative: each node sends its
+excess to the inlet or the outlet along a spanning tree of wide links. The energy of this correction bounds the error.
 
-To save time the tree is one of runs: neighbouring nodes of a row between narrow links. A run sends its excess along its
-row to the node where it is joined to the next run of the tree. A bound takes the time of a few iterations of multigrid.
+To save time, the spanning tree does not connect nodes but *runs*. A run consists of consecutive nodes of a row; it ends
+at narrow links. A run sends its excess along its row to the node at which it is linked to its parent in the tree.
+Computing the bound takes about as long as a few multigrid iterations.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ _NARROW = 1 / 64
 
 
 def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
-    """Bound the relative error of the energy of a potential on a stencil of five points.
+    """Compute an upper bound of the relative error of the energy of a potential.
 
     Parameters
     ----------
     stencil : conductances between the nodes.
-    potential, complement : φ (n1 + 1, n2) and 1 − φ; NaN counts as 0.
+    potential, complement : arrays (n1 + 1, n2), potential φ and 1 − φ at the nodes; NaN counts as 0.
 
     Returns
     -------
-    float : the bound, NaN without a flow.
+    float : the bound; NaN if nothing flows.
     """
     none = np.zeros((0, 0), np.bool_)
     return float(error_bound(stencil.along, stencil.across, potential, complement, none))
@@ -41,9 +42,9 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
 
 @inner()
 def potential_drop(φ, ψ, i, j, a, b):
-    """Return the drop of the potential from node (i, j) to node (a, b), from whichever of φ and ψ = 1 − φ is smaller.
+    """Return the potential drop from node (i, j) to node (a, b), computed from φ or from ψ = 1 − φ.
 
-    The smaller one has the smaller rounding errors. NaN counts as 0.
+    The smaller of the two is used, because its rounding errors are smaller. NaN counts as 0.
     """
     here, there = φ[i, j], φ[a, b]
     here, there = 0.0 if np.isnan(here) else here, 0.0 if np.isnan(there) else there
@@ -55,14 +56,14 @@ def potential_drop(φ, ψ, i, j, a, b):
 
 @compiled()
 def error_bound(along, across, φ, ψ, hidden):
-    """Bound the relative error of the energy of φ, see `energy_gap`.
+    """Compute the bound of `energy_gap` for φ and ψ = 1 − φ.
 
-    hidden : inner nodes (n1 − 1, n2) that count as balanced; none where it is empty.
+    hidden : array (n1 − 1, n2), inner nodes whose excess is ignored; an empty array ignores none.
     """
     excess, energy = _excess(along, across, φ, ψ)
-    flags = hidden.ravel()
-    for node in range(flags.size):
-        if flags[node]:
+    ignored = hidden.ravel()
+    for node in range(ignored.size):
+        if ignored[node]:
             excess[node] = 0.0
     correction = _correction_energy(along, across, excess)
     return correction / energy if energy > 0.0 else np.nan
@@ -70,7 +71,7 @@ def error_bound(along, across, φ, ψ, hidden):
 
 @inner()
 def _excess(along, across, φ, ψ):
-    """Return what flows into every inner node and not out of it, and the energy of the potential."""
+    """Return the excess of inflow over outflow at each inner node (node,), and the energy of the potential."""
     n1, n2 = along.shape[0] - 1, along.shape[1]
     excess = np.zeros(n1 * n2)
     energy = 0.0
@@ -98,7 +99,11 @@ def _excess(along, across, φ, ψ):
 def _runs(along, across):
     """Divide the inner nodes of each row into runs.
 
-    Returns the run of every inner node, from 1 on, 0 for closed nodes; the first node of each run; their number plus 1.
+    Returns
+    -------
+    run : array (n1 − 1, n2), number of the run of each inner node. Numbers begin at 1; 0 marks a closed node.
+    first : array, first node of each run. Inner nodes are numbered row by row.
+    size : number of runs plus 1, because run 0 stands for both ends.
     """
     n1, n2 = along.shape[0] - 1, along.shape[1]
     m2 = across.shape[1]
@@ -131,11 +136,18 @@ def _runs(along, across):
 
 @inner()
 def _joints(along, across, run):
-    """Find the links that may join runs: the widest one between two runs above each other, and narrow ones in a row.
+    """Find the joints, that is, the links that the spanning tree may use to connect two runs.
 
-    The ends are run 0. A link has the number i n2 + j along, and n1 n2 more across, with n1 rows of links along.
+    For two runs in adjacent rows this is the widest link between them. Two runs of the same row are separated by a
+    narrow link, which is a joint, too. Run 0 stands for both ends.
+    Link (i, j) of `along` has the number i n2 + j. Link (i, j) of `across` has the number n1 n2 + i n2 + j, where n1 is
+    the number of rows of `along`.
 
-    Returns the two runs, the link and its exponent of two for every joint.
+    Returns
+    -------
+    above, below : the two runs of each joint.
+    link : number of the link.
+    exponent : binary exponent of its conductance.
     """
     n1, n2 = along.shape
     most = along.size + across.size
@@ -177,38 +189,46 @@ def _joints(along, across, run):
 
 @inner()
 def _correction_energy(along, across, excess):
-    """Send the excess of every node to an end along a tree of runs, and return the energy of this flux."""
+    """Send the excess of all nodes to the ends along a spanning tree of runs, and return the energy of this flux."""
     run, first, runs = _runs(along, across)
     above, below, link, exponent = _joints(along, across, run)
     degree, joint = spanning_tree(above, below, exponent, runs)
     energy = 0.0
+    # remove the leaves of the tree one after another; a leaf has one remaining joint, which is then joint[a]
     for leaf in range(1, runs):
         a = np.int64(leaf)
         while a != 0 and degree[a] == 1:
             k = joint[a]
-            other = np.int64(above[k]) + below[k] - a
-            energy += _emptied(along, across, run, first[a], link[k], excess, a)
+            parent = np.int64(above[k]) + below[k] - a  # the other run of the joint
+            energy += _send_excess(along, across, run, first[a], link[k], excess, a)
             degree[a] = 0
-            degree[other] -= 1
-            joint[other] ^= k
-            a = other
+            degree[parent] -= 1
+            joint[parent] ^= k  # removes joint k from the exclusive or of the remaining joints
+            a = parent
     return energy
 
 
 @inner()
-def _emptied(along, across, run, first, link, excess, number):
-    """Send the excess of a run through a link to another run, and return the energy of this flux."""
+def _send_excess(along, across, run, first, link, excess, number):
+    """Send the excess of run `number` through a link to another run, and return the energy of this flux.
+
+    first : first node of the run.
+    link : number of the link, see `_joints`.
+    """
     n1, n2 = along.shape
     flat = run.reshape(-1)
     i = first // n2
     end = (i + 1) * n2
+    # `node` of this run and `other` of the next run are the two nodes of the link
     if link < n1 * n2:
-        row, j = link // n2, link % n2
+        row = link // n2
+        j = link % n2
         conductance = along[row, j]
         node = i * n2 + j
+        # rows of inner nodes begin one row below the inlet: link row i lies above node row i
         other = node - n2 if row == i else node + n2
         if row == 0 or row == n1 - 1:
-            other = -1
+            other = -1  # an end, whose excess is not stored
     else:
         j = (link - n1 * n2) % n2
         conductance = across[i, j]
@@ -216,6 +236,7 @@ def _emptied(along, across, run, first, link, excess, number):
         other = i * n2 + (j + 1) % n2
         if flat[node] != number:
             node, other = other, node
+    # collect the excess of the nodes before `node`, then of the nodes after it, and send the sum through the link
     energy = 0.0
     total = 0.0
     for k in range(first, node):

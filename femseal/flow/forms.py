@@ -1,7 +1,8 @@
 """The equation of thin-film and Darcy flow, ∇·(K ∇p) = 0, in weak form, for scikit-fem.
 
-Every operator of the flow, on a grid or a mesh, at the scale of a cell or of a seal, is assembled from these forms.
-K is the permeability [m³] as a tensor (2, 2, …) at the quadrature points; of a thin film h³/12 times the unit tensor.
+All flow operators, for cells and for seals, on grids and on meshes, are assembled from these forms.
+The permeability K [m³] is a tensor (2, 2, …) at the quadrature points. For a thin film it is h³/12 times the unit
+tensor.
 """
 
 from __future__ import annotations
@@ -16,27 +17,35 @@ from skfem.helpers import dot, grad, mul
 
 from ..base import InputError
 
-#: Midpoints of the edges of the reference square, first of those along its first axis, and their weights: a quadrature
-#: with which a bilinear element joins no corners but those of an edge.
+#: Quadrature at the midpoints of the edges of the reference square: points (2, 4) and weights (4,). The edges along the
+#: first axis come first. With this quadrature a bilinear element only couples corners that share an edge.
 EDGE_MIDPOINTS = np.array([[0.5, 0.5, 0.0, 1.0], [0.0, 1.0, 0.5, 0.5]]), np.full(4, 0.5)
-#: Corners of the reference square, and their weights: a quadrature with which Raviart-Thomas fluxes through different
-#: sides of an element do not act on each other.
+#: Quadrature at the corners of the reference square: points (2, 4) and weights (4,). With this quadrature the
+#: Raviart-Thomas fluxes along the two axes of an element are not coupled.
 CORNERS = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]]), np.full(4, 0.25)
 
 
 def _with_docstring(form: Callable[..., Any]) -> BilinearForm:
-    """A bilinear form of scikit-fem that tells what its function tells."""
+    """Make a bilinear form of scikit-fem that keeps the name and the docstring of its function."""
     return update_wrapper(BilinearForm(form), form)
 
 
 @_with_docstring
 def darcy_flow(p: Any, q: Any, w: Any) -> Any:
-    """∫ (K ∇p)·∇q of a pressure p and a test function q: the weak form of −∇·(K ∇p).
+    """Evaluate (K ∇p)·∇q, the integrand of the weak form of −∇·(K ∇p).
 
-    w.k : K [m³], a tensor (2, 2, …) at the quadrature points; or a number, or (…) of it, times the unit tensor.
+    Parameters
+    ----------
+    p, q : pressure and test function of scikit-fem.
+    w : form parameters of scikit-fem. `w.k` is the permeability K [m³]: tensors (2, 2, …) at the quadrature points, or
+        a number, or numbers (…) at these points, for an isotropic permeability.
 
-    Raises InputError: K of another shape.
+    Raises
+    ------
+    InputError : K has another shape.
 
+    Examples
+    --------
     >>> from skfem import Basis, ElementTriP1, MeshTri
     >>> darcy_flow.assemble(Basis(MeshTri(), ElementTriP1()), k=2.0).diagonal()
     array([2., 2., 2., 2.])
@@ -45,9 +54,11 @@ def darcy_flow(p: Any, q: Any, w: Any) -> Any:
 
 
 def _flux(k: Any, gradient: Any) -> Any:
-    """K times a gradient (2, …)."""
-    shape, points = np.shape(k), np.shape(gradient)[1:]
-    if shape in ((), points):
+    """Multiply K, a scalar or a tensor, by a gradient (2, …)."""
+    shape = np.shape(k)
+    points = np.shape(gradient)[1:]
+    is_isotropic = shape in ((), points)
+    if is_isotropic:
         return np.asarray(k) * gradient
     if shape[:2] == (2, 2):
         return mul(k, gradient)
@@ -60,5 +71,5 @@ def _flux(k: Any, gradient: Any) -> Any:
 
 @_with_docstring
 def flux_resistance(u: Any, v: Any, w: Any) -> Any:
-    """∫ (K⁻¹ u)·v of a flux u and a test flux v: the mixed form, whose flux gives the lower bound."""
+    """Evaluate (K⁻¹ u)·v for a flux u and a test flux v: the term of the mixed form that gives the lower bound."""
     return dot(mul(w.resistance, u), v)

@@ -1,15 +1,18 @@
-"""Networks of links on a grid of nodes: the fast path of the flow, which needs no mesh.
+"""Represent the flow operator on a grid as a network of links between nodes: the fast path, which needs no mesh.
 
-A bilinear element whose form is integrated at the midpoints of its edges is a network of four links, one on each edge
-(`edge_conductances`). All elements between the pixels of a cell are stretched unit squares, so that their operator is a
-network of five points, the `Stencil`: the permeability on a link times its weight (`link_weights`). It equals the
-operator that `flow.plain` assembles on a mesh.
+If the form is integrated at the midpoints of the edges, a bilinear element is equivalent to four links, one on each
+edge (`edge_conductances`). All elements between the pixels of a cell are stretched unit squares, so that the assembled
+operator is a five-point stencil (`Stencil`). The conductance of a link is its permeability times a weight
+(`link_weights`). The operator is equal to the one that `flow.plain` assembles on a mesh.
 
-A gap is given at pixel centres. On the links between pixels it is interpolated by a four-point cubic (`gap_on_links`).
-It is at least a tenth and at most four times the smaller of the two pixels. A link is therefore open exactly where both
-its pixels are, and it closes continuously with them, so that a barrier of a vanishing gap seals. It is far below both
-pixels only where the gap is curved at both: of the two second differences the larger one then counts at most four times
-as much as the smaller one, so that a jump of the gap beyond a pixel hardly narrows the link.
+The gap is given at the pixel centres. A four-point cubic interpolates it at the middle of each link (`gap_on_links`).
+The interpolated gap is limited to between 0.1 times and 4 times the smaller of the two adjacent gaps. A link is
+therefore open if and only if both its pixels are open. It closes continuously with them, so that a barrier with a
+vanishing gap seals.
+
+The cubic is far below both adjacent gaps only if the gap is strongly curved at both pixels. If the second differences
+at the two pixels are very different, the larger one is reduced to at most four times the smaller one. A jump of the gap
+beyond one of the pixels therefore hardly narrows the link.
 """
 
 from __future__ import annotations
@@ -28,31 +31,34 @@ from ..base import Array, InputError, Pair
 from ..base.compiled import compiled, inner, over, rows
 from . import forms
 
-#: Limits of the interpolated gap over the smaller of its two pixels. On 140 gaps with eight pixels for the shortest
-#: wave, in contact or cut by a plane, the upper one changes the median error of the permeability from 5.6e-3 to 5.3e-3.
+#: Limits of the ratio of the interpolated gap to the smaller of the two adjacent gaps. On 140 gaps with eight pixels
+#: for the shortest wave, in contact or cut by a plane, the upper limit changes the median error of the permeability
+#: from 5.6e-3 to 5.3e-3.
 _LEAST, _MOST = 0.1, 4.0
-#: Where the cubic dips below this fraction of the smaller pixel, the larger second difference counts at most so many
-#: times as much as the smaller one. The fraction makes the flow through two plates of different gaps exact: the dip
-#: beside the jump adds the resistance that the link across the jump lacks.
+#: If the cubic is below the first number times the smaller adjacent gap, the larger second difference is limited to the
+#: second number times the smaller one. With 0.88 the flow between plates with a step in the gap is exact: the reduced
+#: gap beside the step adds the resistance that the link across the step lacks.
 _DIP, _JUMP = 0.88, 4.0
 
 
 @dataclass(frozen=True)
 class Stencil:
-    """A network of links between neighbouring nodes of a grid, by the conductances of the links in any unit.
+    """A network of links between neighbouring nodes of a grid.
 
-    Its matrix is symmetric and has five entries in a row, which sum to zero: minus the conductances of four links, and
-    their sum on the diagonal.
+    Conductances may have any unit. The matrix of the network is symmetric and has five entries in each row: the
+    negative conductances of the four links of a node, and their sum on the diagonal.
 
     Attributes
     ----------
-    along : array (n1, n2), conductances between the nodes (i, j) and (i + 1, j) of n1 + 1 rows. Row 0 is the inlet and
-        row n1 the outlet; with `ring1` the rows form a ring, in which row n1 is row 0.
-    across : array (n1 − 1, m2), conductances between the nodes (i, j) and (i, j + 1) of the rows 1 to n1 − 1, with
-        `ring1` of all n1 rows. m2 is n2 with `ring2`, else n2 − 1. Links between nodes of one end carry no flow and are
-        left out.
+    along : array (n1, n2), conductances of the links between the nodes (i, j) and (i + 1, j). There are n1 + 1 rows of
+        nodes, of which row 0 is the inlet and row n1 the outlet. If the rows form a ring (`ring1`), there are n1 rows,
+        and row n1 is the same as row 0.
+    across : array (n1 − 1, m2), conductances of the links between the nodes (i, j) and (i, j + 1) in the rows
+        i = 1 to n1 − 1. Links within the inlet or the outlet carry no flow and are left out. If the rows form a ring,
+        the shape is (n1, m2), for all rows. The number m2 is n2 if the columns form a ring (`ring2`), and n2 − 1
+        otherwise.
     ring2 : whether the columns form a ring, in which the last column is next to the first one.
-    ring1 : whether the rows form a ring; there is no inlet and no outlet then.
+    ring1 : whether the rows form a ring, so that there is no inlet and no outlet.
     """
 
     along: Array
@@ -66,13 +72,13 @@ class Stencil:
 
         Parameters
         ----------
-        along : array (n1, n2), conductances >= 0.
-        across : array (n1 − 1, n2), or with n2 − 1 columns without `ring`, conductances >= 0.
+        along : array (n1, n2), conductances >= 0, see `Stencil`.
+        across : conductances >= 0, array (n1 − 1, n2) if the columns form a ring, and (n1 − 1, n2 − 1) otherwise.
         ring : whether the columns form a ring.
 
         Raises
         ------
-        InputError : shapes that do not match, conductances that are negative or not finite.
+        InputError : the shapes do not match, or a conductance is negative or not finite.
         """
         try:
             if np.iscomplexobj(along) or np.iscomplexobj(across):
@@ -98,14 +104,17 @@ class Stencil:
 
     @property
     def nodes(self) -> tuple[int, int]:
-        """Numbers of rows, with both ends, and of columns of nodes."""
+        """Number of rows of nodes, including inlet and outlet, and number of columns."""
         n1, n2 = self.along.shape
         return (n1 if self.ring1 else n1 + 1), n2
 
     def conductances(
         self,
     ) -> Iterator[tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[int, int]]]:
-        """Yield the links along each axis: conductances, numbers (row · n2 + column) of both nodes, and the step."""
+        """Yield, for each axis, the conductances of its links, the numbers of both nodes of each link, and the step.
+
+        Node (row, column) has the number row · n2 + column. The step is the difference in (row, column) of both nodes.
+        """
         rows, n2 = self.nodes
         node = np.arange(rows * n2).reshape(rows, n2)
         below = np.roll(node, -1, axis=0) if self.ring1 else node[1:]
@@ -117,31 +126,33 @@ class Stencil:
         yield self.across, inner[:, :m2], np.roll(inner, -1, axis=1)[:, :m2], (0, 1)
 
     def energy(self, pressure: Array) -> float:
-        """Return the energy Σ c (Δp)² of a pressure at the nodes; rows must not form a ring.
+        """Compute the energy Σ c (Δp)² of a pressure at the nodes, for a network whose rows do not form a ring.
 
-        It is a sum of positive terms, so that it keeps its relative accuracy.
+        All terms of the sum are positive, so that rounding errors remain relatively small.
         """
         return float(
             sum(over(rows(*self.along.shape), energy_of, self.along, self.across, pressure))
         )
 
     def dissipation(self, potential: Array) -> tuple[Array, Array]:
-        """Return the dissipation c (Δφ)² of the links along both axes.
+        """Compute the dissipation c (Δφ)² in each link, as two arrays in the shapes of `along` and `across`.
 
-        potential : array (n1 + 1, n2), NaN in pockets, where nothing flows.
+        potential : array (n1 + 1, n2), φ at the nodes; NaN in pockets, where nothing flows.
         """
         φ = np.nan_to_num(potential)
-        across = (np.roll(φ, -1, axis=1) - φ)[1:-1, : self.across.shape[1]]
-        return self.along * np.diff(φ, axis=0) ** 2, self.across * across**2
+        drop_along = np.diff(φ, axis=0)
+        drop_across = (np.roll(φ, -1, axis=1) - φ)[1:-1, : self.across.shape[1]]
+        return self.along * drop_along**2, self.across * drop_across**2
 
     def to_csr(self) -> sp.csr_array:
-        """Return the matrix of all nodes, with those of both ends."""
+        """Assemble the sparse matrix of all nodes, including inlet and outlet."""
         rows, n2 = self.nodes
         size = rows * n2
         parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in self.conductances()]
         c, a, b = (np.concatenate(part) for part in zip(*parts, strict=True))
         chosen = (c != 0) & (a != b)
         c, a, b = c[chosen], a[chosen], b[chosen]
+        # each link (a, b) has two entries beside the diagonal and contributes to the diagonal of both its nodes
         entries = np.concatenate([-c, -c, c, c])
         i = np.concatenate([a, b, a, b])
         j = np.concatenate([b, a, a, b])
@@ -150,43 +161,46 @@ class Stencil:
 
 @compiled()
 def energy_of(begin, end, along, across, p):
-    """Return the part of `Stencil.energy` of some rows of links, for a pressure p at the nodes."""
+    """Compute the contribution of the link rows `begin` to `end` − 1 to `Stencil.energy`; p is the pressure."""
     n2 = along.shape[1]
     m2 = across.shape[1]
     total = 0.0
     for i in range(begin, end):
         here, below = p[i], p[i + 1]
-        of_row = 0.0
+        row_energy = 0.0
         for j in range(n2):
-            of_row += along[i, j] * (here[j] - below[j]) ** 2
-        total += of_row
+            row_energy += along[i, j] * (here[j] - below[j]) ** 2
+        total += row_energy
     for i in range(begin, min(end, across.shape[0])):
-        here = p[i + 1]
-        of_row = 0.0
+        here = p[i + 1]  # the first row of `across` belongs to the row of nodes after the inlet
+        row_energy = 0.0
         for j in range(n2 - 1):
-            of_row += across[i, j] * (here[j] - here[j + 1]) ** 2
+            row_energy += across[i, j] * (here[j] - here[j + 1]) ** 2
         if m2 == n2:
-            of_row += across[i, n2 - 1] * (here[n2 - 1] - here[0]) ** 2
-        total += of_row
+            row_energy += across[i, n2 - 1] * (here[n2 - 1] - here[0]) ** 2
+        total += row_energy
     return total
 
 
 @lru_cache(maxsize=1)
 def edge_conductances() -> Pair:
-    """Return the conductances of an edge along x1 and of an edge along x2 of the unit square with K = 1.
+    """Compute the conductances of an edge along x1 and of an edge along x2 of the unit square for K = 1.
 
-    scikit-fem evaluates `forms.darcy_flow` on one bilinear element with quadrature at the midpoints of its edges, where
-    K has the component along the edge alone. Each edge is then a link between its two corners.
+    scikit-fem evaluates `forms.darcy_flow` on one bilinear element with quadrature at the midpoints of its edges. At
+    each midpoint only the component of K in the direction of the edge is not 0. Each edge is then equivalent to a link
+    between its two corners.
 
     Raises
     ------
-    ValueError : the form joins corners that have no edge in common, or is not driven by differences of the pressure.
+    ValueError : the form couples corners that do not share an edge, or a constant pressure causes a flow.
     """
     basis = Basis(MeshQuad(), ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
-    k = np.zeros((2, 2, 1, 4))
+    k = np.zeros((2, 2, 1, 4))  # (component, component, element, edge)
     k[0, 0, 0, :2] = k[1, 1, 0, 2:] = 1.0
     matrix = forms.darcy_flow.assemble(basis, k=k).toarray()
-    along, across = -matrix[0, 1], -matrix[1, 2]
+    along = -matrix[0, 1]
+    across = -matrix[1, 2]
+    # matrix of the four links, with the corners numbered anticlockwise
     links = np.zeros((4, 4))
     for a, b, c in ((0, 1, along), (3, 2, along), (1, 2, across), (0, 3, across)):
         links[[a, b], [a, b]] += c
@@ -197,7 +211,12 @@ def edge_conductances() -> Pair:
 
 
 class LinkWeights(NamedTuple):
-    """Conductances of the links between pixels with K = 1: along x1 inside a cell and at its ends, and along x2."""
+    """Conductances of the links of a cell for K = 1.
+
+    along : link along x1 between two pixels.
+    at_ends : link along x1 between a pixel and the inlet or the outlet.
+    across : link along x2 between two pixels.
+    """
 
     along: float
     at_ends: float
@@ -205,11 +224,11 @@ class LinkWeights(NamedTuple):
 
 
 def link_weights(spacing: Pair) -> LinkWeights:
-    """Return the conductances of the links of a cell whose pixels have sides `spacing`, with K = 1.
+    """Compute the conductances for K = 1 of the links of a cell with pixels of the lengths `spacing`.
 
-    scikit-fem supplies the conductances of an element. The rest is geometry: two elements lie on either side of a link,
-    and an element of d1 × d2 conducts d2/d1 times as much along x1 as a square. Links to an end are half as long.
-    Elements beside a mirror and at an end are half as broad, and count twice.
+    scikit-fem supplies the edge conductances of a square element. The rest is geometry. An element of the size d1 × d2
+    conducts d2/d1 times as much along x1 as a square. Each link is an edge of two elements, one on either side. Links
+    to inlet and outlet have half the length and therefore twice the conductance.
     """
     d1, d2 = spacing
     along, across = edge_conductances()
@@ -217,10 +236,18 @@ def link_weights(spacing: Pair) -> LinkWeights:
 
 
 def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
-    """Interpolate the gap midway between neighbouring pixels along both axes [m].
+    """Interpolate the gap [m] midway between neighbouring pixels, for the links along both axes.
 
-    Along an axis that forms a ring, n pixels have n links, from each to the next. Otherwise the first axis has n + 1
-    links, with one to each end, beyond which the gap is mirrored, and the second axis has n − 1.
+    Parameters
+    ----------
+    gap : array (n1, n2), gap at the pixels [m].
+    ring1, ring2 : whether the pixels form a ring along the first and along the second axis. Without a ring, the gap is
+        mirrored beyond the ends of the axis.
+
+    Returns
+    -------
+    Gap on the links along the first axis, array (n1 + 1, n2) including the links to both ends, or (n1, n2) with a ring;
+    and on the links along the second axis, array (n1, n2 − 1), or (n1, n2) with a ring.
     """
     n1, n2 = gap.shape
     on1 = np.empty((n1 if ring1 else n1 + 1, n2))
@@ -231,13 +258,14 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
 
 @inner()
 def _midway(before, a, b, after):
-    """Interpolate the gap midway between two pixels a and b from a cubic through them and their outer neighbours.
+    """Interpolate the gap midway between the gaps a and b by a limited cubic through four points.
 
-    The result changes continuously with all four gaps, and is 0 where a or b is 0.
+    `before` and `after` are the gaps of the next pixels on either side. The result is a continuous function of all four
+    gaps and is 0 if a or b is 0. See the docstring of this module for the limits.
     """
     smaller = min(a, b)
     cubic = (9.0 * (a + b) - (before + after)) / 16.0
-    # a jump of the gap beyond one pixel makes one second difference large, and the cubic dip below both pixels
+    # a jump of the gap beyond a or b makes one second difference large, and the cubic falls below both a and b
     left = before - 2.0 * a + b
     right = a - 2.0 * b + after
     least = max(min(left, right), 0.0)
@@ -249,7 +277,7 @@ def _midway(before, a, b, after):
 
 @inner()
 def _inside(i, n, ring):
-    """Index of the pixel that stands for i beyond the ends of an axis, which is periodic (`ring`) or mirrored."""
+    """Return the index of the pixel whose gap continues a periodic (`ring`) or mirrored axis at the index i."""
     while i < 0 or i >= n:
         if ring:
             i %= n
@@ -260,9 +288,13 @@ def _inside(i, n, ring):
 
 @compiled()
 def gap_on_rows(first, end, gap, ring1, ring2, on1, on2):
-    """Write `gap_on_links` of some rows, with the last one those after it along the first axis."""
+    """Compute the gaps of `gap_on_links` for the rows `first` to `end` − 1.
+
+    If these include the last row of pixels, the links between it and the outlet are computed, too.
+    """
     n1, n2 = gap.shape
     for i in range(first, on1.shape[0] if end == n1 else end):
+        # pixels around link i: without a ring, link i lies between the pixels i − 1 and i
         start = i - 1 if ring1 else i - 2
         rows = [_inside(start + k, n1, ring1) for k in range(4)]
         before, a, b, after = gap[rows[0]], gap[rows[1]], gap[rows[2]], gap[rows[3]]
@@ -272,7 +304,7 @@ def gap_on_rows(first, end, gap, ring1, ring2, on1, on2):
         row = gap[i]
         for j in range(1, n2 - 2):
             on2[i, j] = _midway(row[j - 1], row[j], row[j + 1], row[j + 2])
-        for j in (0, n2 - 2, n2 - 1):
+        for j in (0, n2 - 2, n2 - 1):  # links with neighbours beyond the sides
             if 0 <= j < on2.shape[1]:
                 before = row[_inside(j - 1, n2, ring2)]
                 after = row[_inside(j + 2, n2, ring2)]

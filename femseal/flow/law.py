@@ -1,8 +1,11 @@
 """Flow laws: the permeability K(h, p) of a gap h between parallel plates at a fluid pressure p.
 
-The mass flux per width is −K (ρ/η) ∇p. A fluid changes the variable (∫ρ/η dp, see `femseal.fluids`), its law changes K.
-Each law is a small frozen class, given by how many times more it lets through than h³/12. Faces and cells are solved at
-the gap that has the same permeability by the cubic law, taken at the pixels and interpolated between them as any gap.
+The mass flux per width is −K (ρ/η) ∇p. The density ρ and the viscosity η of a fluid enter through the pressure
+potential ∫ρ/η dp, see `femseal.fluids`; the flow law gives K.
+
+Each law is a small frozen class, defined by the ratio of K to the cubic law h³/12. The flow through faces and cells is
+solved with the equivalent gap, which has the same permeability by the cubic law. It is computed at the pixels and
+interpolated between them in the same way as any other gap.
 """
 
 from __future__ import annotations
@@ -17,16 +20,18 @@ from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, counted, reals, shown
 
-#: D at which the formulas of the transition and of slip begin, after that below which molecules do not meet.
+#: Inverse Knudsen numbers D between the four formulas of `flow_rate`: from free molecules to the first formula of the
+#: transition, from there to the second one, and from there to slip flow.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
-#: Least D of the logarithm, which has no limit.
+#: Smallest D that is used: ln D has no limit at 0.
 _LEAST = 1e-30
-#: Q of plates without end at D = 1, and the c that makes the lowest two formulas meet.
+#: Constant term of the free-molecular Q(D) between infinite plates, and the coefficient c of D ln²D, which is chosen so
+#: that Q is continuous at D = 0.01.
 _FREE = 1.5 * (1.0 - 0.5772156649015329) / sqrt(pi)
 _EXCESS = (-2.22919e-2 + 2.10673 + 1.653 - 0.694 - _FREE + log(FREE_MOLECULAR) / sqrt(pi)) / (
     FREE_MOLECULAR * log(FREE_MOLECULAR) ** 2
 )
-#: Factors of D, 1, 1/D and 1/D² in the formulas.
+#: Coefficients of D, 1, 1/D and 1/D² in the four formulas; transposed to (coefficient, formula).
 _FACTORS = np.transpose(
     [
         (0.0, _FREE, 0.0, 0.0),
@@ -38,76 +43,90 @@ _FACTORS = np.transpose(
 
 
 def flow_rate(inverse_knudsen: ArrayLike) -> Array:
-    """Q(D), the flow rate of a gas between plates over h²/√(2R_sT) times the pressure gradient; without slip D/6.
+    """Compute the dimensionless flow rate Q(D) of a rarefied gas between parallel plates.
 
-    inverse_knudsen : D = p h/(η√(2R_sT)) >= 0, √π/2 over the ratio of mean free path and gap. Below 1e-30 it is taken
-        for 1e-30.
+    The mass flow rate per width is Q h²/√(2R_sT) times the pressure gradient. For viscous flow without slip Q = D/6.
 
-    Q has its least value, Knudsen's minimum, near D = 1. It is a fit to the linearised Boltzmann (BGK) equation for
-    walls that reflect diffusely, within 0.9 % of a solution of that equation, and jumps by 0.27 % at D = 0.15 and
-    0.14 % at D = 5. Below 0.01, where the fit ends, the limit of free molecules between plates without end takes over,
-    within 0.3 %: (3(1 − γ)/2 − ln D)/√π with Euler's γ, plus c D ln²D, whose c makes it continuous.
-    Sources: Fukui & Kaneko, J. Tribol. 112, 1990, 78; Cercignani & Daneri, J. Appl. Phys. 34, 1963, 3509.
+    Q is a fit to the linearised Boltzmann (BGK) equation with diffusely reflecting walls, and is within 0.9 % of a
+    solution of this equation. Its minimum near D = 1 is Knudsen's minimum. At D = 0.15 and D = 5, where the formulas of
+    the fit change, Q jumps by 0.27 % and 0.14 %.
+
+    Below D = 0.01, where the fit ends, Q is continued by the free-molecular limit between infinite plates,
+    (3(1 − γ)/2 − ln D)/√π + c D ln²D, with Euler's constant γ. The coefficient c is chosen so that Q is continuous.
+    This continuation is accurate within 0.3 %.
+
+    Parameters
+    ----------
+    inverse_knudsen : inverse Knudsen number D = p h/(η√(2R_sT)) >= 0, a number or an array. It is √π/2 times the ratio
+        of the gap to the mean free path. Values below 1e-30 are replaced by 1e-30.
+
+    References
+    ----------
+    Fukui & Kaneko, J. Tribol. 112, 1990, 78; Cercignani & Daneri, J. Appl. Phys. 34, 1963, 3509.
     """
     d = np.maximum(reals(inverse_knudsen), _LEAST)
-    a, b, c, e = _FACTORS[:, np.digitize(d, (FREE_MOLECULAR, TRANSITION, SLIP))]
+    formula = np.digitize(d, (FREE_MOLECULAR, TRANSITION, SLIP))
+    a, b, c, e = _FACTORS[:, formula]
+    # the logarithmic terms are only part of the free-molecular formula; ln 1 = 0 removes them from the others
     ln = np.log(np.where(d < FREE_MOLECULAR, d, 1.0))
     return np.asarray(a * d + b + c / d + e / d**2 - ln / sqrt(pi) + _EXCESS * d * ln**2)
 
 
 def cubic_law(gap: Any) -> Any:
-    """Permeability h³/12 [m³] of a gap h [m] between parallel plates."""
+    """Compute the permeability h³/12 [m³] of a gap h [m] between parallel plates."""
     return gap * gap * gap / 12.0
 
 
 class FlowLaw(ABC):
-    """Permeability of a gap, as K = (h³/12) F(h, p) with a factor F > 0; a law defines `factor`.
+    """Base class of flow laws, which give the permeability of a gap as K = (h³/12) F(h, p) with a factor F > 0.
 
-    Gaps h >= 0 [m] and pressures p >= 0 [Pa], absolute for a gas, are numbers or arrays that are broadcast.
+    A flow law defines the method `factor`. In all methods the gap h >= 0 [m] and the pressure p >= 0 [Pa], absolute for
+    a gas, are numbers or arrays that are broadcast together.
     """
 
-    #: Parameter of law and fluid with which the law's own length goes, such as a slip length; "" where it has none.
+    #: Name of the parameter, of the law and of the fluid, that sets the characteristic length of the law, such as a
+    #: slip length; "" if the law has no characteristic length.
     length: ClassVar[str] = "length"
-    #: Whether K depends on the pressure, so that a flow is a fixed point of pressures and permeabilities.
+    #: Whether K depends on the pressure. Pressure and permeability are then computed by a fixed-point iteration.
     depends_on_pressure: ClassVar[bool] = False
 
     @property
     def homogeneous(self) -> bool:
-        """Whether K(s h) = s³ K(h): a law without a length of its own, whose flow holds for the scaled gap."""
+        """Whether K(s h) = s³ K(h), so that the flow through a scaled gap is known from the flow through the gap."""
         return not self.length
 
     @abstractmethod
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """F(h, p), K over h³/12; it may be inf where h or p is 0."""
+        """Compute the ratio F(h, p) of K to h³/12; it may be infinite where h or p is 0."""
 
     def permeability(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """K(h, p) [m³], 0 where the gap is 0."""
+        """Compute K(h, p) [m³], which is 0 where the gap is 0."""
         return np.asarray(cubic_law(self.equivalent_gap(gap, pressure)))
 
     def equivalent_gap(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """Gap [m] whose permeability by the cubic law is K(h, p); 0 where the gap is 0.
+        """Compute the gap [m] whose permeability by the cubic law is K(h, p); 0 where the gap is 0.
 
         Raises
         ------
-        InputError : a factor that is not > 0 and finite where the gap is open.
+        InputError : the factor of the law is not positive and finite where the gap is open.
         """
         h, p = np.broadcast_arrays(np.asarray(gap, dtype=float), np.asarray(pressure, dtype=float))
         return widened(h, self.factor(h, p))
 
     def gap(self, permeability: float, pressure: float = 0.0) -> float:
-        """Gap [m] with a permeability > 0 [m³], by the secant method in ln h."""
+        """Compute the gap [m] that has a given permeability > 0 [m³], by the secant method in ln h."""
         from scipy.optimize import newton
 
-        def excess(x: float) -> float:
-            return float(np.log(self.permeability(np.exp(x), pressure) / permeability))
+        def log_ratio(log_gap: float) -> float:
+            return float(np.log(self.permeability(np.exp(log_gap), pressure) / permeability))
 
         start = np.log(np.cbrt(12 * permeability))
-        return float(np.exp(newton(excess, start, tol=1e-14, disp=False)))
+        return float(np.exp(newton(log_ratio, start, tol=1e-14, disp=False)))
 
 
 @dataclass(frozen=True)
 class CubicLaw(FlowLaw):
-    """A viscous fluid that sticks to both faces: K = h³/12.
+    """Flow law of a viscous fluid without slip at the faces: K = h³/12.
 
     Source: Reynolds, Phil. Trans. R. Soc. 177, 1886, 157.
     """
@@ -115,19 +134,20 @@ class CubicLaw(FlowLaw):
     length: ClassVar[str] = ""
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """Ones."""
+        """Return ones."""
         return np.ones(np.broadcast_shapes(np.shape(gap), np.shape(pressure)))
 
     def equivalent_gap(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """The gap as it is."""
+        """Return the gap itself."""
         return np.asarray(gap, dtype=float)
 
 
 @dataclass(frozen=True)
 class SlipLength(FlowLaw):
-    """A liquid that slips on both faces by a slip length b, u = b ∂u/∂n: K = (h³/12)(1 + 6b/h).
+    """Flow law of a liquid that slips on both faces: K = (h³/12)(1 + 6b/h).
 
-    slip_length : b >= 0 [m].
+    slip_length : slip length b >= 0 [m], which is defined by the velocity u = b ∂u/∂n at a face.
+
     Source: Navier's condition; Lauga, Brenner & Stone, Springer Handbook of Experimental Fluid Mechanics, 2007, 1219.
     """
 
@@ -135,16 +155,17 @@ class SlipLength(FlowLaw):
     slip_length: float
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """1 + 6b/h."""
+        """Compute 1 + 6b/h."""
         h = np.broadcast_arrays(np.asarray(gap, dtype=float), pressure)[0]
         return 1 + np.divide(6 * self.slip_length, h, out=np.full(h.shape, np.inf), where=h > 0)
 
 
 @dataclass(frozen=True)
 class FukuiKaneko(FlowLaw):
-    """A rarefied gas from molecules to continuum: F = Q(D)/(D/6), see `flow_rate` for Q and its source.
+    """Flow law of a rarefied gas from free-molecular to continuum flow: F = Q(D)/(D/6), see `flow_rate` for Q.
 
-    viscosity : η [Pa s]. speed : √(2R_sT) of the molecules [m/s].
+    viscosity : viscosity η of the gas [Pa s].
+    speed : most probable speed √(2R_sT) of its molecules [m/s].
     """
 
     length: ClassVar[str] = "viscosity"
@@ -153,7 +174,7 @@ class FukuiKaneko(FlowLaw):
     speed: float
 
     def inverse_knudsen(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
-        """D = p h/(η√(2R_sT)); the mean free path is √π h/2D."""
+        """Compute the inverse Knudsen number D = p h/(η√(2R_sT)); the mean free path is √π h/(2D)."""
         return (
             np.asarray(pressure, dtype=float)
             * np.asarray(gap, dtype=float)
@@ -161,8 +182,7 @@ class FukuiKaneko(FlowLaw):
         )
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
-        """6 Q(D)/D; inf where gap or pressure is 0."""
-
+        """Compute 6 Q(D)/D, which is infinite where the gap or the pressure is 0."""
         d = self.inverse_knudsen(gap, pressure)
         return np.divide(6 * flow_rate(d), d, out=np.full(d.shape, np.inf), where=d > 0)
 
@@ -171,16 +191,19 @@ CUBIC_LAW = CubicLaw()
 
 
 def law_of(fluid: Any) -> FlowLaw:
-    """Law of a fluid, its `law`; the cubic one where it names none."""
+    """Return the flow law of a fluid, which is the cubic law if the fluid has no attribute `law`."""
     return getattr(fluid, "law", CUBIC_LAW)
 
 
 def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
-    """`FlowLaw.equivalent_gap` of a checked gap (n1, n2) [m] at a fluid pressure [Pa], a number or (n1, n2).
+    """Check law and pressure, and compute the equivalent gap of a checked gap (n1, n2) [m].
+
+    pressure : fluid pressure [Pa], a number or an array (n1, n2); only used by laws that depend on it.
 
     Raises
     ------
-    InputError : no law, or no pressure, one of another shape, negative or undefined, where the law depends on it.
+    InputError : `law` is no flow law; or the law depends on the pressure, and the pressure is missing, has another
+        shape, or has negative or undefined values.
     """
     if not isinstance(law, FlowLaw):
         raise InputError(
@@ -200,11 +223,11 @@ def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
 
 
 def widened(gap: Array, factor: ArrayLike) -> Array:
-    """Gap [m] whose permeability by the cubic law is (h³/12) F with a factor F > 0; 0 where the gap is 0.
+    """Compute the gap [m] whose permeability by the cubic law is (h³/12) F with a factor F > 0; 0 where h is 0.
 
     Raises
     ------
-    InputError : a factor that is not > 0 and finite where the gap is open.
+    InputError : the factor is not positive and finite where the gap is open.
     """
     factor = np.broadcast_to(np.asarray(factor, dtype=float), gap.shape)
     if not ((factor > 0) & np.isfinite(factor)).all(where=gap > 0):
@@ -215,7 +238,18 @@ def widened(gap: Array, factor: ArrayLike) -> Array:
 
 
 def checked_permeability(name: str, permeability: ArrayLike, *shapes: tuple[int, ...]) -> Array:
-    """Permeability as a finite number, or numbers of one of the shapes, >= 0 but for tensors; else InputError."""
+    """Check a permeability, and return it as an array.
+
+    Parameters
+    ----------
+    name : name of the argument for the error message.
+    permeability : a number, or an array in one of `shapes` [m³]. Numbers must be finite, and >= 0 unless the array has
+        three axes and contains tensors.
+
+    Raises
+    ------
+    InputError : the permeability has another shape, or an undefined or negative value.
+    """
     try:
         k = np.asarray(permeability, dtype=float)
     except (TypeError, ValueError):

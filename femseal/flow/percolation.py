@@ -1,7 +1,8 @@
-"""Find which nodes of a network carry flow: percolation, by union-find, and the critical constriction.
+"""Find the nodes of a network that can carry flow (percolation), and the critical constriction.
 
-Nodes that are not connected to both ends carry no flow and are left out. Without a path the flow is exactly 0. Where
-the widest path is narrowest is the constriction that controls the leakage near closing.
+Connected components are found by union-find. Nodes that are not connected to both ends carry no flow and are left out.
+Without an open path the flow is exactly 0. The critical constriction is the narrowest point of the widest path; it
+controls the leakage of a nearly closed seal.
 Sources: Ambegaokar, Halperin & Langer, Phys. Rev. B 4, 1971, 2612; for seals Persson & Yang, J. Phys. Condens. Matter
 20, 2008, 315011.
 """
@@ -45,15 +46,22 @@ def union(parent, a, b):
 
 
 def nodes_reached(along: Array, across: Array, least: float = 0.0) -> NDArray[np.int8]:
-    """Which ends each node is joined to by open links of a conductance >= `least`: 0 none, 1 inlet, 2 outlet, 3 both.
+    """Find the ends to which each node is connected by links with a conductance >= `least`.
 
-    along, across : as of a `Stencil` of (n1 + 1, n2) nodes. Dead ends of a path from inlet to outlet are joined to both
-    and carry no flow.
+    Parameters
+    ----------
+    along, across : conductances of the links between (n1 + 1, n2) nodes, see `Stencil`.
+    least : smallest conductance of the links that are used; links with the conductance 0 are never used.
+
+    Returns
+    -------
+    Array (n1 + 1, n2): 0 for nodes that are connected to no end, 1 to the inlet only, 2 to the outlet only, 3 to both.
+    Dead ends of a path from inlet to outlet are connected to both ends, although they carry no flow.
     """
     n1, n2 = along.shape
     label = np.empty((n1 + 1, n2), np.int32)
     parent = np.empty((n1 + 1) * n2 + 2, np.int32)
-    parent[:2] = 0, 1
+    parent[:2] = 0, 1  # labels of inlet and outlet
     parts = rows(n1 + 1, n2)
     links = along, across, least
     over(parts, _label_rows, *links, label, parent)
@@ -71,21 +79,21 @@ def _is_open(c, least):
 
 @compiled()
 def _label_rows(begin, end, along, across, least, label, parent):
-    """Label some rows of nodes. Those of inlet and outlet are 0 and 1.
+    """Label the connected components of the nodes in the rows `begin` to `end` − 1; inlet and outlet are 0 and 1.
 
-    Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one. Labels
-    are few against nodes.
+    In each row from left to right, a node takes the label of its connected neighbour above or to the left, or a new
+    label without such a neighbour. If both neighbours are connected and have different labels, the labels are united.
     """
     n1, n2 = along.shape
     m2 = across.shape[1]
-    count = begin * n2 + 2
+    count = begin * n2 + 2  # next new label; each part of the rows has its own range of labels
     if begin == 0:
         for j in range(n2):
             label[0, j] = 0
     for i in range(max(begin, 1), end):
         last = i == n1
         for j in range(n2):
-            here = np.int32(1 if last else -1)
+            here = np.int32(1 if last else -1)  # label of this node; −1 if there is none yet
             if i > begin and _is_open(along[i - 1, j], least):
                 above = label[i - 1, j]
                 if here < 0:
@@ -110,7 +118,7 @@ def _label_rows(begin, end, along, across, least, label, parent):
 
 @compiled()
 def _join_rows(i, along, least, label, parent):
-    """Join the labels of a row of nodes and those of the row above."""
+    """Unite the labels of row i with the labels of the row above that it is connected to."""
     for j in range(along.shape[1]):
         if _is_open(along[i - 1, j], least):
             union(parent, label[i - 1, j], label[i, j])
@@ -118,7 +126,7 @@ def _join_rows(i, along, least, label, parent):
 
 @compiled()
 def _reached_rows(begin, end, label, parent, reached):
-    """Write which ends some rows of nodes are joined to."""
+    """Compute the result of `nodes_reached` for the rows `begin` to `end` − 1 from their labels."""
     for i in range(begin, end):
         for j in range(label.shape[1]):
             reached[i, j] = _ends(parent, label[i, j])
@@ -126,68 +134,86 @@ def _reached_rows(begin, end, label, parent, reached):
 
 @inner()
 def _ends(parent, a):
-    """The ends that a label is joined to: `find` that writes nothing."""
+    """Return the ends that a label is connected to, coded as in `nodes_reached`.
+
+    The root is found without shortening the path, so that several threads can read `parent` at the same time.
+    """
     while parent[a] != a:
         a = parent[a]
     if a > 1:
         return 0
-    if parent[1] == 0:
+    if parent[1] == 0:  # inlet and outlet are connected
         return 3
     return a + 1
 
 
 @contextmanager
 def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> Iterator[None]:
-    """Meanwhile close the links of nodes (n1 + 1, n2) that are not kept and those below `least`; none without `keep`.
+    """Close some links of a stencil temporarily, within a `with` block.
 
-    It is in the arrays of the stencil: only the few links that are closed are copied.
+    A link is closed if one of its nodes is not marked in `keep`, or if its conductance is below `least`. Without `keep`
+    no link is closed. To save memory the arrays of the stencil are changed in place, and only the conductances of the
+    closed links are copied.
+
+    keep : array (n1 + 1, n2), nodes whose links remain open, or None.
     """
-    aside = []
+    saved = []  # (conductances, indices of closed links, their conductances)
     if keep is not None:
         inner = keep[1:-1]
-        both = np.roll(inner, -1, axis=1)
-        both &= inner
-        for c, kept in (
+        keeps_across = np.roll(inner, -1, axis=1)
+        keeps_across &= inner
+        for c, keeps_link in (
             (stencil.along, keep[:-1] & keep[1:]),
-            (stencil.across, both[:, : stencil.across.shape[1]]),
+            (stencil.across, keeps_across[:, : stencil.across.shape[1]]),
         ):
             links = c.reshape(-1)
-            at = np.flatnonzero((c > 0) & ~(kept & (c >= least)))
-            aside.append((links, at, links[at]))
-            links[at] = 0.0
+            closed_links = np.flatnonzero((c > 0) & ~(keeps_link & (c >= least)))
+            saved.append((links, closed_links, links[closed_links]))
+            links[closed_links] = 0.0
     try:
         yield
     finally:
-        for links, at, conductances in aside:
-            links[at] = conductances
+        for links, closed_links, conductances in saved:
+            links[closed_links] = conductances
 
 
 @compiled()
 def _restrict(begin, end, along, across, keep, first, second):
-    """Close the links of nodes that are not kept in some rows, and multiply the others by two factors."""
+    """Close the links of nodes not marked in `keep`, in the rows `begin` to `end` − 1, and scale the other links.
+
+    Conductances are multiplied by the factors `first` and `second`, one after the other.
+    """
     n2, m2 = along.shape[1], across.shape[1]
     for i in range(begin, end):
         for j in range(n2):
-            kept = keep[i, j] and keep[i + 1, j]
-            along[i, j] = second * (first * along[i, j]) if kept else 0.0
+            keeps_link = keep[i, j] and keep[i + 1, j]
+            along[i, j] = second * (first * along[i, j]) if keeps_link else 0.0
     for i in range(begin, min(end, across.shape[0])):
         for j in range(m2):
-            kept = keep[i + 1, j] and keep[i + 1, (j + 1) % n2]
-            across[i, j] = second * (first * across[i, j]) if kept else 0.0
+            keeps_link = keep[i + 1, j] and keep[i + 1, (j + 1) % n2]
+            across[i, j] = second * (first * across[i, j]) if keeps_link else 0.0
 
 
 def ready(along: Array, across: Array) -> tuple[NDArray[np.int8], int]:
-    """Make the conductances of a stencil what `solve_ready` takes, in place: between nodes that reach both ends.
+    """Prepare the conductances of a stencil for `solve_ready`, in place.
 
-    They are over a power of two near the widest. Returns which ends each node reaches, see `nodes_reached`, and the
-    exponent.
+    If the network percolates, the links of nodes that are not connected to both ends are closed, and the conductances
+    are divided by a power of two near the largest one.
+
+    Returns
+    -------
+    reached : array (n1 + 1, n2), ends that each node is connected to, see `nodes_reached`.
+    exponent : exponent of the power of two.
     """
     parts = rows(*along.shape)
     reached = nodes_reached(along, across)
-    through = reached[0, 0] == 3 and len(along) > 1
-    exponent = frexp(max(along.max(), across.max(initial=0.0)))[1] - 1 if through else 0
-    keep = np.equal(reached, 3) if through else np.ones(reached.shape, np.bool_)
-    # a power of two changes no digit; two of half the exponent are in range
+    percolates = reached[0, 0] == 3 and len(along) > 1
+    exponent = 0
+    keep = np.ones(reached.shape, np.bool_)
+    if percolates:
+        exponent = frexp(max(along.max(), across.max(initial=0.0)))[1] - 1
+        keep = np.equal(reached, 3)
+    # A power of two changes no digit. It may be out of range itself, and is therefore split into two factors.
     half = exponent // 2
     over(parts, _restrict, along, across, keep, ldexp(1.0, -half), ldexp(1.0, half - exponent))
     return reached, exponent
@@ -195,7 +221,11 @@ def ready(along: Array, across: Array) -> tuple[NDArray[np.int8], int]:
 
 @dataclass(frozen=True)
 class Constriction:
-    """Where the widest path from inlet to outlet is narrowest, (x1, x2) between two pixels, and its gap there [m]."""
+    """Narrowest point of the widest path from inlet to outlet.
+
+    position : coordinates (x1, x2) of the point, midway between two pixels [m].
+    gap : gap at this point [m].
+    """
 
     position: Pair
     gap: float
@@ -204,28 +234,40 @@ class Constriction:
 def critical_constriction(
     gap: ArrayLike, spacing: Lengths, *, axis: int = 0, sides: str = "mirror"
 ) -> Constriction | None:
-    """Critical constriction of a cell, None where the gap does not percolate.
+    """Find the critical constriction of a cell: the narrowest point of the widest path.
 
     Parameters
     ----------
-    gap, spacing, axis, sides : as in `cell_permeability`, whose gap midway between two pixels is used.
+    gap, spacing, axis, sides : as in `cell_permeability`. The gap between two pixels is interpolated in the same way.
+
+    Returns
+    -------
+    Constriction, or None if the cell does not percolate.
 
     Raises
     ------
-    InputError : as `cell_permeability`.
+    InputError : as in `cell_permeability`.
     """
     h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
     h1, h2 = gap_on_links(h, False, sides == "periodic")
     widths = np.unique(np.concatenate([h1.ravel(), h2.ravel()]))
     widths = widths[widths > 0]
-    joined = bisect_left(widths, True, key=lambda width: nodes_reached(h1, h2, width)[0, 0] != 3)
-    if joined == 0:
+
+    def is_blocked(width: float) -> bool:
+        """Return whether the links that are at least this wide do not connect inlet and outlet."""
+        return bool(nodes_reached(h1, h2, width)[0, 0] != 3)
+
+    # bisection in the sorted widths: the number of widths at which a path exists
+    open_widths = bisect_left(widths, True, key=is_blocked)
+    if open_widths == 0:
         return None
-    width = widths[joined - 1]
+    width = widths[open_widths - 1]
     if (h1 == width).any():
         i, j = np.argwhere(h1 == width)[0]
+        # link i of the first axis is before pixel i, whose centre is at (i + ½) d1
         position = float(i * d1), float((j + 0.5) * d2)
     else:
         i, j = np.argwhere(h2 == width)[0]
+        # link j of the second axis is after pixel j
         position = float((i + 0.5) * d1), float((j + 1) * d2)
     return Constriction(position if axis == 0 else position[::-1], float(width))

@@ -1,9 +1,13 @@
-"""Permeability that depends on the pressure of the fluid, as that of a rarefied gas or of faces that it presses apart.
+"""Tabulate and interpolate a permeability that depends on the fluid pressure.
 
-It is known at a few pressures, and ln k is interpolated: in ln p by one polynomial for a rarefied gas, whose slope is
-between −1, free molecules, and 0, viscous flow; or linear in p between the pressures, as closed parts may open there.
-Measured on rough gaps of 10 nm to 10 µm and helium: six Chebyshev points over three decades of pressure are within
-0.1 % of the flow, four over one decade too; between plates within 0.5 %, where the jumps of the flow factor show.
+Examples are the permeability for a rarefied gas, and the permeability of faces that the fluid pressure separates. The
+permeability k is computed at a few pressures p, and ln k is interpolated in one of two ways. For a rarefied gas a
+single polynomial in ln p is used; its slope is between −1 (free-molecular flow) and 0 (viscous flow). For faces that
+the fluid separates, ln k is interpolated linearly between the pressures, because closed parts may open between them.
+
+Accuracy of the polynomial for helium in rough gaps of 10 nm to 10 µm: with six Chebyshev points over three decades of
+pressure, or four over one decade, the flow is accurate within 0.1 %. Between parallel plates it is accurate within
+0.5 %, because there the jumps of the flow factor are not smoothed.
 """
 
 from __future__ import annotations
@@ -20,22 +24,24 @@ from numpy.typing import ArrayLike
 
 from ..base import Array, Indices, InputError
 
-#: Pressures below this fraction of the inlet's are not looked at, since hardly anything of the drop lies there.
+#: Smallest tabulated pressure as a fraction of the highest one. Hardly any of the potential drop lies below it.
 _LEAST_FRACTION = 1e-3
-#: Number of pressures up to this ratio of the highest to the lowest, and beyond.
+#: If the ratio of the highest to the lowest pressure is at most the first number, the second is the number of tabulated
+#: pressures; otherwise it is the third.
 _ONE_DECADE, _FEW, _MANY = 12.0, 4, 6
-#: Points of the mean over a link, in the root of the distance from its lower pressure.
+#: Gauss points for the mean between two pressures. They integrate over the square root of the relative distance from
+#: the lower pressure, `_ROOTS`, so that they are dense there.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _ROOTS = 0.5 * (1 + _POINTS)
-#: A mobility that varies less than this is the same at all pressures.
+#: A mobility with a smaller relative variation counts as constant.
 _EVEN = 1e-9
 
 
 def table_pressures(inlet: float, outlet: float) -> Array:
-    """Pressures [Pa] at which the permeability of a gas between two pressures is needed, falling from the higher one.
+    """Choose the pressures [Pa] at which the permeability for a gas is computed, from the highest to the lowest.
 
-    Chebyshev's extremes in ln p: four where the ends are within a factor of 12, else six, the lowest not below 1e-3 of
-    the highest.
+    They are the Chebyshev extrema in ln p between inlet and outlet pressure: four if these differ by a factor of up to
+    12, and six otherwise. Pressures below 1e-3 of the highest one are not tabulated.
     """
     high = max(inlet, outlet)
     low = max(min(inlet, outlet), _LEAST_FRACTION * high)
@@ -44,31 +50,33 @@ def table_pressures(inlet: float, outlet: float) -> Array:
     if high == low:
         low = high / 1.01
     count = _FEW if high / low <= _ONE_DECADE else _MANY
-    x = np.cos(np.pi * np.arange(count) / (count - 1))
-    return np.exp(0.5 * (np.log(high) + np.log(low)) + 0.5 * (np.log(high) - np.log(low)) * x)
+    x = np.cos(np.pi * np.arange(count) / (count - 1))  # from 1 to −1
+    middle = 0.5 * (np.log(high) + np.log(low))
+    half_range = 0.5 * (np.log(high) - np.log(low))
+    return np.exp(middle + half_range * x)
 
 
 @dataclass(frozen=True, eq=False)
 class PermeabilityTable:
-    """Permeability of the parts of a seal at several pressures.
+    """Permeability of a seal, or of each of its elements, at several fluid pressures.
 
     Parameters
     ----------
-    pressures : m different ones > 0 [Pa], such as those of `table_pressures`.
-    values : what `seal_leakage` takes as permeability, with a first axis of m [m³]: (m,) numbers, or one per element,
-        such as (m, n_elements) or (m, n_elements, 2), no tensors. An element that is closed at one pressure counts as
-        closed.
-    piecewise : interpolate ln k between each two pressures, which may be 0 and at which a part may be closed (k is then
-        linear between them); else by one polynomial in ln p.
+    pressures : m different pressures [Pa], such as those of `table_pressures`. They are > 0, or >= 0 with `piecewise`.
+    values : permeability at these pressures [m³]. The first axis has m entries, each of which is a permeability that
+        `seal_leakage` accepts, for example with the shape (m,), (m, n_elements) or (m, n_elements, 2), but not tensors.
+    piecewise : how the permeability is interpolated. If false, ln k is a single polynomial in ln p, and an element that
+        is closed at one of the pressures counts as closed. If true, ln k is linear between adjacent pressures; where
+        an element is closed at one of both, k itself is linear.
 
     Raises
     ------
-    InputError : pressures that are not > 0, of `piecewise` not >= 0, or not different, values that are negative or
-        undefined or do not match.
+    InputError : the pressures are not different, negative, or 0 without `piecewise`; or the values are negative or
+        undefined or do not match the pressures.
 
     Examples
     --------
-    Helium from 10 bar to 1 bar through gaps of 100 nm: 4.0 times what the viscous flow would be.
+    For helium that flows from 10 bar to 1 bar through gaps of 100 nm, the flow is 4.0 times the viscous flow.
 
     >>> import femseal as fs
     >>> gas = fs.IdealGas(19.6e-6, 4.0026e-3, 293.15)
@@ -113,29 +121,39 @@ class PermeabilityTable:
 
     @property
     def typical(self) -> tuple[float, float]:
-        """A pressure in the middle [Pa] and the median of the open permeabilities at it [m³], 0 where all is closed."""
+        """Median tabulated pressure [Pa], and median permeability of the elements open at this pressure [m³] or 0."""
         middle = int(np.argsort(self.pressures)[len(self.pressures) // 2])
         k = self.values[middle]
-        return self.pressures[middle], float(np.median(k[k > 0])) if (k > 0).any() else 0.0
+        is_open = k > 0
+        permeability = float(np.median(k[is_open])) if is_open.any() else 0.0
+        return self.pressures[middle], permeability
 
 
 def tabulated(
     pressures: Sequence[float] | Array, values: Sequence[Any], piecewise: bool = False
 ) -> Any:
-    """Table of the permeabilities at each of the pressures; the only permeability where there is one."""
+    """Make a table of the permeabilities at several pressures; for a single pressure return its permeability itself."""
     if len(values) == 1:
         return values[0]
     return PermeabilityTable(tuple(pressures), np.array(values), piecewise)
 
 
 class PressureCurve:
-    """Permeabilities as functions of the pressure, one for each element: values (m, …) at m pressures."""
+    """Permeability of each element as a function of the pressure, interpolated as described in `PermeabilityTable`.
+
+    Parameters
+    ----------
+    pressures : m different pressures [Pa].
+    values : array (m, …), permeabilities of the elements at these pressures [m³].
+    piecewise : see `PermeabilityTable`.
+    """
 
     def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
         order = np.argsort(pressures)
-        self._knots, self._piecewise = np.asarray(pressures, dtype=float)[order], piecewise
+        self._knots = np.asarray(pressures, dtype=float)[order]
+        self._piecewise = piecewise
         self.shape = values.shape[1:]
-        k = values[order].reshape(order.size, -1)
+        k = values[order].reshape(order.size, -1)  # (pressure, element)
         if piecewise:
             with np.errstate(divide="ignore"):
                 self._log_k = np.log(k)
@@ -147,78 +165,100 @@ class PressureCurve:
         log_k = np.log(np.where(self._open, k, 1.0))
         self._coefficients = chebyshev.chebfit(t, log_k, t.size - 1)
         slope = chebyshev.chebval(-1.0, chebyshev.chebder(self._coefficients))
-        # below the lowest pressure k rises no faster than that of free molecules
+        # d ln k/d ln p at the lowest pressure, which is used below it; −1 is the limit of free-molecular flow
         self._slope = np.clip(2 * slope / np.ptp(self._range), -1.0, 0.0)
 
     def _scaled(self, x: Array) -> Array:
-        """ln p from −1 to 1 between the lowest and the highest pressure."""
+        """Map x = ln p linearly to the range from −1 (lowest pressure) to 1 (highest pressure)."""
         return (2 * x - self._range.sum()) / np.ptp(self._range)
 
     def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
-        """Return the mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ.
+        """Compute the mean permeability ∫ k dφ/∫ dψ of each element between two pressures > 0.
 
-        It is exact for piecewise tables and an even mobility. Otherwise Gauss points are dense at the lower pressure.
+        For a piecewise table and a constant mobility the mean is exact. Otherwise it is computed by Gauss quadrature.
+
+        Parameters
+        ----------
+        first, second : the two pressures of each element [Pa], broadcast to the shape of the elements.
+        mobility : derivatives of the potentials φ and ψ with respect to the pressure.
         """
         a, b = (np.broadcast_to(p, self.shape).ravel() for p in (first, second))
-        least, most = np.minimum(a, b), np.maximum(a, b)
+        low, high = np.minimum(a, b), np.maximum(a, b)
         if self._piecewise and mobility.even:
-            mean = self._exact_mean(least, most)
+            mean = self._exact_mean(low, high)
         else:
-            p = least + (most - least) * (_ROOTS**2)[:, None]
+            # p = low + (high − low) t² with the Gauss points t, so that dp is proportional to t dt
+            p = low + (high - low) * (_ROOTS**2)[:, None]  # (Gauss point, element)
             viscous, own = mobility.at(p)
             weight = _WEIGHTS * _ROOTS
-            mean = weight @ (viscous * self._at(p, np.arange(least.size))) / (weight @ own)
+            mean = weight @ (viscous * self._at(p, np.arange(low.size))) / (weight @ own)
         return np.where(self._open, mean, 0.0).reshape(self.shape)
 
     def _at(self, p: Array, parts: Indices) -> Array:
-        """Permeabilities (…, n) of some parts at pressures of each."""
+        """Compute the permeabilities of the elements `parts` (n,) at their pressures p (…, n) [Pa]."""
         if self._piecewise:
             after = np.clip(np.searchsorted(self._knots, p), 1, self._knots.size - 1)
             return np.asarray(np.exp(self._between_knots(p, after, parts)[0]))
         x = np.log(p)
         t = self._scaled(np.clip(x, *self._range))
         log_k = chebyshev.chebval(t, self._coefficients[:, parts], tensor=False)
-        return np.asarray(np.exp(log_k + self._slope[parts] * np.minimum(x - self._range[0], 0.0)))
+        below_range = np.minimum(
+            x - self._range[0], 0.0
+        )  # 0 within the table, so that only lower pressures change
+        return np.asarray(np.exp(log_k + self._slope[parts] * below_range))
 
     def _between_knots(self, p: Array, after: Any, parts: Indices) -> tuple[Array, Any]:
-        """ln k at pressures of some parts between the knot `after` and the one before, constant beyond both.
+        """Interpolate ln k of the elements `parts` between the tabulated pressure number `after` and the one before it.
 
-        Also where it is linear itself, as it is 0 at one of both.
+        Beyond both pressures ln k is constant. Also returned are flags of the elements that are closed at one of both
+        pressures, for which k itself is interpolated linearly.
         """
         low, high = self._knots[after - 1], self._knots[after]
         weight = np.clip((p - low) / (high - low), 0.0, 1.0)
         a = self._log_k[after - 1, parts]
         b = self._log_k[after, parts]
-        linear = np.isinf(np.minimum(a, b))
+        is_linear = np.isinf(np.minimum(a, b))  # ln k is −∞ where the element is closed
         with np.errstate(divide="ignore", invalid="ignore"):
-            of_linear = np.log((1 - weight) * np.exp(a) + weight * np.exp(b))
-            return np.where(linear, of_linear, a + weight * (b - a)), linear
+            log_of_linear = np.log((1 - weight) * np.exp(a) + weight * np.exp(b))
+            return np.where(is_linear, log_of_linear, a + weight * (b - a)), is_linear
 
-    def _exact_mean(self, least: Array, most: Array) -> Array:
-        """Mean over the pressure, from knot to knot."""
+    def _exact_mean(self, low: Array, high: Array) -> Array:
+        """Integrate each permeability over the pressure from `low` to `high`, interval by interval of the table."""
         knots = np.array([-np.inf, *self._knots, np.inf])
-        total = np.zeros(least.shape)
-        for number, (low, high) in enumerate(pairwise(knots)):
-            parts = np.flatnonzero((least < high) & (most > low) & (most > least))
+        total = np.zeros(low.shape)
+        for number, (knot, next_knot) in enumerate(pairwise(knots)):
+            # elements whose range of pressures overlaps with this interval of the table
+            parts = np.flatnonzero((low < next_knot) & (high > knot) & (high > low))
             if not parts.size:
                 continue
             after = min(max(number, 1), self._knots.size - 1)
-            ends = np.maximum(least[parts], low), np.minimum(most[parts], high)
-            (a, linear), (b, _) = (self._between_knots(p, after, parts) for p in ends)
+            start = np.maximum(low[parts], knot)
+            end = np.minimum(high[parts], next_knot)
+            a, is_linear = self._between_knots(start, after, parts)
+            b = self._between_knots(end, after, parts)[0]
+            # mean of the exponential between e^a and e^b, or of a linear function
             mean = np.exp(a)
             with np.errstate(divide="ignore", invalid="ignore"):
                 mean = np.where(a == b, mean, mean * np.expm1(b - a) / (b - a))
-            mean = np.where(linear, (np.exp(a) + np.exp(b)) / 2, mean)
-            total[parts] += mean * (ends[1] - ends[0]) / (most - least)[parts]
-        same = np.flatnonzero(most == least)
-        total[same] = self._at(least[same], same)
+            mean = np.where(is_linear, (np.exp(a) + np.exp(b)) / 2, mean)
+            total[parts] += mean * (end - start) / (high - low)[parts]
+        same = np.flatnonzero(high == low)
+        total[same] = self._at(low[same], same)
         return total
 
 
 @dataclass(frozen=True, eq=False)
 class Mobility:
-    """dφ/dp and dψ/dp of a fluid in the viscous potential and in one of its own, `viscous` and `own`, at rising
-    pressures [Pa]; straight between them, as a viscous gas is."""
+    """Derivatives of two pressure potentials of a fluid with respect to the pressure, at tabulated pressures.
+
+    Between the tabulated pressures the derivatives are linear, which is exact for a viscous gas.
+
+    Attributes
+    ----------
+    pressures : increasing pressures [Pa].
+    viscous : dφ/dp of the viscous potential φ at these pressures.
+    own : dψ/dp of the potential ψ in which the flow of the fluid is solved.
+    """
 
     pressures: Array
     viscous: Array
@@ -226,9 +266,9 @@ class Mobility:
 
     @cached_property
     def even(self) -> bool:
-        """Whether both are the same at all pressures, as of a liquid of constant viscosity."""
+        """Whether both derivatives are constant, as for a liquid of constant viscosity."""
         return bool(np.ptp(self.viscous) + np.ptp(self.own) <= _EVEN * np.abs(self.viscous).max())
 
     def at(self, p: Array) -> tuple[Array, Array]:
-        """Both at pressures."""
+        """Interpolate dφ/dp and dψ/dp at pressures p [Pa]."""
         return np.interp(p, self.pressures, self.viscous), np.interp(p, self.pressures, self.own)

@@ -1,12 +1,12 @@
-"""The plain path: the flow through a cell as a user of scikit-fem would write it.
+"""Compute the flow through a cell as a user of scikit-fem would: the plain path.
 
-This file defines the discrete problem. It is the reference of the fast path (`flow.cell` and `flow.grid`), which sums
-up the same operator without a mesh; tests assert that both have the same permeability.
+This file defines the discrete problem. It is the reference for the fast path (`flow.cell` and `flow.grid`), which
+computes the same operator without a mesh. Tests assert that both paths give the same permeability.
 
-The unknowns are the pressures at the pixel centres. Bilinear elements (Q1) join four pixel centres. Half an element
-lies between the outermost pixel centres and an end of the cell, where the pressure is given, or a mirrored side. The
-form is integrated at the midpoints of the edges of the elements: an edge along x1 takes K11 there, one along x2 takes
-K22. The gap at these points is that of `gap_on_links`.
+The unknowns are the pressures at the pixel centres. Each bilinear element (Q1) has four pixel centres as its corners.
+Elements of half the length lie between the outermost pixel centres and the ends of the cell, where the pressure is
+prescribed, and at mirrored sides. The form is integrated at the midpoints of the element edges: an edge along x1
+contributes with K11 at its midpoint, an edge along x2 with K22. `gap_on_links` interpolates the gap at these points.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
 
     Returns
     -------
-    Symmetric matrix of the pressures at the inlet, at the pixel centres row by row, and at the outlet, n2 in each row.
+    Symmetric matrix with (n1 + 2) n2 rows. Its unknowns are the n2 pressures at the inlet, the pressures at the pixel
+    centres row by row, and the n2 pressures at the outlet.
     """
     (n1, n2), (d1, d2) = gap.shape, spacing
     x1 = np.concatenate([[0.0], (np.arange(n1) + 0.5) * d1, [n1 * d1]])
@@ -48,7 +49,7 @@ def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
     mesh = MeshQuad.init_tensor(x1, x2)
     basis = Basis(mesh, ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
 
-    # K at the midpoints of all edges, in tables with two entries from one line of nodes to the next.
+    # Tables of K on a grid that is twice as fine as the nodes: nodes at even indices, edge midpoints at odd ones.
     gap1, gap2 = gap_on_links(gap, ring1=False, ring2=sides == "periodic")
     if sides == "mirror":
         gap2 = np.pad(gap2, ((0, 0), (1, 1)))  # no pressure drops from a pixel centre to its side
@@ -61,12 +62,13 @@ def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
     k = np.zeros((2, 2, *i.shape))
     k[0, 0] = k11[i, j]
     k[1, 1] = k22[i, j]
-    # Half elements at the ends take K22 at the pixel centres for all of their length.
+    # Edges along x2 at the ends have K22 = 0, so that the elements there take only half of K22 of the pixel centres.
+    # Doubling it makes up for this.
     at_end = (i.min(axis=1) == 0) | (i.max(axis=1) == 2 * n1 + 2)
     k[1, 1, at_end] *= 2
     matrix = forms.darcy_flow.assemble(basis, k=k)
 
-    # Nodes that stand for the same pressure are one unknown.
+    # Nodes at which the pressure is the same by periodicity or mirroring share one unknown.
     row = np.searchsorted(x1, mesh.p[0])
     unknown = row * n2 + column[np.searchsorted(x2, mesh.p[1])]
     join = sp.csr_array((np.ones(unknown.size), (unknown, np.arange(unknown.size))))
@@ -87,13 +89,14 @@ def solve_plain(
     Parameters
     ----------
     gap, spacing, sides : as in `assemble_cell`.
-    rtol : relative error that is allowed to the conductance.
-    field_rtol : relative error that is allowed to the pressure in the norm of the energy; None for √rtol.
+    rtol : largest relative error of the conductance.
+    field_rtol : largest relative error of the pressure in the energy norm; None for √rtol.
     solver : "amg" (pyamg) or "direct" (factorisation).
 
     Returns
     -------
-    DarcyFlow, whose potential is the pressure at the inlet, the pixel centres and the outlet, array (n1 + 2, n2).
+    DarcyFlow. Its potential, array (n1 + 2, n2), has the pressures at the inlet in its first row, at the pixel centres
+    in the rows between, and at the outlet in its last row.
 
     Raises
     ------
@@ -127,7 +130,7 @@ def solve_plain(
     pressure[unknown] = solution.x
     complement[unknown] = solution.complement
 
-    # The conductance is the energy; summed up from differences of the pressure it keeps all its digits.
+    # The conductance is equal to the energy. Computed from pressure differences it does not suffer from cancellation.
     link = sp.triu(matrix, k=1).tocoo()
     drop = np.nan_to_num(pressure[link.row] - pressure[link.col])
     conductance = float(-link.data @ drop**2)

@@ -1,4 +1,4 @@
-"""Problems of flow on grids and meshes: names of solvers, checks of the input, and the solution."""
+"""Definitions that flow problems on grids and on meshes share: solver names, checks of the input, and the result."""
 
 from __future__ import annotations
 
@@ -12,31 +12,35 @@ from numpy.typing import ArrayLike
 from ..base import Array, InputError, Lengths, Pair, validate
 
 SIDES = ("mirror", "periodic")
-#: Solvers of the fast path, which know a grid of five points, and of the plain path, which take any sparse matrix.
+#: Solvers of the fast path, which require a five-point stencil, and of the plain path, which take any sparse matrix.
 FAST_SOLVERS = ("multigrid", "elimination")
 PLAIN_SOLVERS = ("amg", "direct")
-#: All solvers of a flow. "auto" takes the fast path where there is one, and the solver that is expected to be faster.
+#: All flow solvers. "auto" takes the fast path if there is one, and on it the solver that is expected to be faster.
 SOLVERS = ("auto", *FAST_SOLVERS, *PLAIN_SOLVERS)
-#: Inlet and outlet flow may differ by this fraction before a direct or a precise solution is refused.
+#: Largest relative difference between inlet and outlet flow that is accepted from a direct or a precise solution.
 MAX_IMBALANCE = 1e-5
-#: What to do about elements of the second order.
+#: Advice, in error messages, about second-order elements.
 LINEAR = "with linear elements; mesh with elements of the first order, finer where sides are curved"
-#: Error of the potential in the norm of the energy that is allowed where it is shown or written.
+#: Relative error of the potential, in the energy norm, that is allowed if the potential is plotted or saved.
 FIELD_RTOL = 1e-6
-#: Largest gap [m], largest ratio of spacings and of two open gaps; the inverses are the smallest.
+#: Largest gap [m], largest ratio Δ1/Δ2 of the pixel lengths, and largest ratio of two open gaps. Their reciprocals are
+#: the smallest gap and the smallest ratios.
 _LARGEST, _SLENDER, _CONTRAST = 1e60, 1e60, 1e50
 
 
 def check_solver(solver: str, allowed: Sequence[str] = SOLVERS) -> None:
-    """Raise InputError unless the solver is one of those that are allowed."""
+    """Raise an InputError unless the solver is one of the allowed ones."""
     if solver not in allowed:
         raise InputError("solver", repr(solver), f"one of {', '.join(allowed)}")
 
 
 def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, Pair]:
-    """Gap as a new array (n1, n2) of finite numbers >= 0 and spacing as two numbers > 0, or an InputError.
+    """Check a gap and a spacing; return the gap as a new array (n1, n2), and the spacing as two numbers.
 
-    Numbers whose cubes or ratios double precision cannot bear are refused too.
+    Raises
+    ------
+    InputError : the gap has negative or undefined values, the spacing is not > 0, or the cubes or ratios of the numbers
+        exceed the range of double precision.
     """
     h = validate.field("gap", gap, unit="m")
     lowest, largest = h.min(), h.max()
@@ -56,7 +60,12 @@ def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, Pair]:
 
 
 def validated_cell(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, Pair]:
-    """Gap and spacing with the flow along the first axis, or an InputError that names what is wrong."""
+    """Check the input of a cell, and return gap and spacing with the flow along the first axis.
+
+    Raises
+    ------
+    InputError : see `validated_gap`; or the axis or the kind of sides is unknown.
+    """
     h, (d1, d2) = validated_gap(gap, spacing)
     axis = validate.axis_number(axis)
     if sides not in SIDES:
@@ -65,7 +74,9 @@ def validated_cell(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> t
 
 
 def unit_spacing(spacing: Pair) -> Pair:
-    """Spacing over a power of two near the larger length: the flow depends on the ratio only, which keeps its digits.
+    """Divide a spacing by a power of two near its larger length.
+
+    The flow only depends on the ratio of the lengths, which a division by a power of two does not change in any digit.
 
     >>> unit_spacing((3e-6, 1.5e-6))
     (1.572864, 0.786432)
@@ -75,23 +86,33 @@ def unit_spacing(spacing: Pair) -> Pair:
 
 
 def potential_rtol(rtol: float, field_rtol: float | None = None) -> float:
-    """Error allowed to the potential in the norm of the energy, of which the flow has the square."""
+    """Return the relative error, in the energy norm, that the potential may have if the flow may have the error `rtol`.
+
+    The error of the flow is the square of the error of the potential. A smaller `field_rtol` takes precedence.
+    """
     return float(np.sqrt(rtol)) if field_rtol is None else min(float(np.sqrt(rtol)), field_rtol)
 
 
 @dataclass(frozen=True)
 class DarcyFlow:
-    """Flow for a unit drop of potential; exactly 0 without an open path from inlet to outlet.
+    """Flow for a unit potential drop; exactly 0 without an open path from inlet to outlet.
 
-    conductance : equal to the energy that the potential dissipates, in the unit of the permeability, m³.
-    potential : at the nodes; 1 or 0 where it is connected to one end only, NaN in pockets, connected to neither.
-    complement : 1 − potential; elimination computes it with a relative accuracy of its own.
-    iterations, residual : 0 for a direct solution; otherwise residual is the estimated error of the potential in the
-        norm of the energy, whose square is that of the conductance.
-    imbalance : relative difference of inlet and outlet flow.
-    solver : that found the solution: "multigrid", "elimination", "amg" or "direct"; "none" if
-        there was no unknown.
-    lower, upper : bounds of the conductance, NaN if not computed.
+    Attributes
+    ----------
+    conductance : flow for the unit drop, in the unit of the permeability (m³). It is equal to the energy that the flow
+        dissipates.
+    potential : potential at the nodes, in the shape of the grid or the mesh. At nodes that are only connected to the
+        inlet it is 1, at nodes that are only connected to the outlet 0, and in pockets, which are connected to neither
+        end, NaN.
+    complement : 1 − potential. Elimination computes it separately, with a high relative accuracy where it is small.
+    percolates : whether an open path connects inlet and outlet.
+    iterations : number of iterations; 0 for a direct solution.
+    residual : estimated relative error of the potential in the energy norm; 0 for a direct solution. The relative error
+        of the conductance is the square of it.
+    imbalance : relative difference between inlet and outlet flow.
+    solver : name of the solver that was used: "multigrid", "elimination", "amg" or "direct"; "none" if there was no
+        unknown.
+    lower, upper : bounds of the conductance, NaN if they were not computed.
     """
 
     conductance: float
