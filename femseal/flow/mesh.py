@@ -1,11 +1,12 @@
-"""Darcy flow on a mesh: ∇·(K∇φ) = 0 from the inlet, φ = 1, to the outlet, φ = 0 (Dirichlet); other sides are closed.
+"""Solve Darcy flow on a mesh: ∇·(K∇φ) = 0 with φ = 1 at the inlet and φ = 0 at the outlet; other sides are closed.
 
-Upper bound of the energy, and value: conforming elements, P1 or Q1, of order 2 in the flow. Lower bound: lowest-order
-Raviart-Thomas fluxes. Their system is hybridised, so that its unknowns are potentials of facets and its matrix is
-positive definite; they are made to balance exactly on every element, so that their energy is a bound whatever the error
-of the solver. The forms are assembled once for each component of K, as a drawn seal is solved many times on one mesh.
+The flow is computed with conforming elements (P1 or Q1), which converge with second order and give an upper bound of
+the energy. The lower bound is computed with lowest-order Raviart-Thomas fluxes. Hybridisation makes the potentials of
+the facets the unknowns of a positive definite matrix. The fluxes are then corrected so that they are conserved exactly
+on each element, which makes their energy a bound regardless of the error of the solver. The forms are assembled once
+for each component of K, because many realisations of a seal are solved on the same mesh.
 
-Symbols: K permeability [m³] (any unit: the flow has the same), φ potential.
+Symbols: φ is the potential, K the permeability [m³]. K may also have another unit, which is then the unit of the flow.
 Sources: principles of Dirichlet and Thomson; Arnold & Brezzi, RAIRO M2AN 19, 1985, 7 (hybridisation).
 """
 
@@ -49,15 +50,15 @@ from .solvers.sparse import solve_sparse
 RTOL = 1e-8
 #: Potentials of the inlet and of the outlet.
 _LEVELS = (1.0, 0.0)
-#: Difference of inflow and outflow that is allowed, over the flow: the conductance is an energy,
-#: which errs by its square. Of 400 meshes whose permeabilities differed by up to 1e16 five were out of balance by more
-#: than 1e-4, and the conductance of none erred by more than 1e-13.
+#: Largest relative difference between inflow and outflow. The conductance is computed as an energy, whose error is
+#: about the square of this difference. Of 400 meshes with permeabilities that differed by up to 1e16, five had a
+#: difference above 1e-4, and the error of the conductance never exceeded 1e-13.
 _MAX_IMBALANCE = 1e-3
-#: Components of a symmetric tensor, by their unit tensors.
+#: Unit tensors of the three components K11, K22 and K12 of a symmetric tensor, (component, 2, 2, 1, 1).
 _UNITS = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], float)[..., None, None]
 
 
-#: Conforming element, element of fluxes and order of quadrature of each kind of mesh.
+#: Conforming element, flux element and quadrature order for each kind of mesh.
 KINDS = {
     MeshTri1: (ElementTriP1, ElementTriRT0, 2),
     MeshQuad1: (ElementQuad1, ElementQuadRT0, 4),
@@ -74,15 +75,16 @@ def darcy_conductance(
     bounds: bool = False,
     solver: str = "auto",
 ) -> DarcyFlow:
-    """Solve the flow through a mesh for a unit drop of the potential between two parts of its boundary.
+    """Solve the Darcy flow through a mesh for a unit potential drop between two parts of its boundary.
 
     Parameters
     ----------
     mesh : scikit-fem MeshTri1 or MeshQuad1 with n elements, or a periodic MeshQuad1DG of rectangles.
-    permeability : K >= 0 in any unit, a number, (n,), (n, 2) along x and y, or symmetric tensors (n, 2, 2); elements
-        with 0 are closed. A tensor that is closed along one principal axis keeps 1e-10 of its other value there, and
-        carries flow only across facets that its open axis crosses.
-    inlet, outlet : indices of boundary facets, with no vertex in common.
+    permeability : permeability K >= 0 in any unit: a number, one number per element (n,), principal values along x and
+        y (n, 2), or symmetric tensors (n, 2, 2). Elements with K = 0 are closed. If a tensor is closed along one
+        principal axis, its principal value there is replaced by 1e-10 of the other one, and the element only carries
+        flow across facets that are not parallel to the open axis.
+    inlet, outlet : indices of boundary facets. Inlet and outlet must not have a vertex in common.
     bounds, solver : as in `MeshOperators.flow`.
 
     Returns
@@ -91,7 +93,7 @@ def darcy_conductance(
 
     Raises
     ------
-    InputError : another kind of mesh, wrong facets, or a bad K.
+    InputError : the mesh is of another kind, the facets are not suitable, or K is not valid.
     NotConverged : inflow and outflow differ by more than 1e-3, or the linear solver failed.
     """
     if type(mesh) not in KINDS:
@@ -105,13 +107,13 @@ def darcy_conductance(
 
 @dataclass(frozen=True, eq=False)
 class MeshSystem:
-    """Numbering of the unknowns of a mesh.
+    """Numbering of the degrees of freedom of a mesh, which are its vertices or its facets.
 
     Attributes
     ----------
-    dofs : array (n, m), degrees of freedom of each element.
-    ends : degrees of freedom at the inlet and at the outlet.
-    size : number of all degrees of freedom.
+    dofs : array (n, m), the m degrees of freedom of each of n elements.
+    ends : degrees of freedom at the inlet, and degrees of freedom at the outlet.
+    size : total number of degrees of freedom.
     """
 
     dofs: Indices
@@ -119,9 +121,17 @@ class MeshSystem:
     size: int
 
     def solved(self, local: Array, rtol: float, solver: str) -> LinearSolution:
-        """Assemble local matrices (n, m, m), whose rows sum to 0, and solve them for a unit drop between the ends.
+        """Assemble the matrices of the elements, and solve the system for a unit drop between inlet and outlet.
 
-        Returns the solution with a value for every degree of freedom (size,), at an end its potential.
+        Parameters
+        ----------
+        local : array (n, m, m), matrices of the elements. The sum of each row must be 0.
+        rtol : largest relative error of the potential in the energy norm.
+        solver : name of a solver of the plain path, or "auto".
+
+        Returns
+        -------
+        LinearSolution with a value for each degree of freedom (size,), including the potentials at inlet and outlet.
         """
         values = np.zeros(self.size)
         free = np.zeros(self.size, bool)
@@ -132,7 +142,9 @@ class MeshSystem:
         unknown = np.flatnonzero(free)
         if not unknown.size:
             return LinearSolution(values, 1 - values, 0, 0.0, "none", np.zeros(self.size))
-        number = np.full(self.size, -1)
+        number = np.full(
+            self.size, -1
+        )  # number of each degree of freedom among the unknowns; −1 if it is known
         number[unknown] = np.arange(unknown.size)
         rows, columns = np.broadcast_arrays(
             number[self.dofs][:, :, None], number[self.dofs][:, None, :]
@@ -141,12 +153,12 @@ class MeshSystem:
         matrix = sp.coo_array(
             (local[inner], (rows[inner], columns[inner])), shape=(unknown.size, unknown.size)
         ).tocsc()
-        links = []
+        links = []  # for each end, the conductance between the end and each unknown
         for at in self.ends:
-            of_end = np.zeros(self.size)
-            of_end[at] = 1.0
-            into = self.total(np.einsum("nij,nj->ni", local, of_end[self.dofs]))
-            links.append(0.0 - into[unknown])
+            is_at_end = np.zeros(self.size)
+            is_at_end[at] = 1.0
+            column_sum = self.total(np.einsum("nij,nj->ni", local, is_at_end[self.dofs]))
+            links.append(0.0 - column_sum[unknown])
         ends = Ends(np.array(_LEVELS), np.array(links))
         rhs = ends.levels @ ends.links
         solution = solve_sparse(matrix, rhs, rtol, solver, unit_drop=True, ends=ends)
@@ -156,43 +168,46 @@ class MeshSystem:
         return replace(solution, x=values, complement=1 - values, remainder=remainder)
 
     def total(self, flux: Array) -> Array:
-        """Sum up the flow from each degree of freedom into the elements, from that into each element (n, m)."""
+        """Add up the flow from each degree of freedom into its elements.
+
+        flux : array (n, m), flow into each element from each of its degrees of freedom.
+        """
         return np.asarray(np.bincount(self.dofs.ravel(), flux.ravel(), self.size), float)
 
     def into(self, flux: Array) -> Array:
-        """Sum up the flow into the elements through each end, from that into each element (n, m)."""
+        """Add up the flow into the mesh through inlet and through outlet; `flux` as in `total`."""
         total = self.total(flux)
         return np.array([total[at].sum() for at in self.ends])
 
 
 @dataclass(frozen=True, eq=False)
 class MeshOperators:
-    """Local matrices of a mesh of straight sides, with which flows through it are solved one after another.
+    """Element matrices of a mesh with straight sides, which are kept to solve many flows on the same mesh.
 
     Attributes
     ----------
-    mesh : one of `KINDS`.
-    ends : boundary facets of the inlet and of the outlet, with no vertex in common.
+    mesh : mesh of a kind in `KINDS`.
+    ends : boundary facets of the inlet, and boundary facets of the outlet, with no vertex in common.
     """
 
     mesh: Mesh = field(repr=False)
     ends: tuple[Indices, Indices] = field(repr=False)
 
     def flow(self, tensor: Array, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Solve the flow for a unit drop.
+        """Solve the flow for a unit potential drop between inlet and outlet.
 
         Parameters
         ----------
-        tensor : array (n, 2, 2), K of each element, symmetric and positive semidefinite.
-        bounds : also enclose the flow with K constant on each element, up to quadrature on quadrilaterals that are no
-            parallelograms. Open elements that share only a corner are connected in the value and in the upper bound,
-            and not in the lower bound.
-        solver : "direct" (factorisation), "amg" (pyamg), or "auto" for the faster of both.
+        tensor : array (n, 2, 2), permeability K of each element, symmetric and positive semidefinite.
+        bounds : also compute bounds of the flow, for a permeability that is constant on each element. On quadrilaterals
+            that are no parallelograms they neglect quadrature errors. Open elements that only share a corner are
+            connected in the value and in the upper bound, but not in the lower bound.
+        solver : "direct" (factorisation), "amg" (pyamg), or "auto" for the solver that is expected to be faster.
 
         Returns
         -------
-        DarcyFlow with the potential at the vertices, NaN in closed pockets. Its conductance is that of conforming
-        elements, which is the upper bound.
+        DarcyFlow with the potential at the vertices, NaN in closed pockets. The conductance is computed with conforming
+        elements and is equal to the upper bound.
 
         Raises
         ------
@@ -215,7 +230,7 @@ class MeshOperators:
         tensor = invertible(tensor)
         units = self._stiffness_of_axes if self._are_axes_along_edges(tensor) else self._stiffness
         local = _weighted(tensor[connected.between], units, connected.between)
-        # the conductance is an energy, which errs by the square of the potential
+        # the relative error of the conductance is the square of the error of the potential
         solution = system.solved(local, potential_rtol(RTOL), solver)
         potential[system.dofs] = solution.x[system.dofs]
         energy, flux = _dissipated(local, solution, system.dofs)
@@ -238,20 +253,24 @@ class MeshOperators:
         )
 
     def _lower_bound(self, tensor: Array, solver: str) -> float:
-        """Return the lower bound inflow² / ∫ q·K⁻¹q of the energy by fluxes q; tensors are invertible."""
+        """Compute the lower bound inflow² / ∫ q·K⁻¹q of the energy from conserved fluxes q.
+
+        tensor : array (n, 2, 2), invertible permeabilities.
+        """
         connected, system = self._system(tensor, of_vertices=False)
         if not connected.joined.any():
             return 0.0
         inverse = np.linalg.inv(tensor[connected.between])
         units = self._resistance_of_axes if self._are_axes_along_edges(tensor) else self._resistance
         resistance = _weighted(inverse, units, connected.between)
-        # R q = p − λ and Σq = 0 on each element give q = −S λ
-        inverse = np.linalg.inv(resistance)
+        # Hybridisation: on each element R q = p − λ, with the outward fluxes q and the potentials λ of its facets, the
+        # potential p of the element, and Σq = 0. Eliminating p gives q = −S λ with the Schur complement S.
+        inverse = np.linalg.inv(resistance)  # (element, facet, facet)
         column = inverse.sum(axis=2)
         schur = (
             inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
         )
-        # balancing the fluxes magnifies the error of the potential
+        # `RTOL` instead of its root: correcting the fluxes amplifies the error of the potential
         solution = system.solved(schur, RTOL, solver)
         _, inward = _dissipated(schur, solution, system.dofs)
         flux, on_facet = self._balanced(connected.between, system, resistance, -inward)
@@ -262,29 +281,40 @@ class MeshOperators:
     def _balanced(
         self, carrying: Indices, system: MeshSystem, resistance: Array, flux: Array
     ) -> tuple[Array, Array]:
-        """Correct outward fluxes (elements, facets) so that they balance on elements and agree on facets.
+        """Correct fluxes so that they are conserved on each element and continuous across each facet.
 
-        Returns the corrected fluxes, and the flux of each facet of the mesh out of its first element.
+        Parameters
+        ----------
+        carrying : elements that carry flow.
+        system : numbering of their facets.
+        resistance : array (elements, facets, facets), matrices of these elements.
+        flux : array (elements, facets), flux out of each element through each of its facets.
+
+        Returns
+        -------
+        Corrected fluxes in the shape of `flux`; and for each facet of the mesh, the flux out of its first element.
         """
-        mesh, facets = self.mesh, system.dofs
+        mesh = self.mesh
+        facets = system.dofs
+        # the network to be balanced: elements are the nodes 1, 2, …, both ends are node 0, and facets are the links
         node = np.zeros(mesh.nelements, np.int64)
         node[carrying] = np.arange(1, carrying.size + 1)
         first, second = mesh.f2t
         sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
-        sides = system.total(np.ones(facets.shape))
-        # facets between two carrying elements, and those of the ends, whose outer side is node 0
+        sides = system.total(np.ones(facets.shape))  # number of carrying elements at each facet
         link = np.concatenate([np.flatnonzero(sides == 2), *system.ends])
         tail = node[first[link]]
         head = np.where(second[link] >= 0, node[second[link]], 0)
-        through = (system.total(sign * flux) / np.maximum(sides, 1))[link]
+        # mean of the fluxes that the elements on both sides of a facet give
+        facet_flux = (system.total(sign * flux) / np.maximum(sides, 1))[link]
         width = 1 / system.total(np.einsum("eii->ei", resistance))[link]
-        balance(tail, head, width, through, carrying.size + 1)
-        on_facet = np.zeros(mesh.nfacets)
-        on_facet[link] = through
-        return sign * on_facet[facets], on_facet
+        balance(tail, head, width, facet_flux, carrying.size + 1)
+        mesh_flux = np.zeros(mesh.nfacets)
+        mesh_flux[link] = facet_flux
+        return sign * mesh_flux[facets], mesh_flux
 
     def _at_rest(self, connected: Connected) -> Array:
-        """Return the potential of the vertices that are connected to one end alone; NaN elsewhere."""
+        """Return the potential 1 or 0 at vertices that are connected to one end only, and NaN at all others."""
         mesh = self.mesh
         potential = np.full(mesh.nvertices, np.nan)
         for level, elements in zip(_LEVELS, connected.alone, strict=True):
@@ -294,7 +324,10 @@ class MeshOperators:
         return potential
 
     def _system(self, tensor: Array, *, of_vertices: bool) -> tuple[Connected, MeshSystem]:
-        """Find the elements that carry flow, and number their vertices, which also connect in corners, or facets."""
+        """Find the elements that carry flow, and number their vertices or their facets.
+
+        With vertices as degrees of freedom, elements that only share a corner are connected, too.
+        """
         mesh = self.mesh
         connected = connected_elements(mesh, tensor, self.ends, through_corners=of_vertices)
         inlet, outlet = (
@@ -308,7 +341,7 @@ class MeshOperators:
 
     @cached_property
     def _stiffness(self) -> Array:
-        """Local matrices of conforming elements for every component of K, (3, n, vertices, vertices)."""
+        """Matrices of the conforming elements for each component of K, (component, element, vertex, vertex)."""
         element, _, order = KINDS[type(self.mesh)]
         return _local_matrices(
             forms.darcy_flow, Basis(self.mesh, element(), intorder=order), k=_UNITS
@@ -316,7 +349,10 @@ class MeshOperators:
 
     @cached_property
     def _stiffness_of_axes(self) -> Array:
-        """The same of rectangles with principal axes along their edges, integrated at the midpoints of the edges."""
+        """Matrices as in `_stiffness` for rectangles with principal axes along their edges.
+
+        They are integrated at the midpoints of the edges, so that each edge is a link between two vertices.
+        """
         basis = Basis(self.mesh, ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
         units = np.zeros((3, 2, 2, 1, 4))
         units[0, 0, 0, 0, :2] = units[1, 1, 1, 0, 2:] = 1.0
@@ -324,29 +360,36 @@ class MeshOperators:
 
     @cached_property
     def _resistance(self) -> Array:
-        """Local resistances of outward fluxes, of every component of K⁻¹ (3, n, facets, facets)."""
+        """Resistance matrices of outward fluxes for each component of K⁻¹, (component, element, facet, facet)."""
         _, element, order = KINDS[type(self.mesh)]
         return self._outward(Basis(self.mesh, element(), intorder=order))
 
     @cached_property
     def _resistance_of_axes(self) -> Array:
-        """The same of rectangles with principal axes along their edges, integrated at the corners."""
+        """Matrices as in `_resistance` for rectangles with principal axes along their edges.
+
+        They are integrated at the corners, so that the fluxes along both axes are not coupled.
+        """
         return self._outward(Basis(self.mesh, ElementQuadRT0(), quadrature=forms.CORNERS))
 
     def _outward(self, basis: Basis) -> Array:
-        """Local resistances of unit fluxes out of an element; a basis function leaves the facet's first element."""
+        """Compute the resistance matrices of unit fluxes that leave an element.
+
+        The basis functions of scikit-fem leave the first element of a facet and enter the second one. Their sign is
+        therefore changed in the second element.
+        """
         facets = self.mesh.t2f.T
         sign = np.where(self.mesh.f2t[0, facets] == np.arange(len(facets))[:, None], 1.0, -1.0)
         local = _local_matrices(forms.flux_resistance, basis, resistance=_UNITS)
         return local * sign[:, :, None] * sign[:, None, :]
 
     def _are_axes_along_edges(self, tensor: Array) -> bool:
-        """Whether the elements are rectangles whose principal axes are along their edges."""
+        """Return whether the elements are rectangles with principal axes along their edges."""
         return self._has_rectangles and not tensor[:, 0, 1].any()
 
     @cached_property
     def _has_rectangles(self) -> bool:
-        """Whether the mesh is periodic and of rectangles that begin with their edge along x1."""
+        """Whether the mesh is a periodic mesh of rectangles whose first two vertices are on an edge along x1."""
         if type(self.mesh) is not MeshQuad1DG:
             return False
         x1, x2 = self.mesh.mapping().F(self.mesh.refdom.p)  # (element, corner)
@@ -355,23 +398,32 @@ class MeshOperators:
 
 
 def _local_matrices(form: Any, basis: Basis, **units: Array) -> Array:
-    """Local matrices of a form for every unit tensor of its coefficient (3, n, m, m)."""
+    """Compute the element matrices (3, n, m, m) of a form for each unit tensor of its coefficient.
+
+    units : a single keyword argument, with the name of the coefficient and its three unit tensors.
+    """
     ((name, tensors),) = units.items()
     return np.stack([form.coo_data(basis, **{name: unit}).tolocal() for unit in tensors])
 
 
 def _weighted(tensor: Floats, units: Array, elements: Indices) -> Array:
-    """Return local matrices (elements, m, m) of tensors, from those of unit components of K (3, n, m, m)."""
+    """Combine the element matrices of the unit tensors to the element matrices of given tensors.
+
+    tensor : array (elements, 2, 2).
+    units : array (3, n, m, m), matrices of all n elements of the mesh for each unit tensor.
+    elements : numbers of the elements to which the tensors belong.
+    """
     k = np.array([tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]])
     return np.asarray(np.einsum("cn,cnij->nij", k, units[:, elements]))
 
 
 def _dissipated(local: Array, solution: LinearSolution, dofs: Indices) -> tuple[float, Array]:
-    """Return the energy of a solution, and the flow into each element from each of its degrees of freedom (n, m).
+    """Compute the energy of a solution, and the flow into each element from each of its degrees of freedom (n, m).
 
-    local : matrices (n, m, m) of the elements. dofs : their degrees of freedom (n, m).
+    local : array (n, m, m), matrices of the elements.
+    dofs : array (n, m), degrees of freedom of the elements.
     """
-    # differences within an element: no cancellation where values are nearly constant
+    # subtracting the first value of an element avoids cancellation where the values are nearly constant
     values, remainder = solution.x[dofs], np.asarray(solution.remainder)[dofs]
     drop = (values - values[:, :1]) + (remainder - remainder[:, :1])
     flux = np.einsum("nij,nj->ni", local, drop)
@@ -379,11 +431,17 @@ def _dissipated(local: Array, solution: LinearSolution, dofs: Indices) -> tuple[
 
 
 def _imbalance(rates: Array, energy: float) -> float:
-    """Return the difference of inflow and outflow, or of inflow and energy, over the larger of inflow and energy.
+    """Compute the relative imbalance of a flow.
 
-    rates : into the mesh through inlet and outlet.
+    This is the difference between inflow and outflow, or between inflow and energy, whichever is larger, relative to
+    the larger of inflow and energy.
 
-    Raises NotConverged: that is too much, as where all flow passes links that are lost in sums with others.
+    rates : flow into the mesh through inlet and through outlet.
+
+    Raises
+    ------
+    NotConverged : the imbalance is too large. This happens if all flow passes links that are so narrow that they are
+        lost by rounding when their conductances are added to others.
     """
     inflow, total = float(rates[0]), float(rates.sum())
     largest = max(float(np.maximum(rates, 0.0).sum()), energy)

@@ -1,4 +1,4 @@
-"""Checks of the permeability and the ends of a mesh, and the elements that carry flow between its ends."""
+"""Check the permeability and the ends of a mesh, and find the elements that carry flow between its ends."""
 
 from __future__ import annotations
 
@@ -14,14 +14,23 @@ from skfem import Mesh
 from ..base import Array, Flags, Indices, InputError
 from .law import checked_permeability
 
-#: A tensor closed along one principal axis keeps this fraction of its other value there, so that K⁻¹ exists.
+#: If a tensor is closed along one principal axis, its principal value there is replaced by this fraction of the other
+#: principal value, so that K⁻¹ exists.
 CLOSED_AXIS = 1e-10
-#: It is closed along an axis whose principal value is no larger than this fraction of the other.
+#: A tensor counts as closed along an axis if its principal value there is at most this fraction of the other one.
 _CLOSED = 1e-12
 
 
 def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
-    """Return positive semidefinite tensors (elements, 2, 2) of a permeability of any shape, or an InputError."""
+    """Check a permeability, and convert it to positive semidefinite tensors (elements, 2, 2).
+
+    permeability : a number, or an array (n,), (n, 2) of principal values along x and y, or (n, 2, 2) of tensors, for n
+        elements.
+
+    Raises
+    ------
+    InputError : the permeability has another shape, is negative or undefined, or is not symmetric.
+    """
     n = elements
     k = checked_permeability("permeability", permeability, (n,), (n, 2), (n, 2, 2))
     if k.ndim < 3:
@@ -41,25 +50,35 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
 
 
 def principal_values(tensor: Array) -> tuple[Array, Array]:
-    """Return the smaller and the larger principal value of symmetric tensors (n, 2, 2)."""
-    a, b, c = tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]
+    """Compute the smaller and the larger principal value of symmetric tensors (n, 2, 2)."""
+    a = tensor[:, 0, 0]
+    b = tensor[:, 1, 1]
+    c = tensor[:, 0, 1]
     mean = (a + b) / 2
     radius = np.hypot((a - b) / 2, c)
     return mean - radius, mean + radius
 
 
 def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
-    """Return whether a mesh of open elements joins inlet and outlet; InputError if these cannot be ends."""
+    """Return whether a mesh whose elements are all open connects inlet and outlet.
+
+    Raises
+    ------
+    InputError : see `ends_of`.
+    """
     unit = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
-    return bool(
-        connected_elements(
-            mesh, unit, ends_of(mesh, inlet, outlet), through_corners=True
-        ).joined.all()
-    )
+    ends = ends_of(mesh, inlet, outlet)
+    connected = connected_elements(mesh, unit, ends, through_corners=True)
+    return bool(connected.joined.all())
 
 
 def ends_of(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:
-    """Return the boundary facets of inlet and outlet, or raise an InputError."""
+    """Check the facets of inlet and outlet, and return them without duplicates.
+
+    Raises
+    ------
+    InputError : an end has no facets or facets inside the mesh, or inlet and outlet have a vertex in common.
+    """
     ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
     if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
         raise InputError(
@@ -69,6 +88,7 @@ def ends_of(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, I
 
 
 def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
+    """Check the facets of one end."""
     chosen = np.unique(np.asarray(facets).astype(np.int64))
     if chosen.size == 0:
         raise InputError(name, "no facets", "at least one facet of the boundary")
@@ -78,30 +98,38 @@ def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
 
 
 def invertible(tensor: Array) -> Array:
-    """Return tensors whose smaller principal value is `CLOSED_AXIS` times the larger one where it was 0."""
-    least, most = principal_values(tensor)
-    half = np.flatnonzero((least <= _CLOSED * most) & (most > 0))
-    if not half.size:
+    """Make tensors (n, 2, 2) that are closed along one principal axis invertible.
+
+    Their smaller principal value, which is about 0, is replaced by `CLOSED_AXIS` times the larger one.
+    """
+    smaller, larger = principal_values(tensor)
+    half_closed = np.flatnonzero((smaller <= _CLOSED * larger) & (larger > 0))
+    if not half_closed.size:
         return tensor
-    k, least, most = (a[half] for a in (tensor, least[:, None, None], most[:, None, None]))
+    k = tensor[half_closed]
+    least = smaller[half_closed, None, None]
+    most = larger[half_closed, None, None]
+    # (most I − k)/(most − least) is the projection on the principal axis of the smaller value
+    change = (CLOSED_AXIS * most - least) / (most - least) * (most * np.eye(2) - k)
     invertible_tensor = tensor.copy()
-    invertible_tensor[half] += (
-        (CLOSED_AXIS * most - least) / (most - least) * (most * np.eye(2) - k)
-    )
+    invertible_tensor[half_closed] += change
     return invertible_tensor
 
 
 def open_facets(mesh: Mesh, facets: Indices, elements: Indices) -> Indices:
-    """Return the boundary facets that belong to these elements."""
+    """Return those boundary facets that belong to one of the elements."""
     return facets[np.isin(mesh.f2t[0, facets], elements)]
 
 
 @dataclass(frozen=True, eq=False)
 class Connected:
-    """What open elements connect.
+    """Elements that are connected to the boundaries of a mesh through open elements.
 
-    between : elements connected to two or more boundaries. alone : those connected to each boundary only.
-    joined : whether each boundary is connected to another one (boundaries,).
+    Attributes
+    ----------
+    between : elements that are connected to two or more boundaries and can carry flow.
+    alone : for each boundary, the elements that are connected to no other boundary.
+    joined : array (boundaries,), whether each boundary is connected to another one.
     """
 
     between: Indices
@@ -112,15 +140,17 @@ class Connected:
 def connected_elements(
     mesh: Mesh, tensor: Array, ends: Sequence[Indices], *, through_corners: bool
 ) -> Connected:
-    """What the elements connect, each through a facet that both can carry flow across, n·Kn > 0.
+    """Find the elements that are connected to the boundaries `ends`.
 
-    With `through_corners` also through a vertex, if both are open in every direction.
+    Two elements are connected if they share a facet with the normal n across which both can carry flow, n·Kn > 0. With
+    `through_corners` two elements are also connected through a common vertex, if they are open in all directions.
     """
-    across = _open_ways(mesh, tensor)
+    across = _open_facets_of_elements(mesh, tensor)
     slot, element = np.nonzero(across)
-    # one graph of elements, facets, vertices and the ends
+    # The nodes of the graph are elements, facets, vertices and boundaries, numbered in this order. An element is linked
+    # to its open facets and vertices, and a boundary to its facets.
     ne, nf = mesh.nelements, mesh.nfacets
-    first = ne + nf + mesh.nvertices
+    first = ne + nf + mesh.nvertices  # node of the first boundary
     start = [element]
     end = [ne + mesh.t2f[slot, element]]
     if through_corners:
@@ -135,21 +165,25 @@ def connected_elements(
     size = first + len(ends)
     graph = sp.coo_array((np.ones(i.size), (i, j)), shape=(size, size))
     label = connected_components(graph, directed=False)[1]
-    label, of_ends = label[:ne], label[first:]
-    joined = np.array([np.count_nonzero(of_ends == own) > 1 for own in of_ends])
+    element_label = label[:ne]
+    end_label = label[first:]
+    joined = np.array([np.count_nonzero(end_label == component) > 1 for component in end_label])
     alone = [
-        np.flatnonzero((label == own) & ~more) for own, more in zip(of_ends, joined, strict=True)
+        np.flatnonzero((element_label == component) & ~is_joined)
+        for component, is_joined in zip(end_label, joined, strict=True)
     ]
-    return Connected(np.flatnonzero(np.isin(label, of_ends[joined])), alone, joined)
+    between = np.flatnonzero(np.isin(element_label, end_label[joined]))
+    return Connected(between, alone, joined)
 
 
-def _open_ways(mesh: Mesh, tensor: Array) -> Flags:
-    """Which facets (facets of an element, elements) the elements carry flow across."""
+def _open_facets_of_elements(mesh: Mesh, tensor: Array) -> Flags:
+    """Return whether each element can carry flow across each of its facets, array (facets of an element, elements)."""
     least, most = principal_values(tensor)
     if (least > _CLOSED * most).all():
         return np.ones(mesh.t2f.shape, bool)
-    # normals of the chords of each element: vertices of periodic meshes have no single place
-    corners = mesh.mapping().F(mesh.refdom.p)
+    # Corners are mapped element by element, because a vertex of a periodic mesh has more than one position. The normal
+    # of a curved facet is the normal of its chord.
+    corners = mesh.mapping().F(mesh.refdom.p)  # (axis, element, corner)
     start, end = np.transpose(mesh.refdom.facets)
     chord = corners[:, :, end] - corners[:, :, start]
     n = np.array([chord[1], -chord[0]]) / np.linalg.norm(chord, axis=0)

@@ -1,8 +1,9 @@
-"""A fluid between two pressures, and its flow where the permeability depends on the pressure: −K(h, p) (ρ/η) ∇p.
+"""Describe the pressure drop of a fluid, and solve flows −K(h, p) (ρ/η) ∇p whose permeability depends on the pressure.
 
-In the potential ψ with dψ = F(h₀, p) (ρ/η) dp, where K = (h³/12) F, the permeability is (h³/12) F(h, p)/F(h₀, p). Where
-h₀ is the gap of the constrictions that control the flow, the ratio is nearly 1 there at every pressure: each solution
-of the fixed point, with the ratio at the pressures of the one before, then gains about two digits of the flow of a gas.
+With K = (h³/12) F and the potential dψ = F(h₀, p) (ρ/η) dp for a reference gap h₀, the flow is linear in ∇ψ with the
+permeability (h³/12) F(h, p)/F(h₀, p). It is solved by a fixed-point iteration: the pressures of one solution give the
+ratio F(h, p)/F(h₀, p) for the next one. The reference gap h₀ is the gap at the critical constriction, which controls
+the flow. There the ratio is close to 1 at all pressures, so that each iteration gains about two digits for a gas.
 """
 
 from __future__ import annotations
@@ -22,34 +23,37 @@ from .percolation import critical_constriction
 from .permeability_table import Mobility, table_pressures
 
 Found = TypeVar("Found")
-#: Intervals of the table of pressures, and Gauss points in each of them.
+#: Number of intervals of the table of pressures, and Gauss points and weights for each interval.
 _INTERVALS, _POINTS = 2000, np.polynomial.legendre.leggauss(3)
-#: Least pressure at which a factor is taken, as a fraction of the higher end.
+#: Lowest pressure at which the factor F is computed, as a fraction of the higher of inlet and outlet pressure.
 _LEAST_PRESSURE = 1e-9
-#: Gap [m], far below an atom, that stands for a closed one where a factor is computed.
+#: Gap [m], far smaller than an atom, that replaces a closed gap in the computation of F.
 _LEAST_GAP = 1e-12
 
 
 class FlowingFluid(Protocol):
-    """The part of a fluid that flows through gaps: its potential, and its `law` where that is not the cubic one."""
+    """Properties of a fluid that determine its flow through gaps.
+
+    These are its pressure potential and, unless it is the cubic law, its flow law as an attribute `law`.
+    """
 
     def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
-        """Pressure potential of the viscous flow [kg/(m³ s)]."""
+        """Compute the pressure potential of the viscous flow [kg/(m³ s)]."""
         ...
 
     def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
-        """Inverse of `potential` [Pa]."""
+        """Compute the pressure [Pa] from the pressure potential."""
         ...
 
 
 @dataclass(frozen=True)
 class _UnitFluid:
-    """A fluid whose potential is its pressure, with a law."""
+    """A fluid with a given flow law, whose potential is equal to its pressure."""
 
     law: FlowLaw = CUBIC_LAW
 
     def potential(self, pressure: ArrayLike) -> Array:
-        """The pressure itself, a number or an array."""
+        """Return the pressure itself as an array."""
         return np.asarray(pressure, dtype=float)
 
     pressure = potential
@@ -58,17 +62,23 @@ class _UnitFluid:
 def pressure_between(
     fluid: FlowingFluid, inlet: float, outlet: float, fraction: ArrayLike
 ) -> Array:
-    """Pressure [Pa] where the viscous potential has a fraction of its drop, 1 at the inlet and 0 at the outlet."""
+    """Compute the pressure [Pa] at a fraction of the viscous potential drop: 1 at the inlet, 0 at the outlet."""
     high, low = fluid.potential([inlet, outlet])
     return fluid.pressure(low + (high - low) * reals(fraction))
 
 
 @dataclass(frozen=True)
 class PressureDrop:
-    """A fluid between two pressures, in the potential ψ of a reference gap; fractions are of its drop, 1 at the inlet.
+    """Pressure drop of a fluid between inlet and outlet, described by the potential ψ of a reference gap.
 
-    Where the law does not depend on the pressure, ψ is the viscous potential φ.
-    fluid : with a potential and a law. inlet, outlet : its pressures [Pa]. gap : h₀ [m], > 0, see `at_constriction`.
+    Positions within the drop are given as fractions of the potential difference, from 0 at the outlet to 1 at the
+    inlet. If the flow law does not depend on the pressure, ψ is the viscous potential φ.
+
+    Attributes
+    ----------
+    fluid : fluid with a potential and, optionally, a flow law.
+    inlet, outlet : pressures at inlet and outlet [Pa].
+    gap : reference gap h₀ > 0 [m], see `at_constriction`.
     """
 
     fluid: FlowingFluid = _UnitFluid()
@@ -78,19 +88,27 @@ class PressureDrop:
 
     @classmethod
     def of(cls, fluid: FlowingFluid, inlet: float, outlet: float) -> PressureDrop:
-        """The drop of a fluid; where its law does not depend on the pressure a unit drop, the same for all fluids."""
-        if not (law := law_of(fluid)).depends_on_pressure:
+        """Make the pressure drop of a fluid.
+
+        If the flow law does not depend on the pressure, this is a unit drop, because the permeability is then the same
+        at all pressures.
+        """
+        law = law_of(fluid)
+        if not law.depends_on_pressure:
             return cls(_UnitFluid(law))
         return cls(fluid, float(inlet), float(outlet))
 
     @cached_property
     def law(self) -> FlowLaw:
-        """Law of the fluid."""
+        """Flow law of the fluid."""
         return law_of(self.fluid)
 
     @cached_property
     def pressures(self) -> Array:
-        """Pressures [Pa] at which permeabilities have to be known, the inlet's first; only that of other laws."""
+        """Pressures [Pa] at which permeabilities are needed, beginning with the highest.
+
+        If the flow law does not depend on the pressure, this is only the inlet pressure.
+        """
         if not self.law.depends_on_pressure:
             return np.array([self.inlet])
         return table_pressures(self.inlet, self.outlet)
@@ -102,15 +120,24 @@ class PressureDrop:
         solve: Callable[[Array], tuple[float, Array, Found]],
         rtol: float,
     ) -> tuple[Found, PressureDrop]:
-        """Solve the flow through a face (n1, n2) [m], periodic along x2, at the pressures in it.
+        """Solve the flow through a face that is periodic along x2, with the permeability at the pressures in the face.
 
-        solve : from a gap [m], by the cubic law, to the permeability, the potential at the pixels and what is kept.
-        rtol : relative error at which the fixed point ends, where the law depends on the pressure.
+        Parameters
+        ----------
+        gap : array (n1, n2), gap [m].
+        spacing : lengths of a pixel [m].
+        solve : callable that solves the flow through a gap [m] by the cubic law, and returns the permeability, the
+            potential at the pixels and its complete solution.
+        rtol : relative error at which the fixed-point iteration stops, if the law depends on the pressure.
 
-        Returns what is kept of the last solution, and the drop whose fractions its potential is; the `mean_factor` of
-        that multiplies the permeability.
+        Returns
+        -------
+        Complete solution of the last call of `solve`, and the pressure drop to which the fractions in its potential
+        refer. The permeability has to be multiplied by the `mean_factor` of this pressure drop.
 
-        Raises NotConverged: the linear solver failed, or the flow still changes after many solutions.
+        Raises
+        ------
+        NotConverged : the linear solver failed, or the fixed-point iteration did not converge.
         """
         drop = self.at_constriction(gap, spacing)
         if not drop.law.depends_on_pressure:
@@ -125,71 +152,84 @@ class PressureDrop:
         return solved.solution, drop
 
     def at_constriction(self, gap: Array, spacing: tuple[float, float]) -> PressureDrop:
-        """The same drop in the potential of the critical constriction of a face (n1, n2) [m], periodic along x2.
+        """Return the same pressure drop with the gap at the critical constriction of a face as its reference gap.
 
-        That of a viscous fluid where the face is closed.
+        The face, with the gap (n1, n2) [m], is periodic along x2. For a closed face the unit drop of a viscous fluid is
+        returned.
         """
         if not self.law.depends_on_pressure:
             return self
         constriction = critical_constriction(gap, spacing, sides="periodic")
-        return PressureDrop() if constriction is None else replace(self, gap=constriction.gap)
+        if constriction is None:
+            return PressureDrop()
+        return replace(self, gap=constriction.gap)
 
     @cached_property
     def _table(self) -> tuple[Array, Array, Array]:
-        """ψ and φ above those of the outlet [kg/(m³ s)], from outlet to inlet, and their pressures [Pa]."""
-        # dense at the outlet, where the pressure of a gas changes most
+        """Table of ψ and φ [kg/(m³ s)] and of the pressure [Pa], from outlet to inlet; ψ and φ are 0 at the outlet."""
+        # the points are dense at the outlet, where the pressure of a gas changes most
         p = self.outlet + (self.inlet - self.outlet) * np.linspace(0, 1, _INTERVALS + 1) ** 2
         φ = self.fluid.potential(p)
         points, weights = _POINTS
         step = 0.5 * np.diff(φ)
+        # pressures at the Gauss points of each interval (interval, point)
         between = self.fluid.pressure((φ[:-1] + step)[:, None] + step[:, None] * points)
-        ψ = np.concatenate([[0.0], np.cumsum(self._factor(between) @ weights * step)])
+        increments = self._factor(between) @ weights * step  # ∫F dφ over each interval
+        ψ = np.concatenate([[0.0], np.cumsum(increments)])
         return ψ, φ - φ[0], p
 
     def _factor(self, pressure: ArrayLike) -> Array:
+        """Compute F(h₀, p) of the reference gap."""
         if not self.law.depends_on_pressure:
             return np.ones(np.shape(pressure))
         return self.law.factor(self.gap, np.maximum(pressure, self.least_pressure))
 
     @cached_property
     def mobility(self) -> Mobility:
-        """dφ/dp and dψ/dp [s/m²] between the ends, that of a pressure 0 taken at 1e-9 of the higher end."""
-        p = np.maximum(self._table[2], self.least_pressure)
+        """Derivatives dφ/dp and dψ/dp [s/m²] at pressures between outlet and inlet.
+
+        At a pressure of 0 they are computed at the `least_pressure`.
+        """
+        tabulated = self._table[2]
+        p = np.maximum(tabulated, self.least_pressure)
         step = 1e-3 * p
         slope = (self.fluid.potential(p + step) - self.fluid.potential(p - step)) / (2 * step)
-        rising = np.argsort(self._table[2])
-        return Mobility(self._table[2][rising], slope[rising], (slope * self._factor(p))[rising])
+        rising = np.argsort(tabulated)
+        return Mobility(tabulated[rising], slope[rising], (slope * self._factor(p))[rising])
 
     @property
     def least_pressure(self) -> float:
-        """Pressure [Pa] for which lower ones are taken: ratios of factors tend to a limit."""
+        """Pressure [Pa] that replaces all lower ones in F, because F may be infinite at a pressure of 0.
+
+        Ratios of F at different gaps tend to a limit at low pressure, so that the exact value does not matter.
+        """
         return _LEAST_PRESSURE * max(self.inlet, self.outlet)
 
     @cached_property
     def mean_factor(self) -> float:
-        """Δψ/Δφ, the mean of F(h₀, p) over the viscous potential between both ends."""
+        """Mean of F(h₀, p) over the viscous potential between inlet and outlet, Δψ/Δφ."""
         if not self.law.depends_on_pressure:
             return 1.0
         ψ, φ, _ = self._table
         return float(ψ[-1] / φ[-1]) if φ[-1] != 0 else float(self._factor(self.inlet))
 
     def mean_factor_of(self, gap: float) -> float:
-        """Compute how many times the viscous flow passes between plates with a gap >= 0 [m], NaN for an unknown gap.
+        """Compute the ratio of the flow between parallel plates to the viscous flow, for a gap >= 0 [m].
 
-        It is the mean of F(h, p) over the viscous potential, ∫F dφ/Δφ, and stays finite where the outlet is a vacuum.
-        There F itself has no limit: a mean of its values at inlet and outlet says nothing about the flow.
+        It is the mean ∫F dφ/Δφ of F(h, p) over the viscous potential, and NaN for an undefined gap. It is finite even
+        if the outlet is a vacuum, where F itself is infinite, so that a mean of F at inlet and outlet would be useless.
         """
         return replace(self, gap=max(gap, _LEAST_GAP)).mean_factor
 
     def pressure(self, fraction: ArrayLike) -> Array:
-        """Pressure [Pa] where ψ has a fraction of its drop."""
+        """Compute the pressure [Pa] at a fraction of the drop of ψ."""
         ψ, _, p = self._table
         if ψ[-1] == 0:
             return np.full(np.shape(fraction), self.inlet)
         return np.interp(reals(fraction), ψ / ψ[-1], p)
 
     def viscous_fraction(self, fraction: ArrayLike) -> Array:
-        """Fraction of the drop of the viscous potential φ where ψ has a fraction of its own."""
+        """Convert a fraction of the drop of ψ to the fraction of the drop of the viscous potential φ."""
         if not self.law.depends_on_pressure:
             return np.asarray(fraction)
         ψ, φ, _ = self._table
@@ -198,19 +238,27 @@ class PressureDrop:
         return np.interp(reals(fraction), ψ / ψ[-1], φ / φ[-1])
 
     def steepness(self, first: Array, second: Array) -> Array:
-        """Δψ/Δφ between two fractions of the drop, dψ/dφ where they are the same."""
+        """Compute Δψ/Δφ between two fractions of the drop of ψ; where they are equal, the derivative dψ/dφ."""
         drop = first - second
-        viscous = self.viscous_fraction(first) - self.viscous_fraction(second)
-        apart = np.abs(viscous) > 1e-9
-        at = self._factor(self.pressure(0.5 * (first + second)))
-        return np.where(apart, self.mean_factor * drop / np.where(apart, viscous, 1.0), at)
+        viscous_drop = self.viscous_fraction(first) - self.viscous_fraction(second)
+        is_apart = np.abs(viscous_drop) > 1e-9
+        derivative = self._factor(self.pressure(0.5 * (first + second)))
+        ratio = self.mean_factor * drop / np.where(is_apart, viscous_drop, 1.0)
+        return np.where(is_apart, ratio, derivative)
 
     def equivalent_gap(self, gap: Array, fraction: ArrayLike) -> Array:
-        """Gap [m] with the permeability (h³/12) F(h, p)/F(h₀, p) by the cubic law; fractions of NaN count as ½."""
+        """Compute the gap [m] whose permeability by the cubic law is (h³/12) F(h, p)/F(h₀, p).
+
+        gap : array (n1, n2), gap h [m].
+        fraction : fraction of the drop of ψ at the pixels, which gives the pressure p; NaN counts as 0.5.
+        """
         p = self.pressure(np.nan_to_num(reals(fraction), nan=0.5))
         p = np.maximum(p, self.least_pressure)
-        return widened(gap, self.law.factor(np.where(gap > 0, gap, self.gap), p) / self._factor(p))
+        open_gap = np.where(
+            gap > 0, gap, self.gap
+        )  # F may be infinite in closed gaps, which stay closed anyway
+        return widened(gap, self.law.factor(open_gap, p) / self._factor(p))
 
 
-#: A viscous fluid between a unit drop of its potential.
+#: Unit potential drop of a viscous fluid.
 VISCOUS = PressureDrop()

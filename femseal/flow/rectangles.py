@@ -1,18 +1,19 @@
-"""The flow over rows of rectangles, each of its own permeability, between an inlet row and an outlet row.
+"""Compute the Darcy flow through a seal that consists of rectangles in rows, each with its own permeability.
 
-A strip is such a field, periodic along x2. A ring is the same in (ln r, θ), in which the form of Darcy's law is that of
-a strip. Two solutions enclose the flow of rectangles with principal axes along x1 and x2:
+The rows lie between inlet and outlet and are periodic along x2. This describes a strip, and in the coordinates
+(ln r, θ), in which Darcy's law has the same form, also a ring. The principal axes of the permeabilities are x1 and x2.
+Two solutions enclose the exact flow:
 
-- *corners*: continuous pressures, known at the corners of the rectangles. Bilinear elements, integrated at the
-  midpoints of their edges, have the energy of linear elements on right triangles. Their flow is an upper bound.
-- *centres*: continuous fluxes. Half a rectangle conducts from its centre to the middle of each side, so that links
-  between two centres have harmonic means. Their flow is a lower bound; it is that of lowest-order Raviart-Thomas
-  fluxes, integrated at the corners.
+- *corners*: continuous pressures, with unknowns at the corners of the rectangles. Bilinear elements, integrated at the
+  midpoints of their edges, have the same energy as linear elements on right triangles. Their flow is an upper bound.
+- *centres*: continuous fluxes, with unknown pressures at the centres of the rectangles. Half a rectangle conducts from
+  its centre to the middle of each side, so that a link between two centres has the harmonic mean of both conductances.
+  This is equivalent to lowest-order Raviart-Thomas fluxes, integrated at the corners. Their flow is a lower bound.
 
-The value is √(lower × upper). The two networks are duals of each other, so that their errors in ln Q are equal and
-opposite on maps whose ln k scatters symmetrically. Both have five points, which multigrid and elimination solve: this
-is the fast path of a seal. The plain path assembles the same two systems by scikit-fem on the mesh (`flow.mesh`), and
-takes all other permeabilities; tests assert that both have the same flow.
+The value is √(lower × upper). The two networks are duals of each other. If the distribution of ln k is symmetric, their
+errors in ln Q are therefore equal and opposite. Both networks are five-point stencils, which multigrid and elimination
+can solve: this is the fast path for seals. The plain path assembles the same two systems with scikit-fem on the mesh
+(`flow.mesh`), and also accepts all other permeabilities. Tests assert that both paths give the same flow.
 
 Sources: Dirichlet's and Thomson's principles; Keller, J. Math. Phys. 5, 1964, 548 (duality); Russell & Wheeler, in
 Ewing (ed.), The Mathematics of Reservoir Simulation, SIAM 1983, ch. 2 (quadrature of Raviart-Thomas fluxes).
@@ -43,7 +44,7 @@ logging.getLogger("skfem.mesh.mesh").addFilter(
 FEWEST_COLUMNS = 3
 #: Relative error of the flow.
 _RTOL = 1e-8
-#: Fraction by which bounds are moved apart, for the rounding errors of their own sums.
+#: Relative amount by which the bounds are widened to allow for rounding errors in their computation.
 _ROUNDING = 1e-13
 
 
@@ -51,12 +52,12 @@ _ROUNDING = 1e-13
 class Rectangles:
     """Rectangles in rows from the inlet to the outlet and in equal columns, periodic along x2.
 
-    They are numbered row by row, from the inlet on.
+    The rectangles are numbered row by row, beginning at the inlet.
 
     Parameters
     ----------
-    lines : array (n1 + 1,), x1 of the lines between the rows, increasing from the inlet to the outlet.
-    period : length along x2.
+    lines : array (n1 + 1,), coordinates x1 of the lines between the rows, increasing from the inlet to the outlet.
+    period : length of the field along x2.
     columns : number n2 of columns.
     """
 
@@ -70,7 +71,7 @@ class Rectangles:
         return self.lines.size - 1, self.columns
 
     def networks(self, k1: Array, k2: Array) -> tuple[Stencil, Stencil]:
-        """Return the networks between the corners and between the centres of the rectangles.
+        """Build the network of the corners and the network of the centres of the rectangles.
 
         Parameters
         ----------
@@ -79,11 +80,11 @@ class Rectangles:
         along, across = edge_conductances()
         d1 = np.diff(self.lines)[:, None]  # (row, 1)
         d2 = self.period / self.columns
-        # an edge between two corners has a rectangle on either side
+        # each edge between two corners belongs to two rectangles, whose contributions are added
         edge1 = along * (d2 / d1) * k1
         edge2 = across * (d1 / d2) * k2
         corners = Stencil(edge1 + np.roll(edge1, 1, axis=1), edge2[:-1] + edge2[1:])
-        # half a rectangle, from its centre to a side, is as broad as two edges and half as long
+        # half a rectangle, from its centre to a side, has twice the width and half the length of an edge
         half1 = 4 * edge1
         half2 = 4 * edge2
         between_rows = [half1[:1], _in_series(half1[:-1], half1[1:]), half1[-1:]]
@@ -98,18 +99,18 @@ class Rectangles:
     def flow(
         self, k1: Array, k2: Array, *, bounds: bool = False, solver: str = "auto"
     ) -> DarcyFlow:
-        """Solve the flow for a unit drop.
+        """Solve the flow for a unit potential drop.
 
         Parameters
         ----------
         k1, k2 : arrays (n1, n2), permeability along x1 and x2 [m³].
-        bounds : also enclose the value between `lower` and `upper`, whatever the error of the solver.
+        bounds : also compute the bounds `lower` and `upper`, which hold regardless of the error of the solver.
         solver : "multigrid", "elimination" or "auto".
 
         Returns
         -------
-        DarcyFlow with the potential at the corners, array (n1 + 1, n2). Rectangles that share a corner alone are not
-        connected.
+        DarcyFlow with the potential at the corners, array (n1 + 1, n2). Rectangles that only share a corner do not
+        count as connected.
 
         Raises
         ------
@@ -138,27 +139,28 @@ class Rectangles:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The rectangles as a periodic mesh of scikit-fem, whose elements begin with their edge along x1.
+        """Periodic scikit-fem mesh of the rectangles, which needs at least three columns.
 
-        It needs three columns or more.
+        The first two vertices of an element are the ends of its edge along x1.
         """
         return MeshQuad1DG.periodic(self.plain_mesh, self._numbers[:, -1], self._numbers[:, 0])
 
     @cached_property
     def plain_mesh(self) -> Mesh:
-        """The rectangles as a mesh whose last line of vertices is not joined to the first one."""
+        """Mesh of the rectangles that is not periodic, with separate vertices on its first and its last line."""
         lines2 = np.linspace(0.0, self.period, self.columns + 1)
         grid = MeshQuad.init_tensor(self.lines, lines2)
+        # scikit-fem begins each element with its edge along x2
         return MeshQuad(grid.p, grid.t[[0, 3, 2, 1]])
 
     @property
     def outlines(self) -> Array:
-        """Corners of the rectangles (n, 4, 2), anticlockwise."""
+        """Coordinates of the corners of the rectangles, array (n, 4, 2), anticlockwise."""
         return np.asarray(self.plain_mesh.p.T[self.plain_mesh.t.T])
 
     @property
     def _numbers(self) -> Indices:
-        """Numbers of the vertices of the plain mesh (n1 + 1, n2 + 1)."""
+        """Numbers of the vertices of `plain_mesh`, array (n1 + 1, n2 + 1)."""
         return np.arange(self.plain_mesh.nvertices).reshape(self.lines.size, -1)
 
     @cached_property
@@ -176,8 +178,8 @@ class Rectangles:
 
 
 def _in_series(first: Array, second: Array) -> Array:
-    """Return the conductance of two links in series; 0 where one of them is closed."""
+    """Compute the conductance of two links in series; 0 where one of them is closed."""
     smaller = np.minimum(first, second)
     larger = np.maximum(first, second)
-    both = smaller + larger
-    return smaller * np.divide(larger, both, out=np.zeros_like(both), where=both > 0)
+    total = smaller + larger
+    return smaller * np.divide(larger, total, out=np.zeros_like(total), where=total > 0)

@@ -1,11 +1,15 @@
-"""Flow along x1 through a face whose grooves wind around the seal: after a turn x2 comes back shifted along x1.
+"""Compute the flow along x1 through a face with spiral grooves, which advance by the lead in each turn of the seal.
 
-Once around the seal, over its circumference C, a groove comes back as the one a lead further along x1. A face that is
-one turn long (n2 pixels) has p(x1, x2 + C) = p(x1 + lead, x2). One that is L2 < C long stands for all of the turn if a
-groove drops the fraction w = L2/C of a turn's drop over it: the flux through the seam is that of its conductance under
-p(x1, L2) − p(x1, 0) + w (P − P₊), P and P₊ the means of p(·, 0) over the groove and over the one a lead further. So the
-energy stays symmetric, w of what leaves a groove comes back in the next one, and along closed lands the permeability is
+After one turn around the seal, over the circumference C, a groove has moved along x1 by the lead and takes the position
+of another groove. A face that covers a full turn therefore satisfies p(x1, x2 + C) = p(x1 + lead, x2).
+
+A face of the length L2 < C represents the full turn if the pressure in a groove drops over its length by the fraction
+w = L2/C of the drop in a full turn. The flux through the seam, from the last column of the face to the first one, is
+its conductance times p(x1, L2) − p(x1, 0) + w (P − P₊). P is the mean of p(·, 0) over the groove, and P₊ its mean over
+the groove that lies one lead further along x1. With this condition the energy remains symmetric, and the fraction w of
+the flux that leaves a groove enters the next one. If the lands between the grooves are closed, the permeability is
 k22 tan²α with tan α = lead/C. Grooves begin at the inlet and end at the outlet.
+
 Source: Geoffroy & Prat, J. Fluids Eng. 126, 2004, 48.
 """
 
@@ -25,37 +29,46 @@ from .problem import unit_spacing
 from .solvers.direct import Ends
 from .solvers.sparse import solve_sparse
 
-#: A conductance, and weights of nodes that make the drop over it.
+#: A link over the seam: its conductance, and the weight of each node in the drop over the link.
 _Link = tuple[float, dict[int, float]]
-#: Least fraction w that is solved: below it rounding decides, and the flow changes by w².
+#: Smallest fraction w that is solved. For smaller ones, whose solution would suffer from rounding errors, the result is
+#: extrapolated: the flow along the grooves is proportional to w².
 _LEAST_WEIGHT = 3e-5
-#: Relative change of the flow below which the way along the grooves is left out.
+#: Relative change of the flow below which the flow along the spiral is neglected.
 LEAST_EFFECT = 5e-3
-#: Error allowed to the potential in the norm of the energy.
+#: Relative error of the potential in the energy norm.
 _RTOL = 1e-4
-#: Difference allowed between inflow and outflow; the energy, which is the flow, errs by about its square.
+#: Largest relative difference between inflow and outflow. The relative error of the flow, which is computed as an
+#: energy, is about the square of it.
 _IMBALANCE = 1e-2
 
 
 @dataclass(frozen=True)
 class Spiral:
-    """Grooves along x2 that come back shifted by the lead along x1 after the circumference of the seal.
+    """Spiral grooves, which run along x2 and advance along x1 by the lead in each turn of the seal.
 
-    lead : from groove to groove times the number of starts [m]. circumference : of the seal [m]; None for a face that
-    is one turn long.
+    Attributes
+    ----------
+    lead : advance of a groove in one turn [m]: the distance between adjacent grooves times the number of starts.
+    circumference : circumference of the seal [m]; None if the face covers exactly one turn.
     """
 
     lead: float
     circumference: float | None = None
 
     def tangent(self, length: float) -> float:
-        """Slope tan α of the grooves against x2, of a face that is so long [m]."""
+        """Return the slope tan α of the grooves relative to x2, for a face with a given length along x2 [m]."""
         return self.lead / (self.circumference or length)
 
     def seam(self, shape: tuple[int, int], spacing: tuple[float, float]) -> tuple[int, float]:
-        """Pixels by which the face comes back shifted, and the fraction w of what leaves it that does.
+        """Compute the lead in pixels, and the fraction w of a turn that the face covers.
 
-        Raises InputError: a face longer than a turn, or no longer than the lead along x1.
+        The lead is rounded to at least one full pixel. If the face is shorter than a turn, w is reduced or increased to
+        make up for this rounding.
+
+        Raises
+        ------
+        InputError : the face is longer than a turn, or its width along x1 is not larger than the lead.
         """
         length = shape[1] * spacing[1]
         breadth = shape[0] * spacing[0]
@@ -75,16 +88,25 @@ class Spiral:
 def spiral_flow(
     gap: Array, spacing: Pair, spiral: Spiral, plain: Array
 ) -> tuple[float, Array] | None:
-    """Permeability [m³] along x1 of a face with winding grooves, and its potential; None where the lead hardly matters.
+    """Compute the permeability along x1 of a face with spiral grooves.
 
-    gap : (n1, n2) [m], periodic along x2.
-    plain : potential (n1, n2) of the flow without the lead, NaN in contact and in pockets. Its dissipation with the
-    lead is an upper bound (Dirichlet's principle): where that adds less than 0.5 %, the lead is left out, unless
-    there are pockets.
+    Parameters
+    ----------
+    gap : array (n1, n2), gap of a face that is periodic along x2 [m].
+    spacing : lengths of a pixel [m].
+    spiral : lead of the grooves and circumference of the seal.
+    plain : array (n1, n2), potential of the flow without the lead; NaN in contact and in pockets.
 
-    Returns the permeability, and the potential (n1, n2), NaN where no open path leads to both ends.
+    Returns
+    -------
+    Permeability [m³], and the potential (n1, n2), which is NaN where no open path leads to both ends. None is returned
+    if the lead changes the flow by less than 0.5 %. By Dirichlet's principle, the dissipation of `plain` in the network
+    with the lead is an upper bound of the flow, so that this can be decided without a solution, unless there are
+    pockets.
 
-    Raises InputError: see `Spiral.seam`.
+    Raises
+    ------
+    InputError : see `Spiral.seam`.
     NotConverged : the linear solver failed, or inflow and outflow differ.
     """
     n1, n2 = gap.shape
@@ -96,109 +118,148 @@ def spiral_flow(
     d1, d2 = unit_spacing(spacing)
     stencil = cell_stencil(gap / scale, (d1, d2), "periodic")
     start = np.concatenate([np.ones((1, n2)), np.nan_to_num(plain), np.zeros((1, n2))])
+    # cut the face open at its seam, and add the links over the seam with the lead
     across = stencil.across.copy()
     across[:, -1] = 0.0
     cut = replace(stencil, across=across)
     if weight >= 1:
-        links = _around_one_turn(gap / scale, d1 / d2, shift)
+        links = _links_of_full_turn(gap / scale, d1 / d2, shift)
     else:
-        links = _around_a_part(cut, stencil.across[:, -1], shift, weight)
-    links = [(one, nodes) for one, nodes in links if one > 0]
-    c = np.array([one for one, _ in links])
-    seam = _drops([nodes for _, nodes in links], start.size)
+        links = _links_of_partial_turn(cut, stencil.across[:, -1], shift, weight)
+    open_links = [(conductance, nodes) for conductance, nodes in links if conductance > 0]
+    c = np.array([conductance for conductance, _ in open_links])
+    seam = _drop_matrix([nodes for _, nodes in open_links], start.size)
     without = stencil.energy(start)
     with_lead = cut.energy(start) + c @ (seam @ start.ravel()) ** 2
-    if not np.isnan(plain[gap > 0]).any() and with_lead <= (1 + LEAST_EFFECT) * without:
+    has_pockets = np.isnan(plain[gap > 0]).any()
+    if not has_pockets and with_lead <= (1 + LEAST_EFFECT) * without:
         return None
     matrix = cut.to_csr() + seam.T @ sp.diags_array(c) @ seam
     potential, joined = _between_ends(sp.csr_array(matrix), n2)
     conductance = 0.0
     if joined.any():
         conductance = cut.energy(potential.reshape(n1 + 2, n2)) + float(c @ (seam @ potential) ** 2)
+        # w may have been limited; the contribution of the spiral is proportional to its square
         conductance = without + (fraction / weight) ** 2 * (conductance - without)
-    shown = np.where(joined, potential, np.nan).reshape(n1 + 2, n2)[1:-1]
-    return scale**3 * (n1 * d1) / (n2 * d2) * conductance, np.where(gap > 0, shown, np.nan)
+    pixel_potential = np.where(joined, potential, np.nan).reshape(n1 + 2, n2)[1:-1]
+    permeability = scale**3 * (n1 * d1) / (n2 * d2) * conductance
+    return permeability, np.where(gap > 0, pixel_potential, np.nan)
 
 
-def _drops(links: list[dict[int, float]], nodes: int) -> sp.csr_array:
-    """Weights of nodes that make the drop over each link, as a matrix (links, nodes)."""
-    entries = [(k, *entry) for k, weights in enumerate(links) for entry in weights.items()]
-    link, node, part = np.reshape(entries, (-1, 3)).T
-    places = link.astype(int), node.astype(int)
-    return sp.coo_array((part, places), shape=(len(links), nodes)).tocsr()
+def _drop_matrix(links: list[dict[int, float]], nodes: int) -> sp.csr_array:
+    """Build the matrix (links, nodes) that gives the drop over each link from the potential of the nodes.
+
+    links : for each link, the weights of its nodes in the drop.
+    """
+    entries = [
+        (k, node, weight) for k, weights in enumerate(links) for node, weight in weights.items()
+    ]
+    link, node, weight = np.reshape(entries, (-1, 3)).T
+    positions = link.astype(int), node.astype(int)
+    return sp.coo_array((weight, positions), shape=(len(links), nodes)).tocsr()
 
 
-def _around_one_turn(gap: Array, aspect: float, shift: int) -> list[_Link]:
-    """Links over the seam of a face that is one turn long, from the last column to the first one, `shift` rows on.
+def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_Link]:
+    """Make the links over the seam of a face that covers a full turn.
 
-    Those above the first row begin at the inlet, and those below the last one end at the outlet.
+    Each link leads from a row of the last column to the row of the first column that is `shift` rows further. The first
+    rows of the first column are linked to the inlet, and the last rows of the last column to the outlet.
+
+    aspect : ratio of the pixel lengths Δ1/Δ2.
     """
     n1, n2 = gap.shape
-    end = np.full(shift, np.nan)
-    ends = np.array([np.concatenate([end, gap[:, -1]]), np.concatenate([gap[:, 0], end])])
-    c = np.where((ends == 0).any(axis=0), 0.0, cubic_law(np.nanmean(ends, axis=0)) * aspect)
+    end = np.full(shift, np.nan)  # inlet and outlet, which have no gap of their own
+    gaps = np.array([np.concatenate([end, gap[:, -1]]), np.concatenate([gap[:, 0], end])])
+    c = np.where((gaps == 0).any(axis=0), 0.0, cubic_law(np.nanmean(gaps, axis=0)) * aspect)
+    # rows of nodes: 0 is the inlet, 1 to n1 are the pixels, n1 + 1 is the outlet
     row = np.arange(1 - shift, n1 + 1)
-    here = np.maximum(row, 0) * n2 + n2 - 1
-    there = np.minimum(row + shift, n1 + 1) * n2
-    pairs = zip(c.tolist(), here.tolist(), there.tolist(), strict=True)
-    return [(one, {a: 1.0, b: -1.0}) for one, a, b in pairs]
+    start = np.maximum(row, 0) * n2 + n2 - 1
+    target = np.minimum(row + shift, n1 + 1) * n2
+    pairs = zip(c.tolist(), start.tolist(), target.tolist(), strict=True)
+    return [(conductance, {a: 1.0, b: -1.0}) for conductance, a, b in pairs]
 
 
-def _around_a_part(cut: Stencil, own: Array, shift: int, weight: float) -> list[_Link]:
-    """Links over the seam of a face that stands for a turn; own (n1,) : conductances of the seam without a lead."""
-    n1, n2 = own.size, cut.along.shape[1]
+def _links_of_partial_turn(
+    cut: Stencil, conductance: Array, shift: int, weight: float
+) -> list[_Link]:
+    """Make the links over the seam of a face that covers the fraction `weight` of a turn.
+
+    cut : network of the face without links over the seam.
+    conductance : array (n1,), conductance of each row of the seam without a lead.
+    """
+    n1, n2 = conductance.size, cut.along.shape[1]
+    # grooves that begin at the inlet within the first lead; row i of nodes is row i − 1 of pixels
     links: list[_Link] = [
-        (own[i - 1], {i * n2: weight, 0: -weight}) for i in range(1, min(shift, n1) + 1)
+        (conductance[i - 1], {i * n2: weight, 0: -weight}) for i in range(1, min(shift, n1) + 1)
     ]
     label = connected_components(cut.to_csr(), directed=False)[1].reshape(n1 + 2, n2)[1:-1]
-    for rows in _grooves(own, shift):
+    for rows in _grooves(conductance, shift):
         drop = np.zeros(n1 + 1)
-        if label[rows[0], 0] == label[rows[0], -1]:
-            drop = weight * _drop_to_next(rows, own, label, shift)
+        connects_both_sides = label[rows[0], 0] == label[rows[0], -1]
+        if connects_both_sides:
+            drop = weight * _drop_to_next_groove(rows, conductance, label, shift)
         for i in rows:
-            of_row = drop.copy()
-            of_row[i] -= 1.0
-            at = np.flatnonzero(of_row)
-            nodes = dict(zip(((at + 1) * n2).tolist(), of_row[at].tolist(), strict=True))
-            links.append((own[i], {(i + 1) * n2 + n2 - 1: 1.0} | nodes))
+            row_drop = drop.copy()
+            row_drop[i] -= 1.0
+            weighted = np.flatnonzero(row_drop)
+            first_column = (weighted + 1) * n2
+            nodes = dict(zip(first_column.tolist(), row_drop[weighted].tolist(), strict=True))
+            last_column = (i + 1) * n2 + n2 - 1
+            links.append((conductance[i], {last_column: 1.0} | nodes))
     return links
 
 
-def _grooves(own: Array, shift: int) -> list[Indices]:
-    """Rows beside each other where the seam is open, no more than the shift."""
-    is_open = np.flatnonzero(own > 0)
+def _grooves(conductance: Array, shift: int) -> list[Indices]:
+    """Group the adjacent rows at which the seam is open; groups with more rows than the lead are divided."""
+    is_open = np.flatnonzero(conductance > 0)
     runs = np.split(is_open, np.flatnonzero(np.diff(is_open) > 1) + 1)
-    return [part for run in runs if run.size for part in np.array_split(run, -(-run.size // shift))]
+    grooves = []
+    for run in runs:
+        if run.size:
+            parts = -(-run.size // shift)  # rounded up
+            grooves += np.array_split(run, parts)
+    return grooves
 
 
-def _drop_to_next(rows: Indices, own: Array, label: Indices, shift: int) -> Array:
-    """Weights of rows and outlet whose sum is the mean drop from a groove to the one that a lead further belongs to.
+def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shift: int) -> Array:
+    """Compute the weights (n1 + 1,) of the rows and of the outlet that give the mean drop P − P₊ to the next groove.
 
-    All rows of the groove take that drop, or fluid would run around between them. The next one is whatever connected
-    gap most of the seam belongs to there; a groove that is closed there goes nowhere.
+    The drop is the same for all rows of a groove; otherwise fluid would circulate between them. The next groove is the
+    connected component that has the largest conductance at the seam one lead further along x1. If the seam is closed
+    there, the groove has no continuation, and all weights are 0.
+
+    rows : rows of the groove.
+    conductance : array (n1,), conductance of each row of the seam.
+    label : array (n1, n2), connected component of each pixel.
     """
-    n1 = own.size
+    n1 = conductance.size
     drop = np.zeros(n1 + 1)
-    drop[rows] = own[rows] / own[rows].sum()
+    drop[rows] = conductance[rows] / conductance[rows].sum()
     target = rows + shift
-    if (target >= n1).mean() > 0.5:
+    if (target >= n1).mean() > 0.5:  # most of the groove ends at the outlet
         drop[n1] = -1.0
         return drop
     inside = target[target < n1]
-    inside = inside[own[inside] > 0]
+    inside = inside[conductance[inside] > 0]
     if inside.size == 0:
         return np.zeros(n1 + 1)
-    of = label[inside, 0]
-    most = max(np.unique(of), key=lambda one: own[inside[of == one]].sum())
-    chosen = inside[of == most]
-    drop[chosen] -= own[chosen] / own[chosen].sum()
+    component = label[inside, 0]
+    widest = max(
+        np.unique(component), key=lambda number: conductance[inside[component == number]].sum()
+    )
+    next_rows = inside[component == widest]
+    drop[next_rows] -= conductance[next_rows] / conductance[next_rows].sum()
     return drop
 
 
 def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
-    """Potential of all nodes, 1 and 0 in the first and last row of n2 of them and in what only one of these joins.
+    """Solve for the potential of all nodes, with 1 in the first n2 nodes (inlet) and 0 in the last n2 nodes (outlet).
 
-    Also returned: the nodes that open ways join to both ends; without any the potential dissipates nothing.
+    Nodes that are connected to one end only take its potential, and pockets take 0.
+
+    Returns
+    -------
+    Potential of the nodes, and flags of the nodes that are connected to both ends. If there are none, nothing flows.
     """
     nodes = matrix.shape[0]
     label = connected_components(matrix, directed=False)[1]

@@ -21,7 +21,8 @@ from .problem import (
 )
 from .solvers.sparse import solve_sparse
 
-#: Relative error of the energy of the correction that is allowed to a solver; of what the first solution left over.
+#: Relative tolerances, in the energy norm, of the first solution for the correction and of a second one that solves for
+#: what the first one has left.
 _RTOLS = 1e-9, 1e-2
 
 
@@ -33,23 +34,29 @@ def permeability_tensor(
     law: FlowLaw = CUBIC_LAW,
     pressure: ArrayLike | None = None,
 ) -> Array:
-    """Permeability tensor (2, 2) [m³] of a doubly periodic cell: mean flux −K∇p for a mean pressure gradient.
+    """Compute the permeability tensor of a doubly periodic cell.
 
-    K_ab = (1/|Ω|) ∫ h³/12 (e_a + ∇χ_a)·(e_b + ∇χ_b), χ periodic; symmetric, and exactly 0 along an axis around which
-    no open path winds. It differs from `cell_permeability`, where the pressure is constant along inlet and outlet.
+    The tensor K gives the mean flux −K∇p for a mean pressure gradient ∇p. It follows from the periodic corrections χ_a
+    of the pressure: K_ab = (1/|Ω|) ∫ h³/12 (e_a + ∇χ_a)·(e_b + ∇χ_b). It is symmetric, and exactly 0 along an axis
+    along which no open path crosses the periodic cell. It differs from the result of `cell_permeability`, for which the
+    pressure is constant along inlet and outlet.
 
     Parameters
     ----------
-    gap : h (n1, n2) [m].
-    spacing : pixel (Δ1, Δ2) [m].
-    solver : of the linear system, "amg" (pyamg), "direct" (a factorisation), or "auto", whichever is expected to be
-        faster.
+    gap : array (n1, n2), gap h >= 0 [m].
+    spacing : lengths (Δ1, Δ2) of a pixel [m].
+    solver : solver of the linear system, "amg" (pyamg), "direct" (factorisation), or "auto" for the solver that is
+        expected to be faster.
     law, pressure : as in `cell_permeability`.
+
+    Returns
+    -------
+    Array (2, 2), permeability tensor [m³].
 
     Raises
     ------
-    InputError : a gap that is negative, undefined or not two-dimensional; another solver.
-    NotConverged : the solution lost too many digits, as it may where gaps beside each other differ by 1e4 and more.
+    InputError : the gap is negative, undefined or not two-dimensional, or the solver is unknown.
+    NotConverged : rounding errors are too large. This may happen if adjacent gaps differ by a factor of 1e4 or more.
 
     Examples
     --------
@@ -73,7 +80,7 @@ def permeability_tensor(
     k1, k2 = (np.where(carrying, k, 0.0) for k in (k1, k2))
     weights = link_weights((d1, d2))
     stencil = Stencil(weights.along * k1, weights.across * k2, ring1=True)
-    closed = ~winds.any(axis=(0, 1))
+    closed = ~winds.any(axis=(0, 1))  # axes that no open path crosses
     tensor, error = _solved(stencil, (d1, d2), label, carrying, closed, solver)
     if not error <= MAX_IMBALANCE:
         raise NotConverged(
@@ -91,16 +98,22 @@ def _solved(
     closed: NDArray[np.bool_],
     solver: str,
 ) -> tuple[Array, float]:
-    """Energy of unit mean gradients by a sparse solution, and its relative error.
+    """Solve for the periodic corrections, and compute the energies (2, 2) of unit mean gradients.
 
-    That is the difference from the mean flux, or what a second solution changes.
+    The relative error is also returned. It is the difference between energy and mean flux, or between two successive
+    solutions, whichever is smaller.
+
+    label : component of each node, (nodes,).
+    carrying : flags (n1, n2) of the nodes that carry flow.
+    closed : flags (2,) of the axes without a flow.
     """
-    size, (d1, d2) = carrying.size, spacing
-    # the mean gradient drops the pressure along every link; the correction is periodic
+    size = carrying.size
+    d1, d2 = spacing
+    # for each link: conductance, both nodes, and the pressure drop due to unit mean gradients along both axes
     parts = [(c.ravel(), a.ravel(), b.ravel(), np.full((c.size, 2), (s1 * d1, s2 * d2)))
              for c, a, b, (s1, s2) in stencil.conductances()]  # fmt: skip
     c, start, end, mean_drop = (np.concatenate(part) for part in zip(*parts, strict=True))
-    # one node of each component is given; the others are unknown
+    # the correction is defined up to a constant in each component, and is set to 0 at one node of each
     roots = np.zeros(size, bool)
     roots[np.unique(label, return_index=True)[1]] = True
     unknown = np.flatnonzero(carrying.ravel() & ~roots)
@@ -118,12 +131,12 @@ def _solved(
         drop = mean_drop + correction[end] - correction[start]
         tensor = drop.T @ (c[:, None] * drop)
         flux = mean_drop.T @ (c[:, None] * drop)
-        tensor = (tensor + tensor.T) / 2  # products of matrices round both halves apart
+        tensor = (tensor + tensor.T) / 2  # a matrix product is not exactly symmetric after rounding
         for a in (tensor, flux):
             a[closed, :] = 0.0
             a[:, closed] = 0.0
         largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
-        # the energy errs by the square of the error of the pressure, and the flux by that error
+        # the flux has the relative error of the pressure, the energy only the square of it
         off = np.fmin(np.abs(tensor - flux), np.abs(tensor - before))
         error = float((off / np.where(largest > 0, largest, 1.0)).max())
         before = tensor
@@ -133,10 +146,17 @@ def _solved(
 
 
 def _winding_components(c1: Array, c2: Array) -> tuple[Indices, Any]:
-    """Doubly periodic network: component of each node, and which components wind around each axis.
+    """Find the connected components of a doubly periodic network, and the axes along which each of them percolates.
 
-    c1, c2 (n1, n2) link node (i, j) to (i + 1, j) and (i, j + 1), wrapped. Each node gets its displacement from the
-    root of a tree of its component, so that a link that is not in the tree shows how often its loop winds.
+    A component percolates along an axis if it contains a closed loop that crosses the periodic boundary of this axis.
+    A spanning tree of the component gives, for each node, how often its path to the root crosses both boundaries. A
+    link closes such a loop if these numbers do not match at its two nodes.
+
+    c1, c2 : arrays (n1, n2), conductances from node (i, j) to the nodes (i + 1, j) and (i, j + 1), periodic.
+
+    Returns
+    -------
+    Component of each node (nodes,), and flags (components, 2) of the axes along which the components percolate.
     """
     n = c1.size
     node = np.arange(n).reshape(c1.shape)
@@ -146,12 +166,12 @@ def _winding_components(c1: Array, c2: Array) -> tuple[Indices, Any]:
         passes = np.zeros((*c.shape, 2), np.int64)
         passes[at_seam, axis] = 1
         parts.append((node[c > 0], np.roll(node, -1, axis)[c > 0], passes[c > 0]))
-    # the nodes of each link, and how often it passes the seam of both axes
+    # both nodes of each link, and how often it crosses the periodic boundaries of both axes (link, axis)
     start, end, seams = (np.concatenate(part) for part in zip(*parts, strict=True))
     graph = sp.coo_array((np.ones(start.size), (start, end)), shape=(n, n))
     count, label = connected_components(graph, directed=False)
     roots = np.unique(label, return_index=True)[1]
-    # node n is joined to one node of each component, so that one search finds trees of all
+    # an additional node n is linked to one node of each component, so that one search finds the trees of all
     i = np.concatenate([start, np.full(count, n)])
     j = np.concatenate([end, roots])
     joined = sp.coo_array((np.ones(i.size), (i, j)), shape=(n + 1, n + 1)).tocsr()
@@ -161,7 +181,9 @@ def _winding_components(c1: Array, c2: Array) -> tuple[Indices, Any]:
     for a, b, sign in ((start, end, 1), (end, start, -1)):
         in_tree = parent[b] == a
         turns[b[in_tree]] = sign * seams[in_tree]
-    while (parent != n).any():  # twice as far up each time
+    while (
+        parent != n
+    ).any():  # add up the crossings towards the root; each step doubles the length of the path
         turns += turns[parent]
         parent = parent[parent]
     winds = np.zeros((count, 2), bool)
