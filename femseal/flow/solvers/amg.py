@@ -1,9 +1,9 @@
-"""Algebraic multigrid of pyamg for the sparse matrices of the plain path.
+"""Solve the sparse systems of the plain path by conjugate gradients with the algebraic multigrid of pyamg.
 
-Multigrid is Ruge–Stüben's, as the preconditioner of conjugate gradients. Its interpolation keeps constants where the
-rows of the matrix sum to zero, so the matrix is taken as it is: scaled to unit diagonal, whose rows do not, strong
-contrasts take ten times the iterations or do not converge. The second pass of the coarsening is needed likewise, and on
-elements of which some couplings are positive only negative ones may count as strong.
+Ruge–Stüben multigrid is the preconditioner. Its interpolation preserves constants if the rows of the matrix sum to
+zero. For this reason the matrix is not scaled to unit diagonal: the rows of the scaled matrix do not sum to zero, and
+with strongly varying permeabilities the iteration would take ten times as long or diverge. The second pass of the
+coarsening is needed for the same reason. Some elements have positive couplings; only negative ones count as strong.
 
 Sources: Ruge & Stüben, in McCormick (ed.), Multigrid Methods, SIAM 1987, ch. 4; Bell, Olson, Schroder & Southworth,
 J. Open Source Softw. 8, 2023, 5495 (pyamg).
@@ -19,39 +19,49 @@ import scipy.sparse as sp
 from ...base import Array, NotConverged
 from .direct import LinearSolution, factorised, imbalance_of, two_sum
 
-#: Unknowns of the coarsest level, which is factorised.
+#: Largest number of unknowns of the coarsest level, which is factorised.
 _COARSEST = 500
 _MAX_ITERATIONS = 100
 #: Largest number of corrections, each a solution for the remaining residual.
 _MAX_CORRECTIONS = 3
-#: Relative difference allowed between inflow and outflow for a unit drop, and its fraction of the error allowed to the
-#: potential where that is more.
+#: Largest relative difference between inflow and outflow for a unit drop: the first number, or the second one times
+#: the tolerance of the potential, whichever is larger.
 _BALANCE, _SHARE_OF_ERROR = 1e-6, 3e-3
-#: Row sums below this fraction of the diagonal are taken for rounding errors.
+#: Row sums below this fraction of the diagonal are treated as rounding errors.
 _ROUNDING = 16 * np.finfo(float).eps
-#: Fractions of the error allowed at which the iteration stops, and that the residual of x itself has to confirm; it is
-#: an estimate, in random cells from below by up to a factor of 4.
+#: The iteration stops when the estimated error is below the first fraction of the tolerance. The error is estimated
+#: again from the residual of x itself and must be below the second fraction. In random cells the estimates were too
+#: small by a factor of up to 4.
 _STOPPED, _CONFIRMED = 0.1, 0.3
-#: Smaller errors of the potential in the norm of the energy cannot be resolved.
+#: Smallest relative error of the potential in the energy norm that can be resolved.
 _LEAST_ERROR = 1e-12
 
 
 def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) -> LinearSolution:
-    """Solve A x = b by conjugate gradients with algebraic multigrid; no random number is drawn.
+    """Solve A x = b by conjugate gradients, preconditioned by algebraic multigrid.
 
-    It stops when rᵀM⁻¹r, which estimates the squared error in the norm of the energy, is below (rtol/10)² of the
-    energy; for a unit drop also the sum of the residuals, by which inflow and outflow differ, has to be below 1e-6 of
-    the flow, or 0.003 rtol where that is more. Both are checked again with the residual of x itself, taken from
-    differences of x, in which large entries of A do not hide small ones.
+    The iteration stops when the estimate rᵀM⁻¹r of the squared error in the energy norm, with the preconditioner M, is
+    below (rtol/10)² times the energy. For a unit drop, the sum of the residuals, which is the difference between inflow
+    and outflow, must also be below 1e-6 times the flow, or 0.003 rtol times the flow if this is larger. Both conditions
+    are then checked with the residual of x itself. It is computed from differences of x, so that large entries of A do
+    not hide small ones. The result is reproducible: no random numbers are used.
 
-    matrix : (n, n) symmetric positive semidefinite, sparse; rows of zeros only are allowed where b is 0 as well.
-    rhs : (n,) or (n, m).
-    rtol : error of x in the norm of the energy that is allowed, relative to the energy. The energy itself, and so the
-    flow for a unit drop, errs by the square of it.
-    unit_drop : x is a potential between 0 and 1 for a unit drop, and b has the conductances with the nodes at 1. The
-    energy is then the flow Σb − b·x, and otherwise b·x.
+    Parameters
+    ----------
+    matrix : sparse matrix A (n, n), symmetric and positive semidefinite. A row may be zero if its entry of b is 0, too.
+    rhs : right-hand sides b, array (n,) or (n, m).
+    rtol : largest relative error of x in the energy norm. The relative error of the energy, and of the flow for a unit
+        drop, is the square of it.
+    unit_drop : whether x is a potential between 0 and 1 for a unit drop, and b contains the conductances to the end
+        with the potential 1. The energy is then the flow Σb − b·x; otherwise it is b·x.
 
-    Raises NotConverged: the iteration stalled, or its error estimate was not confirmed.
+    Returns
+    -------
+    LinearSolution in the shape of b.
+
+    Raises
+    ------
+    NotConverged : the iteration did not converge, or its error estimate was not confirmed.
     """
     a = sp.csr_matrix(matrix, copy=True)
     a.sum_duplicates()
@@ -68,15 +78,18 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
     if linked.size:
         system = _System(a if linked.size == len(diagonal) else a[linked][:, linked])
         for column in np.ndindex(rhs.shape[1:]):
-            here = (linked, *column)
-            found = system.solve(rhs[here], rtol, unit_drop)
-            x[here], complement[here], remainder[here] = found.x, found.complement, found.remainder
-            iterations, error = iterations + found.iterations, max(error, found.residual)
+            index = (linked, *column)
+            solution = system.solve(rhs[index], rtol, unit_drop)
+            x[index] = solution.x
+            complement[index] = solution.complement
+            remainder[index] = solution.remainder
+            iterations += solution.iterations
+            error = max(error, solution.residual)
     return LinearSolution(x, complement, iterations, error, "amg", remainder)
 
 
 class _System:
-    """A matrix with its hierarchy of levels."""
+    """A matrix with its multigrid hierarchy."""
 
     def __init__(self, matrix: sp.csr_matrix) -> None:
         from pyamg import ruge_stuben_solver
@@ -96,7 +109,7 @@ class _System:
         self.rounding = _ROUNDING * matrix.diagonal()
 
     def precondition(self, r: Array, level: int = 0) -> Array:
-        """One V-cycle from zero."""
+        """Apply one V-cycle to the residual r, beginning with zero."""
         here = self.levels[level]
         if level == len(self.levels) - 1:
             return np.asarray(self.coarsest.solve(r))
@@ -109,18 +122,20 @@ class _System:
     def solve(self, b: Array, rtol: float, unit_drop: bool) -> LinearSolution:
         """Solve for one right-hand side, see `solve_amg`.
 
-        x is the sum of a part that is 0 or 1 and a rest, so that both x and 1 − x keep their relative accuracy.
+        For a unit drop, x is stored as the sum of an integer part, 0 or 1, and a remainder. Both x and 1 − x can then
+        be computed with a small relative error.
         """
         if not b.any():
             return LinearSolution(np.zeros_like(b), np.ones_like(b), 0, 0.0, "amg")
-        # a row sums to what links its node with the ends, which only for the outlet is not known to all digits
+        # The sum of a row is the conductance between its node and the ends. For nodes at the inlet it is known exactly
+        # from b; differences of the size of rounding errors are removed.
         at_inlet = b if unit_drop else np.zeros_like(b)
         sums = np.where(np.abs(self.sums - at_inlet) <= self.rounding, at_inlet, self.sums)
         whole, rest, r = np.zeros_like(b), np.zeros_like(b), b
         iterations = 0
         for _ in range(_MAX_CORRECTIONS):
-            rest, taken = self._corrected(whole + rest, rest, r, b, rtol, unit_drop)
-            iterations += taken
+            rest, needed = self._corrected(whole + rest, rest, r, b, rtol, unit_drop)
+            iterations += needed
             if unit_drop:
                 ones = np.rint(np.clip(whole + rest, 0, 1))
                 rest += whole - ones
@@ -142,19 +157,26 @@ class _System:
         )
 
     def _applied(self, sums: Array, x: Array) -> Array:
-        """A x from the sums of its rows and from differences of x."""
+        """Compute A x from the row sums of A and from differences of x."""
         drop = x[self.matrix.indices] - x[self.rows]
         return sums * x + np.bincount(self.rows, self.matrix.data * drop, len(x))
 
     def _corrected(
         self, start: Array, rest: Array, r: Array, b: Array, rtol: float, unit_drop: bool
     ) -> tuple[Array, int]:
-        """`rest` with the solution for r added; `start` is where x is."""
-        a, correction, r = self.matrix, np.zeros_like(r), r.copy()
+        """Solve A y = r by preconditioned conjugate gradients; return `rest` + y and the number of iterations.
+
+        start : present value of x, to which y is a correction.
+        """
+        a = self.matrix
+        correction = np.zeros_like(r)
+        r = r.copy()
         total = float(b.sum()) if unit_drop else 0.0
         at_start = float(b @ start)
         z = self.precondition(r)
-        d, rz, iteration = z, float(r @ z), 0
+        d = z
+        rz = float(r @ z)
+        iteration = 0
         for iteration in range(1, _MAX_ITERATIONS + 1):
             ad = a @ d
             curvature = float(d @ ad)
@@ -164,9 +186,11 @@ class _System:
             correction += step * d
             r -= step * ad
             z = self.precondition(r)
-            rz, rz_old = float(r @ z), rz
+            rz_old = rz
+            rz = float(r @ z)
             energy = abs(total - at_start - float(b @ correction))
-            if rz <= max(_STOPPED * rtol, _LEAST_ERROR) ** 2 * energy and (
+            is_accurate = rz <= max(_STOPPED * rtol, _LEAST_ERROR) ** 2 * energy
+            if is_accurate and (
                 not unit_drop or imbalance_of(r, start + correction) <= _balance(rtol) * energy
             ):
                 return rest + correction, iteration
@@ -178,5 +202,5 @@ class _System:
 
 
 def _balance(rtol: float) -> float:
-    """Imbalance allowed beside this error of the potential."""
+    """Return the largest relative imbalance that is accepted for a tolerance `rtol` of the potential."""
     return max(_BALANCE, _SHARE_OF_ERROR * rtol)

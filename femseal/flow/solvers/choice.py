@@ -1,7 +1,8 @@
-"""Solve the flow for a unit drop between inlet and outlet of a stencil: choose the solver, and check its solution.
+"""Solve the flow through a stencil for a unit potential drop: choose the solver, and check its solution.
 
-Multigrid is taken on many nodes and smooth conductances, elimination on others, on long pixels and where multigrid does
-not converge. Nodes that are not connected to both ends are left out; without a path the flow is exactly 0.
+Multigrid is used for large networks with smooth conductances. Elimination is used for all others, for long pixels, and
+if multigrid does not converge. Nodes that are not connected to both ends are left out; without an open path the flow is
+exactly 0.
 """
 
 from __future__ import annotations
@@ -22,32 +23,35 @@ from .multigrid import CHECKED, COARSEST_NODES, coarsest_nodes, solve_multigrid
 
 #: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
 ELIMINATED_NODES = 5_000_000
-#: Ratio of the sides of a pixel up to which multigrid is used. On gaps of 64² and 128² pixels it takes the time of
-#: elimination at 2.5 to 3.5, 2 to 6 times that at 4 to 12, and at 28 it fails in 1 of 12 calls and had an error of
-#: 22 % once: it does not coarsen along the long side of the pixels alone, and meets the slowest part of the error late.
+#: Largest ratio of the sides of a pixel for which multigrid is used. On gaps of 64² and 128² pixels multigrid takes as
+#: long as elimination at ratios of 2.5 to 3.5, and 2 to 6 times as long at ratios of 4 to 12. At a ratio of 28 it fails
+#: in 1 of 12 cases and once had an error of 22 %. The reason is that it coarsens along both sides of the pixels, so
+#: that the slowest error components are only found late.
 _LONGEST_PIXEL = 3.5
-#: About so many rows of links are sampled to estimate that ratio, and the contrast of neighbouring links.
+#: Approximate number of rows of links that are sampled to estimate this ratio and the contrast of neighbouring links.
 _SAMPLED = 64
-#: Links narrower than this fraction of the widest hardly count in sums of conductances: an iteration converges slowly,
-#: or not at all, at nodes that only such links connect with the others.
+#: Links with a conductance below this fraction of the largest one hardly contribute to sums of conductances. At nodes
+#: that are only connected by such links, an iteration converges slowly or not at all.
 _SEEN = 1e-8
-#: Links narrower than this fraction are lost to rounding in sums with wide ones, and the matrix may become indefinite.
+#: Links below this fraction are lost by rounding in sums with wide links, and the matrix may become indefinite.
 _LOST = 1e-13
-#: Multigrid is tried first on more than so many nodes × exp(growth × roughness), see `_roughness`; it is given up after
-#: so many iterations. On 245 networks of 24² to 512² nodes, of independent links and pixels, contacts and faces cut by
-#: a plane, the solver so chosen takes 1.1 times the time of the faster one in the mean.
+#: Multigrid is tried first if there are more than _FEWEST exp(_GROWTH r) nodes, where r is the `_roughness`; a pair of
+#: an open and a closed link counts as _CLOSED in r. Multigrid is given up after _PATIENCE iterations. On 245 networks
+#: of 24² to 512² nodes (independent links and pixels, contacts, and faces cut by a plane) this choice takes 1.1 times
+#: as long on average as the faster solver.
 _FEWEST, _GROWTH, _CLOSED, _PATIENCE = 15, 3.5, 4.0, 120
-#: Iterations allowed to multigrid where the caller chose it, or where elimination would take too much memory.
+#: Largest number of iterations if the caller chose multigrid, or if elimination would need too much memory.
 _MOST_ITERATIONS = 600
-#: Potential of a node that is connected to neither end, to the inlet, or to the outlet; both: it is computed.
+#: Potential of a node without flow, by the number from `nodes_reached`: a node in a pocket, a node that is connected to
+#: the inlet only, and one that is connected to the outlet only. The potential of other nodes is computed.
 _AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
 
 
 def elimination_memory(nodes: float) -> float:
-    """Return the memory [byte] that elimination of so many open nodes takes; 0 for more nodes than are eliminated.
+    """Estimate the memory [byte] that the elimination of a given number of open nodes needs.
 
-    Its dense fronts grow with the logarithm of the number of nodes (nested dissection). Measured on gaps of 512² to
-    1448² pixels: 27 to 32 bytes for each open node and each doubling of their number.
+    The dense fronts of nested dissection need a memory proportional to n log2 n for n nodes, with a factor of 27 to 32
+    bytes on gaps of 512² to 1448² pixels. For networks that are too large to be eliminated, 0 is returned.
     """
     is_possible = 1 < nodes <= ELIMINATED_NODES
     return 32.0 * nodes * log2(nodes) if is_possible else 0.0
@@ -60,32 +64,33 @@ def solve_flow(
     solver: str = "auto",
     field_rtol: float | None = None,
 ) -> DarcyFlow:
-    """Solve the mass balance of every inner node for a unit drop of potential.
+    """Solve the mass balance of the inner nodes for a unit potential drop between the first and the last row.
 
     Parameters
     ----------
-    stencil : conductances of the nodes, those of the first and the last row being inlet and outlet.
-    rtol : relative error of the conductance allowed to an iterative solution.
-    solver : "multigrid" (conjugate gradients on the grid's own hierarchy), "elimination" (star-mesh elimination, keeps
-        its relative accuracy at any contrast up to 1e150), or "auto": multigrid on many nodes and smooth conductances,
-        and elimination elsewhere and where that fails. Where the sides of a pixel differ by more than 3.5 : 1,
-        multigrid is slow and may not meet a part of the error: elimination then takes its place, up to 5 million open
-        nodes, and beyond that the error is bounded. `DarcyFlow.solver` says what was used. After multigrid, nodes that
-        only links narrower than 1e-8 of the widest connect with the others are solved by elimination.
-    field_rtol : error of the potential allowed to an iteration, in the norm of the energy, where the potential itself
-        is wanted. The conductance errs by the square of the error of the potential, so that an iteration that stops
-        where the conductance is right leaves an error of about √rtol to the potential.
+    stencil : conductances of the links between the nodes. The first row of nodes is the inlet, the last one the outlet.
+    rtol : largest relative error of the conductance that an iterative solver may leave.
+    solver : "multigrid", "elimination" or "auto". Multigrid preconditions conjugate gradients on the grid. Star-mesh
+        elimination retains its relative accuracy even if the conductances differ by a factor of 1e150. "auto" chooses
+        multigrid for large networks with smooth conductances, and elimination otherwise or if multigrid fails.
+        If the ratio of the sides of a pixel exceeds 3.5, multigrid is slow and may miss a part of the error. Such
+        networks are solved by elimination if they have up to 5 million open nodes; for larger ones the error of
+        multigrid is bounded. `DarcyFlow.solver` names the solver that was used. After multigrid, nodes that are only
+        connected by links narrower than 1e-8 of the widest link are solved by elimination.
+    field_rtol : largest relative error of the potential in the energy norm; None if only the conductance is needed. The
+        error of the conductance is the square of the error of the potential. An iteration that only makes the
+        conductance accurate therefore leaves an error of about √rtol in the potential.
 
     Returns
     -------
-    DarcyFlow, its `potential` at all nodes (n1 + 1, n2) and its `conductance` in the unit of the conductances.
+    DarcyFlow with the `potential` at all nodes, array (n1 + 1, n2), and the `conductance` in the unit of the links.
 
     Raises
     ------
-    InputError : an unknown solver, a bad rtol.
-    NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5, after multigrid by more than
-        10 √rtol, or 10 field_rtol if that is given. "multigrid" fails where links narrower than 1e-13 of the widest may
-        carry more than rtol of the flow.
+    InputError : the solver is unknown, or a tolerance is not valid.
+    NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5. After multigrid they may differ
+        by 10 √rtol, or by 10 field_rtol if this is given. "multigrid" also fails if links narrower than 1e-13 of the
+        widest link might carry more than `rtol` of the flow.
     """
     check_solver(solver, ("auto", *FAST_SOLVERS))
     validate.tolerance("rtol", rtol)
@@ -112,24 +117,35 @@ def solve_ready(
     solver: str,
     field_rtol: float | None,
 ) -> DarcyFlow:
-    """`solve_flow` of what `ready` makes, which is written over."""
+    """Solve the flow for conductances that `ready` has prepared, and overwrite `reached` and the conductances.
+
+    Parameters
+    ----------
+    reached, exponent : results of `ready`.
+    conductances : arrays `along` and `across` of a stencil, as `ready` has left them.
+    ring2 : whether the columns form a ring.
+    rtol, solver, field_rtol : as in `solve_flow`.
+    """
     stencil = Stencil(*conductances, ring2=ring2)
     percolates = bool(reached[0, 0] == 3)
     if not percolates or len(stencil.along) == 1:
         potential = _AT_REST.take(reached)
-        potential[0], potential[-1] = 1.0, 0.0
+        potential[0] = 1.0
+        potential[-1] = 0.0
         total = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
         return DarcyFlow(total, potential, 1 - potential, percolates)
-    flow = _solve(
-        stencil, np.equal(reached, 3, out=reached.view(np.bool_)), rtol, solver, field_rtol
-    )
+    keep = np.equal(reached, 3, out=reached.view(np.bool_))  # in place, to save memory
+    flow = _solve(stencil, keep, rtol, solver, field_rtol)
     return replace(flow, conductance=ldexp(flow.conductance, exponent))
 
 
 def _solve(
     stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: float | None
 ) -> DarcyFlow:
-    """Solve by the given or chosen solver; if that is multigrid and fails, by elimination unless it was given."""
+    """Choose a solver unless one is given, and solve the flow; if a chosen multigrid fails, use elimination.
+
+    keep : array (n1 + 1, n2), nodes that are connected to both ends.
+    """
     nodes = int(np.count_nonzero(keep[1:-1]))
     can_eliminate = nodes <= ELIMINATED_NODES
     if solver == "elimination" or (solver == "auto" and not _suits_multigrid(stencil, nodes)):
@@ -148,11 +164,10 @@ def _solve(
 
 
 def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
-    """Return whether multigrid is to be tried first on a network with so many open nodes."""
+    """Return whether multigrid should be tried first on a network with `nodes` open nodes."""
     n1, n2 = stencil.along.shape
-    if (
-        coarsest_nodes(n1 - 1, n2) > COARSEST_NODES
-    ):  # the coarsest level of a slender grid has many nodes
+    is_slender = coarsest_nodes(n1 - 1, n2) > COARSEST_NODES
+    if is_slender:
         return False
     if nodes > ELIMINATED_NODES:
         return True
@@ -162,7 +177,10 @@ def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
 
 @compiled()
 def _roughness(along, step):
-    """Mean difference of the logarithms of neighbouring links in some rows, _CLOSED where one of the two is closed."""
+    """Compute the mean difference of ln c of neighbouring links in every `step`-th row.
+
+    A pair of an open and a closed link counts as `_CLOSED`.
+    """
     total, pairs = 0.0, 1
     for i in range(0, along.shape[0], step):
         before = along[i, 0]
@@ -181,8 +199,8 @@ def _roughness(along, step):
 def _pixel_ratio(stencil: Stencil) -> float:
     """Estimate the ratio of the longer to the shorter side of a pixel from the open links of some rows.
 
-    The conductance of a link is proportional to its width over its length, so that the geometric means along and across
-    differ by the square of the ratio, on gaps without a direction of their own.
+    The conductance of a link is proportional to its width over its length. If the gap is isotropic, the ratio of the
+    geometric means of both kinds of links is therefore the square of the ratio of the sides.
     """
     step = max(1, len(stencil.along) // _SAMPLED)
     means = []
@@ -195,11 +213,12 @@ def _pixel_ratio(stencil: Stencil) -> float:
 
 
 def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
-    """Solve by star-mesh elimination, whose conductance is kept as it has a relative accuracy of its own."""
+    """Solve by star-mesh elimination, and use the conductance that elimination itself gives, which is more accurate."""
     φ, ψ = np.zeros((2, *keep.shape))
-    φ[0] = ψ[-1] = 1.0
-    rate = eliminate(stencil, keep[1:-1], φ, ψ)
-    return _checked(stencil, keep, (φ, ψ), (0, 0.0, "elimination"), rate)
+    φ[0] = 1.0
+    ψ[-1] = 1.0
+    conductance = eliminate(stencil, keep[1:-1], φ, ψ)
+    return _checked(stencil, keep, (φ, ψ), (0, 0.0, "elimination"), conductance)
 
 
 def _by_multigrid(
@@ -210,66 +229,86 @@ def _by_multigrid(
     field_rtol: float | None,
     checked: int,
 ) -> DarcyFlow:
-    """Solve by multigrid, then by elimination at nodes that only very narrow links connect with the others.
+    """Solve by multigrid, and then by elimination at the nodes that are only connected by very narrow links.
 
-    Multigrid does without links that are lost in sums. Those can carry a part of a small flow, which lies between that
-    without them (Rayleigh's principle) and the energy of any potential with them (Dirichlet's): how far these two are
-    apart bounds the error.
+    Multigrid ignores links that are too narrow for sums in floating-point numbers. The flow without these links is a
+    lower bound of the flow (Rayleigh's principle), and the energy of any potential on all links is an upper bound
+    (Dirichlet's principle). The difference between both bounds is a bound of the error.
+
+    limit : largest number of iterations.
+    checked : number of iterations from which on the error is bounded, see `solve_multigrid`.
     """
-    hidden: Flags | None = None
-    seen: Flags | None = None
-    if any(((c > 0) & (c < _SEEN)).any() for c in (stencil.along, stencil.across)):
-        hidden, seen = _hidden(stencil, keep)
-    least = 0.0
-    with closed(stencil, seen, _LOST):
+    isolated: Flags | None = None
+    through: Flags | None = None
+    has_narrow_links = any(((c > 0) & (c < _SEEN)).any() for c in (stencil.along, stencil.across))
+    if has_narrow_links:
+        isolated, through = _isolated_nodes(stencil, keep)
+    lower_bound = 0.0
+    with closed(stencil, through, _LOST):
         potential, iterations, error = solve_multigrid(
-            stencil, rtol, limit, hidden, field_rtol, checked
+            stencil, rtol, limit, isolated, field_rtol, checked
         )
-        if hidden is not None:
-            least = stencil.energy(potential) * (1 - error**2)
+        if isolated is not None:
+            lower_bound = stencil.energy(potential) * (1 - error**2)
     complement = 1 - potential
-    if hidden is not None:
-        eliminate(stencil, hidden, potential, complement)
+    if isolated is not None:
+        eliminate(stencil, isolated, potential, complement)
     allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
-    how = iterations, error, "multigrid"
-    flow = _checked(stencil, keep, (potential, complement), how, allowed=allowed)
-    if hidden is None:
+    statistics = iterations, error, "multigrid"
+    flow = _checked(stencil, keep, (potential, complement), statistics, allowed=allowed)
+    if isolated is None:
         return flow
-    between = 1 - least / flow.conductance
-    if not between <= rtol:
+    bound_gap = 1 - lower_bound / flow.conductance
+    if not bound_gap <= rtol:
         raise NotConverged(
-            f"flow: error up to {between:.1e} of the rate by links too narrow for multigrid, wanted {rtol:.1e}; "
+            f"flow: error up to {bound_gap:.1e} of the rate by links too narrow for multigrid, wanted {rtol:.1e}; "
             "try the solver 'elimination'",
-            between,
+            bound_gap,
         )
-    return replace(flow, residual=float(max(error, np.sqrt(max(between, 0.0)))))
+    return replace(flow, residual=float(max(error, np.sqrt(max(bound_gap, 0.0)))))
 
 
-def _hidden(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
-    """Find nodes at which multigrid converges slowly, or not at all.
+def _isolated_nodes(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
+    """Find nodes at which multigrid converges slowly or not at all, because they are only connected by narrow links.
 
-    Returns the inner nodes that only narrow links connect with others, and the nodes that links which are not lost
-    connect with both ends; None without any of the first.
+    Returns
+    -------
+    isolated : flags (n1 − 1, n2) of such inner nodes, which wide links connect to neither end.
+    through : flags (n1 + 1, n2) of the nodes that are connected to both ends by links that are not lost by rounding.
+    Both are None if there are no isolated nodes.
     """
     links = stencil.along, stencil.across
-    hidden = (keep & (nodes_reached(*links, _SEEN) == 0))[1:-1]
-    return (hidden, nodes_reached(*links, _LOST) == 3) if hidden.any() else (None, None)
+    isolated = (keep & (nodes_reached(*links, _SEEN) == 0))[1:-1]
+    if not isolated.any():
+        return None, None
+    return isolated, nodes_reached(*links, _LOST) == 3
 
 
 def _checked(
     stencil: Stencil,
     keep: Flags,
     potentials: tuple[Array, Array],
-    how: tuple[int, float, str],
+    statistics: tuple[int, float, str],
     rate: float | None = None,
     allowed: float = MAX_IMBALANCE,
 ) -> DarcyFlow:
-    """The solution φ with 1 − φ = ψ, NaN where nodes are not kept, unless inlet and outlet flow differ.
+    """Check that inlet and outlet flow of a solution agree, and make a DarcyFlow from it.
 
-    how : iterations, residual and solver. rate : conductance, the energy of φ unless given.
+    Parameters
+    ----------
+    stencil : conductances between the nodes.
+    keep : nodes that carry flow; the potential of all others becomes NaN.
+    potentials : arrays φ and ψ = 1 − φ.
+    statistics : number of iterations, residual, and name of the solver.
+    rate : conductance; by default the energy of φ.
+    allowed : largest relative difference between inlet and outlet flow.
+
+    Raises
+    ------
+    NotConverged : inlet and outlet flow differ by more.
     """
     φ, ψ = potentials
-    # the energy sum keeps its relative accuracy where a difference of flows would not
+    # the energy is a sum of positive terms and therefore more accurate than a sum of flows
     rate = stencil.energy(φ) if rate is None else rate
     inlet = (stencil.along[0] * ψ[1]).sum()
     outlet = (stencil.along[-1] * φ[-2]).sum()
@@ -280,6 +319,7 @@ def _checked(
             "try the solver 'elimination'",
             imbalance,
         )
-    φ[~keep] = ψ[~keep] = np.nan
-    iterations, residual, solver = how
+    φ[~keep] = np.nan
+    ψ[~keep] = np.nan
+    iterations, residual, solver = statistics
     return DarcyFlow(rate, φ, ψ, True, iterations, residual, imbalance, solver)

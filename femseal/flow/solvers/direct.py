@@ -1,10 +1,10 @@
-"""Sparse factorisation of a flow, corrected where the contrast of the permeability takes its digits.
+"""Solve flow problems by a sparse factorisation, with corrections if the permeabilities differ by orders of magnitude.
 
-A factorisation loses as many digits as the contrast has: what a region that conducts well passes on through elements
-that conduct little is lost in the sums on the diagonal. Between boundaries of given potentials its solution is
-therefore corrected by conjugate gradients, with residuals from differences of the potential, and kept as a sum of two
-numbers.
-Tests have flows in closed form, and eliminated in 60 digits, with contrasts up to 1e20.
+If the permeabilities differ by a factor of 10^n, a factorisation loses about n digits: small conductances between
+regions of large conductance are lost in the sums on the diagonal. For a flow between boundaries with prescribed
+potentials, the solution is therefore corrected by conjugate gradients. Residuals are computed from differences of the
+potential, and the solution is stored as the sum of two numbers. Tests compare with closed forms and with eliminations
+in 60 digits, for permeabilities that differ by up to 1e20.
 
 Sources: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., SIAM 2002, ch. 12 (iterative refinement);
 Knuth, The Art of Computer Programming 2, 3rd ed., 1997, sec. 4.2.2 (exact sums).
@@ -21,28 +21,32 @@ from scipy.sparse.linalg import splu
 
 from ...base import Array, Indices, NotConverged
 
-#: Relative error in the norm of the energy at which a direct solution needs no correction, the largest that it may have
-#: where corrections make it no smaller, as at anisotropic tensors, and its imbalance over the flow. The flow itself
-#: errs by the square.
+#: Relative errors in the energy norm: with the first one, no correction is needed; the second one is accepted if
+#: corrections do not reduce it, which happens with anisotropic tensors. The relative error of the flow is the square.
+#: The third number is the largest imbalance relative to the flow.
 _SMALL_ERROR, _LARGEST_ERROR, _LARGEST_IMBALANCE = 1e-10, 1e-6, 1e-6
-#: A correction that leaves more than this part of the error is the last.
+#: No further correction is made if the last one has left more than this fraction of the error.
 _NO_GAIN = 0.1
-#: Most corrections, and most iterations of each, which ends at this error in the norm of the energy.
+#: Largest number of corrections, largest number of iterations of each of them, and error in the energy norm at which
+#: the iterations end.
 _MOST_CORRECTIONS, _MOST_ITERATIONS, _LEAST_ERROR = 4, 100, 1e-12
-#: What is added to the unit diagonal where the factorisation itself fails by rounding errors: it keeps the matrix
-#: positive definite, and each region that conducts well takes about one more iteration.
+#: Number that is added to the unit diagonal if the factorisation fails because of rounding errors. It makes the matrix
+#: positive definite. The iteration then needs about one more step for each region of large conductance.
 _SHIFT = 1e-13
 
 
 @dataclass(frozen=True)
 class LinearSolution:
-    """A solution of A x = b, with its solver and residual.
+    """Solution of A x = b.
 
-    complement : 1 − x; for a unit drop it keeps its own relative accuracy where x is nearly 1.
-    iterations : of conjugate gradients, 0 for a direct solution.
-    residual : the estimated relative error in the norm of the energy ("amg"), or ‖b − Ax‖/‖b‖ ("direct").
-    solver : "amg" or "direct", whichever gave x.
-    remainder : what x lacks of the solution by the rounding of its numbers; 0 where that is not known.
+    Attributes
+    ----------
+    x : array (n,) or (n, m), solution.
+    complement : 1 − x. For a unit drop its relative error is small even where x is nearly 1.
+    iterations : number of iterations of conjugate gradients; 0 for a direct solution.
+    residual : estimated relative error in the energy norm ("amg"), or ‖b − Ax‖/‖b‖ ("direct").
+    solver : name of the solver that was used, "amg" or "direct"; "none" if there was no unknown.
+    remainder : difference between the solution and its rounded value x; 0 if it is not known.
     """
 
     x: Array
@@ -55,10 +59,13 @@ class LinearSolution:
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Boundaries of given potentials.
+    """Boundaries with prescribed potentials.
 
-    levels : potential of each boundary (boundaries,).
-    links : conductance that joins each boundary to each unknown (boundaries, n), without rounding errors of sums.
+    Attributes
+    ----------
+    levels : array (boundaries,), potential of each boundary.
+    links : array (boundaries, n), conductance between each boundary and each unknown. It must not be computed as a
+        difference of large numbers, so that small conductances are accurate.
     """
 
     levels: Array
@@ -66,30 +73,34 @@ class Ends:
 
     @property
     def total(self) -> Array:
-        """Conductance that joins each unknown to all boundaries (n,)."""
+        """Total conductance between each unknown and all boundaries, array (n,)."""
         return np.asarray(self.links.sum(axis=0))
 
     def inflow(self, x: Array, remainder: Array) -> Array:
-        """Flow from each boundary to each unknown (boundaries, n) at the potential x + remainder."""
+        """Compute the flow from each boundary to each unknown, (boundaries, n), for the potential x + remainder."""
         return self.links * ((self.levels[:, None] - x) - remainder)
 
     def power(self, x: Array, remainder: Array) -> float:
-        """Power that the boundaries supply: what the flow dissipates."""
+        """Compute the power supplied at the boundaries, which is equal to the energy that the flow dissipates."""
         return float(self.levels @ self.inflow(x, remainder).sum(axis=1))
 
 
 def solve_direct(
     matrix: Any, rhs: Array, *, largest_residual: float = 1e-8, ends: Ends | None = None
 ) -> LinearSolution:
-    """Solve A x = b by SuperLU with minimum degree ordering, A scaled to unit diagonal against its contrast.
+    """Solve A x = b by SuperLU with minimum degree ordering, after A is scaled to unit diagonal.
 
-    matrix : (n, n) symmetric positive definite, sparse.
-    rhs : (n,), or (n, m) without `ends`.
-    largest_residual : ‖b − Ax‖/‖b‖ of the scaled system that is allowed.
-    ends : boundaries of a flow, of which b is the sum of links times levels. With them the solution is corrected until
-        it has all digits, whatever the contrast of the permeability.
+    Parameters
+    ----------
+    matrix : sparse matrix A (n, n), symmetric and positive definite.
+    rhs : right-hand side b, array (n,), or (n, m) without `ends`.
+    largest_residual : largest accepted value of ‖b − Ax‖/‖b‖ for the scaled system.
+    ends : boundaries of a flow problem, if the system is one. Then b must be the sum over the boundaries of level times
+        links. The solution is corrected to full accuracy, even if the permeabilities differ by orders of magnitude.
 
-    Raises NotConverged: the factorisation failed, or its residual is too large.
+    Raises
+    ------
+    NotConverged : the factorisation failed, or its residual is too large.
     """
     a = sp.csc_array(matrix)
     scale = 1 / np.sqrt(a.diagonal())
@@ -110,7 +121,7 @@ def solve_direct(
 
 
 def factorised(matrix: sp.csc_array) -> Any:
-    """Factorise a symmetric positive definite matrix; raises NotConverged where it is singular."""
+    """Factorise a symmetric positive definite matrix, or raise NotConverged if it is singular."""
     try:
         return splu(
             matrix,
@@ -123,23 +134,28 @@ def factorised(matrix: sp.csc_array) -> Any:
 
 
 def two_sum(a: Array, b: Array) -> tuple[Array, Array]:
-    """Return the rounded sum of two arrays, and what it lacks, exactly."""
+    """Compute the rounded sum of two arrays and its rounding error; the sum of both results is exact."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
 def imbalance_of(r: Array, x: Array) -> float:
-    """Return the imbalance that the residual r leaves at the outlet and at both ends together."""
+    """Compute the imbalance of the flow that a residual r causes: Σr in total, or r·x, whichever is larger."""
     return max(abs(float(r.sum())), abs(float(r @ x)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Flow:
-    """The system of a flow between boundaries.
+    """Linear system of a flow between boundaries with prescribed potentials.
 
-    matrix, scaled : with its own diagonal, and scaled to unit diagonal. scale : of its rows and columns (n,).
-    columns : of its entries. ends : boundaries.
+    Attributes
+    ----------
+    matrix : sparse matrix (n, n).
+    scaled : the matrix scaled to unit diagonal.
+    scale : array (n,), scaling factors of rows and columns.
+    columns : column number of each stored entry of the matrix.
+    ends : boundaries.
     """
 
     matrix: sp.csc_array
@@ -171,7 +187,10 @@ class _Flow:
         )
 
     def _solved(self, factor: Any, b: Array) -> tuple[LinearSolution, float]:
-        """Return the solution with a factorisation, corrected as long as that helps, and its error."""
+        """Solve the system with a factorisation, and correct the solution until further corrections do not help.
+
+        Also returned is the estimated relative error in the energy norm.
+        """
         x = self._preconditioned(factor, b)
         remainder = np.zeros_like(x)
         norm = np.linalg.norm(self.scale * b)
@@ -190,25 +209,28 @@ class _Flow:
         return LinearSolution(x, complement, 0, residual, "direct", remainder), error
 
     def _factor(self, shift: float) -> Any:
+        """Factorise the scaled matrix with `shift` added to its diagonal."""
         if not shift:
             return factorised(self.scaled)
         return factorised(sp.csc_array(self.scaled + shift * sp.eye_array(self.scaled.shape[0])))
 
     def _preconditioned(self, factor: Any, r: Array) -> Array:
+        """Apply the factorisation of the scaled matrix to a residual of the unscaled system."""
         return np.asarray(self.scale * factor.solve(self.scale * r))
 
     def _between_unknowns(self, x: Array) -> Array:
-        """Flow out of each unknown to its neighbours, from differences, in which large numbers hide no small ones."""
+        """Compute the flow from each unknown to its neighbours from differences of x, to avoid cancellation."""
         rows = self.matrix.indices
         flow = self.matrix.data * (x[self.columns] - x[rows])
         return np.asarray(np.bincount(rows, flow, len(x)))
 
     def _residual(self, x: Array, remainder: Array) -> Array:
+        """Compute the residual for the potential x + remainder: net flow into each unknown."""
         inflow = self.ends.inflow(x, remainder).sum(axis=0)
         return np.asarray(inflow - self._between_unknowns(x) - self._between_unknowns(remainder))
 
     def _error(self, factor: Any, r: Array, x: Array, remainder: Array) -> float:
-        """Relative error of x in the norm of the energy, by its residual r; inf where the flow does not balance."""
+        """Estimate the relative error of x in the energy norm from the residual r; infinite without a mass balance."""
         power = self.ends.power(x, remainder)
         squared = float(r @ self._preconditioned(factor, r))
         if not (power > 0 and squared >= 0):
@@ -218,13 +240,16 @@ class _Flow:
         return float(np.sqrt(squared / power))
 
     def _correction(self, factor: Any, r: Array, error: float) -> Array:
-        """Return what is to be added to x with the residual r, by conjugate gradients with the factorisation."""
+        """Compute the correction of x for a residual r by conjugate gradients, preconditioned with the factorisation.
+
+        error : estimated relative error of x, which determines how accurate the correction needs to be.
+        """
         links = self.ends.total
         correction = np.zeros_like(r)
         z = self._preconditioned(factor, r)
         direction = z
         rz = float(r @ z)
-        # no further than the error that counts, whatever it is relative to
+        # stop when the remaining error of x is about _LEAST_ERROR
         enough = rz * (_LEAST_ERROR / min(error, 1.0)) ** 2
         for _ in range(_MOST_ITERATIONS):
             applied = links * direction + self._between_unknowns(direction)

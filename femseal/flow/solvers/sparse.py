@@ -1,4 +1,4 @@
-"""Solvers of the plain path: symmetric positive definite sparse matrices, however they were assembled."""
+"""Solve symmetric positive definite sparse systems, which may come from any assembly: the solvers of the plain path."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from ..problem import PLAIN_SOLVERS, check_solver
 from .amg import solve_amg
 from .direct import Ends, LinearSolution, solve_direct
 
-#: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid. Factorisation against
-#: multigrid in ms on one core, P1, Q1, P2 and Q2: 20,000 unknowns 74:78, 58:61, 75:90, 61:76; 50,000 260:200, 160:150,
+#: Number of unknowns up to which a factorisation is faster than multigrid. Measured times of factorisation : multigrid
+#: in ms on one core, for P1, Q1, P2 and Q2: 20,000 unknowns 74:78, 58:61, 75:90, 61:76; 50,000 260:200, 160:150,
 #: 240:220, 170:170; 100,000 650:410, 350:280, 460:400, 375:345; 300,000 2000:1200, 1460:920, 2200:1330, 1420:1470; a
-#: million with P1 34,000:4500. Memory 560 against 320 MB at 300,000 with Q2, 490 against 200 MB with P1.
+#: million with P1 34,000:4500. Memory at 300,000 unknowns: 560 : 320 MB with Q2, 490 : 200 MB with P1.
 DIRECT_UNKNOWNS = 50_000
 
 
@@ -26,19 +26,19 @@ def solve_sparse(
     largest_residual: float = 1e-8,
     ends: Ends | None = None,
 ) -> LinearSolution:
-    """Solve A x = b by a solver of the plain path.
+    """Solve A x = b with a solver of the plain path.
 
     Parameters
     ----------
     matrix, rhs, rtol, unit_drop : as in `solve_amg`.
-    solver : "direct", "amg", or "auto": multigrid from 50,000 unknowns on. Where multigrid fails, the factorisation is
-        taken.
+    solver : "direct", "amg", or "auto", which chooses "amg" for more than 50,000 unknowns. If "amg" fails, the system
+        is solved by a factorisation.
     largest_residual, ends : as in `solve_direct`.
 
     Raises
     ------
-    InputError : an unknown solver.
-    NotConverged : as `solve_direct`.
+    InputError : the solver is unknown.
+    NotConverged : as in `solve_direct`.
     """
     check_solver(solver, ("auto", *PLAIN_SOLVERS))
     if solver == "auto":
