@@ -55,7 +55,7 @@ if TYPE_CHECKING:
         permeability_tensor,
     )
     from .fluids import IdealGas, Liquid, RoelandsLiquid
-    from .materials import Solid, contact_modulus, named_solid
+    from .materials import Coated, Solid, contact_modulus, named_solid
     from .named_fluids import RealGas
     from .report import write_report
     from .results import Results, RunComparison, compare, open_results
@@ -93,6 +93,7 @@ __all__ = [
     "AnnularSeal",
     "Calibration",
     "Case",
+    "Coated",
     "Contact",
     "ContactLaw",
     "Design",

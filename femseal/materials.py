@@ -72,6 +72,61 @@ class Solid:
             raise InputError("hardness", hardness, "a number > 0 [Pa]")
         object.__setattr__(self, "hardness", hardness)
 
+    @property
+    def plane_modulus(self) -> float:
+        """Plane-strain modulus E/(1 − ν²) [Pa]."""
+        return self.young / (1 - self.poisson**2)
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus G = E/(2(1 + ν)) [Pa]."""
+        return self.young / (2 * (1 + self.poisson))
+
+
+@dataclass(frozen=True)
+class Coated:
+    """Describe a body with a coating, or a thin body: an elastic layer that is bonded to a thick substrate.
+
+    Parameters
+    ----------
+    substrate : Solid or None
+        Solid below the layer, which is much thicker than all waves of the surface. None is a rigid substrate, so that
+        the body is a plate of the layer's material on a rigid bed.
+    layer : Solid
+        Solid of the layer, which is at the surface.
+    thickness : float
+        Thickness d of the layer [m], > 0.
+
+    Raises
+    ------
+    InputError
+        A body is not a `Solid`, or the thickness is not > 0.
+
+    Notes
+    -----
+    Only the elasticity of both solids enters the compliance, see `femseal.contact.layered`. What the body yields at is
+    a contact law of its own, `CoatedLaw`.
+
+    Examples
+    --------
+    >>> steel, silver = named_solid("steel 304/316, annealed"), named_solid("silver, annealed")
+    >>> Coated(steel, silver, 20e-6).thickness
+    2e-05
+    """
+
+    substrate: Solid | None
+    layer: Solid
+    thickness: float
+
+    def __post_init__(self) -> None:
+        if not (self.substrate is None or isinstance(self.substrate, Solid)):
+            expected = "a Solid, or None for a rigid one; of several layers, only one can be given"
+            raise InputError("substrate", shown(type(self.substrate).__name__), expected)
+        if not isinstance(self.layer, Solid):
+            raise InputError("layer", shown(type(self.layer).__name__), "a Solid")
+        thickness = validate.number("thickness", self.thickness, unit="m")
+        object.__setattr__(self, "thickness", thickness)
+
 
 def contact_modulus(a: Solid, b: Solid | None = None) -> float:
     """Compute the contact modulus E* of two half-spaces, 1/E* = (1−ν1²)/E1 + (1−ν2²)/E2.
@@ -94,6 +149,12 @@ def contact_modulus(a: Solid, b: Solid | None = None) -> float:
     >>> round(contact_modulus(steel, steel) / 1e9, 2)
     115.38
     """
+    if isinstance(a, Coated) or isinstance(b, Coated):
+        expected = (
+            "solids without a coating, because that of a coated body depends on the wave: give the two bodies in "
+            "place of the contact modulus, such as HalfSpace(shape, spacing, (a, b))"
+        )
+        raise InputError("contact_modulus", "a coated body", expected)
     compliance = (1 - a.poisson**2) / a.young
     if b is not None:
         compliance += (1 - b.poisson**2) / b.young

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .half_space import HalfSpace
     from .hardness_curves import HardnessTable, NixGao
     from .law import ContactLaw, LinearHardening, PerfectlyPlastic, contact_law, softer_of
+    from .layered import Bodies, checked_modulus, modulus_of_waves, surface_modulus
     from .solver import Contact, solve_contact
 else:
     __getattr__, __dir__ = lazy(__name__)

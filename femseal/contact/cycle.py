@@ -320,6 +320,11 @@ def _fraction_yielded_again(contact: Contact, deformation: np.ndarray, rtol: flo
     """Compute the fraction of points whose plastic deformation has grown by more than the residual explains."""
     # the displacement of a pixel under the hardness is about pressure / stiffness
     spacing = contact.half_space.spacing
-    depth = 4 * max(spacing) * float(contact.pressure.max()) / (np.pi * contact.half_space.modulus)
+    depth = (
+        4
+        * max(spacing)
+        * float(contact.pressure.max())
+        / (np.pi * contact.half_space.pixel_modulus)
+    )
     has_grown = contact.plastic_deformation - deformation > 100 * rtol * depth
     return float(np.count_nonzero(has_grown) / has_grown.size)

@@ -18,6 +18,15 @@ from scipy.special import polygamma
 
 from ..base import Array, InputError, Pair, Shape, validate
 from .convolution import Boundary, Convolution, padded_length
+from .layered import (
+    Bodies,
+    checked_modulus,
+    free_difference,
+    modulus_of_waves,
+    scaled,
+    strip_difference,
+    surface_modulus,
+)
 
 BOUNDARIES = ("periodic", "mirror", "free")
 #: Number of values of the kernel of one free axis that are computed at a time.
@@ -40,8 +49,9 @@ class HalfSpace:
         Numbers of pixels (n1, n2).
     spacing : pair of float
         Spacing (Δ1, Δ2) of the pixels [m].
-    modulus : float
-        Contact modulus E* [Pa].
+    modulus : float or pair of bodies
+        Contact modulus E* [Pa]; or the two bodies in contact, `Solid`, `Coated`, or None for a rigid one. Without a
+        coating it becomes their contact modulus.
     boundary : str or pair of str
         Kind of boundary of each axis: "periodic", "mirror" or "free". A single word is used for both axes.
 
@@ -69,13 +79,13 @@ class HalfSpace:
 
     shape: Shape
     spacing: Pair
-    modulus: float
+    modulus: float | Bodies
     boundary: Boundary = ("periodic", "periodic")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shape", validate.grid("shape", self.shape))
         object.__setattr__(self, "spacing", validate.lengths("spacing", self.spacing))
-        object.__setattr__(self, "modulus", validate.number("modulus", self.modulus, unit="Pa"))
+        object.__setattr__(self, "modulus", checked_modulus(self.modulus))
         ends = (self.boundary,) * 2 if isinstance(self.boundary, str) else self.boundary
         is_pair = isinstance(ends, (tuple, list)) and len(ends) == 2
         if not (is_pair and all(end in BOUNDARIES for end in ends)):
@@ -84,21 +94,33 @@ class HalfSpace:
         object.__setattr__(self, "boundary", tuple(ends))
 
     @cached_property
+    def pixel_modulus(self) -> float:
+        """Contact modulus E* [Pa] of a wave of four pixels. It depends on the pixel only for coated bodies."""
+        wave = np.array(np.pi / (2 * self._mean_spacing))
+        return float(modulus_of_waves(self.modulus, wave))
+
+    @cached_property
+    def _mean_spacing(self) -> float:
+        """Geometric mean [m] of the spacings along which there are several points."""
+        spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1]
+        if not spacings:
+            spacings = [min(self.spacing)]
+        return float(np.prod(spacings) ** (1 / len(spacings)))
+
+    @cached_property
     def stiffness(self) -> float:
         """Stiffness c = πE*/(4Δ) [Pa/m] of a wave of four pixels, by which the contact solver turns gap into pressure.
 
         Δ is the geometric mean of the spacings along which there are several points.
         """
-        spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1]
-        if not spacings:
-            spacings = [min(self.spacing)]
-        mean_spacing = float(np.prod(spacings) ** (1 / len(spacings)))
-        return np.pi * self.modulus / (4 * mean_spacing)
+        return np.pi * self.pixel_modulus / (4 * self._mean_spacing)
 
     @cached_property
     def of_unit_modulus(self) -> HalfSpace:
-        """The same half-space with E* = 1 Pa; its displacements are E* times as large."""
-        return replace(self, modulus=1.0)
+        """The same half-space with a `pixel_modulus` of 1 Pa; its displacements are `pixel_modulus` times as large."""
+        if isinstance(self.modulus, float):
+            return replace(self, modulus=1.0)
+        return replace(self, modulus=scaled(self.modulus, 1 / self.pixel_modulus))
 
     @cached_property
     def coarser(self) -> HalfSpace:
@@ -125,9 +147,14 @@ class HalfSpace:
             return strip_symbol(n1, d1, q2, d2, self.modulus)
         if b2 == "free":
             return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, self.modulus).T)
-        stiffness = self.modulus * np.hypot(q1[:, None], q2)
+        wave = np.hypot(q1[:, None], q2)
+        if isinstance(self.modulus, float):
+            stiffness = self.modulus * wave
+        else:
+            stiffness = modulus_of_waves(self.modulus, wave) * wave
         # the mean displacement is arbitrary, so that the eigenvalue for q = 0 is set to 0
-        return np.divide(2.0, stiffness, out=stiffness, where=stiffness > 0)
+        symbol = np.zeros_like(stiffness)
+        return np.divide(2.0, stiffness, out=symbol, where=wave > 0)
 
     def displacement(self, pressure: ArrayLike) -> Array:
         """Compute the displacement u = K p (n1, n2) [m] under pressures p (n1, n2) [Pa]."""
@@ -154,17 +181,20 @@ def _love(x: Array, y: Array) -> Array:
     return x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))
 
 
-def free_symbol(shape: Shape, spacing: Pair, modulus: float) -> Array:
+def free_symbol(shape: Shape, spacing: Pair, modulus: float | Bodies) -> Array:
     """Compute the eigenvalues [m/Pa] for two free axes.
 
-    They are the transform of Love's displacement around a pixel under constant pressure.
+    They are the transform of Love's displacement around a pixel under constant pressure, and for coated bodies of the
+    smooth difference from it.
     """
     length1, length2 = (padded_length(n) for n in shape)
     d1, d2 = spacing
     x = (np.arange(length1 // 2 + 2, dtype=float) - 0.5) * d1  # edges of the pixels
     y = (np.arange(length2 // 2 + 2, dtype=float) - 0.5) * d2
     potential = _love(x[:, None], y)
-    kernel = np.diff(np.diff(potential, axis=0), axis=1) / (np.pi * modulus)
+    kernel = np.diff(np.diff(potential, axis=0), axis=1) / (np.pi * surface_modulus(modulus))
+    if not isinstance(modulus, float):
+        kernel += free_difference(x, y, modulus)
     along_2 = _even_transform(kernel, length2)
     return np.ascontiguousarray(_even_transform(along_2.T, length1).T)
 
@@ -200,13 +230,16 @@ def bickley_1(x: Array) -> Array:
     return out
 
 
-def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: float) -> Array:
+def strip_symbol(
+    n_free: int, d_free: float, q: Array, d_other: float, modulus: float | Bodies
+) -> Array:
     """Compute the eigenvalues [m/Pa] for one free axis, while the other axis is periodic or a mirror.
 
     The response to a wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it. For q = 0 it is the logarithm
     of plane strain, whose constant is arbitrary. Because the pressure is constant on each pixel, every q comes with its
     aliases q + 2πm/Δ; their sum is Love's solution summed over all periodic images, to rounding. Aliases decay
-    exponentially with the distance, and their sum at distance 0 is an alternating series with a closed form.
+    exponentially with the distance, and their sum at distance 0 is an alternating series with a closed form. For coated
+    bodies the smooth difference from the half-space is added.
 
     Parameters
     ----------
@@ -218,8 +251,8 @@ def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: 
         Wave numbers of the other axis [rad/m].
     d_other : float
         Spacing along the other axis [m].
-    modulus : float
-        Contact modulus E* [Pa].
+    modulus : float or pair of bodies
+        Contact modulus E* [Pa], or the two bodies.
 
     Returns
     -------
@@ -231,7 +264,14 @@ def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: 
         _strip_columns(n_free, length, d_free, q[j : j + width], d_other)
         for j in range(0, q.size, width)
     ]
-    return np.concatenate(parts, axis=1) * (2 / (np.pi * modulus))
+    symbol = np.concatenate(parts, axis=1) * (2 / (np.pi * surface_modulus(modulus)))
+    if not isinstance(modulus, float):
+        difference = np.zeros((q.size, length // 2 + 1))
+        difference[:, : min(n_free, difference.shape[1])] = strip_difference(
+            n_free, d_free, q, d_other, modulus
+        )[:, : difference.shape[1]]
+        symbol += _even_transform(difference, length).T
+    return symbol
 
 
 def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> Array:
@@ -278,15 +318,18 @@ def _alternating_sum(a: Array) -> Array:
     return (polygamma(1, a / 2) - polygamma(1, (a + 1) / 2)) / 4
 
 
-def stiffness_stencil(spacing: Pair, modulus: float) -> Array:
+def stiffness_stencil(half_space: HalfSpace) -> Array:
     """Compute the preconditioner of the solver: 3 × 3 weights [Pa/m] of the inverse of K, whose symbol is E*|q|/2.
 
     If these weights are not positive definite, which happens for very long pixels, only the middle one is kept.
     """
-    q1, q2 = (2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in spacing)
+    q1, q2 = (2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in half_space.spacing)
     q = np.hypot(q1[:, None], q2[None, :])
+    inverse = np.zeros(q.shape)
+    is_wave = q > 0
+    inverse[is_wave] = modulus_of_waves(half_space.modulus, q[is_wave]) * q[is_wave] / 2
     # weights of a point and of its neighbours at +1; those at −1 are the same
-    quarter = np.fft.ifft2(modulus * q / 2).real[:2, :2]
+    quarter = np.fft.ifft2(inverse).real[:2, :2]
     # the symbol of 3 × 3 weights is linear in the cosine of the wave along each axis, w₀ + 2 w₁ cos, so that its
     # extremes are where the cosines are 1 or −1
     at_cosines = np.array([[1, 2], [1, -2]])

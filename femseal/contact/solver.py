@@ -303,7 +303,7 @@ class _Level(NamedTuple):
 
     def first_guess(self) -> Array:
         """Guess the pressure: the load on as many of the highest points as carry it at H, or at 0.1 E*."""
-        soft = min(self.line.mean_hardness, 0.1 * self.half_space.modulus)
+        soft = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
         gap0 = self.gap0
         n_carrying = min(gap0.size, int(self.load / soft * gap0.size))
         n_touching = max(min(4, gap0.size), n_carrying)

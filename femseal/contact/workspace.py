@@ -106,7 +106,7 @@ class WorkArrays:
         self.near, self.free, self.place = np.empty((3, n), np.int32)
         self.near_p, self.near_v, self.trial, self.response = np.empty((4, n))
         self.r, self.w, self.d, self.ones, self.soft, self.scale = np.empty((6, n))
-        self.stencil = stiffness_stencil(unit.spacing, 1.0)
+        self.stencil = stiffness_stencil(unit)
         self.rows = _index_map(unit.shape[0], unit.boundary[0])
         self.columns = _index_map(unit.shape[1], unit.boundary[1])
 
@@ -141,10 +141,10 @@ class Workspace:
         self.half_space = half_space
         self.arrays = arrays
         self.is_kept = is_kept
-        self.compliance = 1.0 / half_space.modulus
+        self.compliance = 1.0 / half_space.pixel_modulus
         self.pressure = arrays.respond.pressure
         self.stiffness = half_space.stiffness
-        self.weights = half_space.modulus * arrays.stencil
+        self.weights = half_space.pixel_modulus * arrays.stencil
         self._loops = _IN_PARTS if self.pressure.size > projection.PART else _WHOLE
 
     def start(self, pressure: Array, limit: Array) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Flags, Indices
-from ..contact import HalfSpace
+from ..contact import HalfSpace, modulus_of_waves
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,8 @@ def liquid_in_pockets(
 
     Notes
     -----
-    The slope of the volume is that of a circle of the same area A in a half-space, 16 A √(A/π)/(3π E*). The parts of a
+    The slope of the volume is that of a circle of the same area A in a half-space, 16 A √(A/π)/(3π E*), with E* at the
+    wave number √(π/A) of coated bodies. The parts of a
     pocket that divides have one pressure at this load, and so have pockets that join.
     """
     pocket, n = label_pockets(is_pocket)
@@ -98,7 +99,9 @@ def liquid_in_pockets(
     known = np.isin(np.arange(1, count + 1), of_point[old > 0])
     wanted = _sums(of_point, count, amount) * point
     miss = wanted * np.exp(-p / bulk_modulus) - total
-    slope = 16 * area * np.sqrt(area / np.pi) / (3 * np.pi * half_space.modulus)
+    radius = np.sqrt(area / np.pi)
+    modulus = modulus_of_waves(half_space.modulus, 1 / radius)
+    slope = 16 * area * radius / (3 * np.pi * modulus)
     slope += total / bulk_modulus
     # no tension: vapour takes what the liquid does not fill
     least = np.minimum(outside, 0.0)

@@ -1,0 +1,344 @@
+"""Compute the compliance of coated bodies: an elastic layer that is bonded to a half-space of another material.
+
+A wave q of pressure on a body with a layer of thickness d displaces its surface by C(q) = 2 S(qd)/(E₁* q), where
+E₁* = E₁/(1 − ν₁²) belongs to the layer (index 1) and S compares it with a half-space of the layer's material. With
+t = qd, G the shear moduli and r = G₁/G₂ (layer over substrate),
+
+    S = (1 + 4 m t e⁻²ᵗ − m n e⁻⁴ᵗ) / (1 − (m + n + 4 m t²) e⁻²ᵗ + m n e⁻⁴ᵗ)
+    m = (r − 1)/(r + 3 − 4ν₁)        n = 1 − 4(1 − ν₁)/(1 + r (3 − 4ν₂))
+
+The compliances of both bodies add up. S tends to 1 for short waves, and to the substrate's compliance for long ones.
+On a rigid substrate r = 0.
+
+Source: Johnson, Contact Mechanics, 1985, section 13.6 (waves of displacement); Nogi & Kato, J. Tribol. 119, 1997, 493,
+and O'Sullivan & King, J. Tribol. 110, 1988, 235 (bonded layer, frictionless pressure).
+
+Along free axes the difference from a half-space of the layer's material is added. It is smooth, because S − 1 decays
+exponentially. As a sum of exponentials, S − 1 = Σ a exp(−b t), it is the displacement by charges at the depths b d:
+1/√(r² + (bd)²), of which integrals over pixels have closed forms.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len
+
+from ..base import Array, InputError, validate
+from ..materials import Coated, Solid, contact_modulus
+
+#: The two bodies in contact; None is rigid.
+Bodies = tuple[Solid | Coated | None, Solid | Coated | None]
+#: Number of exponentials that represent S − 1, and range of their exponents b.
+_TERMS, _LEAST_EXPONENT, _LARGEST_EXPONENT = 40, 0.3, 100.0
+#: Largest error of their sum, over the largest value of S − 1. Layers up to 100 times as stiff as the substrate have
+#: 1e-5 or less; metals have less than 1e-7.
+_LARGEST_ERROR = 2e-5
+#: Argument qd from which on S − 1 is below 1e-8.
+_DECAYED = 12.0
+#: Most zones of shorter waves on either side. Only a coating thinner than a quarter of a pixel needs more; the error is
+#: then below 1e-4 of the displacement of a pixel under its own pressure.
+_MOST_ZONES = 8
+#: Decay exp(−16) of a wave over the distance to its periodic images.
+_IMAGE_DECAY = 16.0
+
+
+def checked_modulus(modulus: object) -> float | Bodies:
+    """Check a contact modulus: a number, or two bodies.
+
+    Parameters
+    ----------
+    modulus : float or pair of bodies
+        Contact modulus E* [Pa]; or the two bodies in contact, `Solid`, `Coated` or None for a rigid one.
+
+    Returns
+    -------
+    float or pair of bodies
+        The contact modulus [Pa], if no body is coated; otherwise the two bodies.
+
+    Raises
+    ------
+    InputError
+        The value is neither a number > 0 nor two bodies, or both bodies are rigid.
+    """
+    if not isinstance(modulus, (tuple, list)):
+        if isinstance(modulus, (Solid, Coated)):
+            expected = "two bodies, such as (body, None) for contact with a rigid body"
+            raise InputError("modulus", type(modulus).__name__, expected)
+        return validate.number("modulus", modulus, unit="Pa")
+    are_bodies = all(body is None or isinstance(body, (Solid, Coated)) for body in modulus)
+    if len(modulus) != 2 or not are_bodies:
+        given = ", ".join("None" if body is None else type(body).__name__ for body in modulus)
+        raise InputError("modulus", given, "two bodies, each a Solid, a Coated, or None (rigid)")
+    a, b = modulus
+    if a is None and b is None:
+        raise InputError("modulus", "two rigid bodies", "at least one elastic body")
+    if isinstance(a, Coated) or isinstance(b, Coated):
+        return a, b
+    if a is None:
+        a, b = b, a
+    return contact_modulus(a, b)
+
+
+def surface_modulus(modulus: float | Bodies) -> float:
+    """Return the contact modulus E* [Pa] of waves that are much shorter than the coatings are thick.
+
+    Parameters
+    ----------
+    modulus : float or pair of bodies
+        Contact modulus [Pa], or the two bodies.
+    """
+    if isinstance(modulus, float):
+        return modulus
+    return 1 / sum(1 / _surface(body).plane_modulus for body in modulus if body is not None)
+
+
+def modulus_of_waves(modulus: float | Bodies, q: Array) -> Array:
+    """Compute the contact modulus E*(q) = 2/(q C(q)) [Pa] for waves q > 0 [rad/m] of any shape.
+
+    Parameters
+    ----------
+    modulus : float or pair of bodies
+        Contact modulus [Pa], or the two bodies.
+    q : array
+        Wave numbers > 0 [rad/m].
+    """
+    if isinstance(modulus, float):
+        return np.full(np.shape(q), modulus)
+    total = np.zeros(np.shape(q))
+    for body in modulus:
+        if isinstance(body, Coated):
+            total += layer_factor(body, q * body.thickness) / body.layer.plane_modulus
+        elif body is not None:
+            total += 1 / body.plane_modulus
+    return 1 / np.maximum(total, np.finfo(float).tiny)
+
+
+def scaled(modulus: Bodies, factor: float) -> Bodies:
+    """Multiply the Young's moduli of two bodies by a factor, and forget what they yield at."""
+    a, b = modulus
+    return _scaled_body(a, factor), _scaled_body(b, factor)
+
+
+def layer_factor(body: Coated, t: Array) -> Array:
+    """Compute S(t): compliance of a coated body over that of a half-space of its layer's material.
+
+    Parameters
+    ----------
+    body : Coated
+        Layer on a substrate.
+    t : array
+        Wave number times thickness, qd >= 0.
+
+    Returns
+    -------
+    array
+        S(t), of the shape of t. For an incompressible layer on a rigid substrate the relative error grows as
+        1e-16/t² towards small t.
+    """
+    layer, substrate = body.layer, body.substrate
+    if substrate is None:
+        ratio = 0.0
+        substrate_term = 0.0
+    else:
+        ratio = layer.shear_modulus / substrate.shear_modulus
+        substrate_term = ratio * (3 - 4 * substrate.poisson)
+    m = (ratio - 1) / (ratio + 3 - 4 * layer.poisson)
+    n = 1 - 4 * (1 - layer.poisson) / (1 + substrate_term)
+    e2 = np.exp(-2 * t)
+    one_less_e4 = -np.expm1(-4 * t)
+    # the constant part is apart, because it vanishes together with the rest for thin incompressible layers
+    numerator = (1 - m * n) + m * (n * one_less_e4 + 4 * t * e2)
+    denominator = 1 - (m + n + 4 * m * t**2) * e2 + m * n * e2**2
+    return np.maximum(numerator / denominator, 0.0)
+
+
+def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodies: Bodies) -> Array:
+    """Compute by how much coated bodies displace a strip more than half-spaces of their layers' materials.
+
+    It is the kernel of `half_space.strip_symbol`, before its transform. A wave q > 0 along the other axis has the
+    kernel (1/2π) ∫ 2(S − 1)/(E₁* |q|) exp(i q₁ x) dq₁ along the free axis, averaged over pixels. The integrand is
+    smooth, so that the trapezoidal rule, a Fourier transform, converges exponentially. The wave q = 0 is a sum of
+    logarithms, one for each exponential of S − 1.
+
+    Parameters
+    ----------
+    n_free : int
+        Number of points along the free axis.
+    d_free : float
+        Spacing along the free axis [m].
+    q : array (waves,)
+        Wave numbers of the other axis [rad/m].
+    d_other : float
+        Spacing along the other axis [m].
+    bodies : pair of bodies
+        The two bodies.
+
+    Returns
+    -------
+    array (waves, n_free)
+        Displacement [m/Pa] of each point by the pixel at offset 0.
+    """
+    kernel = np.zeros((q.size, n_free))
+    waves = np.flatnonzero(q > 0)
+    rising = waves[np.argsort(q[waves])]
+    for body in _coated(bodies):
+        kernel[q == 0] += _plane_strain_difference(n_free, d_free, body)
+        first = 0
+        while first < rising.size:
+            # waves of about one length have about one distance over which they decay
+            last = int(np.searchsorted(q[rising], 2 * q[rising[first]], side="right"))
+            group = rising[first:last]
+            kernel[group] += _wave_difference(n_free, d_free, q[group], d_other, body)
+            first = last
+    return kernel
+
+
+def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
+    """Compute by how much coated bodies are displaced more than half-spaces of their layers' materials.
+
+    Parameters
+    ----------
+    edges1, edges2 : array (n1 + 1,), array (n2 + 1,)
+        Edges of the pixels along both axes [m]; the pressure is at their middles, the displacement at the origin.
+    bodies : pair of bodies
+        The two bodies.
+
+    Returns
+    -------
+    array (n1, n2)
+        Displacement at the origin [m/Pa] by the pressure on each pixel.
+    """
+    kernel = np.zeros((edges1.size - 1, edges2.size - 1))
+    x, y = edges1[:, None], edges2
+    for body in _coated(bodies):
+        amplitudes, exponents = _exponentials(_without_length(body))
+        factor = 1 / (np.pi * body.layer.plane_modulus)
+        for amplitude, exponent in zip(amplitudes, exponents, strict=True):
+            z = exponent * body.thickness
+            distance = np.sqrt(x**2 + y**2 + z**2)
+            potential = (
+                x * np.arcsinh(y / np.hypot(x, z))
+                + y * np.arcsinh(x / np.hypot(y, z))
+                - z * np.arctan(x * y / (z * distance))
+            )
+            kernel += factor * amplitude * np.diff(np.diff(potential, axis=0), axis=1)
+    return kernel
+
+
+def _surface(body: Solid | Coated) -> Solid:
+    """Return the solid at the surface of a body."""
+    return body.layer if isinstance(body, Coated) else body
+
+
+def _coated(bodies: Bodies) -> list[Coated]:
+    """Return the coated ones of two bodies."""
+    return [body for body in bodies if isinstance(body, Coated)]
+
+
+def _scaled_body(body: Solid | Coated | None, factor: float) -> Solid | Coated | None:
+    """Multiply the Young's moduli of a body by a factor."""
+    if body is None:
+        return None
+    if isinstance(body, Solid):
+        return Solid(body.young * factor, body.poisson)
+    substrate = None
+    if body.substrate is not None:
+        substrate = Solid(body.substrate.young * factor, body.substrate.poisson)
+    layer = Solid(body.layer.young * factor, body.layer.poisson)
+    return Coated(substrate, layer, body.thickness)
+
+
+def _without_length(body: Coated) -> Coated:
+    """Return a body with the same S(t): a layer 1 m thick, whose Young's modulus is 1 Pa."""
+    layer = Solid(1.0, body.layer.poisson)
+    if body.substrate is None:
+        return Coated(None, layer, 1.0)
+    ratio = body.substrate.young / body.layer.young
+    return Coated(Solid(ratio, body.substrate.poisson), layer, 1.0)
+
+
+@lru_cache(maxsize=16)
+def _exponentials(body: Coated) -> tuple[Array, Array]:
+    """Fit S(t) − 1 by a sum of exponentials, Σ a exp(−b t), by least squares.
+
+    Returns
+    -------
+    amplitudes, exponents : array (terms,)
+        a and b.
+
+    Raises
+    ------
+    InputError
+        The error is too large, because the layer is far stiffer than the substrate.
+    """
+    stiff = 1.0
+    if body.substrate is not None:
+        ratio = body.layer.shear_modulus / body.substrate.shear_modulus
+        stiff = max(1.0, float(np.cbrt(ratio)))  # a stiff layer bends over a longer length
+    exponents = np.geomspace(_LEAST_EXPONENT, _LARGEST_EXPONENT * stiff, _TERMS)
+    t = np.r_[0.0, np.geomspace(1e-4 / stiff, 25, 600)]
+    excess = np.empty(t.size)
+    excess[1:] = layer_factor(body, t[1:]) - 1
+    excess[0] = _long_wave_factor(body) - 1
+    terms = np.exp(-np.outer(t, exponents))
+    amplitudes, *_ = np.linalg.lstsq(terms, excess, rcond=1e-14)
+    error = np.abs(terms @ amplitudes - excess).max() / max(1.0, float(np.abs(excess).max()))
+    if error > _LARGEST_ERROR:
+        raise InputError(
+            "modulus",
+            "a coating that is far stiffer than its substrate, on a free axis",
+            "a coating at most 100 times as stiff as its substrate, or periodic and mirror axes",
+        )
+    return amplitudes, exponents
+
+
+def _long_wave_factor(body: Coated) -> float:
+    """Return S(0): the compliance of the substrate over that of the layer."""
+    if body.substrate is None:
+        return 0.0
+    return body.layer.plane_modulus / body.substrate.plane_modulus
+
+
+def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
+    """Compute the difference of the kernel (n,) [m/Pa] for a pressure that is uniform along the other axis.
+
+    The integral of ½ ln(x² + z²) over a pixel is ½ x ln(x² + z²) − x + z atan(x/z) between its edges. The constant is
+    arbitrary; lengths are divided by that of the strip.
+    """
+    amplitudes, exponents = _exponentials(_without_length(body))
+    length = n * d
+    x = (np.arange(n + 1) - 0.5) / n
+    z = exponents[:, None] * (body.thickness / length)
+    integral = 0.5 * x * np.log(x**2 + z**2) - x + z * np.arctan(x / z)
+    per_pixel = amplitudes @ np.diff(integral, axis=1)
+    return -2 / (np.pi * body.layer.plane_modulus) * length * per_pixel
+
+
+def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -> Array:
+    """Compute the difference of the kernel (waves, n) [m/Pa] for waves q > 0 along the other axis, see
+    `strip_difference`.
+
+    n, d : points and spacing of the free axis. q : waves (waves,) that are at most twice as long as each other.
+    """
+    shortest = _DECAYED / body.thickness
+    period = next_fast_len(n + int(np.ceil(_IMAGE_DECAY / (q.min() * d))), real=True)
+    zones = [_zones(shortest, spacing) for spacing in (d, d_other)]
+    j = np.arange(period // 2 + 1) / period
+    total = np.zeros((q.size, j.size))
+    for zone1 in range(-zones[0], zones[0] + 1):
+        along = 2 * np.pi / d * (j + zone1)
+        for zone2 in range(-zones[1], zones[1] + 1):
+            across = q + 2 * np.pi / d_other * zone2
+            wave = np.hypot(across[:, None], along)
+            excess = layer_factor(body, wave * body.thickness) - 1
+            weight = np.sinc(j + zone1) * np.sinc(across * d_other / (2 * np.pi))[:, None]
+            total += excess / wave * weight
+    total *= 2 / body.layer.plane_modulus
+    return irfft(total, period, axis=1)[:, :n]
+
+
+def _zones(shortest: float, spacing: float) -> int:
+    """Count the zones of shorter waves on either side that reach up to a wave number [rad/m]."""
+    return min(_MOST_ZONES, max(0, int(np.ceil(0.5 * (shortest * spacing / np.pi - 1)))))
