@@ -126,7 +126,7 @@ def design(
     assembly: Annotated[
         list[str] | None,
         option(
-            "Further pressure in assembly Q_A, such as '300 MPa'; may be given several times.",
+            "Further load in assembly Q_A, such as '300 MPa' or '60 kN'; may be given several times.",
             "none",
         ),
     ] = None,

@@ -15,6 +15,7 @@ from ..case.reading import load_case
 from ..execution.run import no_progress
 from ..fluids import leak_basis
 from ..results import Results, open_results
+from ..results.load_steps import force_scale
 from ..runs import job
 from .data_sheet import Design
 from .requirements import Requirement, Seals, requirement, sealing_load
@@ -59,7 +60,8 @@ def design(
     probability : float
         Fraction of the realisations of the second column, above 0 and below 1.
     assembly : iterable of float or str
-        Pressures in assembly Q_A besides those that the case is unloaded from, [Pa] or texts such as "300 MPa".
+        Loads in assembly Q_A besides those that the case is unloaded from, in SI or as texts such as "300 MPa"; forces,
+        such as "60 kN", if the loads of the case are forces.
         Results must contain them already.
     nominal_diameter : float or str, optional
         Nominal diameter [m] for the rates of ISO 5208, or a text such as "50 mm".
@@ -91,7 +93,7 @@ def design(
     class_names = tuple(classes)
     wanted_classes = leak_classes(class_names)
     case, results = _case_or_results(what)
-    assembly_pressures = [_in_si("assembly", pressure, "Pa") for pressure in assembly]
+    assembly_loads = _loads_in_assembly(case, results, assembly)
     diameter = None
     if nominal_diameter is not None:
         diameter = _in_si("nominal_diameter", nominal_diameter, "m")
@@ -99,7 +101,7 @@ def design(
     report_progress = progress or no_progress
     if results is None:
         assert case is not None
-        case = _with_assembly_pressures(case, assembly_pressures)
+        case = _with_assembly_loads(case, assembly_loads)
         if class_names:
             _check_classes_of_case(case, class_names, diameter)
         results = job.run(
@@ -112,7 +114,7 @@ def design(
         )
     seals = Seals.of_results(results)
     if case is None:
-        _check_unloaded_from(seals, assembly_pressures)
+        _check_unloaded_from(seals, _as_pressures(results, assembly_loads))
     if not seals.count:
         given = "no realisation whose leakage is known at every load"
         raise InputError("results", given, "results with at least one such realisation")
@@ -167,28 +169,51 @@ def _in_si(name: str, value: float | str, unit: str) -> float:
     return to_si(value, unit, name) if isinstance(value, str) else float(value)
 
 
-def _with_assembly_pressures(case: Case, pressures: list[float]) -> Case:
-    """Let a case be unloaded from further pressures [Pa].
+def _loads_in_assembly(
+    case: Case | None, results: Results | None, loads: Iterable[float | str]
+) -> list[float]:
+    """Convert loads in assembly to SI, in the unit of the loads of the case: Pa, N or N/m."""
+    unit = "Pa"
+    if case is not None:
+        unit = case.load.unit
+    elif results is not None and (scale := force_scale(results.dataset)) is not None:
+        unit = "N/m" if scale.unit == "N/mm" else "N"
+    return [_in_si("assembly", load, unit) for load in loads]
+
+
+def _as_pressures(results: Results, loads: list[float]) -> list[float]:
+    """Convert loads in the unit of the case of a run to nominal pressures [Pa]."""
+    scale = force_scale(results.dataset)
+    if scale is None:
+        return loads
+    per_pascal = scale.per_pascal * (1.0 if scale.unit == "N" else 1e3)
+    return [load / per_pascal for load in loads]
+
+
+def _with_assembly_loads(case: Case, loads: list[float]) -> Case:
+    """Let a case be unloaded from further loads, in the unit of its loads.
 
     Raises
     ------
     InputError
-        The loads of the case are forces, or a pressure is outside the loads that the case can have.
+        A load is outside the loads that the case can have.
     """
-    if not pressures:
+    if not loads:
         return case
-    load = case.load
-    if load.unit != "Pa":
-        given = to_text(pressures[0], "Pa")
-        raise InputError("assembly", given, "none, because the loads of the case are forces")
-    lowest = min(load.unloading or load.loading)
-    for pressure in pressures:
-        if not lowest < pressure < case.law.capacity:
-            expected = f"pressures above the lowest of the case, {to_text(lowest, 'Pa')}, and below the hardness"
-            raise InputError("assembly", to_text(pressure, "Pa"), expected)
-    unload_from = tuple(Amount(p, "Pa") for p in sorted({*load.unload_from, *pressures}))
-    unloading = load.unloading or tuple(reversed(load.loading))
-    changed = load.model_copy(update={"unload_from": unload_from, "unloading": unloading})
+    table = case.load
+    unit = table.unit
+    lowest = min(table.unloading or table.loading)
+    # forces are compared with the hardness when the size of the seal is known
+    highest = case.law.capacity if unit == "Pa" else np.inf
+    name = "pressures" if unit == "Pa" else "forces"
+    for load in loads:
+        if not lowest < load < highest:
+            below = ", and below the hardness" if np.isfinite(highest) else ""
+            expected = f"{name} above the lowest of the case, {to_text(lowest, unit)}{below}"
+            raise InputError("assembly", to_text(load, unit), expected)
+    unload_from = tuple(Amount(load, unit) for load in sorted({*table.unload_from, *loads}))
+    unloading = table.unloading or tuple(reversed(table.loading))
+    changed = table.model_copy(update={"unload_from": unload_from, "unloading": unloading})
     return case.model_copy(update={"load": changed})
 
 

@@ -15,4 +15,5 @@ from .maps import (
     seal_figure,
     seal_leakage_figure,
 )
+from .realisations import realisation_figure
 from .several_runs import comparison_figure

@@ -31,6 +31,7 @@ from ..loads import LoadProgramme
 from ..studies import FaceResult, Scene, StochasticResult, StudyResult
 from . import best_leakage, load_steps
 from .leakage_classes import tightest_classes
+from .run_pictures import RunPictures
 
 if TYPE_CHECKING:
     import xarray
@@ -347,6 +348,11 @@ class Results(Plotted):
         if self.attempts is None:
             raise InputError("attempts", "a case that asks for no accuracy", "one with it")
         return room("results").attempts_table(self.attempts)
+
+    @property
+    def plot(self) -> RunPictures:  # type: ignore[override]
+        """Pictures of the run: `plot()` draws the leakage, `plot.cells()`, `plot.seal(step)` and others the rest."""
+        return RunPictures(self)
 
     def plot_cells(self) -> Any:
         """Plot the permeability of the cells against their mean gap and their contact pressure, see `cells_figure`."""

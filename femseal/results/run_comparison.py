@@ -29,6 +29,7 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..loads import LoadStep
 from .dataset_file import open_results
+from .ranking import Ranking
 from .results import Results
 from .tables import format_interval, kind_of, leakage_texts
 
@@ -161,7 +162,7 @@ class RunComparison(Plotted):
             Table with one line for each run. The first columns are the keys of a sweep, or else the name of the run,
             followed by the method if it differs between runs. The other columns give the leakage, with its 95 %
             interval in brackets, at a few load steps that all runs have in common, or else at the highest load of
-            each run.
+            each run. The last column is the rank, from 1 for the least leakage, or the ranks that the intervals allow.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
@@ -174,7 +175,13 @@ class RunComparison(Plotted):
         for heading, steps in self._compared_steps():
             texts = [leakage[step] for leakage, step in zip(leakages, steps, strict=True)]
             columns.append((heading, texts))
-        return TextTable.of_columns(self.label, columns, names=name_columns)
+        ranking = self.ranking
+        notes: tuple[str, ...] = ()
+        if ranking is not None:
+            texts = ["–" if rank is None else str(rank) for rank in ranking.ranks()]
+            columns.append((f"rank at {ranking.load}", texts))
+            notes = tuple(filter(None, [ranking.sentence()]))
+        return TextTable.of_columns(self.label, columns, names=name_columns, notes=notes)
 
     def _leakage_texts(self, run: int) -> list[str]:
         """Return a text for each load step of a run with its leakage, and the 95 % interval if it is known."""
@@ -212,6 +219,36 @@ class RunComparison(Plotted):
             heading = " from ".join(to_text(load, "Pa", 3) for load in loads)
             columns.append((heading, [results.steps.index(step) for results in self.runs]))
         return columns
+
+    @property
+    def ranking(self) -> Ranking | None:
+        """The runs ranked at the highest common load on loading at which two of them leak, or else at the highest one.
+
+        None if the runs have no load of the loading in common.
+        """
+        loading = [step for step in self.common_steps if step.unloaded_from is None]
+        if not loading:
+            return None
+        rankings = [self._ranking_at(step) for step in sorted(loading, key=_pressure, reverse=True)]
+        return next((r for r in rankings if (r.leakage > 0).sum() > 1), rankings[0])
+
+    def _ranking_at(self, step: LoadStep) -> Ranking:
+        """Rank the runs at a load step that all of them have."""
+        leakage, lower, upper = (np.full(len(self.runs), np.nan) for _ in range(3))
+        has_intervals = True
+        for run, results in enumerate(self.runs):
+            number = results.steps.index(step)
+            leakage[run] = lower[run] = upper[run] = abs(self.leakage(run)[number])
+            ends = self.interval(run)
+            if ends is None:
+                has_intervals = False
+            else:
+                lower[run], upper[run] = (abs(end[number]) for end in ends)
+        # an unknown end excludes nothing
+        lower = np.nan_to_num(lower, nan=0.0, posinf=np.inf)
+        upper = np.nan_to_num(upper, nan=np.inf, posinf=np.inf)
+        load = to_text(step.pressure, "Pa", 3)
+        return Ranking(load, self.labels, leakage, lower, upper, has_intervals)
 
     def write(self, folder: AnyPath, stem: str = "comparison") -> list[Path]:
         """Write the table to a .csv file and the picture to a .png file.
@@ -336,6 +373,10 @@ def _common_unit(runs: Sequence[Results]) -> LeakUnit:
         return unit
     leakages = np.concatenate([results.leakage.values for results in runs])
     return LEAK_UNITS[leakage_unit(leakages)[1]]
+
+
+def _pressure(step: LoadStep) -> float:
+    return step.pressure
 
 
 def _names_of(runs: Sequence[Results]) -> tuple[str, ...]:

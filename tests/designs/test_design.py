@@ -366,3 +366,29 @@ def test_classes_of_the_test_fluid_decide():
     # its band is as wide as that of the fluid
     ratio = results.budget.upper / results.leakage.values
     assert_allclose(results.class_interval[1], ratio * results.dataset["test_leakage"].values)
+
+
+def test_a_load_in_assembly_is_a_force_if_the_case_gives_forces():
+    """The same run by pressures and by forces on its area needs the same pressures."""
+    from femseal.designs.answer import _as_pressures, _loads_in_assembly, _with_assembly_loads
+
+    plain = case(output={"budget": False})
+    results = fs.run(plain, workers=1)
+    breadth, length = results.dataset.attrs["seal_size_m"]
+    area = breadth * length
+    loading = [f"{p * area!r} N" for p in results.steps.loading]
+    peaks = [f"{p * area!r} N" for p in results.steps.unload_from]
+    unloading = [f"{p * area!r} N" for p in results.steps.unloading]
+    load = {"loading": loading, "unload_from": peaks, "unloading": unloading}
+    by_force = case(output={"budget": False}, load=load)
+    peak = results.steps.unload_from[0]
+    loads = _loads_in_assembly(by_force, None, [f"{peak * area!r} N"])
+    assert_allclose(loads, peak * area)
+    assert _with_assembly_loads(by_force, loads).load.unit == "N"
+    with pytest.raises(InputError, match="forces above the lowest"):
+        _with_assembly_loads(by_force, [0.0])
+    with pytest.raises(InputError, match="assembly"):
+        _loads_in_assembly(by_force, None, ["100 MPa"])
+    forces = fs.run(by_force, workers=1)
+    assert_allclose(_as_pressures(forces, loads), peak, rtol=1e-9)
+    assert fs.design(forces, classes=["L1"], assembly=[f"{peak * area!r} N"]).requirements

@@ -1,0 +1,88 @@
+"""Pictures of a run by name, for notebooks: `results.plot()`, `results.plot.cells()`, `results.plot.seal(step=3)`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..base import InputError
+from ..base.text import room
+
+
+class RunPictures:
+    """Draw the pictures of a run. Each method returns a Matplotlib figure, which a notebook displays.
+
+    Parameters
+    ----------
+    results : Results
+        The run.
+    """
+
+    def __init__(self, results: Any) -> None:
+        self._results = results
+
+    def __call__(self, **options: Any) -> Any:
+        """Draw the leakage against the load, see `leakage`."""
+        return room("plots").picture(self._results, **options)
+
+    def leakage(self) -> Any:
+        """Draw the leakage against the load, with its interval and the leakage classes."""
+        return self._shown("leakage_figure", self._results)
+
+    def test(self) -> Any:
+        """Draw the leakage of the test fluid against the load.
+
+        Raises
+        ------
+        InputError
+            The run has no test fluid.
+        """
+        self._require("test_leakage", "a run with output.test_fluid")
+        return self._shown("leak_test_figure", self._results)
+
+    def cells(self) -> Any:
+        """Draw the permeability of the cells over their mean gap and over their pressure."""
+        return self._shown("cells_figure", self._results)
+
+    def seal(self, step: int | None = None) -> Any:
+        """Draw contact, fluid pressure and permeability over the seal.
+
+        Parameters
+        ----------
+        step : int, optional
+            Number of the load step; one with a leakage that counts unless given.
+        """
+        return self._shown("seal_figure", self._results, step)
+
+    def realisation(self, step: int | None = None) -> Any:
+        """Draw the realisation whose leakage is nearest to the median, beside its surface.
+
+        Parameters
+        ----------
+        step : int, optional
+            Number of the load step; one with a leakage that counts unless given.
+
+        Raises
+        ------
+        InputError
+            The run has no realisations, or no maps of the surface.
+        """
+        self._require("drawn_corners", "a stochastic run")
+        self._require("face_gap", "a run that also solved the surface, compare = ['two-scale']")
+        plots = room("plots")
+        data = self._results.dataset
+        chosen = plots.maps.default_step(data) if step is None else step
+        return plots.shown(plots.realisation_figure(data, chosen))
+
+    def __repr__(self) -> str:
+        names = [name for name in dir(type(self)) if not name.startswith("_")]
+        return f"<pictures of a run: plot(), {', '.join(f'plot.{name}()' for name in names)}>"
+
+    def _shown(self, name: str, *arguments: Any) -> Any:
+        """Draw a picture of `femseal.plots` and show it."""
+        plots = room("plots")
+        return plots.shown(getattr(plots, name)(*arguments))
+
+    def _require(self, variable: str, expected: str) -> None:
+        """Raise an InputError unless the dataset has a variable."""
+        if variable not in self._results.dataset:
+            raise InputError("plot", f"results without {variable}", expected)
