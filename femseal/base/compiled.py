@@ -1,11 +1,12 @@
-"""Compile loops over large arrays with Numba, and share their work between the threads of this process.
+"""Compile loops over large arrays with Numba, and divide their work between the threads of this process.
 
-The result does not depend on the number of threads, to the last bit: how an array is divided depends on its size only,
-and the values of the parts are summed in their order.
+Results are identical for any number of threads, to the last bit: the division of an array into parts depends on its
+size only, and the values of the parts are added in a fixed order.
 
-Loops are compiled once on a machine, without the lock of the Python interpreter, as Fourier transforms are. By default
-Numba also compiles an entry point for calls from C, and one from Python for functions that only compiled functions
-call. Both are switched off here, because they take a twelfth of the compile time.
+Compiled loops are cached on disk. They release the global lock of the Python interpreter, so that threads can run them
+at the same time. By default Numba also compiles an entry point for calls from C, and an entry point for calls from
+Python even for functions that are only called by compiled code. Both are switched off here, which saves a twelfth of
+the compile time.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -20,12 +21,12 @@ from numba.extending import overload, register_jitable
 
 #: Number of threads that share the work on one array. It is 1 while other processes use all cores.
 _threads = 1
-#: Number of points in a part of a two-dimensional array.
+#: Approximate number of points in each part of a two-dimensional array.
 _POINTS = 2**17
-#: Number of items in a part of a list. A loop over them takes a few tenths of a millisecond.
+#: Approximate number of items in each part of a list. A loop over them takes a few tenths of a millisecond.
 _ITEMS = 2**16
-#: Typed constants for calls of compiled functions. Numba compiles a function once more for a literal 0, 1, False or
-#: True.
+#: Typed constants for calls of compiled functions. A literal 0, 1, False or True has a type of its own in Numba, for
+#: which the function would be compiled again.
 ZERO, ONE, NO, YES = np.int64(0), np.int64(1), np.bool_(False), np.bool_(True)
 
 
@@ -36,7 +37,7 @@ def number() -> int:
 
 @contextmanager
 def using(threads: int) -> Iterator[None]:
-    """Let so many threads share the work on an array within this context."""
+    """Set the number of threads that may share the work on an array within this context."""
     global _threads
     previous = _threads
     _threads = threads
@@ -47,23 +48,26 @@ def using(threads: int) -> Iterator[None]:
 
 
 def parts(n: int, length: float) -> list[tuple[int, int]]:
-    """Divide n items into equal parts of about `length` items; return (first, last + 1) of each part."""
+    """Divide n items into equal parts of about `length` items; return the first index and the end of each part."""
     count = max(1, round(n / length))
     return [(n * i // count, n * (i + 1) // count) for i in range(count)]
 
 
 def rows(n1: int, n2: int) -> list[tuple[int, int]]:
-    """Divide the rows of an array (n1, n2) into parts; return (first, last + 1) of each. A small array is one part."""
+    """Divide the rows of an array (n1, n2) into parts; return the first row and the end of each part.
+
+    A small array is a single part.
+    """
     return parts(n1, max(1.0, _POINTS / n2))
 
 
 def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> list[Any]:
-    """Call `work` for every item on several threads, and return the values in the order of the items.
+    """Call `work` for each item on several threads, and return the values in the order of the items.
 
     Parameters
     ----------
     threads : int
-        Number of threads, including the calling one. Each takes the next item as soon as it is free.
+        Number of threads, including the calling thread. Each thread takes the next item as soon as it is free.
     work : callable
         Function of one item.
     items : iterable
@@ -88,21 +92,23 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
     return values
 
 
-def over(cells: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
-    """Call `work(*cell, *arguments)` for every cell of an array on the threads of this process.
+def over(parts: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
+    """Call `work(*part, *arguments)` for each part of an array on the threads of this process.
 
-    Returns the values in the order of the cells.
+    parts : parts of the array, such as the pairs of first row and end that `rows` returns.
+
+    Returns the values in the order of the parts.
     """
-    return on_threads(_threads, lambda cell: work(*cell, *arguments), cells)
+    return on_threads(_threads, lambda part: work(*part, *arguments), parts)
 
 
 @cache
 def _thread_pool(threads: int) -> ThreadPoolExecutor:
-    """Make the pool of threads that work beside the calling one."""
+    """Make the pool of threads that work together with the calling thread."""
     return ThreadPoolExecutor(threads - 1, "femseal")
 
 
-#: Options of Numba for functions that may reorder sums and divide by zero.
+#: Options of Numba for functions in which sums may be reordered and a division by zero gives inf or NaN.
 REORDERED: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": {"reassoc", "contract", "arcp", "nsz"},
@@ -199,7 +205,7 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
 
 
 def summed(values: list[Any]) -> Any:
-    """Sum a list of numbers, or of tuples column by column; return None if the values are None."""
+    """Add up a list of numbers, or a list of tuples member by member; return None if the values are None."""
     if isinstance(values[0], tuple):
         return tuple(map(sum, zip(*values, strict=True)))
     if values[0] is None:

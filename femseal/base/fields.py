@@ -65,11 +65,12 @@ class Field:
     unit : str
         SI unit, such as "m^2/s", or "1" for a number without a unit.
     long_name : str
-        Meaning, in a phrase.
+        Short description of the field.
     place : tuple of str
-        Names of its dimensions.
+        Names of the dimensions, in the order of the axes.
     heading : str
-        Heading of its column in tables for people, or "" if it has none. Only for fields over the load steps.
+        Heading of the column in printed tables, or "" if there is no such column. Only for fields with one value for
+        each load step.
     """
 
     name: str
@@ -105,7 +106,7 @@ class Field:
 
     @property
     def array_name(self) -> str:
-        """Name in files for ParaView, which includes their unit, such as "mean_gap_um"."""
+        """Name in files for ParaView, which includes the unit used there, such as "mean_gap_um"."""
         readable_unit, _ = READABLE.get(self.unit, (self.unit, 1.0))
         return with_unit(self.name, readable_unit)
 

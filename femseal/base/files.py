@@ -73,7 +73,7 @@ def remove_foreign(path: Path) -> None:
     Raises
     ------
     OSError
-        It could not be removed.
+        The link, pipe or device could not be removed.
     """
     try:
         status = path.lstat()
@@ -123,7 +123,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def writing(what: str, path: object, kind: str = "a file") -> Iterator[None]:
-    """Turn an OSError in this context into an InputError that names the argument and its path.
+    """Convert an OSError in this context to an InputError that names the argument and its path.
 
     Parameters
     ----------

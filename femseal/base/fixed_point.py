@@ -11,8 +11,8 @@ from .errors import NotConverged
 Solution = TypeVar("Solution")
 #: Largest number of solutions of one problem.
 _MOST_SOLUTIONS = 40
-#: Number of solutions after which the state is damped. Without damping it may overshoot for ever, for example where a
-#: fluid opens the last paths that it flows through.
+#: Number of solutions after which changes of the state are halved. Without this damping the state may oscillate
+#: indefinitely, for example if the fluid itself opens the last paths through which it flows.
 _UNDAMPED = 8
 
 
@@ -23,13 +23,13 @@ class FixedPoint(Generic[Solution]):
     Parameters
     ----------
     solution : object
-        The last solution, as `solve` returned it.
+        Last solution, as returned by `solve`.
     coefficient : object
-        The coefficient of that solution.
+        Coefficient for which the last solution was computed.
     rate : float
-        The rate of that solution.
+        Rate of the last solution, such as a flow.
     solutions : int
-        Number of solutions.
+        Number of calls of `solve`.
     error : float
         Estimated relative error of the rate, 0 if the rate is 0.
     """
@@ -49,7 +49,7 @@ def fixed_point(
     rtol: float,
     name: str = "flow",
 ) -> FixedPoint[Solution]:
-    """Solve repeatedly, each time with the coefficient of the latest state, until the rate no longer changes.
+    """Solve a problem repeatedly, each time with the coefficient for the latest state, until the rate converges.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def fixed_point(
     state : array
         Initial state, NaN where the state is undefined.
     rtol : float
-        Largest relative error of the rate. It is estimated by the last change, from the third solution on.
+        Largest relative error of the rate. From the third solution on, the last change of the rate is its estimate.
     name : str
         Name of the problem for the error message.
 

@@ -1,4 +1,4 @@
-"""Importing femseal: packages whose names are loaded when first used (PEP 562), and a folder for compiled loops."""
+"""Support the import of femseal: load names on first use (PEP 562), and choose a cache folder for compiled loops."""
 
 import ast
 import atexit
@@ -15,66 +15,78 @@ from tempfile import mkdtemp
 from types import ModuleType
 from typing import Any
 
-#: Rooms that display results, by name; the package enters what imports them, so that no file of a room above does.
+#: Functions that import the packages that display results, by the name of the package. `femseal/__init__.py` fills this
+#: table, so that modules that such a package imports need not import it themselves.
 displays: dict[str, Callable[[], ModuleType]] = {}
 
 
 def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package (PEP 562), for its `__init__`.
+    """Return functions `__getattr__` and `__dir__` for a package, with which its names are loaded on first use.
 
-    They load what it imports under `TYPE_CHECKING`, and its modules, when first used. No name is that of a file too,
-    which would stand in its place once it is loaded.
+    The names are those that the `__init__.py` of the package imports under `TYPE_CHECKING`, and the names of its
+    modules. No imported name may be equal to the name of a module, because the module would replace it once it is
+    loaded.
     """
     module = sys.modules[package]
 
     @cache
-    def homes() -> dict[str, str]:
-        """Name to the module it comes from, relative to the package."""
+    def sources() -> dict[str, str]:
+        """Return the module that each name is imported from, relative to the package."""
         tree = ast.parse(module.__spec__.loader.get_source(package))  # type: ignore[union-attr]
-        found = {name.name: f".{name.name}" for name in iter_modules(module.__path__)}
+        source_of = {info.name: f".{info.name}" for info in iter_modules(module.__path__)}
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom):
-                home = "." * node.level + (node.module or "")
-                found |= {alias.asname or alias.name: home for alias in node.names}
-        return found
+                source = "." * node.level + (node.module or "")
+                for alias in node.names:
+                    source_of[alias.asname or alias.name] = source
+        return source_of
 
     def load(name: str) -> Any:
-        if (home := homes().get(name)) is None:
+        """Import a name, and store it in the package, so that it is only loaded once."""
+        source = sources().get(name)
+        if source is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        found = import_module(home, package)
-        value = found if home == f".{name}" else getattr(found, name)
+        imported = import_module(source, package)
+        is_module = source == f".{name}"
+        value = imported if is_module else getattr(imported, name)
         setattr(module, name, value)
         return value
 
-    return load, lambda: sorted({*vars(module), *homes()})
+    def names() -> list[str]:
+        """Return all names of the package, including those that are not loaded yet."""
+        return sorted({*vars(module), *sources()})
+
+    return load, names
 
 
 def name_cache(package: Path) -> None:
-    """Name a folder for compiled loops, unless NUMBA_CACHE_DIR does: of this installation only.
+    """Choose a folder in which Numba caches compiled loops, unless the user has set NUMBA_CACHE_DIR.
 
-    What numba keeps of a former one may name classes that are gone, and ends the import. Where neither the package nor
-    the user has a folder that can be written, as in containers that are read only, it is a temporary one: loops are
-    compiled in every run, once for all its processes.
+    The name of the folder contains the time of this installation. The cache of an earlier version could refer to
+    classes that no longer exist, which would make the import fail. If neither the folder of the package nor the cache
+    folder of the user is writable, as in read-only containers, a temporary folder is used. Loops are then compiled once
+    for each run and shared by all its processes.
     """
     if os.environ.get("NUMBA_CACHE_DIR"):
         return
-    places = [package / "__pycache__"]
-    with suppress(RuntimeError):  # no home
-        places.append(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"))
-    place = next(filter(_can_write, places), None)
-    if place is None:
+    candidates = [package / "__pycache__"]
+    with suppress(RuntimeError):  # the user has no home folder
+        candidates.append(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"))
+    parent = next(filter(_can_write, candidates), None)
+    if parent is None:
         folder = mkdtemp(prefix="femseal-")
         atexit.register(rmtree, folder, ignore_errors=True)
     else:
         installed = (package / "__init__.py").stat().st_mtime_ns
-        folder = str(place / f"femseal-compiled-{installed}")
+        folder = str(parent / f"femseal-compiled-{installed}")
     os.environ["NUMBA_CACHE_DIR"] = folder
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = folder
 
 
 def _can_write(folder: Path) -> bool:
-    """Whether files can be made in a folder, which may have to be made too."""
+    """Return whether files can be created in a folder, or the folder itself can be created."""
+    # find the first parent that exists
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     return os.access(folder, os.W_OK | os.X_OK)

@@ -1,14 +1,14 @@
 """Convert leakage between units, and look up the leakage classes of standards.
 
-A leakage is stored as volume rate per length of seal at the reference density of the fluid [m²/s]. The length of the
-seal, the density of the fluid and, for a gas, its reference state convert it into any unit of `leak_units`. The product
-pressure × volume of a gas is proportional to its temperature, so it is stated at one temperature. Standard volumes are
-those at 0 °C and 101 325 Pa.
+A leakage is stored as a volume rate per length of seal [m²/s] at the reference density of the fluid. To convert it to a
+unit of `leak_units`, the length of the seal, the density of the fluid and, for a gas, its reference state are needed.
+For a given amount of gas, the product pressure × volume is proportional to the temperature. Leakages in such units
+therefore refer to a given temperature. Standard volumes refer to 0 °C and 101 325 Pa.
 
-The limits of the classes are in `_TABLE`, with the edition of the standard. Those of ISO 5208, which EN 12266-1 shares,
-are for closed valves and are multiplied by the nominal diameter in mm. Its class A allows no visible leakage during the
-test; here it allows none at all. The limits of API 598 and FCI 70-2 are for the seat of a valve, and those of ISO
-15848-1 for its stem: the nominal diameter is that of the seat or stem.
+The limits of the classes are in `_TABLE`, with the edition of each standard. The limits of ISO 5208, which EN 12266-1
+has adopted, apply to closed valves and are multiplied by the nominal diameter in mm. Class A of ISO 5208 requires that
+no leakage is visible during the test; here it requires a leakage of 0. The limits of API 598 and FCI 70-2 apply to the
+seat of a valve, and the limits of ISO 15848-1 to the stem; the nominal diameter is the diameter of the seat or stem.
 
 A leakage with its unit, such as "5 mL/min", can be used in place of a class.
 """
@@ -39,7 +39,7 @@ DROP, BUBBLE = 0.05e-6, 0.15e-6
 
 @dataclass(frozen=True)
 class LeakBasis:
-    """Hold what is needed to convert a volume rate per length of seal into other units.
+    """Hold the quantities that are needed to convert a volume rate per length of seal to other units.
 
     Parameters
     ----------
@@ -48,12 +48,12 @@ class LeakBasis:
     density : float
         Density of the fluid at its reference state [kg/m³], NaN if it is unknown.
     pressure, temperature : float, optional
-        Reference state of a gas, absolute [Pa] and [K]. None for a liquid, whose leakage cannot be given as
-        pressure × volume or as a standard volume.
+        Absolute pressure [Pa] and temperature [K] of the reference state of a gas. None for a liquid, whose leakage
+        cannot be given as pressure × volume or as a standard volume.
     molar_mass : float, optional
         Molar mass of a gas [kg/mol].
     stated : float, optional
-        Temperature [K] at which pressure × volume is stated. Default: the reference temperature.
+        Temperature [K] to which leakages given as pressure × volume refer. Default: the reference temperature.
     drop, bubble : float
         Volume of a drop and of a bubble [m³].
     pressure_drop : float, optional
@@ -85,11 +85,11 @@ class LeakBasis:
 
     @property
     def stated_temperature(self) -> float | None:
-        """Temperature at which pressure × volume is stated [K]; None for a liquid."""
+        """Temperature [K] to which leakages given as pressure × volume refer; None for a liquid."""
         return self.stated if self.is_gas and self.stated is not None else self.temperature
 
     def lacks(self, unit: LeakUnit) -> str:
-        """Return what to use instead of a unit in which this leakage cannot be given; "" if it can be given."""
+        """Return advice on what to use instead if the leakage cannot be given in this unit, and "" if it can."""
         is_unit_of_gases = unit.kind in ("throughput", "standard", "bubbles")
         if is_unit_of_gases and not self.is_gas:
             return f"another unit: {unit.name} is for gases"
@@ -106,7 +106,7 @@ class LeakBasis:
         return not self.lacks(unit)
 
     def factor(self, unit: LeakUnit) -> float:
-        """Return the volume rate per length of seal [m²/s] that is 1 in the unit.
+        """Return the volume rate per length of seal [m²/s] that is equal to 1 in this unit.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class LeakBasis:
         return units[-1]
 
 
-#: Molar mass of helium [kg/mol], and the relative tolerance within which a gas is taken for helium.
+#: Molar mass of helium [kg/mol], and relative deviation from it up to which a gas counts as helium.
 HELIUM, _SAME_GAS = 4.0026e-3, 0.01
 #: Relative tolerance within which a leakage still meets a limit, for rounding errors.
 _ROUNDING = 1e-9
@@ -189,19 +189,19 @@ def _nominal_inches(diameter: float) -> float:
 def _class_vi(diameter: float) -> float:
     """Return the limit of class VI [mL/min] for a diameter of the seat [m].
 
-    Between the diameters of the table it is interpolated linearly in the square of the diameter. Beyond the largest
-    diameter it is NaN.
+    Between the diameters of the table the limit is interpolated linearly in the square of the diameter. Above the
+    largest diameter it is NaN.
     """
     limit = np.interp(diameter**2, _VI_DIAMETERS**2, _VI_LIMITS, right=np.nan)
     return float(limit)
 
 
 class _Multiplier(NamedTuple):
-    """Hold a quantity of the valve by which a limit is multiplied.
+    """Quantity of the valve on which a limit depends as a factor.
 
     key : name of the quantity in a case file.
-    example : what a user may give, for messages.
-    factor : function from the quantity in SI to the multiplier.
+    example : text for messages that says what a user may give.
+    factor : function that converts the quantity in SI to the factor.
     """
 
     key: str
@@ -225,7 +225,7 @@ _MULTIPLIERS = {
 
 @dataclass(frozen=True)
 class LeakClass:
-    """Describe a leakage class, which a seal meets if it leaks no more than the limit.
+    """Describe a leakage class. A seal is in the class if its leakage does not exceed the limit.
 
     Parameters
     ----------
@@ -240,11 +240,11 @@ class LeakClass:
     per : tuple of str
         Names in `_MULTIPLIERS` of the quantities by which the limit is multiplied.
     tested : str
-        The only fluid for which the class is defined, or "" for any fluid.
+        Only fluid for which the class is defined, or "" if it is defined for all fluids.
     edition : str
         Edition of the standard.
     second_hand : bool
-        Whether the limit was taken from tables of others instead of the text of the standard.
+        Whether the limit was taken from secondary sources instead of the text of the standard.
     """
 
     name: str
@@ -263,19 +263,19 @@ class LeakClass:
         return any(_MULTIPLIERS[name].key == "nominal_diameter" for name in self.per)
 
     def limit(self, basis: LeakBasis, diameter: float | None = None) -> float:
-        """Return the largest leakage per length of seal in the class [m²/s].
+        """Return the largest leakage per length of seal [m²/s] that the class allows.
 
         Parameters
         ----------
         basis : LeakBasis
-            Fluid and length of the seal; pressure drop and capacity if the class needs them.
+            Fluid and length of the seal; also the pressure drop and the capacity, if the limit depends on them.
         diameter : float, optional
-            Nominal diameter of the valve, its seat or its stem [m], if the class needs it.
+            Nominal diameter of the valve, its seat or its stem [m], if the limit depends on it.
 
         Raises
         ------
         InputError
-            A quantity that the class needs is missing or beyond its table, or the class is not defined for the fluid.
+            A quantity on which the limit depends is missing or out of range, or the class is not defined for the fluid.
         """
         self._check_fluid(basis)
         known = {
@@ -309,12 +309,12 @@ class LeakClass:
 
 
 def within(leakage: ArrayLike, limit: float) -> Flags:
-    """Return whether leakages, in either direction, are at most a limit, up to rounding. NaN is not."""
+    """Return whether the absolute values of leakages do not exceed a limit, apart from rounding; False for NaN."""
     return np.abs(reals(leakage)) <= limit * (1 + _ROUNDING)
 
 
 #: Leakage classes. Columns: name, standard, limit for liquids and, if it differs, for gases, unit, multipliers (see
-#: `_MULTIPLIERS`), the only fluid tested, edition, and whether the limit was taken from tables of others.
+#: `_MULTIPLIERS`), only fluid for which the class is defined, edition, and whether the limit is from secondary sources.
 #: The limits of ISO 15848-1 are π times 1e-5, 1e-4 and 1e-2 mg/(m·s) of helium at 0 °C. In API 598, 16 drops or 100
 #: bubbles make 1 mL.
 _TABLE = """
@@ -363,7 +363,7 @@ def _parse_class(line: str) -> LeakClass:
     )
 
 
-#: All classes by name; those of one standard begin with the tightest.
+#: All classes by name. Most standards begin with their tightest class.
 LEAK_CLASSES: dict[str, LeakClass] = {
     leak_class.name: leak_class for leak_class in map(_parse_class, _TABLE.strip().splitlines())
 }
@@ -380,7 +380,7 @@ KNOWN = (
 
 
 def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
-    """Return the classes with the given names, each once.
+    """Return the classes with the given names, without duplicates.
 
     Parameters
     ----------
@@ -391,7 +391,7 @@ def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
     Raises
     ------
     InputError
-        A name is none of these.
+        A name is not known.
     """
     classes = {}
     for name in names:
@@ -401,7 +401,7 @@ def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
 
 
 def check_classes(names: Iterable[str], diameter: float | None, basis: LeakBasis) -> None:
-    """Raise InputError for a class that is unknown, or that needs a diameter or another fluid."""
+    """Raise InputError if a class is unknown, is not defined for the fluid, or needs a diameter that is missing."""
     for leak_class in leak_classes(names):
         leak_class.limit(basis, diameter)
 
@@ -439,13 +439,13 @@ def _parse_limit(text: str) -> LeakClass | None:
     return LeakClass(f"{amount:g} {unit}", "", amount, amount, unit)
 
 
-#: Parts of names of classes that are replaced before names are compared.
+#: Parts of class names that are replaced before names are compared.
 _SAME_NAMES = dict.fromkeys(("rate", "class", "2021", "2015"), "")
 _SAME_NAMES |= {"1591-1": "13555", "en 12266-1": "iso 5208"}
 
 
 def _class_key(name: str) -> str:
-    """Return the name of a class without capitals, spaces, hyphens and words such as "class", for comparisons."""
+    """Simplify a class name for comparisons: without capitals, spaces, hyphens and words such as "class"."""
     key = name.lower()
     for written, replacement in _SAME_NAMES.items():
         key = key.replace(written, replacement)

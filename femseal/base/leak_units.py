@@ -27,12 +27,12 @@ class LeakUnit:
     name : str
         Name as people write it.
     kind : str
-        Kind of amount that it counts.
+        Kind of amount: a volume, a mass, pressure × volume ("throughput"), a standard volume, drops or bubbles.
     si : float
-        Value in m³/s, kg/s or Pa·m³/s, or in one of these per metre. For standard volumes, in m³/s at 0 °C and
-        101 325 Pa; for drops and bubbles, in cells per second.
+        Size of the unit in m³/s, kg/s or Pa·m³/s. For standard volumes in m³/s at 0 °C and 101 325 Pa; for drops and
+        bubbles in drops or bubbles per second. A unit per length of seal is in these units per metre.
     per_length : bool
-        Whether it is per length of seal.
+        Whether the unit is a rate per length of seal.
     """
 
     name: str
@@ -151,12 +151,12 @@ _Factors = tuple[tuple[str, ...], tuple[str, ...]]
 
 
 def leak_unit(text: str) -> LeakUnit:
-    """Find the unit of leakage that a text means, such as "mL/(min*m)", "Pa*m^3/s", "mbar l/s", "sccm" or "atm-cc/s".
+    """Read a unit of leakage, such as "mL/(min*m)", "Pa*m^3/s", "mbar l/s", "sccm" or "atm-cc/s".
 
     Raises
     ------
     InputError
-        The text means no unit, or may mean several.
+        The unit is unknown or ambiguous.
     """
     expected = f"one of {', '.join(LEAK_UNITS)}"
     if isinstance(text, str):
@@ -201,14 +201,16 @@ _BY_FACTORS: dict[_Factors, str] = {_factors(name): name for name in LEAK_UNITS}
 
 
 def leakage_unit(values: ArrayLike) -> tuple[float, str]:
-    """Choose one readable unit for all the given leakages per length [m²/s], by the median of those that are not 0.
+    """Choose one readable unit for all given leakages per length of seal [m²/s].
+
+    The choice depends on the median of the leakages that are not 0.
 
     Returns
     -------
     value : float
-        The unit in m²/s.
+        Size of the unit [m²/s].
     name : str
-        Its name.
+        Name of the unit.
 
     Examples
     --------

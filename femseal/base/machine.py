@@ -1,10 +1,10 @@
-"""Know the machine of a run: its memory, arrays that processes share or that lie on disk, and the versions of packages.
+"""Access the machine of a run: its memory, arrays shared between processes or stored on disk, and package versions.
 
-A large array is a file of plain numbers that is mapped into memory. It holds one contact state after the other, each
-written and read as a whole or in cells. This needs no library and no compression, views of the array behave like any
-array, and other processes open the file by its name. The file is not listed in its folder, so that it disappears with
-the run even if the run is killed. A resumed run starts from the results in its `store`, where each state is saved as
-soon as it is solved.
+A large array is stored in a file of plain numbers that is mapped into memory. It holds the contact states one after the
+other; a state is written and read as a whole or in parts. This requires no further library. Views of the array behave
+like any other array, and other processes can open the file by its name. The file has no entry in its folder, so that it
+disappears with the run even if the run is killed. A resumed run starts from the results in its `store`, where each
+state is saved as soon as it is solved.
 
 Versions are read from the metadata of the installation, without importing the packages.
 """
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def machine() -> dict[str, str | int]:
-    """Describe the processor, its cores, the memory [byte] and the system, as far as they are known."""
+    """Return the name of the processor, the number of cores, the memory [byte] and the operating system, if known."""
     description: dict[str, str | int] = {
         "processor": _processor(),
         "system": f"{platform.system()} {platform.release()}",
@@ -65,8 +65,8 @@ def free_memory() -> float:
 def within_free_memory() -> Iterator[None]:
     """Raise MemoryError in this context if more memory is requested than is free now.
 
-    Without it, Linux would kill the process. It is used to read files that may unpack to any size. On other systems it
-    does nothing.
+    Without this limit, Linux would kill the process. The limit is used to read compressed files, whose uncompressed
+    size is unknown. On other operating systems this context has no effect.
     """
     if sys.platform != "linux":
         yield
@@ -94,7 +94,7 @@ PART_OF_MEMORY = 1 / 16
 
 @contextmanager
 def sharing() -> Iterator[None]:
-    """Share arrays that `shared_empty` makes in this context between processes."""
+    """Make arrays that `shared_empty` creates in this context accessible to other processes."""
     _shared.append([])
     try:
         yield
@@ -105,10 +105,10 @@ def sharing() -> Iterator[None]:
 
 @contextmanager
 def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
-    """Let large arrays that `shared_empty` makes in this context lie in a folder.
+    """Store large arrays that `shared_empty` creates in this context in files of a folder.
 
-    folder : None for the folder of temporary files.
-    memory : memory that the run may use [byte]; never more than is free.
+    folder : folder of the files; None for the system's folder for temporary files.
+    memory : memory that the run may use [byte]. It is limited to the free memory.
     """
     _stores.append((folder, math.inf if memory is None else memory))
     try:
@@ -118,18 +118,18 @@ def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
 
 
 def lies_on_disk(size: float) -> bool:
-    """Return whether `shared_empty` puts an array of so many bytes on disk."""
+    """Return whether `shared_empty` would store an array of the given size [byte] on disk."""
     limit = _stores[-1][1] if _stores else math.inf
     return size > PART_OF_MEMORY * min(free_memory(), limit)
 
 
 def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """Make an array of undefined values, like `numpy.empty`; a large one is a mapped file, see `storing`.
+    """Create an array without initial values, like `numpy.empty`; a large array is stored in a file, see `storing`.
 
-    Within the context `sharing`, on Linux, views of the array are sent to other processes by reference: what a process
-    writes appears in the array here. Memory and file are released with the last view, also when the run is killed.
+    In the context `sharing`, on Linux, other processes receive a view of the array instead of a copy, so that values
+    that they write appear in this process. Memory and file are released with the last view, also if the run is killed.
     """
-    import numpy as np  # imported here because a question about versions does not need it
+    import numpy as np  # imported here, so that commands that only need versions start faster
 
     size = math.prod(shape) * np.dtype(dtype).itemsize
     on_disk = lies_on_disk(size)
@@ -168,21 +168,21 @@ def _reserve(file: Any, size: int, on_disk: bool) -> None:
 
 
 def give_back(array: NDArray[Any]) -> None:
-    """Release the memory of an array that lies in a file. Its content stays in the file and is read again when used."""
+    """Release the memory of an array that is stored in a file. Its content is read from the file again when needed."""
     mapped = getattr(array, "_mmap", None)
     if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
         mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def one_at_a_time(states: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """Yield the array of each state, and release its memory afterwards if it lies in a file."""
+    """Yield the array of each state, and release its memory afterwards if it is stored in a file."""
     for state in states:
         yield state
         give_back(states)
 
 
 def _processor() -> str:
-    """Return the name of the processor, which Python itself knows on some systems only."""
+    """Return the name of the processor; on Linux it is read from /proc/cpuinfo."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -223,9 +223,9 @@ def _version(name: str) -> str:
 
 @cache
 def numerical_versions() -> dict[str, str]:
-    """Return the versions of everything on which the results depend to the last bit, and the kind of processor.
+    """Return the versions of all packages that influence the last bits of the results, and the type of processor.
 
-    The version of femseal includes a digest of its source, so that edited code counts as another version.
+    The version of femseal includes a digest of its source code, so that edited code counts as another version.
     """
     source = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):

@@ -166,7 +166,7 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
 
 
 def _expected_quantity(unit: str, like: str) -> str:
-    """Say which kind of quantity is expected, with an example."""
+    """Describe, for messages, the kind of quantity that is expected, with an example."""
     if not unit:
         return "a finite number"
     example = like or _EXAMPLES.get(unit, f"1 {unit}")
@@ -174,12 +174,15 @@ def _expected_quantity(unit: str, like: str) -> str:
 
 
 def _rounded(value: float) -> float:
-    """Round to 15 digits, which restores the decimal number as written: factors of prefixes are inexact in binary."""
+    """Round a product to 15 digits, because the factors of unit prefixes are not exact in binary.
+
+    For example, 3 times 1e-6 becomes exactly the number 3e-6.
+    """
     return float(f"{value:.15g}")
 
 
 def _kelvin(number: float, unit: str) -> float | None:
-    """Convert a temperature to kelvin, even below absolute zero; return None if the unit is not one of temperature."""
+    """Convert a temperature to kelvin without checking its range; return None if the unit is no temperature unit."""
     scale = _TEMPERATURE.fullmatch(unit)
     if scale is not None:
         first_letter = (scale[1] or unit)[0]
@@ -191,7 +194,7 @@ def _kelvin(number: float, unit: str) -> float | None:
 
 
 def _hint(given_unit: str, unit: str) -> str:
-    """Suggest which unit of the expected kind may have been meant; return "" if there is no suggestion."""
+    """Suggest a unit of the expected kind that the user may have meant; return "" without a suggestion."""
     same_letters = [
         name
         for name, (kind, _) in _USUAL.items()
@@ -298,7 +301,7 @@ def to_text(value: float, unit: str, digits: int = 4) -> str:
 
 
 def counted(count: SupportsInt, noun: str) -> str:
-    """Write a number of things, with the noun in the singular or plural.
+    """Write a count with its noun in the singular or plural.
 
     Examples
     --------
@@ -309,7 +312,7 @@ def counted(count: SupportsInt, noun: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """Write a unit as people do. The unit "1" of a plain number gives "".
+    """Write a unit with typographic signs; the unit "1" of a plain number gives "".
 
     Examples
     --------
@@ -334,7 +337,7 @@ def with_its_unit(value: float, unit: str) -> str:
 
 
 def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "", **_: Any) -> str:
-    """Write a value in SI, or a tuple of values, for people.
+    """Write a value in SI, or a tuple of values, as readable text.
 
     Parameters
     ----------

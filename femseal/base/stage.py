@@ -16,13 +16,13 @@ class Stage:
     Parameters
     ----------
     name : str
-        What the stage computes. The progress, the log, the timings and the report show it.
+        Readable description of the computation, for the progress display, the log, the timings and the report.
     function : callable
-        Computes one item. It must be picklable, because it is sent to other processes.
+        Function that computes the result of one item. It must be picklable, because it is sent to other processes.
     memory : float
-        Memory that one call needs [byte], 0 if it is small. No more calls run at once than fit in the memory.
+        Memory that one call needs [byte], or 0 if it is negligible. It limits the number of simultaneous calls.
     key : object
-        Identifies the results of this stage in the store, together with the items. Default: the function.
+        Object that identifies the results of this stage in the store, together with the items. Default: the function.
 
     Examples
     --------

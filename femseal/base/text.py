@@ -61,7 +61,7 @@ class TextTable:
         return cls(title, tuple(heads), tuple(zip(*texts, strict=True)), **options)
 
     def without(self, head: str) -> TextTable:
-        """Return the table without the column of a heading."""
+        """Return the table without the column that has a given heading."""
         remaining = [n for n, heading in enumerate(self.heads) if heading != head]
         heads = tuple(self.heads[n] for n in remaining)
         lines = tuple(tuple(line[n] for n in remaining) for line in self.lines)
@@ -148,7 +148,7 @@ _PLAIN_EXPONENTS = range(-4, 6)
 
 
 def rows_of(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Turn columns into one dictionary for each row, with Python numbers.
+    """Convert columns to a list with one dictionary for each row, with Python numbers as values.
 
     A column is an array (rows,), or a single value that all rows share.
     """
@@ -173,9 +173,9 @@ def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _without_formula(value: Any) -> Any:
-    """Return a cell that no spreadsheet takes for a formula.
+    """Return the content of a cell in a form that spreadsheet programs do not interpret as a formula.
 
-    Texts that begin with a character such as "=", "@", "+" or "-" get an apostrophe, unless they are numbers.
+    An apostrophe is put before texts that begin with a character such as "=", "@", "+" or "-", unless they are numbers.
 
     >>> _without_formula("=1+2"), _without_formula("-2 um"), _without_formula("-2.5"), _without_formula(-2.5)
     ("'=1+2", "'-2 um", '-2.5', -2.5)
@@ -190,7 +190,7 @@ def _without_formula(value: Any) -> Any:
 
 
 def number_text(value: float, digits: int = 3, plain: range = _PLAIN_EXPONENTS) -> str:
-    """Write a number other than 0 as people do, with a power of ten if it is very large or small.
+    """Write a number other than 0 as readable text, with a power of ten if it is very large or small.
 
     Parameters
     ----------
@@ -279,16 +279,17 @@ class Plotted:
 
 
 def room(name: str) -> ModuleType:
-    """Import a package of femseal that shows results, such as "plots", when it is needed."""
+    """Import and return a package of femseal that displays results, such as "plots"."""
     return displays[name]()
 
 
 class Shown(Plotted):
     """Give result classes a short representation in the terminal and a table in notebooks.
 
-    A result is a frozen dataclass whose fields carry `unit` and `long_name` in their metadata. Numbers are shown with
-    their unit, arrays with their shape and range, load steps and failures with their number. Fields with `repr=False`
-    appear in the table only. The class attribute `_derived` maps properties that are shown first to their units.
+    A result is a frozen dataclass. The metadata of its fields contain `unit` and `long_name`. Numbers are displayed
+    with their unit, arrays with their shape and range of values, and lists of load steps or failures with their length.
+    Fields with `repr=False` only appear in the table. The class attribute `_derived` lists properties that are
+    displayed before the fields, with their units.
     """
 
     _derived: ClassVar[dict[str, str]] = {}
@@ -321,9 +322,7 @@ class Shown(Plotted):
 
 
 def value_text(value: Any, unit: str = "1") -> str:
-    """Write a value of a result as short text.
-
-    None, NaN and an empty tuple give "". The unit is that of the metadata of the field.
+    """Write a value of a result as short text; None, NaN and an empty tuple give "".
 
     Examples
     --------
@@ -362,15 +361,12 @@ def _range_text(values: np.ndarray, unit: str) -> str:
 
 
 def labelled(label: str, unit: str = "", **options: Any) -> Any:
-    """Declare a field of a dataclass with a label and a unit; further options are those of `as_text`."""
+    """Declare a field of a dataclass with a label, a unit and options of `as_text`."""
     return field(metadata={"unit": unit, "label": label, **options})
 
 
 class Labelled:
-    """Give a dataclass a text with one line for each field that has a label.
-
-    The fields carry `label`, `unit` and, for fractions, `percent` in their metadata, see `labelled`.
-    """
+    """Give a dataclass a text representation with one line for each labelled field; see `labelled`."""
 
     def __str__(self) -> str:
         metadata = {f.name: f.metadata for f in fields(self) if "label" in f.metadata}  # type: ignore[arg-type]

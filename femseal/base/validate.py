@@ -1,9 +1,9 @@
-"""Check arguments, and define the types that they have.
+"""Check arguments, and define names for their types.
 
-Each check returns the clean value, or raises an InputError that names the argument.
+Each check returns the value in a uniform type, or raises an InputError that names the argument.
 
-Parameters of classes that a case file can choose, such as fluids, are declared once, with unit and range. The case file
-gets a key for each of them from the same metadata.
+Parameters of classes that can be chosen in a case file, such as fluids, are declared once, with unit and range. The
+keys of the case file are made from the same metadata.
 """
 
 import dataclasses
@@ -46,11 +46,12 @@ _Result = TypeVar("_Result")
 def removed_arguments(
     **advice: str,
 ) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
-    """Answer arguments that a function had in a former version with what to do instead.
+    """Return a decorator that raises an InputError with advice if an argument of an earlier version is given.
 
     Parameters
     ----------
-    advice : for the name of each removed argument, what to do without it.
+    **advice
+        Advice on what to do instead, by the name of the removed argument.
 
     Examples
     --------
@@ -183,7 +184,7 @@ def count(name: str, value: Any, least: int = 1) -> int:
 
 
 def _pair(name: str, value: Any, check: Callable[[Any], Any], expected: str) -> tuple[Any, Any]:
-    """Check that a value consists of two values, along x1 and x2, each of which passes `check`."""
+    """Check that a value consists of two members, for x1 and x2, and apply `check` to both."""
     try:
         first, second = map(check, value)
     except (TypeError, ValueError, KeyError):
@@ -229,9 +230,9 @@ def described(
     Parameters
     ----------
     meaning : str
-        Meaning of the key, in a phrase.
+        Short description of the key.
     example : object
-        A value as TOML has it. Default: the default value of the field.
+        Example of a value, as written in TOML. Default: the default value of the field.
     since : str
         First version of femseal that has the key.
     default : object
@@ -258,15 +259,15 @@ def parameter(
     Parameters
     ----------
     unit : str
-        SI unit, in a form that case files may use too, such as "Pa*s".
+        SI unit, in the form that is used in case files, such as "Pa*s".
     allowed : str
-        What a case file may give, with an example, such as "a viscosity > 0, such as '1 mPa*s'".
+        Description of the values that a case file may contain, such as "a viscosity > 0, such as '1 mPa*s'".
     meaning : str
         Meaning of the key, see `described`.
     usual : tuple of two float
-        Usual range in SI. Outside it the user is asked whether the unit is right.
+        Usual range in SI. For a value outside of this range, a warning asks whether the unit is right.
     above : float
-        Lower limit; the number must be greater.
+        Lower limit; the number must be greater than this.
     inclusive : bool
         Whether the number may be equal to `above`.
     **more
