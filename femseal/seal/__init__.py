@@ -1,4 +1,4 @@
-"""Shapes of seals, leakage from the permeability of their parts, pressure drop, and maps of the contact pressure."""
+"""Shapes of seals, their leakage for a given permeability, and maps of the contact pressure over a seal."""
 
 from typing import TYPE_CHECKING
 

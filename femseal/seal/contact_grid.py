@@ -1,7 +1,7 @@
-"""Equal cells over a seal, on which the contact of the whole seal is solved.
+"""Regular grid over a seal, on which the contact of the whole seal is solved.
 
-A ring is unrolled: its cells lie along the radius, from the inlet, and along the circumference at its middle. Over a
-mesh cells are squares in its plane, of which those outside do not count.
+A ring is unrolled: the rows of the grid follow each other along the radius, beginning at the inlet, and the columns
+along the mean circumference. A mesh is covered by a rectangle of squares; squares outside of the seal are ignored.
 """
 
 from __future__ import annotations
@@ -17,20 +17,33 @@ from .plane import in_space, middles
 from .pressure_map import Frame
 from .tiles import SealTiles
 
-#: Fewest rows and columns of cells of a strip or a ring, and rows where the form is the same all along.
-_ROWS, _COLUMNS, ROWS_OF_PROFILES = 24, 64, 384
-#: Most cells, and fewest along the longer side of a mesh.
-_MOST_CELLS, _FEWEST_CELLS = 2**15, 64
+#: Smallest numbers of rows and columns over a strip or a ring.
+_ROWS, _COLUMNS = 24, 64
+#: Smallest number of rows if the form does not vary along the seal, so that a row costs little.
+ROWS_OF_PROFILES = 384
+#: Largest number of grid cells.
+_MOST_CELLS = 2**15
+#: Smallest number of grid cells along the longer side of a mesh.
+_FEWEST_CELLS = 64
 
 
 @dataclass(frozen=True, eq=False)
 class ContactGrid:
-    """Cells over a seal.
+    """Regular grid of cells over a seal.
 
-    points : their middles in the plane of the seal (n1, n2, 2) [m]. spacing : [m]. boundary : of both axes, see
-    `HalfSpace`. tile : number of the tile of every cell (n1, n2), −1 outside of the seal.
-    averaging : of the cells, in the flat grid, to means over the tiles (tiles, n1·n2); tiles that have no cell of their
-    own have the nearest.
+    Attributes
+    ----------
+    points : array, (n1, n2, 2)
+        Centres of the cells in the plane of the seal [m].
+    spacing : tuple of two float
+        Side lengths of a cell [m].
+    boundary : tuple of two str
+        Contact boundary along each axis, see `HalfSpace`.
+    tile : array of int, (n1, n2)
+        Number of the tile in which each cell lies, −1 outside of the seal.
+    averaging : sparse array, (tiles, n1·n2)
+        Matrix that maps values at the cells, row by row, to their means over the tiles. A tile in which no cell lies
+        takes the value of the nearest cell.
     """
 
     points: Array = field(repr=False)
@@ -41,17 +54,32 @@ class ContactGrid:
 
     @classmethod
     def over(cls, tiles: SealTiles, frame: Frame, *, profile: bool = False) -> ContactGrid:
-        """Cells over the tiles of a seal, finer across it where its form is a profile that is the same all along."""
+        """Cover the tiles of a seal by a regular grid.
+
+        Parameters
+        ----------
+        tiles : SealTiles
+            Tiles of the seal.
+        frame : Frame
+            Coordinates of the seal.
+        profile : bool
+            True if the form of the seal does not vary along the seal. The grid then has more rows.
+        """
         if tiles.grid is None:
             return cls._over_mesh(tiles)
         rows, columns = tiles.grid
-        (breadth, length), (first, last) = tiles.seal.size, frame.ends or (0.0, 0.0)
+        breadth, length = tiles.seal.size
+        inlet, outlet = frame.ends or (0.0, 0.0)
+        # a short strip repeats its columns of tiles; the grid covers them once
         length *= tiles.once.size / tiles.tile.size
-        fewest = ROWS_OF_PROFILES if profile else _ROWS
-        n1 = rows * -(-fewest // rows) if rows <= fewest else fewest
+        fewest_rows = ROWS_OF_PROFILES if profile else _ROWS
+        # a whole number of cells for each tile, unless there are very many tiles
+        n1 = fewest_rows
+        if rows <= fewest_rows:
+            n1 = rows * -(-fewest_rows // rows)
         n2 = max(_COLUMNS, min(columns * -(-_COLUMNS // columns), _MOST_CELLS // n1))
-        x1, x2 = ((np.arange(n) + 0.5) / n for n in (n1, n2))
-        across, along = np.meshgrid(first + (last - first) * x1, x2, indexing="ij")
+        x1, x2 = ((np.arange(n) + 0.5) / n for n in (n1, n2))  # fractions of breadth and length
+        across, along = np.meshgrid(inlet + (outlet - inlet) * x1, x2, indexing="ij")
         if frame.size is not None:
             points = np.stack([across, length * along], axis=-1)
         else:
@@ -59,31 +87,33 @@ class ContactGrid:
             points = across[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         row = (x1 * rows).astype(np.int64)
         column = (x2 * columns).astype(np.int64)
-        tile = row[:, None] * columns + column
-        return cls._of(points, (breadth / n1, length / n2), ("free", "periodic"), tile, tiles)
+        tile = row[:, None] * columns + column  # tiles are numbered row by row
+        spacing = (breadth / n1, length / n2)
+        return cls._with_averaging(points, spacing, ("free", "periodic"), tile, tiles)
 
     @classmethod
     def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
-        """Squares of about half the side of a tile, as far as there are not too many or too few."""
+        """Cover a mesh by squares with half the side of a mean tile, within limits of their number."""
         import pyvista
 
         mesh = tiles.seal.mesh
-        low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
-        sides = high - low
-        side = 0.5 * (tiles.size[0] * tiles.size[1] / tiles.count) ** 0.5
-        most = float(sides.max()) / _FEWEST_CELLS
-        side = min(max(side, float(np.prod(sides) / _MOST_CELLS) ** 0.5), most)
+        lower_corner = mesh.p.min(axis=1)
+        sides = mesh.p.max(axis=1) - lower_corner  # of the rectangle around the mesh
+        wanted = 0.5 * (tiles.size[0] * tiles.size[1] / tiles.count) ** 0.5
+        smallest = float(np.prod(sides) / _MOST_CELLS) ** 0.5
+        largest = float(sides.max()) / _FEWEST_CELLS
+        side = min(max(wanted, smallest), largest)
         n1, n2 = (max(1, int(np.ceil(length / side))) for length in sides)
         spacing = (float(sides[0] / n1), float(sides[1] / n2))
-        points = low + middles(sides, (n1, n2))
+        points = lower_corner + middles(sides, (n1, n2))
         surface = pyvista.PolyData.from_regular_faces(in_space(mesh.p.T), mesh.t.T)
-        element = surface.find_containing_cell(in_space(points))
+        element = surface.find_containing_cell(in_space(points))  # −1 outside of the mesh
         tile = np.where(element >= 0, tiles.tile[element], -1).reshape(n1, n2)
         points = points.reshape(n1, n2, 2)
-        return cls._of(points, spacing, ("free", "free"), tile, tiles)
+        return cls._with_averaging(points, spacing, ("free", "free"), tile, tiles)
 
     @classmethod
-    def _of(
+    def _with_averaging(
         cls,
         points: Array,
         spacing: Pair,
@@ -91,30 +121,42 @@ class ContactGrid:
         tile: Indices,
         tiles: SealTiles,
     ) -> ContactGrid:
-        """The grid, with the cell nearest to the middle of each tile that has none of its own."""
+        """Build the grid with its averaging matrix from the number of the tile in which each cell lies."""
         from scipy.sparse import csr_array
         from scipy.spatial import cKDTree
 
         inside = np.flatnonzero(tile >= 0)
-        without = np.setdiff1d(np.arange(tiles.count), tile)
-        near = cKDTree(points.reshape(-1, 2)[inside]).query(tiles.middles[without])[1]
-        number = np.r_[tile.ravel()[inside], without]
-        parts = 1 / np.bincount(number)[number]
-        cell = np.r_[inside, inside[near]]
-        averaging = csr_array((parts, (number, cell)), (tiles.count, tile.size))
+        empty_tiles = np.setdiff1d(np.arange(tiles.count), tile)
+        tree = cKDTree(points.reshape(-1, 2)[inside])
+        _, nearest = tree.query(tiles.middles[empty_tiles])
+        # entries of the matrix: tile i averages cell j with the weight 1 / (number of its cells)
+        i = np.r_[tile.ravel()[inside], empty_tiles]
+        j = np.r_[inside, inside[nearest]]
+        weights = 1 / np.bincount(i)[i]
+        averaging = csr_array((weights, (i, j)), (tiles.count, tile.size))
         return cls(points, spacing, boundary, tile, averaging)
 
     @property
     def has_rows(self) -> bool:
-        """Whether rows of cells lie from the inlet to the outlet."""
+        """True for strips and rings, whose rows of cells run along the seal, one behind the other."""
         return self.boundary[1] == "periodic"
 
     @property
     def inside(self) -> Array:
-        """Whether cells are on the seal (n1, n2)."""
+        """True for the cells on the seal, array (n1, n2)."""
         return np.asarray(self.tile >= 0)
 
     def means(self, values: Array) -> Array:
-        """Means (…, tiles) over the tiles of values (…, n1, n2), or (…, n1, 1) where they are the same all along."""
-        every = np.broadcast_to(values, (*values.shape[:-2], *self.tile.shape))
-        return np.asarray(every.reshape(*values.shape[:-2], -1) @ self.averaging.T)
+        """Average values at the cells over each tile.
+
+        Parameters
+        ----------
+        values : array, (…, n1, n2)
+            Values at the cells, or (…, n1, 1) if they do not vary along the seal.
+
+        Returns
+        -------
+        array, (…, tiles)
+        """
+        at_all_cells = np.broadcast_to(values, (*values.shape[:-2], *self.tile.shape))
+        return np.asarray(at_all_cells.reshape(*values.shape[:-2], -1) @ self.averaging.T)

@@ -1,4 +1,7 @@
-"""Direction of the lay over a seal: where x2 of the face, along which marks of machining run, points on it."""
+"""Direction of the lay over a seal.
+
+The marks of machining run along x2 of the measured surface. The lay says in which direction x2 points on the seal.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +14,33 @@ import numpy as np
 
 from ..base import Array, InputError, Pair, counted, to_text
 
-#: Sizes between which a seal may lie [m].
+#: Smallest and largest plausible size of a seal [m].
 _SIZES = (1e-4, 100.0)
-#: Places of a seal may be so many spacings of its points away from a field.
-_REACH = 2.0
+#: Largest distance of a point of the seal from the nearest node of a vector field, in spacings of the nodes.
+_LARGEST_DISTANCE = 2.0
 
 
 @dataclass(frozen=True)
 class Lay:
-    """Where x2 of the cells points: a name, an angle from x1 to x2 [rad], a spiral, or the vectors of a field.
+    """Direction in which x2 of the cells points on the seal. Opposite directions are the same lay.
 
-    Exactly one of them is given. A direction and its opposite are the same lay. lead : of a spiral, the distance from
-    groove to groove [m], times the number of grooves that start beside each other: once around the seal the groove
-    comes back so far across it. circumference : of a strip with a spiral [m]; its length unless given.
+    A lay is given by a name, by an angle, as a spiral, or as a vector field; exactly one of these is set.
+
+    Attributes
+    ----------
+    name : str
+        "x1", "x2", "radial", "circumferential" or "spiral".
+    angle : float or None
+        Angle from x1 towards x2 [rad].
+    lead : float
+        Lead of a spiral [m]: the distance by which a groove advances across the seal in one turn. It is the distance
+        between neighbouring grooves times the number of starts.
+    circumference : float or None
+        Circumference of the seal of which a strip with a spiral is a part [m], by default the length of the strip.
+    file : Path or None
+        File with a vector field along the lay.
+    array : str
+        Name of the vector field in the file.
     """
 
     name: str = ""
@@ -33,32 +50,48 @@ class Lay:
     file: Path | None = None
     array: str = ""
 
-    def directions(self, patches: Array, centre: Pair = (0.0, 0.0), unit: float = 1.0) -> Array:
-        """Unit vectors (n, 2) along the lay at places (n, 2) [m].
+    def directions(self, points: Array, centre: Pair = (0.0, 0.0), unit: float = 1.0) -> Array:
+        """Return unit vectors along the lay at points of the seal.
 
-        centre : from which "radial" is seen [m].
-        unit : of the lengths in the file of a field [m].
+        Parameters
+        ----------
+        points : array, (n, 2)
+            Points in the plane of the seal [m].
+        centre : tuple of two float
+            Centre of a radial, circumferential or spiral lay [m].
+        unit : float
+            Unit of the coordinates in the file of a vector field [m].
 
-        Raises InputError: a place at the centre; a field that cannot be read, has no such vectors, or does not cover a
-        place.
+        Returns
+        -------
+        array, (n, 2)
+            Unit vectors along the lay.
+
+        Raises
+        ------
+        InputError
+            A point lies at the centre, or the vector field cannot be read, contains no vectors of that name, or does
+            not cover the points.
         """
         if self.file is not None:
-            return _of_field(self.file, self.array, patches, unit)
+            return _directions_from_field(self.file, self.array, points, unit)
         if self.name in ("radial", "circumferential", "spiral"):
-            away = patches - np.asarray(centre)
-            distance = np.hypot(away[:, 0], away[:, 1])
+            from_centre = points - np.asarray(centre)
+            distance = np.hypot(from_centre[:, 0], from_centre[:, 1])
             if not distance.min(initial=1.0) > 0:
                 raise InputError("lay", f"'{self.name}' at its centre", "one outside of elements")
-            radial = away / distance[:, None]
-            around = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
-            tangent = (self.lead / (2 * np.pi * distance))[:, None]  # tan α of a spiral, else 0
-            wound = (around + tangent * radial) / np.sqrt(1 + tangent**2)
-            return radial if self.name == "radial" else wound
+            radial = from_centre / distance[:, None]
+            if self.name == "radial":
+                return radial
+            circumferential = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
+            # tan α of a spiral groove; 0 for a circumferential lay, whose lead is 0
+            tangent = (self.lead / (2 * np.pi * distance))[:, None]
+            return (circumferential + tangent * radial) / np.sqrt(1 + tangent**2)
         angle = {"x1": 0.0, "x2": np.pi / 2}.get(self.name, self.angle or 0.0)
-        return np.tile([np.cos(angle), np.sin(angle)], (len(patches), 1))
+        return np.tile([np.cos(angle), np.sin(angle)], (len(points), 1))
 
     def check_lead(self, breadth: float) -> None:
-        """Raise InputError if a groove of the spiral crosses a seal of a breadth [m] within a turn."""
+        """Raise InputError if the spiral crosses a seal of the given breadth [m] in less than one turn."""
         if self.lead > breadth:
             given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
             expected = "at most the breadth: the groove would cross it within a turn"
@@ -73,7 +106,7 @@ class Lay:
 
 
 def check_size(name: str, size: float, unit: str = "") -> None:
-    """Raise InputError if a seal has a size [m] that comes from a wrong unit of length."""
+    """Raise InputError if the size of a seal [m] is so small or so large that its unit is probably wrong."""
     low, high = _SIZES
     if not low <= size <= high:
         given = f"a seal {to_text(size, 'm', 3)} across{f' with the unit {unit!r}' if unit else ''}"
@@ -82,7 +115,7 @@ def check_size(name: str, size: float, unit: str = "") -> None:
 
 
 def check_inlet(inlet: Any) -> None:
-    """Raise InputError if pressures are given to the inlets of a mesh, as a former version took them."""
+    """Raise InputError if the inlets of a mesh are given with pressures, which only earlier versions accepted."""
     if isinstance(inlet, Mapping):
         expected = (
             "names of boundaries, which all have the inlet pressure of the fluid: the highest of several "
@@ -92,7 +125,7 @@ def check_inlet(inlet: Any) -> None:
 
 
 def check_ring(inner: float, outer: float, inlet: str) -> None:
-    """Raise InputError if radii [m] do not increase, or another than the inner or the outer one is the inlet."""
+    """Raise InputError if the outer radius [m] is not larger than the inner one, or `inlet` names neither of them."""
     if not outer > inner:
         expected = f"a number > the inner radius, {inner:g} m"
         raise InputError("outer_radius", f"{outer:g} m", expected)
@@ -100,26 +133,34 @@ def check_ring(inner: float, outer: float, inlet: str) -> None:
         raise InputError("inlet", repr(inlet), "'inner' or 'outer'")
 
 
-def _of_field(file: Path, array: str, patches: Array, unit: float) -> Array:
-    """Unit vectors (n, 2) of the field at its points nearest to the places; InputError where it does not cover them."""
+def _directions_from_field(file: Path, array: str, points: Array, unit: float) -> Array:
+    """Return the directions (n, 2) that a vector field has at its nodes nearest to the points (n, 2) [m].
+
+    Raises InputError if the array holds no vectors, or if the nodes are too far from the points.
+    """
     from scipy.spatial import cKDTree
 
     from .seal_files import read_field
 
-    points, values = read_field(file, array)
-    points = points * unit
-    of_vectors = values.ndim == 2 and values.shape[1] in (2, 3)
-    size = np.linalg.norm(values[:, :2], axis=1) if of_vectors else np.zeros(1)
-    if not (np.isfinite(values).all() and size.min() > 0):
+    nodes, vectors = read_field(file, array)
+    nodes = nodes * unit
+    are_vectors = vectors.ndim == 2 and vectors.shape[1] in (2, 3)
+    lengths = np.linalg.norm(vectors[:, :2], axis=1) if are_vectors else np.zeros(1)
+    if not (np.isfinite(vectors).all() and lengths.min() > 0):
         expected = "vectors along the lay, finite and not 0"
         raise InputError("lay.field", f"'{array}' of '{file}'", expected)
-    tree = cKDTree(points)
-    spacing = tree.query(points, k=2)[0][:, 1].max() if len(points) > 1 else np.inf
-    distance, nearest = tree.query(patches)
-    if (far := int(np.count_nonzero(distance > _REACH * spacing))) > 0:
+    tree = cKDTree(nodes)
+    spacing = np.inf
+    if len(nodes) > 1:
+        # the nearest node of a node is itself, the second nearest its neighbour
+        distances, _ = tree.query(nodes, k=2)
+        spacing = distances[:, 1].max()
+    distance, nearest = tree.query(points)
+    uncovered = int(np.count_nonzero(distance > _LARGEST_DISTANCE * spacing))
+    if uncovered > 0:
         raise InputError(
             "lay.field",
-            f"'{file}', which leaves out {counted(far, 'element')}",
+            f"'{file}', which leaves out {counted(uncovered, 'element')}",
             "a field that covers the seal",
         )
-    return values[nearest, :2] / size[nearest, None]
+    return vectors[nearest, :2] / lengths[nearest, None]

@@ -1,7 +1,7 @@
-"""Shapes of seals that a case can choose: each lays tiles out over a seal of real size.
+"""Shapes of seals that a case can choose. Each shape covers a seal of real size with tiles.
 
-To add a shape, write a frozen dataclass with its `kind`, the parameters that a case gives (see `base.validate`) and
-`lay_out`, and put it into `LAYOUTS`.
+To add a shape, write a frozen dataclass that has the members of `Layout` and the parameters that a case gives (see
+`base.validate`), and add it to `LAYOUTS`.
 """
 
 from __future__ import annotations
@@ -23,21 +23,31 @@ if TYPE_CHECKING:
     from .tiles import CellSize, SealTiles
 
 
-#: Directions of the lay by name: those of the axes of the plane, and those as seen from the centre of the seal.
+#: Named directions of the lay: two along the axes of the plane, and two relative to the centre of the seal.
 NAMES = ("x1", "x2", "radial", "circumferential")
 _ALLOWED = (
     f"one of {', '.join(NAMES)}, {{angle = '30 deg'}} from x1 to x2, {{kind = 'spiral', lead = '60 um', starts = 1}}, "
     "or {field = 'file.vtu:name'}"
 )
 #: Smallest circumference of a seal [m].
-_LEAST_TURN = 1e-6
+_SMALLEST_CIRCUMFERENCE = 1e-6
 
 
 def lay_of(given: Any, folder: Path = Path()) -> Lay:
-    """The lay by its name, {"angle": radians or "30 deg"}, {"kind": "spiral", "lead": metres or "60 um", "starts": 1},
-    {"field": "file.vtu:name"} in the folder, or a `Lay`.
+    """Make a `Lay` from any form in which a case can give it.
 
-    Raises InputError: anything else.
+    Parameters
+    ----------
+    given : str, dict or Lay
+        A name such as "radial"; {"angle": "30 deg"} or an angle in radians; {"kind": "spiral", "lead": "60 um",
+        "starts": 1} or a lead in metres; {"field": "file.vtu:name"}; or a `Lay`, which is returned unchanged.
+    folder : Path
+        Folder of the file with a vector field.
+
+    Raises
+    ------
+    InputError
+        `given` has none of these forms.
     """
     match given:
         case Lay():
@@ -45,13 +55,17 @@ def lay_of(given: Any, folder: Path = Path()) -> Lay:
         case str() if given in NAMES:
             return Lay(name=given)
         case {"angle": angle} if len(given) == 1:
-            return Lay(angle=_si(angle, "rad", "lay.angle"))
+            return Lay(angle=_to_si_value(angle, "rad", "lay.angle"))
         case {"kind": "spiral"} if {*given} <= {"kind", "lead", "starts", "circumference"}:
-            around = given.get("circumference")
-            turn = None if around is None else _length(around, "lay.circumference", _LEAST_TURN)
+            circumference = given.get("circumference")
+            if circumference is not None:
+                name = "lay.circumference"
+                circumference = _to_length(circumference, name, _SMALLEST_CIRCUMFERENCE)
             starts = validate.count("lay.starts", given.get("starts", 1))
-            lead = _length(given.get("lead"), "lay.lead")
-            return Lay(name="spiral", lead=lead * starts, circumference=turn)
+            # a case gives the distance of neighbouring grooves, which a turn covers once for each start
+            groove_distance = _to_length(given.get("lead"), "lay.lead")
+            lead = groove_distance * starts
+            return Lay(name="spiral", lead=lead, circumference=circumference)
         case {"field": str(field)} if len(given) == 1:
             path, _, array = field.rpartition(":")
             if path and array:
@@ -59,37 +73,42 @@ def lay_of(given: Any, folder: Path = Path()) -> Lay:
     raise InputError("lay", shown(given), _ALLOWED)
 
 
-def _si(given: Any, unit: str, name: str) -> float:
-    """A value in SI from text with a unit, or from a finite number."""
+def _to_si_value(given: Any, unit: str, name: str) -> float:
+    """Convert text with a unit to a value in SI units; a finite number is in SI units already."""
     if isinstance(given, (int, float)) and not isinstance(given, bool) and isfinite(given):
         return float(given)
     return to_si(given, unit, name)
 
 
-def _length(given: Any, name: str, least: float = 0.0) -> float:
-    """A length from text with a unit, or from a number of metres; InputError where it is less than the least."""
-    value = _si(given, "m", name)
-    if value < least:
-        raise InputError(name, shown(given), f"a length >= {to_text(least, 'm')}, such as '60 um'")
+def _to_length(given: Any, name: str, smallest: float = 0.0) -> float:
+    """Convert text with a unit or a number to a length [m]; raise InputError if it is below the smallest length."""
+    value = _to_si_value(given, "m", name)
+    if value < smallest:
+        expected = f"a length >= {to_text(smallest, 'm')}, such as '60 um'"
+        raise InputError(name, shown(given), expected)
     return value
 
 
 class Layout(Protocol):
-    """Interface of the shapes of seals that studies take; as text, the name of the seal for people."""
+    """Interface of the shapes of seals that studies accept. `str` of a shape describes the seal to the user."""
 
     kind: ClassVar[str]
-    #: Whether the sampling gives the length of the seal.
+    #: True if the sampling sets the length of the seal, False if the shape itself has a length.
     has_length: ClassVar[bool]
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
-        """Lay tiles out over the seal, each as large as a cell of the face.
+        """Cover the seal with tiles that are as large as a cell of the surface.
 
-        Raises InputError: a size that is not given, or given twice; cells broader than the seal.
+        Raises
+        ------
+        InputError
+            The length is missing, a length or breadth is given although the shape has its own, or the cells are
+            broader than the seal.
         """
         ...
 
     def frame(self, size: Pair) -> Frame:
-        """Coordinates of maps of the pressure on a seal of this shape, of sides, or breadth and length [m]."""
+        """Return the coordinates in which pressure maps are given on a seal of this breadth and length [m]."""
         ...
 
 
@@ -104,9 +123,12 @@ _LAY = (
 
 @dataclass(frozen=True)
 class RectangularLayout:
-    """A straight strip; it goes on periodically along x2.
+    """A straight strip, periodic along x2.
 
-    lay : of the face on the strip, see `Lay`; along x2, as on the face, unless given.
+    Parameters
+    ----------
+    lay : Lay, or a form of it that `lay_of` accepts
+        Direction of the lay on the strip, by default along x2, as on the measured surface.
     """
 
     kind: ClassVar[str] = "rectangular"
@@ -117,11 +139,13 @@ class RectangularLayout:
         lay = lay_of(self.lay)
         if lay.name == "radial" or lay.file is not None:
             raise InputError("lay", f"'{lay}' on a strip", "x1, x2, a spiral or an angle")
-        around = lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0)
-        object.__setattr__(self, "lay", Lay(name="x2") if around else lay)
+        # on a strip, x2 is the circumferential direction; a spiral without a lead runs along it too
+        if lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0):
+            lay = Lay(name="x2")
+        object.__setattr__(self, "lay", lay)
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
-        """Rows and columns of tiles."""
+        """Cover the strip with rows and columns of tiles."""
         from .tiles import laid_on_strip
 
         if cell_size.length is None:
@@ -130,13 +154,13 @@ class RectangularLayout:
 
     @property
     def spiral(self) -> Spiral | None:
-        """How the grooves of the face wind, if they do; None for rings."""
+        """Lead and circumference of the spiral grooves; None if the grooves are not a spiral."""
         from ..flow.spiral import Spiral
 
         return Spiral(self.lay.lead, self.lay.circumference) if self.lay.name == "spiral" else None
 
     def frame(self, size: Pair) -> Frame:
-        """x1 from the inlet, and x2."""
+        """Return the coordinates x1, counted from the inlet, and x2."""
         return Frame.of_strip(size)
 
     def __str__(self) -> str:
@@ -145,10 +169,16 @@ class RectangularLayout:
 
 @dataclass(frozen=True)
 class AnnularLayout:
-    """A ring, which leaks along the radius.
+    """A ring-shaped seal with radial leakage.
 
-    inner_radius, outer_radius : [m]. inlet : at the "inner" or the "outer" one.
-    lay : of the face on the ring, see `Lay`; "circumferential" unless given.
+    Parameters
+    ----------
+    inner_radius, outer_radius : float
+        Radii of the ring [m].
+    inlet : "inner" or "outer"
+        Radius at which the fluid enters.
+    lay : Lay, or a form of it that `lay_of` accepts
+        Direction of the lay on the ring, by default circumferential.
     """
 
     kind: ClassVar[str] = "annular"
@@ -165,8 +195,9 @@ class AnnularLayout:
     def __post_init__(self) -> None:
         check_parameters(self)
         lay = lay_of(self.lay)
-        around = lay.name == "spiral" and not lay.lead
-        object.__setattr__(self, "lay", Lay(name="circumferential") if around else lay)
+        if lay.name == "spiral" and lay.lead == 0:
+            lay = Lay(name="circumferential")
+        object.__setattr__(self, "lay", lay)
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
         check_ring(self.inner_radius, self.outer_radius, self.inlet)
@@ -174,7 +205,7 @@ class AnnularLayout:
         check_size("outer_radius", 2 * self.outer_radius)
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
-        """Rows of tiles along the radius, columns along the angle."""
+        """Cover the ring with rows of tiles, one behind the other along the radius, and columns along the angle."""
         _refuse_sizes(self.kind, cell_size)
         from .tiles import laid_on_ring
 
@@ -182,18 +213,18 @@ class AnnularLayout:
 
     @property
     def circumference(self) -> float:
-        """At the middle of the ring [m]."""
+        """Mean circumference of the ring [m]."""
         return pi * (self.inner_radius + self.outer_radius)
 
     @property
     def spiral(self) -> Spiral | None:
-        """How the grooves of the face wind at the middle of the ring, if they do."""
+        """Lead and mean circumference of the spiral grooves; None if the grooves are not a spiral."""
         from ..flow.spiral import Spiral
 
         return Spiral(self.lay.lead, self.circumference) if self.lay.name == "spiral" else None
 
     def frame(self, size: Pair) -> Frame:
-        """Radius and angle."""
+        """Return polar coordinates around the centre of the ring."""
         ends = self.inner_radius, self.outer_radius
         return Frame(ends=ends if self.inlet == "inner" else ends[::-1])
 
@@ -207,11 +238,20 @@ class AnnularLayout:
 class MeshLayout:
     """A seal of any plan shape, from a mesh file.
 
-    path : the file, see `MeshSeal`. unit : of its lengths, such as "mm". inlet, outlet : names of boundaries, one or
-    several each; all others are closed.
-    lay : of the face on the seal, see `Lay`. centre : from which "radial", "circumferential" and the maps of the
-    pressure are seen [m].
-    length : by which leakage is divided [m]; that of the outlet unless given.
+    Parameters
+    ----------
+    path : Path
+        Mesh file, see `MeshSeal`.
+    unit : str
+        Unit of the coordinates in the file, such as "mm".
+    inlet, outlet : str or tuple of str
+        Names of the boundaries that form the inlet and the outlet. All other boundaries are closed.
+    lay : Lay, or a form of it that `lay_of` accepts
+        Direction of the lay on the seal, by default circumferential.
+    centre : tuple of two float
+        Centre of a radial or circumferential lay, and of pressure maps in polar coordinates [m].
+    length : float or None
+        Length by which the leakage is divided [m], by default the length of the outlet.
     """
 
     kind: ClassVar[str] = "mesh"
@@ -246,7 +286,7 @@ class MeshLayout:
                 object.__setattr__(self, name, tuple(names))
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
-        """Each element is a tile, or shares one with its neighbours."""
+        """Make each element of the mesh a tile; elements smaller than a cell share a tile with their neighbours."""
         _refuse_sizes(self.kind, cell_size)
         from .tiles import laid_on_mesh
 
@@ -254,13 +294,13 @@ class MeshLayout:
 
     @cached_property
     def _seal(self) -> MeshSeal:
-        """The seal, which is read once; a run lays it out several times."""
+        """Seal on the mesh of the file. The file is read only once, although a run calls `lay_out` several times."""
         from .mesh_seal import MeshSeal
 
         return MeshSeal(self.path, self.inlet, self.outlet, self.unit)
 
     def frame(self, size: Pair) -> Frame:
-        """Radius and angle around `centre`."""
+        """Return polar coordinates around `centre`."""
         return Frame(centre=self.centre)
 
     def __str__(self) -> str:
@@ -268,6 +308,7 @@ class MeshLayout:
 
 
 def _refuse_sizes(kind: str, cell_size: CellSize) -> None:
+    """Raise InputError if a length or breadth is given for a seal whose shape has its own."""
     for name, value in (("length", cell_size.length), ("breadth", cell_size.breadth)):
         if value is not None:
             expected = f"none with a seal of kind {kind}: it has its own"
