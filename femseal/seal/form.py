@@ -1,6 +1,6 @@
-"""Form of a whole seal: its heights, such as a flatness tester or a coarser instrument measures them, or waves.
+"""Form of a whole seal: heights measured by a flatness tester or a coarser instrument, or idealised waves.
 
-A form is a frozen dataclass with `heights`; forms of both faces add up.
+A form is a frozen dataclass with the members of `SealForm`. The forms of both faces are added.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from .plane import middles, plane_points
 from .pressure_map import Frame
 from .seal_files import TEXTS, columns_of, read_columns
 
-#: How far from measured points their heights hold: in their usual distance, and in the larger side of the seal.
-_BEYOND, _REACH = 3.0, 0.2
-#: Shortest wave of a form in distances of its points: what means of squares and interpolation keep of it. Measured on
-#: 20 faces with forms of 4 × 4 and 8 × 8 heights: with 2 drawn seals leak .80 and .84 of the whole, with 3 1.0 and .96,
-#: with 4 1.03 and 1.08.
-_SHORTEST = 3.0
-#: Most points of a form; more are averaged over squares.
+#: Heights may be extrapolated up to the larger of these distances from a measured point: a multiple of the typical
+#: distance of neighbouring measured points, and a fraction of the longer side of the seal.
+_EXTRAPOLATION_POINTS, _EXTRAPOLATION_SEAL = 3.0, 0.2
+#: Shortest wavelength that a measured form resolves, in typical distances of its points. Measured on 20 faces with
+#: forms of 4 × 4 and 8 × 8 heights: with a limit of 2 distances, stochastic seals leak 0.80 and 0.84 of what the surface
+#: leaks, with 3 distances 1.0 and 0.96, with 4 distances 1.03 and 1.08.
+_RESOLVED_DISTANCES = 3.0
+#: Largest number of points of a form. More points are averaged over squares.
 _MOST_POINTS = 4096
 
 
@@ -37,13 +38,28 @@ class SealForm(Protocol):
 
     @property
     def shortest_wave(self) -> float:
-        """Length of the shortest wave that it holds [m]; inf of forms that no measured patch has a part of."""
+        """Shortest wavelength that the form contains [m]; inf if its waves are all longer than a measured patch."""
         ...
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Heights (n,) at points (n, 2) of a seal, up to a constant, towards the other face [m].
+        """Return the heights of the form at points of a seal.
 
-        Raises InputError: the form does not cover the points.
+        Parameters
+        ----------
+        points : array, (n, 2)
+            Points in the plane of the seal [m].
+        frame : Frame
+            Coordinates of the seal.
+
+        Returns
+        -------
+        array, (n,)
+            Heights towards the other face [m], up to a constant.
+
+        Raises
+        ------
+        InputError
+            The form does not cover the points.
         """
         ...
 
@@ -54,12 +70,17 @@ class WavyForm:
 
     Parameters
     ----------
-    height : from crest to trough [m]. lobes : number of waves once around. wavelength : of them [m], where no number is
-        given: as many as come nearest to it.
+    height : float
+        Height of the waves from crest to trough [m].
+    lobes : int or None
+        Number of waves around the seal.
+    wavelength : float or None
+        Wavelength [m], in place of the number of waves. It is adjusted so that a whole number of waves fits the seal.
 
     Raises
     ------
-    InputError : both lobes and wavelength, or neither; numbers that are not > 0.
+    InputError
+        Both or neither of `lobes` and `wavelength` are given, or a number is not > 0.
     """
 
     kind: ClassVar[str] = "waves"
@@ -86,12 +107,12 @@ class WavyForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Inf: waves that are longer than a patch."""
+        """Infinity, because the waves are longer than a measured patch."""
         return inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Half of the height times the cosine."""
-        return 0.5 * self.height * np.cos(self._count(frame) * frame.angle(points))
+        """Return the heights (n,) [m] of a cosine wave around the seal at points (n, 2) [m]."""
+        return 0.5 * self.height * np.cos(self._wave_count(frame) * frame.angle(points))
 
     def __str__(self) -> str:
         waves = f"{self.lobes} waves"
@@ -99,8 +120,8 @@ class WavyForm:
             waves = f"waves of {to_text(self.wavelength, 'm')}"
         return f"{waves} {to_text(self.height, 'm')} high"
 
-    def _count(self, frame: Frame) -> int:
-        """Number of waves along a seal; InputError where it is none."""
+    def _wave_count(self, frame: Frame) -> int:
+        """Return the number of waves around the seal; raise InputError if not even one wavelength fits it."""
         if self.wavelength is None:
             assert self.lobes is not None
             return self.lobes
@@ -115,11 +136,22 @@ class WavyForm:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredForm:
-    """Heights that were measured over a seal, less the plane through them, as clamped faces align; see `of`.
+    """Heights measured over a whole seal. `of` and `of_map` make one from points or from a map.
 
-    points : x and y in the plane of the seal, x1 and x2 of a strip; or radius [m] and angle [rad] if `polar` (n, 2).
-    values : heights (n,) [m]. middle : of a map, which lies at the centre of a seal around one; that of a
-        strip begins at its corner.
+    The least-squares plane is subtracted, because faces align when they are clamped.
+
+    Attributes
+    ----------
+    points : array, (n, 2)
+        Measured points [m]: x and y in the plane of the seal, or x1 and x2 on a strip. If `polar`, radius [m] and
+        angle [rad].
+    values : array, (n,)
+        Measured heights [m].
+    polar : bool
+        True if the points are given by radius and angle.
+    middle : tuple of two float or None
+        Centre of a map [m], which is placed at the centre of a ring or mesh. On a strip, the corner of the map lies at
+        the corner of the strip. None for points that are not from a map.
     """
 
     points: Array = field(repr=False)
@@ -129,78 +161,104 @@ class MeasuredForm:
 
     @classmethod
     def of(cls, points: ArrayLike, heights: ArrayLike, *, polar: bool = False) -> MeasuredForm:
-        """Check and take heights that were measured anywhere, also along one line.
+        """Make a form from heights measured at any points, which may also lie on one line.
 
-        points : (n, 2) [m], or radius [m] and angle [rad] if `polar`. heights : (n,) towards the other face [m].
+        Parameters
+        ----------
+        points : array, (n, 2)
+            Coordinates [m], or radius [m] and angle [rad] if `polar`.
+        heights : array, (n,)
+            Heights towards the other face [m].
+        polar : bool
+            True if the points are given by radius and angle.
 
-        Raises InputError: numbers that are not finite, fewer than three, or not as many points as heights.
+        Raises
+        ------
+        InputError
+            There are fewer than three points, another number of heights than of points, or numbers that are not
+            finite.
         """
-        at, z = plane_points("form", points), np.array(heights, float)
-        if z.shape != (len(at),) or not np.isfinite(z).all():
-            expected = f"as many finite heights as points [m], {len(at)}"
+        checked_points = plane_points("form", points)
+        z = np.array(heights, float)
+        if z.shape != (len(checked_points),) or not np.isfinite(z).all():
+            expected = f"as many finite heights as points [m], {len(checked_points)}"
             raise InputError("form", f"heights {shortened(z)}", expected)
-        return cls(at, z, polar)
+        return cls(checked_points, z, polar)
 
     @classmethod
     def of_map(cls, surface: Topography) -> MeasuredForm:
-        """A map of heights (n1, n2), such as that of a coarser instrument, without its undefined points."""
+        """Make a form from the defined points of a map of heights, such as that of a coarser instrument."""
         points = middles(surface.size, surface.shape)
-        known = np.isfinite(surface.heights).ravel()
-        found = cls.of(points[known], surface.heights.ravel()[known])
-        return replace(found, middle=(surface.size[0] / 2, surface.size[1] / 2))
+        is_defined = np.isfinite(surface.heights).ravel()
+        form = cls.of(points[is_defined], surface.heights.ravel()[is_defined])
+        return replace(form, middle=(surface.size[0] / 2, surface.size[1] / 2))
 
     @property
     def shortest_wave(self) -> float:
-        """Three times the usual distance of its points."""
-        return _SHORTEST * self._distance
+        """Shortest wavelength that the points resolve [m], three times their typical distance."""
+        return _RESOLVED_DISTANCES * self._typical_distance
 
     @cached_property
-    def _distance(self) -> float:
-        """Usual distance of neighbouring points, on a grid, along a line or scattered [m]."""
+    def _typical_distance(self) -> float:
+        """Median distance [m] of a point from its second nearest neighbour.
+
+        On a line and on a grid with different spacings this is a step of the pattern; scattered points may have one
+        neighbour that is exceptionally near.
+        """
         from scipy.spatial import cKDTree
 
-        points, _ = self._averaged
-        return float(np.median(cKDTree(points).query(points, k=3)[0][:, 2]))
+        points, _ = self._averaged_points
+        distances, _ = cKDTree(points).query(points, k=3)  # the nearest point is the point itself
+        return float(np.median(distances[:, 2]))
 
     @cached_property
-    def _averaged(self) -> tuple[Array, Array]:
-        """Points (n, 2) [m] in the plane and heights (n,), averaged over squares where there are too many."""
+    def _averaged_points(self) -> tuple[Array, Array]:
+        """Points (n, 2) [m] in the plane and their heights (n,) [m], averaged over squares if there are too many."""
         points, values = self.points, self.values
         if self.polar:
             radius, angle = points.T
             points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+        all_points = points
         side = (float(np.prod(np.ptp(points, axis=0))) / _MOST_POINTS) ** 0.5
-        every = points
         while len(points) > _MOST_POINTS:
-            _, square = np.unique(np.floor(every / side), axis=0, return_inverse=True)
-            square, count = square.ravel(), np.bincount(square.ravel())
-            x, y, z = (np.bincount(square, of) / count for of in (*every.T, self.values))
-            points, values = np.stack([x, y], axis=1), z
+            _, square = np.unique(np.floor(all_points / side), axis=0, return_inverse=True)
+            square = square.ravel()
+            count = np.bincount(square)
+            x, y, values = (
+                np.bincount(square, quantity) / count for quantity in (*all_points.T, self.values)
+            )
+            points = np.stack([x, y], axis=1)
             side *= 1.1
         return points, values
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Interpolated by cones around all measured points (a radial basis), less the plane through the seal's points.
+        """Interpolate the measured heights at points of a seal by linear radial basis functions.
 
-        Raises InputError: no point was measured near to one of the seal; radii on a strip.
+        Parameters and errors are those of `SealForm.heights`. Radius and angle are not accepted on a strip. The
+        least-squares plane through the given points is subtracted from the result.
         """
         from scipy.interpolate import RBFInterpolator
         from scipy.spatial import cKDTree
 
-        known, values = self._averaged
+        known, values = self._averaged_points
         if frame.size and self.polar:
             raise InputError("form", "radii and angles on a strip", "x and y")
         if not frame.size and (self.polar or self.middle is not None):
             known = known - (self.middle or (0.0, 0.0)) + frame.centre
-        limit = max(_BEYOND * self._distance, _REACH * float(np.ptp(points, axis=0).max()))
-        far = float(cKDTree(known).query(points)[0].max())
+        longer_side = float(np.ptp(points, axis=0).max())
+        limit = max(
+            _EXTRAPOLATION_POINTS * self._typical_distance, _EXTRAPOLATION_SEAL * longer_side
+        )
+        distances, _ = cKDTree(known).query(points)
+        far = float(distances.max())
         if far > limit:
             given = f"points up to {to_text(far, 'm', 3)} from places on the seal"
             near = to_text(limit, "m", 3)
             expected = f"points that cover it, within {near}: is their unit right?"
             raise InputError("form", given, expected)
-        level = _less_plane(known, values)
-        return _less_plane(points, RBFInterpolator(known, level, kernel="linear", degree=0)(points))
+        levelled = _subtract_plane(known, values)
+        interpolate = RBFInterpolator(known, levelled, kernel="linear", degree=0)
+        return _subtract_plane(points, interpolate(points))
 
 
 @dataclass(frozen=True)
@@ -209,8 +267,12 @@ class FileForm:
 
     Parameters
     ----------
-    path : of the file. unit : of its heights, such as "um"; that of the file unless given. length_unit : of x and y or
-        of r.
+    path : Path
+        File with the heights.
+    unit : str or None
+        Unit of the heights, such as "um", by default the unit given in the file.
+    length_unit : str
+        Unit of the coordinates x and y, or of the radius.
     """
 
     kind: ClassVar[str] = "file"
@@ -232,46 +294,53 @@ class FileForm:
 
     @cached_property
     def measured(self) -> MeasuredForm:
-        """The heights of the file, which is read once."""
+        """Form with the heights of the file, which is read only once."""
         return read_form(self.path, unit=self.unit, length_unit=self.length_unit)
 
     @property
     def shortest_wave(self) -> float:
-        """Three times the usual distance of its points."""
+        """Shortest wavelength that the points of the file resolve [m]."""
         return self.measured.shortest_wave
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Those of `MeasuredForm`."""
+        """Interpolate the heights of the file, see `MeasuredForm.heights`."""
         return self.measured.heights(points, frame)
 
 
-#: Names of the columns of a text with heights: in the plane, and around a centre.
+#: Column names of a text file with heights, in Cartesian and in polar coordinates.
 _PLANE, _POLAR = ("x", "y", "z"), ("r", "theta", "z")
 
 
 def read_form(
     path: str | PathLike[str], *, unit: str | None = None, length_unit: str = "mm"
 ) -> MeasuredForm:
-    """Heights over a seal.
+    """Read heights over a whole seal from a file.
 
     Parameters
     ----------
-    path : a .csv or .txt with columns x, y and z, or r, theta [°] and z, under a line of these names; or a map of
-        heights in any format that `read_topography` reads, which begins at the corner of a strip and lies with its
-        middle at the centre of other seals.
-    unit : of the heights; of a map that of the file unless given.
-    length_unit : of x and y or r.
+    path : str or PathLike
+        A .csv or .txt file with columns x, y and z, or r, theta [°] and z, named in the first line; or a map of
+        heights in any format that `read_topography` reads. The corner of a map is placed at the corner of a strip, and
+        the centre of a map at the centre of a ring or mesh.
+    unit : str or None
+        Unit of the heights. A map may do without, if its file states the unit.
+    length_unit : str
+        Unit of the coordinates x and y, or of the radius.
 
     Raises
     ------
-    InputError : no such file, not readable, columns without a unit of their heights.
+    InputError
+        The file does not exist or cannot be read, or it has columns and no unit of the heights is given.
     """
     from ..topography import read_topography
 
     file = Path(path)
     names = columns_of(file) if file.suffix.lower() in TEXTS else []
-    wanted = next((names_ for names_ in (_PLANE, _POLAR) if {*names_} <= {*names}), None)
-    if wanted is None:
+    if {*_PLANE} <= {*names}:
+        wanted = _PLANE
+    elif {*_POLAR} <= {*names}:
+        wanted = _POLAR
+    else:
         return MeasuredForm.of_map(read_topography(file, height_unit=unit))
     if unit is None:
         raise InputError("unit", "none", "the unit of the heights, such as 'um'")
@@ -288,22 +357,22 @@ FORMS: dict[str, Any] = {form.kind: form for form in (FileForm, WavyForm)}
 
 @dataclass(frozen=True)
 class ScaledForm:
-    """A form that is so many times as high as another one."""
+    """A form whose heights are those of another form, multiplied by a factor."""
 
     form: SealForm
     factor: float
 
     @property
     def shortest_wave(self) -> float:
-        """That of the form."""
+        """Shortest wavelength of the form [m]."""
         return self.form.shortest_wave
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """The factor times the heights of the form."""
+        """Return the heights (n,) [m] of the form at points (n, 2) [m], multiplied by the factor."""
         return self.factor * self.form.heights(points, frame)
 
 
-def _less_plane(points: Array, values: Array) -> Array:
-    """Values (n,) at points (n, 2) less the plane through them."""
+def _subtract_plane(points: Array, values: Array) -> Array:
+    """Subtract the least-squares plane from values (n,) at points (n, 2)."""
     plane = np.column_stack([np.ones(len(points)), points - points.mean(axis=0)])
     return values - plane @ np.linalg.lstsq(plane, values)[0]

@@ -1,8 +1,9 @@
-"""Leakage of a whole seal: permeability and fluid in, rate and fluid pressure out.
+"""Compute the leakage and the fluid pressure of a whole seal from its permeability and a fluid.
 
-A permeability that depends on the pressure of the fluid, ∇·(k(p) ρ/η ∇p) = 0, is solved as a fixed point of linear
-flows, in the potential ψ of a typical gap (see `flow.pressure_drop`). Each element takes its mean permeability between
-the lowest and the highest pressure of its corners, ∫ k(p) (ρ/η) dp over ∫ dψ.
+If the permeability depends on the fluid pressure, the nonlinear problem ∇·(k(p) ρ/η ∇p) = 0 is solved by fixed-point
+iteration over linear flow problems, in terms of the potential ψ of a representative gap (see `flow.pressure_drop`). In
+every iteration, the permeability of an element is the mean between the lowest and the highest pressure at its corners,
+∫ k(p) (ρ/η) dp / ∫ dψ.
 """
 
 from dataclasses import dataclass, field, replace
@@ -30,39 +31,58 @@ def pressure_dependent_flow(
     solver: str = "auto",
     rtol: float,
 ) -> tuple[DarcyFlow, Any]:
-    """Flow through a seal for a unit drop of the viscous potential φ, and the permeability of each part.
+    """Solve the flow through a seal whose permeability depends on the fluid pressure.
 
-    seal, fluid, bounds, solver, rtol : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
-    table : permeability at several pressures. inlet, outlet : pressures of the ends [Pa].
+    Parameters
+    ----------
+    seal, fluid, bounds, solver, rtol
+        As in `seal_leakage`. Bounds are computed with the permeability of the converged solution.
+    table : PermeabilityTable
+        Permeability at several fluid pressures.
+    inlet, outlet : float
+        Fluid pressures at inlet and outlet [Pa].
 
-    Returns the flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow
-    [m³].
+    Returns
+    -------
+    flow : DarcyFlow
+        Flow for a unit drop of the potential φ of viscous flow; its potential is a fraction of the drop of φ.
+    permeability : array
+        Permeability of each element for which a linear flow in φ carries the same rate [m³].
 
-    Raises NotConverged: the linear solver failed, or the flow still changes after many solutions.
+    Raises
+    ------
+    NotConverged
+        The linear solver failed, or the fixed-point iteration did not converge.
     """
     drop = PressureDrop(fluid, inlet, outlet)
     if drop.law.depends_on_pressure:
+        # the potential ψ is that of a gap with a typical permeability
         pressure, k = table.typical
-        drop = replace(drop, gap=drop.law.gap(k, pressure) if k > 0 else drop.gap)
+        if k > 0:
+            drop = replace(drop, gap=drop.law.gap(k, pressure))
     values = _element_values(seal, table.values)
     curve = PressureCurve(table.pressures, values, table.piecewise)
 
     def permeability(fraction: Array) -> Array:
+        # without a pressure, as in isolated points, any permeability will do
         p = np.maximum(drop.pressure(np.nan_to_num(fraction, nan=0.5)), drop.least_pressure)
         lowest, highest = _corner_range(seal, p, curve.shape)
         return curve.between(lowest, highest, drop.mobility)
 
-    def solve(local: Array) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(local, solver=solver)
+    def solve(element_permeability: Array) -> tuple[float, Array, DarcyFlow]:
+        flow = seal.flow(element_permeability, solver=solver)
         return flow.conductance, flow.potential, flow
 
-    uniform = seal.flow(1.0, solver=solver).potential
-    solved = fixed_point(permeability, solve, uniform, rtol=rtol, name="flow through a seal")
-    flow, local, rate = solved.solution, solved.coefficient, solved.rate
+    uniform_potential = seal.flow(1.0, solver=solver).potential
+    name = "flow through a seal"
+    solved = fixed_point(permeability, solve, uniform_potential, rtol=rtol, name=name)
+    flow, element_permeability, rate = solved.solution, solved.coefficient, solved.rate
     if bounds:
-        flow = seal.flow(local, bounds=True, solver=solver)
+        flow = seal.flow(element_permeability, bounds=True, solver=solver)
         rate = flow.conductance
-    factor, fraction = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
+    # convert from a unit drop of ψ to a unit drop of φ
+    factor = drop.mean_factor
+    fraction = np.clip(flow.potential, 0.0, 1.0)
     potential = drop.viscous_fraction(fraction)
     scaled = replace(
         flow,
@@ -72,18 +92,17 @@ def pressure_dependent_flow(
         potential=potential,
         complement=1 - potential,
     )
-    if (
-        drop.law.depends_on_pressure
-    ):  # what flows through each element is the same in both potentials
-        corners = _corner_range(seal, np.nan_to_num(fraction, nan=0.5), curve.shape)
-        local = local * drop.steepness(*corners)
-    return scaled, local
+    if drop.law.depends_on_pressure:
+        # the flow through each element is the same in both potentials
+        lowest, highest = _corner_range(seal, np.nan_to_num(fraction, nan=0.5), curve.shape)
+        element_permeability = element_permeability * drop.steepness(lowest, highest)
+    return scaled, element_permeability
 
 
 def _element_values(seal: Seal, values: Array) -> Array:
-    """Return a table's values for every element (m, n) or (m, n, 2), from one number or more at each of m pressures.
+    """Bring the values of a table at m pressures into the shape (m, n), or (m, n, 2) for two axes, of n elements.
 
-    Raises InputError: values of another shape.
+    Raises InputError if the values do not fit the elements of the seal.
     """
     count = seal.element_shapes[0]
     if values.ndim == 1:
@@ -97,35 +116,38 @@ def _element_values(seal: Seal, values: Array) -> Array:
 
 
 def _corner_range(seal: Seal, at_points: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
-    """Lowest and highest value at the corners of each element, with an axis more where k has two axes."""
-    corners = seal.corner_values(at_points)
+    """Return the lowest and the highest value at the corners of each element.
+
+    The results have the shape (n,), or (n, 1) if the permeability of the given shape (n, 2) has two axes.
+    """
+    corners = seal.corner_values(at_points)  # (element, corner)
     lowest, highest = corners.min(axis=1), corners.max(axis=1)
-    more = (1,) * (len(shape) - 1)
-    return lowest.reshape(-1, *more), highest.reshape(-1, *more)
+    trailing_axes = (1,) * (len(shape) - 1)
+    return lowest.reshape(-1, *trailing_axes), highest.reshape(-1, *trailing_axes)
 
 
-def _known(unit: str, long_name: str, **options: Any) -> Any:
-    """A field of `Leakage` with its unit and meaning."""
+def _quantity(unit: str, long_name: str, **options: Any) -> Any:
+    """Define a field of `Leakage` with its unit and meaning."""
     return field(metadata={"unit": unit, "long_name": long_name}, **options)
 
 
 @dataclass(frozen=True, repr=False)
 class Leakage(Shown):
-    """Leakage from inlet to outlet, negative if the outlet pressure is higher; fields carry units."""
+    """Leakage from inlet to outlet, negative if the outlet pressure is higher. Its printed form shows the units."""
 
-    volume_rate: float = _known("m^3/s", "leakage")
-    mass_rate: float = _known("kg/s", "mass leakage")
-    per_length: float = _known("m^2/s", "leakage per length of seal")
-    lower: float = _known("m^3/s", "lower bound of the leakage")
-    upper: float = _known("m^3/s", "upper bound of the leakage")
-    fluid_pressure: Array = _known("Pa", "fluid pressure at the nodes", repr=False)
-    conductance: float = _known("m^3", "mass leakage for a unit drop of potential")
-    iterations: int = _known("1", "iterations of the linear solver, 0 if direct")
-    residual: float = _known("1", "residual of the linear solver")
-    imbalance: float = _known("1", "difference of inlet and outlet flow")
-    percolates: bool = _known("1", "an open path from inlet to outlet")
-    solver: str = _known("1", "solver of the linear system")
-    permeability: Any = _known(
+    volume_rate: float = _quantity("m^3/s", "leakage")
+    mass_rate: float = _quantity("kg/s", "mass leakage")
+    per_length: float = _quantity("m^2/s", "leakage per length of seal")
+    lower: float = _quantity("m^3/s", "lower bound of the leakage")
+    upper: float = _quantity("m^3/s", "upper bound of the leakage")
+    fluid_pressure: Array = _quantity("Pa", "fluid pressure at the nodes", repr=False)
+    conductance: float = _quantity("m^3", "mass leakage for a unit drop of potential")
+    iterations: int = _quantity("1", "iterations of the linear solver, 0 if direct")
+    residual: float = _quantity("1", "residual of the linear solver")
+    imbalance: float = _quantity("1", "difference of inlet and outlet flow")
+    percolates: bool = _quantity("1", "an open path from inlet to outlet")
+    solver: str = _quantity("1", "solver of the linear system")
+    permeability: Any = _quantity(
         "m^3",
         "permeability at the pressures of the solution, if it depends on them",
         default=None,
@@ -144,36 +166,47 @@ def seal_leakage(
     solver: str = "auto",
     rtol: float = 1e-5,
 ) -> Leakage:
-    """Leakage of a seal, ∇·(k∇φ) = 0 in the pressure potential φ of the fluid; exactly 0 without an open
-    path.
+    """Compute the leakage of a seal from ∇·(k∇φ) = 0 in the pressure potential φ of the fluid.
+
+    The leakage is exactly 0 if no open path leads from the inlet to the outlet.
 
     Parameters
     ----------
-    seal : shape of the seal.
-    permeability : k >= 0 [m³]; a number, or one per element: (n_elements,), (n_elements, 2) along the two axes, or
-        symmetric tensors (n_elements, 2, 2). The axes are x1 and x2, of a ring the radius and the angle, of a mesh x
-        and y. Strips and rings of (n1, n2) cells also take (n1, n2) and (n1, n2, 2). A `PermeabilityTable` of any but
-        tensors gives it at several pressures, as a rarefied gas needs; anything else is taken for that of all
-        pressures.
-    fluid : a `Liquid`, an `IdealGas` or anything else with a pressure potential.
-    inlet_pressure, outlet_pressure : [Pa]; absolute for a gas.
-    bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. They enclose the flow of the
-        shape with k constant on each element; an `ElementSeal` always has them.
-    solver : of the linear system: "multigrid" or "elimination", of strips and rings alone, "direct" or "amg", or
+    seal : Seal
+        Shape of the seal.
+    permeability : float, array or PermeabilityTable
+        Permeability k >= 0 [m³]: a number, a number for each element (n_elements,), two numbers along the axes of each
+        element (n_elements, 2), or symmetric tensors (n_elements, 2, 2). The axes are x1 and x2 of a strip, radius and
+        angle of a ring, and x and y of a mesh. Strips and rings of (n1, n2) cells also accept arrays (n1, n2) and
+        (n1, n2, 2). A `PermeabilityTable` without tensors contains the permeability at several fluid pressures, as a
+        rarefied gas needs it; otherwise the permeability does not depend on the pressure.
+    fluid : Fluid
+        A `Liquid`, an `IdealGas` or any other fluid with a pressure potential.
+    inlet_pressure, outlet_pressure : float
+        Fluid pressures at inlet and outlet [Pa], absolute for a gas.
+    bounds : bool
+        Whether to compute a `lower` and an `upper` bound of the leakage, which are NaN otherwise. They are bounds for
+        the exact shape with a permeability that is constant on each element. An `ElementSeal` always has bounds.
+    solver : str
+        Solver of the linear system: "multigrid" or "elimination" for strips and rings only, "direct", "amg", or
         "auto".
-    rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
+    rtol : float
+        Relative change of the leakage at which the iteration for a pressure-dependent permeability stops.
 
     Returns
     -------
-    Leakage; volume rates are at the fluid's reference density. `fluid_pressure` is given at the corners of the
-    elements: of a strip or a ring (n1 + 1, n2) from the inlet to the outlet, of a mesh (n_vertices,). Points that only
-    one end reaches have its pressure, those that neither does NaN.
+    Leakage
+        Volume rates are given at the reference density of the fluid. `fluid_pressure` is given at the corners of the
+        elements: an array (n1 + 1, n2) from inlet to outlet for a strip or a ring, (n_vertices,) for a mesh. Points
+        that are connected to one end only have the pressure of that end; points that are connected to neither have
+        NaN.
 
     Raises
     ------
-    InputError : a permeability that is negative, not finite or of the wrong shape, or a pressure that the fluid cannot
-        have.
-    NotConverged : inlet and outlet flow do not balance.
+    InputError
+        A permeability is negative, not finite or of the wrong shape, or the fluid cannot have a given pressure.
+    NotConverged
+        The flow rates at inlet and outlet differ.
 
     Examples
     --------
@@ -185,15 +218,23 @@ def seal_leakage(
     """
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
-    local, drop = None, φ_in - φ_out
+    drop = φ_in - φ_out
     bounds = bounds or seal.value_needs_bounds
+    element_permeability = None
     if isinstance(permeability, PermeabilityTable):
-        ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
-        flow, local = pressure_dependent_flow(
-            seal, permeability, fluid, **ends, bounds=bounds, solver=solver, rtol=rtol
+        flow, element_permeability = pressure_dependent_flow(
+            seal,
+            permeability,
+            fluid,
+            inlet=float(inlet_pressure),
+            outlet=float(outlet_pressure),
+            bounds=bounds,
+            solver=solver,
+            rtol=rtol,
         )
     else:
         flow = seal.flow(permeability, bounds=bounds, solver=solver)
+    # flow is solved for a unit drop; this factor makes it a volume rate for the drop of the fluid
     to_volume = drop / fluid.reference_density
     lower, upper = sorted((flow.lower * to_volume, flow.upper * to_volume))
     # rounding errors, and elements with oblique tensors, may exceed the end pressures
@@ -212,5 +253,5 @@ def seal_leakage(
         imbalance=flow.imbalance,
         percolates=flow.percolates,
         solver=flow.solver,
-        permeability=local,
+        permeability=element_permeability,
     )
