@@ -26,8 +26,8 @@ from .seal_files import TEXTS, columns_of, read_columns
 #: distance of neighbouring measured points, and a fraction of the longer side of the seal.
 _EXTRAPOLATION_POINTS, _EXTRAPOLATION_SEAL = 3.0, 0.2
 #: Shortest wavelength that a measured form resolves, in typical distances of its points. Measured on 20 faces with
-#: forms of 4 × 4 and 8 × 8 heights: with a limit of 2 distances, stochastic seals leak 0.80 and 0.84 of what the surface
-#: leaks, with 3 distances 1.0 and 0.96, with 4 distances 1.03 and 1.08.
+#: forms of 4 × 4 and 8 × 8 heights: with a limit of 2 distances, stochastic seals leak 0.80 and 0.84 of what the
+#: surface leaks, with 3 distances 1.0 and 0.96, with 4 distances 1.03 and 1.08.
 _RESOLVED_DISTANCES = 3.0
 #: Largest number of points of a form. More points are averaged over squares.
 _MOST_POINTS = 4096

@@ -1,7 +1,7 @@
-"""Seals on meshes: of any plan shape, and of elements that take random cells.
+"""Seals on meshes: `MeshSeal` has any plan shape, `ElementSeal` has a random permeability in each element.
 
-A mesh may cover a place twice although no element lies on its neighbour, such as two parts on each other: an element
-at the outline of one then lies on one of the other.
+A mesh is checked for elements that overlap. Elements may overlap even if none overlaps its neighbour, for example
+where two separate parts of the mesh lie on top of each other. One of the overlapping elements then lies at an outline.
 """
 
 from __future__ import annotations
@@ -28,37 +28,54 @@ from .seal_files import NAME_BOUNDARIES, read_mesh
 
 #: Names of boundaries, one or several.
 Names = str | Sequence[str]
-#: A cell closed along one axis keeps `CLOSED_AXIS` of its other permeability there. A seal that only this opens
-#: has measured 0.002 to 7e3 of that median in squares, an open one 7e6 and more: below this many it counts as closed.
-_SHUT = 2e5
-#: Part of the extent of the smaller element to which parts that touch may lie on each other: coordinates are rounded,
-#: and edges are chords of arcs.
-_DEPTH = 0.1
+#: A cell that is closed along one axis keeps, along this axis, the fraction `CLOSED_AXIS` of its other permeability, so
+#: that the tensor stays invertible. The flow through a square seal that only this fraction opens was 0.002 to 7e3 times
+#: the median of these small permeabilities; that through an open seal was 7e6 times or more. A flow below this multiple
+#: counts as 0.
+_CLOSED_BELOW = 2e5
+#: Allowed overlap of elements, as a fraction of the extent of the smaller one: coordinates are rounded, and straight
+#: edges approximate arcs.
+_ALLOWED_OVERLAP = 0.1
 #: Components of unit vectors below this are rounding errors.
 _ROUNDING = 1e-12
 
 
 def first_overlap(mesh: Mesh) -> tuple[int, ...]:
-    """Two elements that lie on each other, one of them at an outline; empty without any.
+    """Find two elements that overlap, of which at least one lies at an outline of the mesh.
 
-    mesh : triangles or quadrilaterals, none of which is tangled or lies on its neighbour. Convex polygons are apart
-    where their extents along the normal of an edge are (separating axis).
+    Convex polygons are separate if their projections on the normal of one of their edges are (separating axis theorem).
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Triangles or quadrilaterals that are not tangled and do not overlap their neighbours.
+
+    Returns
+    -------
+    tuple of int
+        Numbers of the two elements; empty if no elements overlap.
     """
-    corners = mesh.p.T[mesh.t.T]
-    (x0, y0), (x1, y1) = corners.min(axis=1).T, corners.max(axis=1).T
-    along = np.roll(corners, -1, axis=1) - corners
-    normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
-    for one in np.unique(mesh.f2t[0, mesh.boundary_facets()]).tolist():
-        near = (x0 < x1[one]) & (x1 > x0[one]) & (y0 < y1[one]) & (y1 > y0[one])
-        for other in np.flatnonzero(near).tolist():
-            axes = np.concatenate([normals[one], normals[other]])
-            a = corners[one] @ axes.T
-            b = corners[other] @ axes.T
-            least = np.maximum(a.min(axis=0), b.min(axis=0))
-            most = np.minimum(a.max(axis=0), b.max(axis=0))
-            smaller = np.minimum(np.ptp(a, axis=0), np.ptp(b, axis=0))
-            if other != one and (most - least > _DEPTH * smaller).all():
-                return one, other
+    corners = mesh.p.T[mesh.t.T]  # (element, corner, 2)
+    x_min, y_min = corners.min(axis=1).T
+    x_max, y_max = corners.max(axis=1).T
+    edges = np.roll(corners, -1, axis=1) - corners
+    normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
+    outline_elements = np.unique(mesh.f2t[0, mesh.boundary_facets()])
+    for i in outline_elements.tolist():
+        boxes_meet = (x_min < x_max[i]) & (x_max > x_min[i])
+        boxes_meet &= (y_min < y_max[i]) & (y_max > y_min[i])
+        for j in np.flatnonzero(boxes_meet).tolist():
+            if i == j:
+                continue
+            axes = np.concatenate([normals[i], normals[j]])
+            # coordinates of the corners along each axis, (corner, axis)
+            along_i = corners[i] @ axes.T
+            along_j = corners[j] @ axes.T
+            start = np.maximum(along_i.min(axis=0), along_j.min(axis=0))
+            end = np.minimum(along_i.max(axis=0), along_j.max(axis=0))
+            smaller = np.minimum(np.ptp(along_i, axis=0), np.ptp(along_j, axis=0))
+            if (end - start > _ALLOWED_OVERLAP * smaller).all():
+                return i, j
     return ()
 
 
@@ -68,15 +85,20 @@ class MeshSeal:
 
     Parameters
     ----------
-    path : a mesh file that meshio reads (plane, z constant), or a scikit-fem mesh with named `boundaries`, in metres.
-    inlet, outlet : names of boundaries, one or several each; those of the inlet do not touch those of the outlet. All
-        other boundaries are closed.
-    unit : of the lengths in the file, such as "mm".
+    path : str, PathLike or Mesh
+        File with a plane mesh (constant z) that meshio can read, or a scikit-fem mesh with named `boundaries` and
+        coordinates in metres.
+    inlet, outlet : str or sequence of str
+        Names of the boundaries that form the inlet and the outlet, which must not touch each other. All other
+        boundaries are closed.
+    unit : str
+        Unit of the coordinates in the file, such as "mm".
 
     Raises
     ------
-    InputError : the file is missing or not a mesh, no boundary of that name (the message lists those there
-        are), inlet and outlet touch or are not connected by the mesh, elements that are degenerate or tangled.
+    InputError
+        The file is missing or is not a mesh, the mesh has no boundary of a given name, inlet and outlet touch or are
+        not connected by the mesh, or elements are degenerate, tangled or overlapping.
     """
 
     path: str | PathLike[str] | Mesh = field(repr=False)
@@ -89,23 +111,15 @@ class MeshSeal:
 
     def __post_init__(self) -> None:
         check_inlet(self.inlet)
-        mesh = (
-            self.path
-            if isinstance(self.path, Mesh)
-            else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
-        )
+        mesh = self.path
+        if not isinstance(mesh, Mesh):
+            mesh = read_mesh(mesh, to_si(f"1 {self.unit}", "m", "unit"))
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1):
             expected = f"a plane mesh of triangles or quadrilaterals, {LINEAR}"
             raise InputError("path", f"a {type(mesh).__name__}", expected)
-        there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
-        for role, names in (("inlet", self.inlet), ("outlet", self.outlet)):
-            for name in _names(names) or (names,):
-                if name not in (mesh.boundaries or {}):
-                    expected = f"the name of a boundary of the mesh: {there}"
-                    if not mesh.boundaries or set(mesh.boundaries) == {"0"}:
-                        expected += f"; {NAME_BOUNDARIES}"
-                    raise InputError(role, repr(name), expected)
+        _check_boundary_names(mesh, "inlet", self.inlet)
+        _check_boundary_names(mesh, "outlet", self.outlet)
         _check_elements(mesh)
         if not is_connected(mesh, *self.ends):
             raise InputError(
@@ -141,15 +155,15 @@ class MeshSeal:
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of a permeability of the elements that is no tensor."""
+        """Shapes that an array of the permeability may have, apart from tensors."""
         return (self.mesh.nelements,), (self.mesh.nelements, 2)
 
     def corner_values(self, values: Array) -> Array:
-        """Values at the corners of the elements (n, corners), from those at the vertices."""
+        """Return values at the corners of each element (n, corners) from values at the vertices (n_vertices,)."""
         return np.asarray(values[self.mesh.t.T])
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Solve the flow for a unit drop.
+        """Compute the flow for a unit drop of potential.
 
         Parameters
         ----------
@@ -167,80 +181,124 @@ class MeshSeal:
 
 
 def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[str]:
-    """Yield a sentence for each part of a mesh of straight sides [m] that does not connect the two ends."""
-    corners = mesh.t
-    part = _joined(mesh, corners)
-    at_inlet, at_outlet = (np.unique(part[mesh.facets[:, facets]]) for facets in (inlet, outlet))
-    of_element = part[corners[0]]
+    """Yield a warning for each part of a mesh that does not connect the inlet with the outlet.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh of linear elements, with coordinates in metres.
+    inlet, outlet : arrays of int
+        Facets of the inlet and of the outlet.
+    """
+    corners = mesh.t  # (corner, element)
+    part = _connected_parts(mesh, corners)
+    inlet_parts = np.unique(part[mesh.facets[:, inlet]])
+    outlet_parts = np.unique(part[mesh.facets[:, outlet]])
+    element_part = part[corners[0]]
     area = np.abs(polygon_areas(mesh.p.T[corners.T]))
-    for n in np.setdiff1d(of_element, np.intersect1d(at_inlet, at_outlet)):
-        inside = of_element == n
-        lacks = "no outlet" if n in at_inlet else "neither inlet nor outlet"
-        if n in at_outlet:
-            lacks = "no inlet"
-        share = f"{area[inside].sum() * 1e6:.3g} of {area.sum() * 1e6:.3g} mm²"
+    for number in np.setdiff1d(element_part, np.intersect1d(inlet_parts, outlet_parts)):
+        is_inside = element_part == number
+        if number in outlet_parts:
+            missing = "no inlet"
+        elif number in inlet_parts:
+            missing = "no outlet"
+        else:
+            missing = "neither inlet nor outlet"
+        share = f"{area[is_inside].sum() * 1e6:.3g} of {area.sum() * 1e6:.3g} mm²"
         yield (
-            f"a part of the mesh around {_middle(mesh, corners[:, inside])}, {share}, "
-            f"touches {lacks}: nothing flows there"
+            f"a part of the mesh around {_centre_text(mesh, corners[:, is_inside])}, {share}, "
+            f"touches {missing}: nothing flows there"
         )
 
 
 def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
-    """Yield a sentence for each boundary of a mesh of straight sides [m] that is in no group, such as a hole."""
+    """Yield a warning for each connected boundary, such as the rim of a hole, that belongs to no named boundary.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh of linear elements, with coordinates in metres.
+    """
     named = [np.asarray(facets) for facets in (mesh.boundaries or {}).values()]
-    facets = mesh.facets[:, np.setdiff1d(mesh.boundary_facets(), np.concatenate([*named, []]))]
-    part = _joined(mesh, facets)[facets[0]]
-    length = np.hypot(*(mesh.p[:, facets[1]] - mesh.p[:, facets[0]]))
-    for n in np.unique(part):
-        along = part == n
+    unnamed = np.setdiff1d(mesh.boundary_facets(), np.concatenate([*named, []]))
+    ends = mesh.facets[:, unnamed]  # vertices at the two ends, (2, facet)
+    part = _connected_parts(mesh, ends)[ends[0]]
+    length = np.hypot(*(mesh.p[:, ends[1]] - mesh.p[:, ends[0]]))
+    for number in np.unique(part):
+        is_in_part = part == number
         yield (
-            f"a boundary of the mesh around {_middle(mesh, facets[:, along])}, "
-            f"{to_text(float(length[along].sum()), 'm', 3)} long, is in no group: it is closed"
+            f"a boundary of the mesh around {_centre_text(mesh, ends[:, is_in_part])}, "
+            f"{to_text(float(length[is_in_part].sum()), 'm', 3)} long, is in no group: it is closed"
         )
 
 
-def _joined(mesh: Mesh, corners: Indices) -> Indices:
-    """Return the number of the part of each vertex, where elements or facets with corners (k, n) connect vertices."""
-    ends = np.tile(corners[0], len(corners) - 1), corners[1:].ravel()
-    links = coo_array((np.ones(ends[0].size), ends), shape=(mesh.nvertices, mesh.nvertices))
-    return connected_components(links, directed=False)[1]
+def _connected_parts(mesh: Mesh, corners: Indices) -> Indices:
+    """Number the connected parts of a mesh, and return the number of the part of each vertex.
+
+    corners : array (k, n), vertices of n elements or facets with k corners. The corners of each of them are connected.
+    """
+    # it is enough to connect the first corner with all others
+    starts = np.tile(corners[0], len(corners) - 1)
+    ends = corners[1:].ravel()
+    shape = (mesh.nvertices, mesh.nvertices)
+    links = coo_array((np.ones(starts.size), (starts, ends)), shape=shape)
+    _, part = connected_components(links, directed=False)
+    return part
 
 
-def _middle(mesh: Mesh, corners: Indices) -> str:
-    """Return the centre of some corners as text."""
+def _centre_text(mesh: Mesh, corners: Indices) -> str:
+    """Return the mean position of some corners as text for a message."""
     x, y = (to_text(float(c[corners].mean()), "m", 3) for c in mesh.p)
     return f"({x}, {y})"
 
 
+def _check_boundary_names(mesh: Mesh, role: str, names: Names) -> None:
+    """Raise InputError if the mesh has no boundary of a given name; `role` is "inlet" or "outlet"."""
+    boundaries = mesh.boundaries or {}
+    for name in _names(names) or (names,):
+        if name in boundaries:
+            continue
+        present = ", ".join(repr(str(present)) for present in boundaries) or "none"
+        expected = f"the name of a boundary of the mesh: {present}"
+        if set(boundaries) <= {"0"}:  # edges without a name have the number 0
+            expected += f"; {NAME_BOUNDARIES}"
+        raise InputError(role, repr(name), expected)
+
+
 def _check_elements(mesh: Mesh) -> None:
-    """Refuse nodes that are not finite, and elements that are degenerate, tangled or on each other."""
+    """Raise InputError if nodes are not finite, or if elements are degenerate, tangled or overlapping."""
     undefined = np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))
     if undefined.size:
         raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite ones")
-    corners = mesh.p.T[mesh.t.T]
-    before, after = (np.roll(corners, shift, axis=1) - corners for shift in (1, -1))
-    # the Jacobian of a bilinear element is extreme at its corners
-    det = after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0]
+    corners = mesh.p.T[mesh.t.T]  # (element, corner, 2)
+    to_previous = np.roll(corners, 1, axis=1) - corners
+    to_next = np.roll(corners, -1, axis=1) - corners
+    # the Jacobian of a bilinear element has its extremes at the corners; if it changes sign, the element is tangled
+    det = to_next[..., 0] * to_previous[..., 1] - to_next[..., 1] * to_previous[..., 0]
     size = np.ptp(corners, axis=1).max(axis=1) ** 2
-    flat = np.abs(det).min(axis=1) <= 1e-12 * size
-    bad = np.flatnonzero(flat | (det.min(axis=1) * det.max(axis=1) <= 0))
+    is_flat = np.abs(det).min(axis=1) <= 1e-12 * size
+    is_tangled = det.min(axis=1) * det.max(axis=1) <= 0
+    bad = np.flatnonzero(is_flat | is_tangled)
     if bad.size:
         given = f"a mesh whose element {bad[0]} is degenerate or tangled"
         raise InputError("path", given, "a valid mesh")
-    # elements beside each other, walked anticlockwise, walk their edge in opposite directions
-    vertices, edge = mesh.t.T, mesh.t2f.T
+    # Two elements on either side of an edge, both passed anticlockwise, pass their common edge in opposite directions.
+    # The sign of the difference of the vertex numbers is the direction; the signs of neighbours add up to 0.
+    vertices, edge = mesh.t.T, mesh.t2f.T  # (element, corner)
     direction = np.sign(np.roll(vertices, -1, axis=1) - vertices)
     direction *= np.sign(polygon_areas(corners))[:, None].astype(int)
-    count = np.bincount(edge.ravel())
-    walked = np.bincount(edge.ravel(), direction.ravel())
-    overlapping = (count > 2) | ((count == 2) & (walked != 0))
-    bad = np.flatnonzero(overlapping[edge].any(axis=1))
-    if found := tuple(bad[:2]) or first_overlap(mesh):
-        given = f"a mesh whose elements {' and '.join(map(str, found))} overlap"
+    element_count = np.bincount(edge.ravel())
+    direction_sum = np.bincount(edge.ravel(), direction.ravel())
+    has_overlap = (element_count > 2) | ((element_count == 2) & (direction_sum != 0))
+    bad = np.flatnonzero(has_overlap[edge].any(axis=1))
+    overlapping = tuple(bad[:2]) or first_overlap(mesh)
+    if overlapping:
+        given = f"a mesh whose elements {' and '.join(map(str, overlapping))} overlap"
         raise InputError("path", given, "elements that lie beside each other")
 
 
 def _names(given: Names) -> tuple[str, ...]:
+    """Return one or several names as a tuple."""
     return (given,) if isinstance(given, str) else tuple(given)
 
 
@@ -248,17 +306,24 @@ def _names(given: Names) -> tuple[str, ...]:
 class ElementSeal:
     """A seal whose permeability is constant on each element and varies at random from one element to the next.
 
-    The flow is the geometric mean of its two bounds, of continuous pressures and of continuous fluxes. On random maps
-    whose ln k is distributed symmetrically its error is within 3 %, where the bounds differ by factors.
+    The flow is the geometric mean of an upper bound, from continuous pressures, and a lower bound, from continuous
+    fluxes. For random permeabilities with a symmetric distribution of ln k the error of this mean is within 3 %,
+    although the bounds differ by factors.
 
     Attributes
     ----------
-    mesh : straight triangles or quadrilaterals, of a ring in (ln r, θ).
-    inlet, outlet : boundary facets of the mesh.
-    size : approximate breadth from inlet to outlet, and length along the seal [m].
-    outlines : array (n, corners, 2), corners of the elements in the plane of the seal [m].
-    axes : array (n, 2, 2), unit vectors across and along the lay of each element, in the coordinates of the mesh.
-    rectangles : the elements of a strip or a ring, whose flow has a fast path; None for other meshes.
+    mesh : Mesh
+        Linear triangles or quadrilaterals. The coordinates of the mesh of a ring are (ln r, θ).
+    inlet, outlet : arrays of int
+        Boundary facets of the mesh.
+    size : tuple of two float
+        Approximate breadth from inlet to outlet, and length along the seal [m].
+    outlines : array, (n, corners, 2)
+        Corners of the elements in the plane of the seal [m].
+    axes : array, (n, 2, 2)
+        Unit vectors across and along the lay of each element, in the coordinates of the mesh.
+    rectangles : Rectangles or None
+        Elements of a strip or a ring, for which there is a fast solver; None for other meshes.
     """
 
     value_needs_bounds: ClassVar[bool] = True
@@ -273,7 +338,7 @@ class ElementSeal:
 
     @cached_property
     def _operators(self) -> MeshOperators:
-        """Local matrices of the flow from the inlet to the outlet; a stochastic seal is solved many times."""
+        """Element matrices, which are kept because the flow is computed for many permeabilities."""
         return MeshOperators(self.mesh, (self.inlet, self.outlet))
 
     @property
@@ -290,17 +355,26 @@ class ElementSeal:
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of a permeability of the elements that is no tensor."""
+        """Shapes that an array of the permeability may have, apart from tensors."""
         return (self.mesh.nelements,), (self.mesh.nelements, 2)
 
     def corner_values(self, values: Array) -> Array:
-        """Values at the corners of the elements (n, corners), from those at the vertices."""
+        """Return values at the corners of each element (n, corners) from values at the vertices (n_vertices,)."""
         return np.asarray(values[self.mesh.t.T])
 
     def tensors(self, permeability: Any) -> Array:
-        """Return tensors (n, 2, 2) [m³] in the coordinates of the mesh.
+        """Transform a permeability from the axes of the lay to the coordinates of the mesh.
 
-        permeability : a number, (n,), (n, 2) across and along the lay, or tensors (n, 2, 2) in these two directions.
+        Parameters
+        ----------
+        permeability : float or array, (n,), (n, 2) or (n, 2, 2)
+            Permeability of the n elements [m³]: a number, a number for each element, values across and along the lay,
+            or tensors in these two directions.
+
+        Returns
+        -------
+        array, (n, 2, 2)
+            Permeability tensors in the coordinates of the mesh [m³].
         """
         n = self.mesh.nelements
         if np.ndim(permeability) == 1:
@@ -308,24 +382,28 @@ class ElementSeal:
         if np.ndim(permeability) < 3:
             permeability = np.broadcast_to(permeability, (n, 2))
         principal = permeability_tensors(permeability, n)
-        # a unit vector along an edge has a component of 1e-16 across it, where there is none
+        # set rounding errors to 0, so that the tensor of a lay along an edge of the mesh stays diagonal
         axes = np.where(np.abs(self.axes) <= _ROUNDING, 0.0, self.axes)
         return np.asarray(np.einsum("nij,nia,njb->nab", principal, axes, axes))
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Solve the flow for a unit drop.
+        """Compute the flow for a unit drop of potential.
 
         Parameters
         ----------
-        permeability : a number, (n,), (n, 2) across and along the lay, or tensors (n, 2, 2) in these directions [m³].
-        bounds : solve for both bounds; otherwise the flow on a mesh is that of linear elements, the upper bound, with
-            the same potential.
-        solver : "multigrid" or "elimination", on rectangles whose principal axes are along their edges; "amg" or
-            "direct", on the mesh; or "auto".
+        permeability : float or array, (n,), (n, 2) or (n, 2, 2)
+            Permeability of the n elements as in `tensors` [m³].
+        bounds : bool
+            Whether to compute both bounds and their geometric mean. Otherwise the flow on a mesh is the upper bound,
+            from linear elements, with the same potential.
+        solver : str
+            "multigrid" or "elimination" for rectangles whose lay is parallel to their edges, "amg" or "direct" on the
+            mesh, or "auto".
 
         Returns
         -------
-        DarcyFlow with the potential at the vertices of the mesh.
+        DarcyFlow
+            Flow with the potential at the vertices of the mesh.
         """
         tensors = self.tensors(permeability)
         is_plain = solver in PLAIN_SOLVERS or bool(tensors[:, 0, 1].any())
@@ -335,14 +413,14 @@ class ElementSeal:
         flow = self._operators.flow(tensors, bounds=bounds, solver=solver)
         if not bounds:
             return flow
-        lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
+        lower = flow.lower if flow.lower > self._flow_of_closed_axes(permeability) else 0.0
         conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))
         return replace(flow, conductance=conductance, lower=lower, percolates=lower > 0)
 
     def _flow_over_rectangles(
         self, rectangles: Rectangles, tensors: Array, bounds: bool, solver: str
     ) -> DarcyFlow:
-        """Solve the flow by the fast path, with the potential in the order of the vertices of the mesh."""
+        """Compute the flow with the fast solver for rectangles, and order the potential as the vertices of the mesh."""
         k1, k2 = (tensors[:, a, a].reshape(rectangles.shape) for a in (0, 1))
         flow = rectangles.flow(k1, k2, bounds=bounds, solver=solver)
         potential, complement = np.empty((2, self.mesh.nvertices))
@@ -350,9 +428,12 @@ class ElementSeal:
         complement[rectangles.vertices] = flow.complement
         return replace(flow, potential=potential, complement=complement)
 
-    def _through_closed_axes(self, permeability: Any) -> float:
-        """Return the flow [m³] for a unit drop below which all of it may pass axes that are closed."""
-        least, most = principal_values(self.tensors(permeability))
-        half = (most > 0) & (least <= 1e-14 * most)
-        typical = float(np.median(most[half])) if half.any() else 0.0
-        return _SHUT * CLOSED_AXIS * typical * self.size[1] / self.size[0]
+    def _flow_of_closed_axes(self, permeability: Any) -> float:
+        """Return the flow [m³] for a unit drop that elements closed along one axis may carry by regularisation alone.
+
+        A computed flow that is not larger counts as 0, see `_CLOSED_BELOW`.
+        """
+        smaller, larger = principal_values(self.tensors(permeability))
+        is_half_closed = (larger > 0) & (smaller <= 1e-14 * larger)
+        typical = float(np.median(larger[is_half_closed])) if is_half_closed.any() else 0.0
+        return _CLOSED_BELOW * CLOSED_AXIS * typical * self.size[1] / self.size[0]

@@ -1,10 +1,10 @@
 """Strips and rings, and the interface of all shapes of seals.
 
-Both are rows of rectangles from the inlet to the outlet, periodic along the seal: (x1, x2) of a strip, (ln r, θ) of a
-ring, in which the form of Darcy's law is the same. Each rectangle has its own permeability, constant in it. Their flow
-is that of `femseal.flow.rectangles`.
+Both consist of rows of rectangles, one behind the other from the inlet to the outlet, and are periodic along the seal.
+The coordinates of a strip are (x1, x2), those of a ring (ln r, θ), in which Darcy's law has the same form. The
+permeability is constant in each rectangle. `femseal.flow.rectangles` computes the flow.
 
-A shape is a frozen dataclass with what `Seal` lists.
+A shape is a frozen dataclass that has the members of `Seal`.
 """
 
 from dataclasses import dataclass, replace
@@ -25,17 +25,21 @@ from .mesh_seal import ElementSeal
 
 
 class Seal(Protocol):
-    """Interface of the shapes that `seal_leakage` takes.
+    """Interface of the shapes that `seal_leakage` accepts.
 
-    value_needs_bounds : whether the flow is computed from both of its bounds, so that `bounds` has to be asked for.
-    element_shapes : shapes of a permeability of the elements, the first with a number for each of them.
+    Attributes
+    ----------
+    value_needs_bounds : bool
+        Whether the flow is computed from its two bounds, so that `flow` must be called with `bounds=True`.
+    element_shapes : tuple of tuple of int
+        Shapes that an array of the permeability may have, apart from tensors; the first is (n_elements,).
     """
 
     value_needs_bounds: ClassVar[bool]
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of a permeability of the elements."""
+        """Shapes that an array of the permeability may have, apart from tensors."""
         ...
 
     @property
@@ -49,57 +53,66 @@ class Seal(Protocol):
         ...
 
     def corner_values(self, values: Array) -> Array:
-        """Values at the corners of the elements (n, corners), from those at the points."""
+        """Return values at the corners of each element (n, corners) from values at the points."""
         ...
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Flow for a unit drop of potential through the given permeability, checked."""
+        """Check the permeability and compute the flow for a unit drop of potential."""
         ...
 
 
 class PeriodicSeal:
-    """A strip or a ring of rectangles: a shape has `cells`, and `rectangles` in coordinates of a plane strip."""
+    """Base class of strips and rings. A subclass defines `cells` and `rectangles`."""
 
     cells: Shape
     value_needs_bounds: ClassVar[bool] = False
 
     @property
     def rectangles(self) -> Rectangles:
-        """The rectangles in coordinates in which the form is that of a plane strip."""
+        """Rectangles in the coordinates in which Darcy's law has the form of a plane strip."""
         raise NotImplementedError
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of a permeability of the elements that is no tensor."""
+        """Shapes that an array of the permeability may have, apart from tensors."""
         n1, n2 = self.cells
         return (n1 * n2,), (n1, n2), (n1 * n2, 2), (n1, n2, 2)
 
     def corner_values(self, values: Array) -> Array:
-        """Values at the corners of the elements (n, 4), from those at the points (n1 + 1, n2)."""
-        beside = np.roll(values, -1, axis=1)
-        corners = values[:-1], values[1:], beside[1:], beside[:-1]
+        """Return values at the corners of each element (n, 4) from values at the points (n1 + 1, n2).
+
+        The seal is periodic, so the elements of the last column share corners with those of the first.
+        """
+        next_column = np.roll(values, -1, axis=1)
+        corners = values[:-1], values[1:], next_column[1:], next_column[:-1]
         return np.stack(corners, axis=-1).reshape(-1, 4)
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Solve the flow for a unit drop.
+        """Compute the flow for a unit drop of potential.
 
         Parameters
         ----------
-        permeability : a number, or one per element [m³]: (n1, n2), or (n1, n2, 2) along x1 and x2 of a strip, along the
-            radius and the angle of a ring; or, with the n = n1 n2 elements row by row, (n,), (n, 2), or tensors
-            (n, 2, 2).
-        bounds : also enclose the flow between `lower` and `upper`, whatever the error of the solver.
-        solver : "multigrid" or "elimination" (the fast path), "amg" or "direct" (on a mesh of scikit-fem), or "auto".
-            Tensors whose axes are not those of the rectangles take the mesh.
+        permeability : float or array
+            Permeability [m³]: a number, a number for each element (n1, n2), or two numbers for each element
+            (n1, n2, 2), along x1 and x2 of a strip or along radius and angle of a ring. With the n = n1 n2 elements in
+            one sequence, row by row, arrays (n,), (n, 2) and tensors (n, 2, 2) are accepted as well.
+        bounds : bool
+            Whether to compute a `lower` and an `upper` bound, which include the error of the solver.
+        solver : str
+            "multigrid" or "elimination" (fast solvers for rectangles), "amg" or "direct" (on a scikit-fem mesh), or
+            "auto". Tensors whose principal axes are oblique to the rectangles are always solved on the mesh.
 
         Returns
         -------
-        DarcyFlow with the potential at the corners of the rectangles, array (n1 + 1, n2).
+        DarcyFlow
+            Flow with the potential at the corners of the rectangles, array (n1 + 1, n2).
 
         Raises
         ------
-        InputError : a bad permeability.
-        NotConverged : see `femseal.flow.solve_flow`.
+        InputError
+            The permeability has a wrong shape, or is negative or not finite.
+        NotConverged
+            See `femseal.flow.solve_flow`.
         """
         check_solver(solver)
         k = self._element_permeability(permeability)
@@ -110,7 +123,7 @@ class PeriodicSeal:
         return self.rectangles.flow(k1, k2, bounds=bounds, solver=solver)
 
     def _element_permeability(self, permeability: Any) -> Array:
-        """Permeability along the axes (n1, n2, 2), or tensors (n1, n2, 2, 2), from all that `flow` takes."""
+        """Bring a permeability into the shape (n1, n2, 2), or (n1, n2, 2, 2) for tensors."""
         n1, n2 = self.cells
         is_pair = isinstance(permeability, (tuple, list)) and len(permeability) == 2
         if is_pair and any(np.ndim(k) == 2 for k in permeability):
@@ -130,9 +143,12 @@ class PeriodicSeal:
         return np.broadcast_to(k, (n1, n2, 2))
 
     def _flow_on_mesh(self, permeability: Array, bounds: bool, solver: str) -> DarcyFlow:
-        """Solve the flow by scikit-fem, with permeability (n1, n2, 2) or (n1, n2, 2, 2); few columns are repeated."""
+        """Compute the flow by scikit-fem for a permeability (n1, n2, 2) or (n1, n2, 2, 2).
+
+        A periodic mesh needs `FEWEST_COLUMNS` columns. Fewer columns are repeated, and the flow is that of one period.
+        """
         n2 = self.cells[1]
-        times = -(-FEWEST_COLUMNS // n2)
+        times = -(-FEWEST_COLUMNS // n2)  # rounded up
         strip = self.rectangles
         repeated = Rectangles(strip.lines, times * strip.period, times * n2)
         outlines = repeated.outlines
@@ -158,19 +174,22 @@ class PeriodicSeal:
 
 @dataclass(frozen=True)
 class RectangularSeal(PeriodicSeal):
-    """A straight seal, inlet at x1 = 0, outlet at x1 = L1, periodic along x2.
+    """A straight seal with the inlet at x1 = 0 and the outlet at x1 = L1, periodic along x2.
 
-    It is made of equal rectangles in n1 rows and n2 columns, each with its own permeability along x1 and x2. The fluid
-    pressure is given at their corners.
+    The seal consists of equal rectangles in n1 rows and n2 columns. Each rectangle has its own permeability along x1
+    and along x2. The fluid pressure is given at the corners of the rectangles.
 
     Parameters
     ----------
-    size : (L1, L2) [m], L1 along the leakage.
-    cells : (n1, n2), numbers of rows and columns.
+    size : tuple of two float
+        Sizes L1, in the direction of the leakage, and L2, along the seal [m].
+    cells : tuple of two int
+        Numbers of rows n1 and columns n2.
 
     Raises
     ------
-    InputError : sizes that are not > 0, cells that are not whole numbers >= 1.
+    InputError
+        A size is not > 0, or a number of rows or columns is not a whole number >= 1.
 
     Examples
     --------
@@ -191,7 +210,7 @@ class RectangularSeal(PeriodicSeal):
 
     @property
     def length(self) -> float:
-        """L2 [m]."""
+        """Length L2 along the seal [m]."""
         return self.size[1]
 
     @property
@@ -202,28 +221,33 @@ class RectangularSeal(PeriodicSeal):
 
     @cached_property
     def rectangles(self) -> Rectangles:
-        """Its rectangles in (x1, x2)."""
+        """Rectangles of the strip in the coordinates (x1, x2)."""
         lines = np.linspace(0.0, self.size[0], self.cells[0] + 1)
         return Rectangles(lines, self.size[1], self.cells[1])
 
 
 @dataclass(frozen=True)
 class AnnularSeal(PeriodicSeal):
-    """A ring, leaking along the radius.
+    """A ring-shaped seal with radial leakage.
 
-    It is made of n_r rows of equal breadth, from the inlet to the outlet, with n_θ elements each. Every element has its
-    own permeability along the radius and the angle. In (ln r, θ) they are rectangles, with which the flow is exact
-    where the permeability is the same all around. The fluid pressure is given at their corners.
+    The ring consists of n_r rows of equal breadth, one behind the other from the inlet to the outlet, with n_θ elements
+    each. Every element has its own permeability along the radius and along the angle. In the coordinates (ln r, θ) the
+    elements are rectangles, so that the flow is exact if the permeability does not vary around the ring. The fluid
+    pressure is given at the corners of the elements.
 
     Parameters
     ----------
-    inner_radius, outer_radius : [m].
-    cells : (n_r, n_θ), numbers of rows and columns.
-    inlet : "inner" or "outer"; with "outer" the first row of elements and of the fluid pressure lies outside.
+    inner_radius, outer_radius : float
+        Radii of the ring [m].
+    cells : tuple of two int
+        Numbers of rows n_r and columns n_θ.
+    inlet : "inner" or "outer"
+        Radius at which the fluid enters. The first row of elements is that at the inlet.
 
     Raises
     ------
-    InputError : radii that do not increase from above 0, bad cells, another inlet.
+    InputError
+        The radii are not > 0 or do not increase, or the cells or the inlet are invalid.
 
     Examples
     --------
@@ -245,7 +269,7 @@ class AnnularSeal(PeriodicSeal):
 
     @property
     def radii(self) -> Array:
-        """Radii of the lines between the rows (n_r + 1,) from inlet to outlet [m]."""
+        """Radii of the row boundaries from inlet to outlet (n_r + 1,) [m]."""
         x1 = np.linspace(0.0, self.outer_radius - self.inner_radius, self.cells[0] + 1)
         return self.inner_radius + x1 if self.inlet == "inner" else self.outer_radius - x1
 
@@ -267,6 +291,6 @@ class AnnularSeal(PeriodicSeal):
 
     @cached_property
     def rectangles(self) -> Rectangles:
-        """Its elements as rectangles in (|ln r/r₀|, θ), with the radius r₀ of the inlet."""
+        """Elements of the ring as rectangles in the coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet."""
         r = self.radii
         return Rectangles(np.abs(np.log(r / r[0])), 2 * pi, self.cells[1])

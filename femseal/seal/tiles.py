@@ -1,8 +1,8 @@
-"""Tiles of a seal of any shape: finite elements, each of which takes the two permeabilities of a cell of a surface.
+"""Cover a seal of any shape with tiles. Each tile takes the permeability of a cell of the surface.
 
-The permeabilities of a cell are principal values: k2 along the lay and k1 across it. A strip is a rectangle, periodic
-along x2. A ring is the same in (ln r, θ), in which the form of Darcy's law is that of a strip. Any other seal is a
-mesh, whose elements share a tile where they are smaller than a cell.
+The permeability of a cell has the principal values k1 across the lay and k2 along it. A strip is periodic along x2. A
+ring is a strip in the coordinates (ln r, θ), in which Darcy's law has the same form. Any other seal is a mesh, whose
+elements share a tile if they are smaller than a cell.
 """
 
 from dataclasses import dataclass, field, replace
@@ -18,14 +18,17 @@ from .lay import Lay, check_size
 from .mesh_seal import ElementSeal, MeshSeal, boundaries_without_name, parts_without_flow
 from .plane import middles, polygon_areas
 
-#: Most tiles between inlet and outlet.
+#: Largest number of tiles between inlet and outlet.
 MOST_ROWS = 1000
-#: Least breadth of a seal, and length around its inner radius, in cells and tiles.
+#: A ring must be at least this many cells broad. A warning is given if the tiles at its inner radius are narrower than
+#: this fraction of a cell, and an error below the smaller fraction.
 _NARROW, _NARROWEST = 0.7, 0.35
-#: Number of cells for which an element of a mesh has room from which on it is much larger than a cell, so that the
-#: leakage scatters twice as much; and part of the area in such elements from which on that is warned of.
-_MUCH_LARGER, _NOTABLE_PART = 4.0, 0.1
-#: Relative difference of two breadths that are the same.
+#: An element of a mesh is called much larger than a cell if it has room for this many cells. The leakage then scatters
+#: twice as much as it should.
+_MUCH_LARGER = 4.0
+#: A warning is given if much larger elements cover more than this fraction of the seal.
+_NOTABLE_PART = 0.1
+#: Relative difference up to which two breadths are equal.
 _SAME = 1e-6
 
 
@@ -35,11 +38,15 @@ class CellSize:
 
     Attributes
     ----------
-    size : lengths of a cell along x1 and x2 [m].
-    rows : number of cells of the surface along x1.
-    length, breadth : length and breadth of the seal [m]; None if they are not known.
-    most : number of tiles beyond which a part of a strip or a ring stands for the whole, if the seal is alike all
-        along; None for the whole seal.
+    size : tuple of two float
+        Sizes of a cell along x1 and x2 [m].
+    rows : int
+        Number of cells of the surface along x1.
+    length, breadth : float or None
+        Length and breadth of the seal [m]; None if they are not known.
+    most : int or None
+        Largest number of tiles. A longer strip or ring that does not vary along the seal is represented by a part of
+        its length. None to cover the whole seal.
     """
 
     size: Pair
@@ -49,7 +56,7 @@ class CellSize:
     most: int | None = None
 
     def columns(self, rows: int, wanted: int) -> int:
-        """Return the number of columns of tiles that stand for the wanted columns of the whole seal."""
+        """Return the number of columns to simulate for a seal with the wanted number of columns, see `most`."""
         return wanted if self.most is None else min(wanted, max(FEWEST_COLUMNS, self.most // rows))
 
 
@@ -59,15 +66,23 @@ class SealTiles:
 
     Attributes
     ----------
-    seal : finite elements of the seal.
-    lay : array (n, 2), unit vectors along the lay of the elements in the plane of the seal.
-    tile : array (n,), number of the tile of each element.
-    grid : numbers of rows, from the inlet to the outlet, and of columns of the tiles of a strip or a ring, which are
-        numbered row by row; None for meshes.
-    in_order : whether each row of tiles takes cells from the row of the surface at the same distance from the inlet.
-    tangent : array (n,), tan α of spiral grooves; None without a spiral.
-    part : fraction of the length of the seal that the tiles cover.
-    warnings : sentences for the user.
+    seal : ElementSeal
+        Finite elements of the seal.
+    lay : array, (n, 2)
+        Unit vectors along the lay of the elements, in the plane of the seal.
+    tile : array of int, (n,)
+        Number of the tile of each element.
+    grid : tuple of two int or None
+        Numbers of rows (from inlet to outlet) and columns of the tiles of a strip or a ring, which are numbered row by
+        row; None for meshes.
+    in_order : bool
+        Whether each row of tiles takes cells from the row of the surface at the same distance from the inlet.
+    tangent : array, (n,), or None
+        Tangent of the angle α between spiral grooves and the circumferential direction; None without a spiral.
+    part : float
+        Fraction of the length of the seal that the tiles cover.
+    warnings : tuple of str
+        Warnings for the user.
     """
 
     seal: ElementSeal
@@ -91,7 +106,7 @@ class SealTiles:
 
     @cached_property
     def once(self) -> Indices:
-        """Numbers of the elements without those of the repeated columns of a short strip."""
+        """Numbers of the elements, without the repeated columns of a short strip."""
         if self.grid is None:
             return np.arange(len(self.tile))
         return np.unique(self.tile, return_index=True)[1]
@@ -107,81 +122,111 @@ class SealTiles:
         """Centres of the tiles (tiles, 2) [m]."""
         tile = self.tile[self.once]
         centres = self.outlines[self.once].mean(axis=1)
+        # a tile of several elements has the mean of their centres
         return np.stack([np.bincount(tile, x) / np.bincount(tile) for x in centres.T], axis=1)
 
     def draw(self, cells: Shape, rng: np.random.Generator) -> Indices:
         """Choose a random cell for each tile.
 
-        The columns of tiles are filled one after another, so that a longer seal begins with the tiles of a shorter one.
+        The columns of tiles are filled one after another, so that a longer seal begins with the same cells as a shorter
+        one.
 
         Parameters
         ----------
-        cells : numbers (m1, m2) of cells of the surface along x1 and x2.
-        rng : source of the random numbers.
+        cells : tuple of two int
+            Numbers of cells of the surface along x1 and x2.
+        rng : numpy.random.Generator
+            Source of the random numbers.
 
         Returns
         -------
-        Array (tiles,), number of the cell of each tile; cells are numbered row by row.
+        array of int, (tiles,)
+            Number of the cell of each tile. Cells are numbered row by row.
         """
         m1, m2 = cells
         rows, columns = self.grid or (1, self.count)
-        number = rng.random((columns, rows, 2))
-        row = (number[..., 0] * m1).astype(np.int64)
+        random = rng.random(
+            (columns, rows, 2)
+        )  # (column of tiles, row of tiles, axis of the cells)
+        cell_row = (random[..., 0] * m1).astype(np.int64)
         if self.in_order:
-            row = np.broadcast_to(np.arange(rows), row.shape)
-        column = (number[..., 1] * m2).astype(np.int64)
-        return np.ascontiguousarray((row * m2 + column).T).ravel()
+            cell_row = np.broadcast_to(np.arange(rows), cell_row.shape)
+        cell_column = (random[..., 1] * m2).astype(np.int64)
+        cell = cell_row * m2 + cell_column
+        return np.ascontiguousarray(cell.T).ravel()
 
     def permeability(self, along_x1: Array, along_x2: Array) -> Array:
-        """Return the permeability of the elements from that of the tiles.
+        """Compute the permeability of the elements from the permeability of the tiles.
 
-        A spiral groove passes all tiles of a row, so that the flow along the lay sees their harmonic mean; the element
-        then has k₁ cos²α + k₂ sin²α.
+        A spiral groove passes through all tiles of a row, so that the flow along it is governed by their harmonic mean.
+        In the direction of the leakage the permeability is then k₁ cos²α + k₂ sin²α.
 
         Parameters
         ----------
-        along_x1, along_x2 : arrays (…, tiles), permeabilities k1 and k2 of the tiles [m³].
+        along_x1, along_x2 : arrays, (…, tiles)
+            Permeabilities k1 across the lay and k2 along the lay of the tiles [m³].
 
         Returns
         -------
-        Array (…, n, 2) [m³], across and along the lay.
+        array, (…, n, 2)
+            Permeability of the elements across and along the lay [m³]. With a spiral the two directions are the radial
+            and the circumferential one.
         """
         across, along = along_x1, along_x2
         if self.tangent is None:
             return np.stack([across[..., self.tile], along[..., self.tile]], axis=-1)
         assert self.grid is not None
-        in_rows = along.reshape(*along.shape[:-1], *self.grid)
-        grooves = np.repeat(along_grooves(in_rows), self.grid[1], axis=-1)
+        columns = self.grid[1]
+        in_rows = along.reshape(*along.shape[:-1], *self.grid)  # (…, row, column)
+        grooves = np.repeat(along_grooves(in_rows), columns, axis=-1)  # (…, tiles)
+        # cos²α = 1 / (1 + tan²α) and sin²α = tan²α / (1 + tan²α)
         square = self.tangent**2
         radial = (across[..., self.tile] + square * grooves[..., self.tile]) / (1 + square)
-        round_ = (along[..., self.tile] + square * across[..., self.tile]) / (1 + square)
-        return np.stack([radial, round_], axis=-1)
+        circumferential = (along[..., self.tile] + square * across[..., self.tile]) / (1 + square)
+        return np.stack([radial, circumferential], axis=-1)
 
     def shown(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
-        """Return the geometric mean of the permeabilities [m³] of each element (n,), and its fluid pressure [Pa]."""
+        """Reduce the result to one number for each element, for pictures.
+
+        Returns the geometric mean of the two permeabilities (n,) [m³], and the mean fluid pressure (n,) [Pa].
+        """
         at_vertices = fluid_pressure[self.seal.mesh.t]
         return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), at_vertices.mean(axis=0)
 
     def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
-        """Return the volume rate per width (n, 2) [m²/s] at the centre of each element, in the plane of the seal.
+        """Compute the volume rate per width at the centre of each element.
 
         Parameters
         ----------
-        permeability : array (n, 2), permeability of the elements across and along the lay [m³].
-        potential : potential at the vertices, divided by the density of volume rates [1/s].
-        rate : leakage of the seal [m³/s]. The flux is scaled to it; unscaled, it would carry the upper bound.
+        permeability : array, (n, 2)
+            Permeability of the elements across and along the lay [m³].
+        potential : array, (n_vertices,)
+            Potential at the vertices, divided by the density to which volume rates refer [1/s].
+        rate : float
+            Leakage of the seal [m³/s]. The flux is scaled to carry it; the unscaled flux would carry the upper bound.
+
+        Returns
+        -------
+        array, (n, 2)
+            Volume rate per width in the plane of the seal [m²/s].
         """
-        corners = self.seal.outlines
-        at = np.nan_to_num(potential)[self.seal.mesh.t.T]
-        # along two edges of a triangle or both diagonals of a quadrilateral, where differences are those of the middle
-        ends, starts = ([1, 2], [0, 0]) if corners.shape[1] == 3 else ([2, 3], [0, 1])
-        ways, drops = (of[:, ends] - of[:, starts] for of in (corners, at))
-        gradient = np.linalg.solve(ways, drops[..., None])[..., 0]
+        corners = self.seal.outlines  # (element, corner, 2)
+        corner_potential = np.nan_to_num(potential)[self.seal.mesh.t.T]  # (element, corner)
+        # The gradient at the centre follows from differences along two edges of a triangle, or along both diagonals of
+        # a quadrilateral.
+        if corners.shape[1] == 3:
+            starts, ends = [0, 0], [1, 2]
+        else:
+            starts, ends = [0, 1], [2, 3]
+        steps = corners[:, ends] - corners[:, starts]
+        differences = corner_potential[:, ends] - corner_potential[:, starts]
+        gradient = np.linalg.solve(steps, differences[..., None])[..., 0]
         axes = _axes(self.lay)
         flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
-        power = -float(np.abs(polygon_areas(corners)) @ (flux * gradient).sum(axis=1))
+        # the dissipation of the flow is its rate times the drop of potential
+        dissipation = -float(np.abs(polygon_areas(corners)) @ (flux * gradient).sum(axis=1))
         drop = float(np.ptp(potential[np.isfinite(potential)]))
-        return flux * (abs(rate) * drop / power if power > 0 else 0.0)
+        return flux * (abs(rate) * drop / dissipation if dissipation > 0 else 0.0)
 
     def __str__(self) -> str:
         if self.grid is not None:
@@ -190,47 +235,65 @@ class SealTiles:
 
 
 def along_grooves(across: Array) -> Array:
-    """Return the harmonic mean (…, rows) of the permeabilities of each row (…, rows, columns); 0 if one is 0."""
+    """Return the harmonic mean (…, rows) of permeabilities (…, rows, columns) in each row; 0 if any of them is 0."""
     with np.errstate(divide="ignore"):
         return 1 / np.mean(1 / across, axis=-1)
 
 
 def face_tiles(size: Pair, cells: Shape) -> SealTiles:
-    """Lay out the cells of a surface of the given size [m] in their own order, with the lay along x2."""
-    laid = _strip(size, cells, np.tile([0.0, 1.0], (cells[0] * cells[1], 1)))
-    return replace(laid, in_order=True)
+    """Make a strip of all cells of a surface of the given size [m] in their original order, with the lay along x2."""
+    lay = np.tile([0.0, 1.0], (cells[0] * cells[1], 1))
+    return replace(_strip(size, cells, lay), in_order=True)
 
 
 def laid_on_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
-    """Lay out tiles on a strip; as broad as the surface, its rows are those of the surface."""
+    """Cover a strip with tiles.
+
+    If the strip is as broad as the surface and has the same lay, each row of tiles takes cells from the same row of the
+    surface (`SealTiles.in_order`).
+    """
     assert cell_size.length is not None
     d1, d2 = _tile_sides(cell_size.size, lay, "x2", "x1")
-    of_face = cell_size.rows * cell_size.size[0]
-    breadth = of_face if cell_size.breadth is None else cell_size.breadth
-    rows = _rows_of(breadth, d1, "breadth", breadth)
-    whole = max(1, round(cell_size.length / d2))
-    cells = rows, cell_size.columns(rows, whole)
-    size = breadth, cells[1] * d2
-    wound = lay.name == "spiral"
-    laid = _strip(size, cells, (Lay(name="x2") if wound else lay).directions(middles(size, cells)))
+    surface_breadth = cell_size.rows * cell_size.size[0]
+    breadth = surface_breadth if cell_size.breadth is None else cell_size.breadth
+    rows = _row_count(breadth, d1, "breadth", breadth)
+    all_columns = max(1, round(cell_size.length / d2))
+    columns = cell_size.columns(rows, all_columns)
+    size = breadth, columns * d2
+    is_spiral = lay.name == "spiral"
+    # the slight angle of a spiral is in `tangent`; its elements are those of a lay along x2
+    element_lay = Lay(name="x2") if is_spiral else lay
+    directions = element_lay.directions(middles(size, (rows, columns)))
+    tiles = _strip(size, (rows, columns), directions)
     tangent = None
-    if wound:
-        lay.check_lead(size[0])
-        tangent = np.full(len(laid.tile), Spiral(lay.lead, lay.circumference).tangent(whole * d2))
-    straight = lay.name == "x2" and rows == cell_size.rows and abs(breadth / of_face - 1) < _SAME
-    return replace(laid, in_order=straight, tangent=tangent, part=cells[1] / whole)
+    if is_spiral:
+        lay.check_lead(breadth)
+        spiral = Spiral(lay.lead, lay.circumference)
+        tangent = np.full(len(tiles.tile), spiral.tangent(all_columns * d2))
+    same_breadth = abs(breadth / surface_breadth - 1) < _SAME
+    in_order = lay.name == "x2" and rows == cell_size.rows and same_breadth
+    return replace(tiles, in_order=in_order, tangent=tangent, part=columns / all_columns)
 
 
 def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
-    """Return the sides of tiles [m] across and along a seal: those of a cell, turned with its lay, or of a square."""
+    """Return the side lengths of tiles across and along the seal [m] for cells of the given size along x1 and x2 [m].
+
+    `along` and `across` are the names of the lays along and across the seal, for which tiles have the shape of a cell.
+    For any other lay they are squares with the area of a cell.
+    """
     if lay.name in (along, "spiral"):
         return size
+    if lay.name == across:
+        return size[::-1]
     side = (size[0] * size[1]) ** 0.5
-    return size[::-1] if lay.name == across else (side, side)
+    return side, side
 
 
-def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
-    """Return the number of tiles between inlet and outlet; an InputError names the length [m] that is too large."""
+def _row_count(breadth: float, side: float, name: str, given: float) -> int:
+    """Return the number of tiles between inlet and outlet.
+
+    Raises InputError if there are too many. The message names the length `given` [m] of the parameter `name`.
+    """
     rows = max(1, round(breadth / side))
     if rows > MOST_ROWS:
         expected = f"at most {MOST_ROWS} tiles from inlet to outlet, not {rows}"
@@ -239,7 +302,10 @@ def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
 
 
 def laid_on_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
-    """Lay out tiles on a ring between two radii [m], in (ln r, θ) from the inlet on."""
+    """Cover a ring between two radii [m] with tiles, in the coordinates (ln r, θ), beginning at the inlet.
+
+    Raises InputError if the ring is narrower than a cell, or so small that its innermost tiles become very narrow.
+    """
     inner, outer = radii
     d1, d2 = _tile_sides(cell_size.size, lay, "circumferential", "radial")
     breadth, middle = outer - inner, (inner + outer) / 2
@@ -247,93 +313,115 @@ def laid_on_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> Seal
         sides = " × ".join(to_text(side, "m", 3) for side in cell_size.size)
         given = f"a ring {to_text(breadth, 'm', 3)} broad"
         raise InputError("outer_radius", given, f"a ring at least as broad as a cell, {sides}")
-    rows = _rows_of(breadth, d1, "outer_radius", outer)
-    whole = max(FEWEST_COLUMNS, round(2 * pi * middle / d2))
-    narrow = 2 * pi * inner / (whole * d2)
-    given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as cells at its inner radius"
+    rows = _row_count(breadth, d1, "outer_radius", outer)
+    all_columns = max(FEWEST_COLUMNS, round(2 * pi * middle / d2))
+    narrow = 2 * pi * inner / (all_columns * d2)  # width of tiles at the inner radius over d2
+    given = f"a ring with {counted(all_columns, 'column')} of tiles, {narrow:.0%} as wide as cells at its inner radius"
     if narrow < _NARROWEST:
         expected = f"at least {_NARROWEST:.0%}; a mesh has none of them"
         raise InputError("inner_radius", given, expected)
     warnings: tuple[str, ...] = ()
     if narrow < _NARROW:
         warnings = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
-    wound = lay.name == "spiral"
-    alike = wound or lay.name in ("radial", "circumferential")
-    cells = rows, cell_size.columns(rows, whole) if alike else whole
-    part = cells[1] / whole
-    sign = 1.0 if inlet == "inner" else -1.0  # of the way from the inlet along the radius
-    radius = np.linspace(inner, outer, cells[0] + 1)[:: int(sign)]
-    ring = Rectangles(np.abs(np.log(radius / radius[0])), 2 * pi * part, cells[1])
+    is_spiral = lay.name == "spiral"
+    # a part of the ring can stand for the whole only if the lay does not vary around it
+    columns = all_columns
+    if is_spiral or lay.name in ("radial", "circumferential"):
+        columns = cell_size.columns(rows, all_columns)
+    part = columns / all_columns
+    sign = 1.0 if inlet == "inner" else -1.0  # direction of the flow along the radius
+    radius = np.linspace(inner, outer, rows + 1)[:: int(sign)]  # from inlet to outlet
+    ring = Rectangles(np.abs(np.log(radius / radius[0])), 2 * pi * part, columns)
     plain = ring.plain_mesh
 
     def polar(points: Array) -> tuple[Array, Array]:
-        """Return the radius and the direction from the centre at points (2, …) of the plain mesh."""
+        """Return radius and radial unit vector (2, …) at points (|ln r/r₀|, θ) of shape (2, …)."""
         outward = np.array([np.cos(points[1]), np.sin(points[1])])
         return radius[0] * np.exp(sign * points[0]), outward
 
-    r, outward = polar(plain.p)
-    outlines = (r * outward).T[plain.t.T]
-    at, outward = polar(plain.p[:, plain.t].mean(axis=1))
-    direction = (Lay(name="circumferential") if wound else lay).directions((at * outward).T)
-    # components along the way from the inlet and along the angle
+    vertex_radius, outward = polar(plain.p)
+    outlines = (vertex_radius * outward).T[plain.t.T]
+    centre_radius, outward = polar(plain.p[:, plain.t].mean(axis=1))
+    # the slight angle of a spiral is in `tangent`; its elements are those of a circumferential lay
+    element_lay = Lay(name="circumferential") if is_spiral else lay
+    direction = element_lay.directions((centre_radius * outward).T)  # (n, 2) in the plane
+    # components of the lay in the coordinates of the mesh: along the flow and along the angle
     around = np.array([-outward[1], outward[0]])
-    frame = np.stack([sign * outward, around]).transpose(2, 0, 1)
-    along = np.einsum("nab,nb->na", frame, direction)
+    local_axes = np.stack([sign * outward, around]).transpose(2, 0, 1)  # (element, axis, 2)
+    lay_in_mesh = np.einsum("nab,nb->na", local_axes, direction)
+    seal = ElementSeal(
+        ring.mesh,
+        *ring.ends,
+        size=(breadth, 2 * pi * middle * part),
+        outlines=outlines,
+        axes=_axes(lay_in_mesh),
+        rectangles=ring,
+    )
+    same_breadth = abs(breadth / (cell_size.rows * d1) - 1) < _SAME
+    in_order = lay.name == "circumferential" and rows == cell_size.rows and same_breadth
     return SealTiles(
-        seal=ElementSeal(
-            ring.mesh,
-            *ring.ends,
-            size=(breadth, 2 * pi * middle * part),
-            outlines=outlines,
-            axes=_axes(along),
-            rectangles=ring,
-        ),
+        seal=seal,
         lay=direction,
-        tile=np.arange(len(along)),
-        grid=cells,
-        in_order=lay.name == "circumferential"
-        and cells[0] == cell_size.rows
-        and abs(breadth / (cell_size.rows * d1) - 1) < _SAME,
-        tangent=lay.lead / (2 * pi * at) if wound else None,
+        tile=np.arange(len(direction)),
+        grid=(rows, columns),
+        in_order=in_order,
+        tangent=lay.lead / (2 * pi * centre_radius) if is_spiral else None,
         part=part,
         warnings=warnings,
     )
 
 
 def laid_on_mesh(
-    cell_size: CellSize, lay: Lay, whole: MeshSeal, length: float | None, centre: Pair
+    cell_size: CellSize, lay: Lay, mesh_seal: MeshSeal, length: float | None, centre: Pair
 ) -> SealTiles:
-    """Lay out tiles on a mesh: an element is a tile, or shares that of its neighbours where it is smaller than a cell.
+    """Cover a mesh with tiles. Elements that are smaller than a cell share a tile with their neighbours.
 
-    length : length of the seal [m]; None for that of the outlet.
-    centre : centre of the lay [m].
+    Parameters
+    ----------
+    cell_size : CellSize
+        Size of the cells of the surface.
+    lay : Lay
+        Direction of the lay on the seal.
+    mesh_seal : MeshSeal
+        Seal on a mesh.
+    length : float or None
+        Length of the seal [m]; None to take the length of the outlet.
+    centre : tuple of two float
+        Centre of a radial or circumferential lay [m].
     """
-    check_size("path", float(np.ptp(whole.points, axis=0).max()), whole.unit)
-    mesh, ends = whole.mesh, whole.ends
-    along = length or whole.length
-    outlines = mesh.p.T[mesh.t.T]
+    check_size("path", float(np.ptp(mesh_seal.points, axis=0).max()), mesh_seal.unit)
+    mesh, ends = mesh_seal.mesh, mesh_seal.ends
+    outlines = mesh.p.T[mesh.t.T]  # (element, corner, 2)
     centres = outlines.mean(axis=1)
-    direction = lay.directions(centres, centre, to_si(f"1 {whole.unit}", "m", "unit"))
-    size = whole.area / along, along
-    seal = ElementSeal(mesh, *ends, size, outlines, _axes(direction))
+    direction = lay.directions(centres, centre, to_si(f"1 {mesh_seal.unit}", "m", "unit"))
+    seal_length = length or mesh_seal.length
+    mean_breadth = mesh_seal.area / seal_length
+    seal = ElementSeal(mesh, *ends, (mean_breadth, seal_length), outlines, _axes(direction))
+    # elements whose centres fall into the same square, as large as a cell, share a tile
     side = (cell_size.size[0] * cell_size.size[1]) ** 0.5
     _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
     warnings = (
         *parts_without_flow(mesh, *ends),
         *boundaries_without_name(mesh),
-        *_large_elements(outlines, cell_size.size, whole.unit),
+        *_large_elements(outlines, cell_size.size, mesh_seal.unit),
     )
     return SealTiles(seal, direction, tile.ravel(), warnings=warnings)
 
 
 def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, ...]:
-    """Warn of elements that are much larger than cells, each of which takes the permeability of a single cell.
+    """Warn if elements are much larger than cells, because each element takes the permeability of a single cell.
 
-    The leakage of a seal scatters as that of the number of its independent parts. Elements with room for N cells thus
-    make it scatter √N times as much as cells of their own size do.
+    The scatter of the leakage is inversely proportional to the square root of the number of independent tiles.
+    Elements with room for N cells therefore increase the scatter √N times.
 
-    outlines : array (n, corners, 2) of the corners of the elements [m]. cell_size : sides of a cell [m].
-    unit : of the lengths in the mesh.
+    Parameters
+    ----------
+    outlines : array, (n, corners, 2)
+        Corners of the elements [m].
+    cell_size : tuple of two float
+        Side lengths of a cell [m].
+    unit : str
+        Unit of the coordinates in the mesh file.
     """
     areas = np.abs(polygon_areas(outlines))
     room = areas / (cell_size[0] * cell_size[1])
@@ -352,20 +440,21 @@ def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, .
 
 
 def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
-    """Make a strip of rectangles, periodic along x2, with the lay of each (n, 2).
+    """Make tiles of a periodic strip of the given size [m], with the lay (tiles, 2) of each tile.
 
-    A periodic mesh has three columns or more; fewer columns are repeated.
+    A periodic mesh needs `FEWEST_COLUMNS` columns; fewer columns are repeated. Repeated elements share a tile.
     """
-    times = -(-FEWEST_COLUMNS // cells[1])
+    times = -(-FEWEST_COLUMNS // cells[1])  # rounded up
     n1, n2 = cells[0], times * cells[1]
-    whole = size[0], times * size[1]
-    strip = Rectangles(np.linspace(0.0, size[0], n1 + 1), whole[1], n2)
+    repeated_size = size[0], times * size[1]
+    strip = Rectangles(np.linspace(0.0, size[0], n1 + 1), repeated_size[1], n2)
     tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, times)).ravel()
-    seal = ElementSeal(strip.mesh, *strip.ends, whole, strip.outlines, _axes(lay[tile]), strip)
+    axes = _axes(lay[tile])
+    seal = ElementSeal(strip.mesh, *strip.ends, repeated_size, strip.outlines, axes, strip)
     return SealTiles(seal, lay[tile], tile, cells)
 
 
 def _axes(lay: Array) -> Array:
-    """Return unit vectors across and along the lay (n, 2, 2), from those along it (n, 2)."""
+    """Return unit vectors across and along the lay (n, axis, 2), from unit vectors along the lay (n, 2)."""
     across = np.stack([lay[:, 1], -lay[:, 0]], axis=1)
     return np.stack([across, lay], axis=1)
