@@ -1,4 +1,4 @@
-"""A case: the TOML file of a run, its tables, and the checks of its values."""
+"""Read the TOML file of a case, which is the input of a run, and validate its tables and values."""
 
 from typing import TYPE_CHECKING
 

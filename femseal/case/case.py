@@ -1,7 +1,8 @@
-"""A case: the whole input of a run, read from a TOML file in which quantities have units.
+"""Define the tables of a case, which is the whole input of a run, and check that their values are consistent.
 
-All keys are validated before anything is computed, and all errors are reported together, each with its key, the value
-and what is expected. `preparation.prepare` converts a case into the input of the studies.
+A case is read from a TOML file in which quantities have units. All keys are validated before anything is computed, and
+all errors are reported together. Each error names the key, its value and the values that are expected.
+`preparation.prepare` converts a case to the input of the studies.
 """
 
 from __future__ import annotations
@@ -200,28 +201,35 @@ class Case(Table):
             raise InputError("time_limit", "a time without accuracy", expected)
 
     def _check_loads(self) -> None:
-        """Raise an InputError if the solid cannot carry the loads; forces are checked when the seal is known."""
+        """Raise an InputError if the solid cannot carry the loads.
+
+        Forces are checked later, because the nominal pressures are only known with the area of the seal.
+        """
         if self.load.unit == "Pa" and self.load.highest >= self.law.capacity:
             expected = f"pressures below the hardness, {to_text(self.law.capacity, 'Pa')}"
             raise InputError("load", to_text(self.load.highest, "Pa"), expected)
 
-    def _check_pressures(self, place: str, table: FluidTable) -> None:
-        """Raise an InputError if a fluid does not flow from the inlet, or has no properties at its pressure."""
+    def _check_pressures(self, table_key: str, table: FluidTable) -> None:
+        """Raise an InputError if the inlet pressure of a fluid is not above the outlet pressure, or is out of range.
+
+        A fluid has a range of pressures in which its properties are defined.
+        """
         if not table.inlet_pressure > table.outlet_pressure:
             outlet = to_text(table.outlet_pressure, "Pa")
             expected = f"a pressure above that of the outlet, {outlet}"
             given = to_text(table.inlet_pressure, "Pa")
-            raise InputError(f"{place}.inlet_pressure", given, expected)
-        with inside(place):
+            raise InputError(f"{table_key}.inlet_pressure", given, expected)
+        with inside(table_key):
             potential_of(table.fluid, "inlet_pressure", table.inlet_pressure)
 
     def _check_output(self) -> None:
-        """Raise an InputError if the unit or a class of leakage is not for the fluid or the test fluid."""
+        """Raise an InputError if the leakage unit or a leakage class does not suit the fluid or the test fluid."""
         output = self.output
-        tested = output.test_fluid or self.fluid
+        tested_fluid = output.test_fluid or self.fluid
+        pressure_drop = tested_fluid.state.pressure_drop
         service_basis, test_basis = (
-            leak_basis(table.fluid, 1.0, pressure_drop=tested.state.pressure_drop, **output.valve)
-            for table in (self.fluid, tested)
+            leak_basis(table.fluid, 1.0, pressure_drop=pressure_drop, **output.valve)
+            for table in (self.fluid, tested_fluid)
         )
         unit = output.unit
         if unit is not None and service_basis.lacks(unit) and test_basis.lacks(unit):
@@ -232,13 +240,14 @@ class Case(Table):
             check_classes(output.classes, output.nominal_diameter, test_basis)
 
     def _check_faces(self) -> None:
+        """Raise an InputError if the first face has keys that position a face on another one."""
         first = self.face[0]
         if isinstance(first, FileFace) and first.placement:
             given = ", ".join(sorted(first.placement))
             raise InputError("face.0", given, "it in the table of the second face")
 
     def _check_seal(self) -> None:
-        """Raise an InputError if the shape of the seal does not go with the method, or with the length of a strip."""
+        """Raise an InputError if the seal shape is not possible with the method, or with a length in [stochastic]."""
         layout = self.layout
         if layout.has_length:
             return
@@ -253,19 +262,21 @@ class Case(Table):
                 raise InputError(f"stochastic.{name}", to_text(value, "m"), expected)
 
     def _check_seat(self) -> None:
-        """Raise an InputError if the form of the seat does not go with boundary, faces, seal or map."""
-        kind, boundary = self.seat.kind, self.contact.boundary[0]
+        """Raise an InputError if a seat with a form is combined with a boundary, face, seal or map that excludes it."""
+        kind = self.seat.kind
+        boundary = self.contact.boundary[0]  # along x1
         if kind == "flat":
             return
         if boundary != "free":
             given = f"{boundary} along x1 with a {kind} seat"
             raise InputError("contact.boundary", given, "free along x1")
-        least = least_detrend(kind)
+        least_order = least_detrend(kind)
         order = 1 if self.surface.detrend is None else self.surface.detrend
         is_measured = any(isinstance(face, FileFace) for face in self.face)
-        if is_measured and order < least:
+        if is_measured and order < least_order:
             given = f"{order} with a {kind} seat, so that its form would count twice"
-            raise InputError("surface.detrend", given, f"{least}, because [seat] gives the form")
+            expected = f"{least_order}, because [seat] gives the form"
+            raise InputError("surface.detrend", given, expected)
         if self.load.map is not None:
             expected = "no map, because the form of the seat determines the pressure"
             raise InputError("load.map", f"a map with a {kind} seat", expected)
@@ -274,7 +285,7 @@ class Case(Table):
             raise InputError("seal.kind", given, "a strip or a ring")
 
     def _check_map_and_form(self) -> None:
-        """Raise an InputError if the contact pressure over the seal is given for a single face, or given twice."""
+        """Raise an InputError if the case has a pressure map or a form, and they exclude its methods or each other."""
         if self.load.map is not None:
             why = "the other methods have one nominal pressure"
             self._check_stochastic_alone("load.map", "a map", why)
@@ -286,13 +297,21 @@ class Case(Table):
                 raise InputError("load.map", "a map with seal.form", expected)
 
     def _check_stochastic_alone(self, name: str, given: str, why: str) -> None:
-        """Raise an InputError if there is a method besides stochastic, for which a key has no meaning."""
+        """Raise an InputError if the case has a method besides stochastic, for which a key has no meaning.
+
+        Parameters
+        ----------
+        name : key in the case.
+        given : short description of its value for the message.
+        why : reason why the other methods cannot use the key.
+        """
         others = self.methods - {"stochastic"}
         if others:
             given = f"{given} with the method {', '.join(sorted(others))}"
             raise InputError(name, given, f"stochastic alone, because {why}")
 
     def _check_files(self) -> None:
+        """Raise an InputError if a file that the case names does not exist."""
         for name, path in self.files():
             full_path = self.folder / path
             if isfile(full_path):
@@ -303,7 +322,7 @@ class Case(Table):
             raise InputError(name, f"'{shortened(path)}'", expected)
 
     def files(self) -> Iterator[tuple[str, Path]]:
-        """Yield key and path, relative to the folder of the case, of every file that it names."""
+        """Yield the key and the path of every file that the case names; paths are relative to the case."""
         for face in self.face:
             if not isinstance(face, FileFace):
                 continue
@@ -328,29 +347,32 @@ class Case(Table):
 
     @property
     def layout(self) -> Layout:
-        """The shape of the seal."""
+        """Shape of the seal, and how tiles are placed on it."""
         return self.seal.make(self.folder)
 
     @property
     def methods(self) -> set[str]:
-        """The method and the methods to compare it with."""
+        """All methods of the run, that is, `method` and those in `compare`."""
         return {self.method, *self.compare}
 
     @property
     def solids(self) -> tuple[Solid, Solid | None]:
-        """The two bodies; None is rigid."""
+        """Solid with the rough surface, and solid of the counter-face; None stands for a rigid counter-face."""
         counter = self.counter_material
         return self.material.solid, None if counter is None else counter.solid
 
     @property
     def law(self) -> ContactLaw:
-        """Contact law of the softer solid, at each depth where their curves cross; elastic if none yields."""
+        """Contact law of the softer solid; elastic if none of them yields.
+
+        If the hardness curves of the two solids cross, the lower one counts at each depth.
+        """
         counter = self.counter_material
         return softer_of(self.material.law, None if counter is None else counter.law)
 
     @property
     def softer(self) -> str:
-        """Key of the table of the softer solid, whose hardness counts."""
+        """Key of the table of the softer solid, "material" or "counter_material"."""
         counter = self.counter_material
         if counter is None or self.material.law.mean_hardness <= counter.law.mean_hardness:
             return "material"
@@ -363,9 +385,9 @@ class Case(Table):
 
     @property
     def modulus(self) -> float:
-        """Contact modulus [Pa]."""
+        """Contact modulus of both solids [Pa]."""
         return contact_modulus(*self.solids)
 
     def echo(self) -> dict[str, Any]:
-        """Return the case as plain data in SI."""
+        """Return the case as plain data, with values in SI units."""
         return self.model_dump(mode="json", exclude_none=True)

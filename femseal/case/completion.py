@@ -1,8 +1,11 @@
 """Complete the tables of a case before they are validated.
 
-Names are replaced by the properties of the fluid or solid, gauge pressures by absolute ones, kinematic viscosities by
-dynamic ones, and former keys by the present ones; tables that the methods need are added. Values that cannot be used
-are left as they are, for the validation to report.
+- The name of a fluid or solid is replaced by its properties.
+- Gauge pressures become absolute pressures, and kinematic viscosities become dynamic viscosities.
+- Former names of keys are replaced by the present names.
+- Tables that the methods need are added.
+
+Invalid values are left as they are: the validation reports them afterwards.
 """
 
 import re
@@ -22,10 +25,10 @@ from ..seal.seal_files import columns_of, read_columns
 from .faults import inside
 from .quantity_types import Amount, in_si, value_of
 
-#: A table before validation.
+#: Table of a case before validation: texts and numbers by key.
 RawTable = dict[str, Any]
 
-#: Tables that are completed.
+#: Tables that this module completes, or whose keys it needs.
 _TABLES = (
     "surface",
     "material",
@@ -38,11 +41,11 @@ _TABLES = (
 )
 #: Former keys of [face] and their present names. They are read until the next version.
 _RENAMED_FACE_KEYS = {"places": "patches"}
-#: Ratio of a given property to that of the named fluid or solid beyond which a warning is given.
+#: A property may differ from that of the named fluid or solid by this factor without a warning.
 _ODD_RATIO = 2.0
 #: Units of the properties of a named solid.
 _SOLID_UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
-#: Heading of a column in a file of hardness over depth.
+#: Heading of a column in a file with the hardness at several depths: name and unit.
 _COLUMN = re.compile(r"(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]$")
 HARDNESS_COLUMNS = (
     "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
@@ -50,12 +53,13 @@ HARDNESS_COLUMNS = (
 
 
 def complete(data: RawTable) -> RawTable:
-    """Return the data of a case with everything that it leaves out.
+    """Return the tables of a case, completed as described at the top of this module.
 
-    `named_warnings` in the returned data are warnings of renamed keys, and of properties that differ much from those of
-    a named fluid or solid.
+    The entry `named_warnings` of the returned data has warnings of renamed keys, and of properties that differ much
+    from those of a named fluid or solid.
     """
-    # a value in table_key of a table is put back, so that its validation fails
+    # Where a table is expected but another value is given, an empty table is completed instead. The value is put back
+    # at the end, so that the validation reports it.
     no_tables = {name: data[name] for name in _TABLES if not isinstance(data.get(name, {}), dict)}
     data = data | {name: {} for name in no_tables}
     warnings: list[str] = []
@@ -73,7 +77,10 @@ def complete(data: RawTable) -> RawTable:
 
 
 def as_tables(value: Any) -> Any:
-    """Return a list of tables from one table or several; a table with a path or patches gets the kind "file"."""
+    """Return a list of tables, also if a single table is given.
+
+    A table that names files by `path` or `patches` gets the kind "file" unless it has another kind.
+    """
     tables = [value] if isinstance(value, dict) else value
     if not isinstance(tables, (list, tuple)):
         return value
@@ -88,28 +95,28 @@ def _names_files(table: Any) -> bool:
 
 
 def _with_tables_for_methods(data: RawTable) -> RawTable:
-    """Add the method unless it is given, and the table [stochastic] if a method needs it.
+    """Add the method if it is missing, and the table [stochastic] if one of the methods needs it.
 
-    With `accuracy` and without a method, the method is "stochastic" if the case has the table [stochastic] or a seal
-    with a length of its own, else "deterministic", which "auto" stands for as well.
+    The default method is "stochastic". It is "deterministic" if the case asks for an accuracy and describes a face
+    only: it has no table [stochastic], and its seal is a strip, whose length that table would give. The method "auto"
+    of earlier versions is "deterministic".
     """
-    seal_has_length = data.get("seal", {}).get("kind", "rectangular") != "rectangular"
-    is_face_alone = (
-        data.get("accuracy") is not None and "stochastic" not in data and not seal_has_length
-    )
-    method = data.get("method", "deterministic" if is_face_alone else "stochastic")
+    is_strip = data.get("seal", {}).get("kind", "rectangular") == "rectangular"
+    has_accuracy = data.get("accuracy") is not None
+    is_only_face = has_accuracy and is_strip and "stochastic" not in data
+    method = data.get("method", "deterministic" if is_only_face else "stochastic")
     if method == "auto":
         method = "deterministic"
     compared = data.get("compare", ())
-    is_stochastic = method == "stochastic" or (
-        isinstance(compared, list) and "stochastic" in compared
-    )
-    added: RawTable = {"stochastic": {}} if is_stochastic else {}
+    is_compared = isinstance(compared, list) and "stochastic" in compared
+    added: RawTable = {}
+    if method == "stochastic" or is_compared:
+        added["stochastic"] = {}
     return added | data | {"method": method}
 
 
 def _with_present_face_keys(data: RawTable, warnings: list[str]) -> RawTable:
-    """Replace former keys of [face] by their present names, and add a warning for each."""
+    """Rename former keys of all tables [face] to their present names, and add a warning for each of them."""
     faces = data.get("face")
     if isinstance(faces, dict):
         return data | {"face": _with_present_keys(faces, warnings)}
@@ -119,7 +126,7 @@ def _with_present_face_keys(data: RawTable, warnings: list[str]) -> RawTable:
 
 
 def _with_present_keys(face: Any, warnings: list[str]) -> Any:
-    """Replace former keys of one table [face]."""
+    """Rename former keys of a single table [face]."""
     if not isinstance(face, dict):
         return face
     for former, present in _RENAMED_FACE_KEYS.items():
@@ -133,36 +140,38 @@ def _with_present_keys(face: Any, warnings: list[str]) -> Any:
 
 
 def least_detrend(kind: object) -> int:
-    """Return the least order of the form to remove from a measured surface on a seat of a kind.
+    """Return the lowest order of the form that must be removed from a measured surface on a seat of the given kind.
 
-    The form of the seat would count twice if it remained in the measured surface.
+    The order is 0 for the mean, 1 for the tilt and 2 for the curvature, as in `surface.detrend`. The form of the seat
+    would count twice if it remained in the measured surface.
     """
     return {"flat": 0, "tilted": 1}.get(str(kind), 2)
 
 
 def _with_detrending(data: RawTable) -> RawTable:
-    """Add the order of the form to remove from measured surfaces on a curved seat, unless it is given."""
+    """Add `surface.detrend` for measured surfaces on a curved seat, unless the case gives it."""
     faces = data.get("face")
     is_measured = isinstance(faces, list) and any(
         isinstance(face, dict) and face.get("kind") == "file" for face in faces
     )
-    least = least_detrend(data.get("seat", {"kind": "flat"}).get("kind"))
-    if not is_measured or least < 2:  # the default removes a tilt
-        return data
-    return data | {"surface": {"detrend": least} | data.get("surface", {})}
+    order = least_detrend(data.get("seat", {"kind": "flat"}).get("kind"))
+    if not is_measured or order < 2:
+        return data  # the default removes the tilt anyway
+    return data | {"surface": {"detrend": order} | data.get("surface", {})}
 
 
 # --- fluids -----------------------------------------------------------------------------------------------------
 
 
 def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
-    """Complete the fluid and the test fluid: absolute pressures in Pa, and the properties of named fluids.
+    """Convert the pressures of the fluid and the test fluid to absolute ones, and add the properties of named fluids.
 
-    Gauge pressures count from `ambient_pressure` in [fluid]; those of a test fluid from its own one if it has one. If
-    there are gauge pressures, or an ambient pressure, an outlet without a pressure is at the ambient pressure.
+    Gauge pressures are relative to `ambient_pressure` in [fluid], or in the table of the test fluid if it has this key.
+    If a table has gauge pressures or an ambient pressure, the default pressure at its outlet is the ambient pressure.
     """
     data = dict(data)
-    fluid, output = data.get("fluid"), data.get("output", {})
+    fluid = data.get("fluid")
+    output = data.get("output", {})
     ambient = value_of(fluid or {}, "ambient_pressure", "Pa")
     if fluid is not None:
         fluid = _with_absolute_pressures(fluid, "fluid", ambient)
@@ -176,21 +185,22 @@ def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
 
 
 def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | None) -> RawTable:
-    """Make the pressures of a fluid absolute.
+    """Return the table of a fluid with absolute pressures.
 
     Parameters
     ----------
-    fluid : its table.
+    fluid : table of the fluid.
     table_key : key of the table in the case.
-    ambient : ambient pressure [Pa] if the table has none; None if it is not given anywhere.
+    ambient : ambient pressure to use if the table has none [Pa]; None if the case does not give it.
     """
     ambient = value_of(fluid, "ambient_pressure", "Pa", ambient)
     keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in fluid]
-    given: RawTable = {key: fluid[key] for key in keys}
+    pressures: RawTable = {key: fluid[key] for key in keys}
     absolute = {
-        key: _absolute(value, ambient, f"{table_key}.{key}") for key, value in given.items()
+        key: _absolute(value, ambient, f"{table_key}.{key}") for key, value in pressures.items()
     }
-    if ambient is None and absolute == given:
+    has_gauge_pressures = absolute != pressures
+    if ambient is None and not has_gauge_pressures:
         return fluid
     surroundings = Amount(STANDARD_PRESSURE if ambient is None else ambient, "Pa")
     defaults = {"ambient_pressure": surroundings, "outlet_pressure": surroundings}
@@ -198,20 +208,21 @@ def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | N
 
 
 def _absolute(value: Any, ambient: float | None, table_key: str) -> Any:
-    """Return a pressure that is marked as gauge or absolute in Pa, any other value as it is."""
+    """Convert a pressure that is marked as gauge or absolute to an absolute one [Pa]; return other values unchanged."""
     reference = STANDARD_PRESSURE if ambient is None else ambient
     pressure = absolute_pressure(value, reference, table_key)
     return value if pressure is None else Amount(pressure, "Pa")
 
 
 def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> RawTable:
-    """Return the table of a fluid with a dynamic viscosity, and with the properties of a named fluid.
+    """Return the table of a fluid with its dynamic viscosity, and with the properties that its name stands for.
 
     Parameters
     ----------
-    fluid : its table.
+    fluid : table of the fluid.
     table_key : key of the table in the case.
-    warnings : a warning is added for each given value that differs much from that of the named fluid.
+    warnings : list to which a warning is added for each value in the table that differs much from the property of the
+        named fluid.
     """
     if "name" not in fluid:
         return _with_dynamic_viscosity(fluid, table_key)
@@ -227,29 +238,29 @@ def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> Raw
     if not isinstance(kind, str) or kind not in FLUIDS:
         return fluid
     properties = _properties_of(named, kind)
-    given = fluid
+    values = fluid
     if "temperature" not in _units_of(kind):
-        # it has chosen the properties, and is no key of this kind
-        given = {key: value for key, value in fluid.items() if key != "temperature"}
+        # the temperature was only needed to look the properties up: fluids of this kind have no such key
+        values = {key: value for key, value in fluid.items() if key != "temperature"}
     density = named.parameters.get("density")
-    given = _with_dynamic_viscosity({"kind": kind, **given}, table_key, density)
+    values = _with_dynamic_viscosity({"kind": kind, **values}, table_key, density)
     if kind != named.kind:
         warnings.append(
             f"{table_key}.kind {kind} is used for {fluid['name']}, which is of kind {named.kind}: leave the "
             "kind out unless that is intended"
         )
-    warnings += _odd_properties(given, properties, table_key)
-    return {**properties, **given}
+    warnings += _odd_properties(values, properties, table_key)
+    return {**properties, **values}
 
 
 def _units_of(kind: str) -> dict[str, str]:
-    """Return the units of the parameters of a kind of fluid that are quantities."""
+    """Return the unit of each parameter of a kind of fluid that is a quantity."""
     parameters = fields(FLUIDS[kind])
     return {field.name: field.metadata["unit"] for field in parameters if "unit" in field.metadata}
 
 
 def _properties_of(named: Any, kind: str) -> dict[str, Amount]:
-    """Return the properties of a named fluid that are parameters of a kind of fluid."""
+    """Return those properties of a named fluid that fluids of the given kind have as parameters."""
     units = _units_of(kind)
     return {
         name: Amount(value, units[name])
@@ -261,13 +272,13 @@ def _properties_of(named: Any, kind: str) -> dict[str, Amount]:
 def _with_dynamic_viscosity(
     fluid: RawTable, table_key: str, named_density: float | None = None
 ) -> RawTable:
-    """Replace a kinematic viscosity by the dynamic one.
+    """Return the table of a fluid in which a kinematic viscosity is replaced by the dynamic viscosity.
 
     Parameters
     ----------
     fluid : table of the fluid.
     table_key : key of the table in the case.
-    named_density : density of the named fluid [kg/m³], if the table has none.
+    named_density : density to use if the table has none, that of the named fluid [kg/m³]; None if it has no name.
 
     Raises
     ------
@@ -296,9 +307,9 @@ def _with_dynamic_viscosity(
 
 
 def _temperature(fluid: RawTable, table_key: str) -> float:
-    """Return the temperature of a named fluid [K], 20 °C unless given.
+    """Return the temperature of a named fluid [K], by default 20 °C.
 
-    It is checked here because a liquid has no key for it.
+    It is checked here because the table of a liquid has no such key, so that the validation would not check it.
     """
     if "temperature" not in fluid:
         return TABLE_TEMPERATURE
@@ -314,18 +325,25 @@ def _temperature(fluid: RawTable, table_key: str) -> float:
 
 
 def _odd_properties(
-    given: RawTable, properties: dict[str, Amount], table_key: str
+    table: RawTable, properties: dict[str, Amount], table_key: str
 ) -> Iterator[str]:
-    """Yield a warning for each given value that is much larger or smaller than that of the named fluid or solid."""
+    """Yield a warning for each value in a table that differs much from the property of the named fluid or solid.
+
+    Parameters
+    ----------
+    table : table of the fluid or solid.
+    properties : properties that its name stands for.
+    table_key : key of the table in the case.
+    """
     for name, usual in properties.items():
-        value = value_of(given, name, usual.unit, 0.0)
+        value = value_of(table, name, usual.unit, 0.0)
         if value <= 0 or 1 / _ODD_RATIO <= value / usual <= _ODD_RATIO:
             continue
         ratio = value / usual
         times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
         unit = usual.unit.replace("*", "·")
         yield (
-            f"{table_key}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
+            f"{table_key}.{name} {to_text(value, unit)} is {times} that of {table['name']}, "
             f"{to_text(usual, unit)}: keep it if it was measured, else leave out the key or the name"
         )
 
@@ -334,23 +352,24 @@ def _odd_properties(
 
 
 def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: list[str]) -> RawTable:
-    """Return the table of a solid with the properties of a named solid, and with the rows of its hardness table.
+    """Return the table of a solid with the properties that its name stands for, and the rows of its hardness table.
 
     Parameters
     ----------
-    solid : its table.
+    solid : table of the solid.
     table_key : key of the table in the case.
-    folder : to which the path of a hardness table is relative.
-    warnings : a warning is added for each given value that differs much from that of the named solid.
+    folder : folder to which the path of a hardness table is relative.
+    warnings : list to which a warning is added for each value in the table that differs much from the property of the
+        named solid.
     """
-    given = dict(solid)
-    path = given.get("hardness_table")
+    table = dict(solid)
+    path = table.get("hardness_table")
     if isinstance(path, str):
-        given["hardness_table"] = _hardness_rows(folder / path, f"{table_key}.hardness_table")
-    if "name" not in given:
-        return given
+        table["hardness_table"] = _hardness_rows(folder / path, f"{table_key}.hardness_table")
+    if "name" not in table:
+        return table
     with inside(table_key):
-        named = named_solid(given["name"])
+        named = named_solid(table["name"])
     assert named.yield_stress is not None
     values = {
         "young": named.young,
@@ -359,26 +378,36 @@ def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: lis
         "hardness": HARDNESS_FACTOR * named.yield_stress,
     }
     properties = {name: Amount(value, _SOLID_UNITS[name]) for name, value in values.items()}
-    warnings += _odd_properties(given, properties, table_key)
-    del properties["hardness"]  # which follows from the yield stress
-    if "hardness" in given or "hardness_table" in given:
+    warnings += _odd_properties(table, properties, table_key)
+    del properties["hardness"]  # it follows from the yield stress
+    if "hardness" in table or "hardness_table" in table:
         del properties["yield_stress"]
-    return properties | given
+    return properties | table
 
 
 def _hardness_rows(path: Path, key: str) -> list[list[str]]:
-    """Read the rows of a hardness table from a file; each has a depth and a hardness, as text with its unit.
+    """Read a file with the hardness at several depths.
+
+    Parameters
+    ----------
+    path : path of the file.
+    key : key of the case that names the file, for error messages.
+
+    Returns
+    -------
+    Depth and hardness of each row, as texts with units.
 
     Raises
     ------
-    InputError : the file does not exist, or has other columns, or fewer than two rows; it names the key.
+    InputError : the file does not exist, has other columns, or has fewer than two rows.
     """
     name = f"'{shortened(path.name)}'"
     if not isfile(path):
         raise InputError(key, name, "a file that exists, or rows such as ['0.1 um', '2 GPa']")
     try:
-        headings = {match[1]: match for match in map(_COLUMN.match, columns_of(path)) if match}
-        columns = headings["depth"], headings["hardness"]
+        matches = [_COLUMN.match(heading) for heading in columns_of(path)]
+        by_name = {match[1]: match for match in matches if match}
+        columns = by_name["depth"], by_name["hardness"]  # of each: [0] heading, [1] name, [2] unit
         numbers = read_columns(path, tuple(column[0] for column in columns))
     except (InputError, KeyError):
         raise InputError(key, name, HARDNESS_COLUMNS) from None

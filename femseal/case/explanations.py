@@ -1,4 +1,4 @@
-"""Explain errors of the validation of a case in the words of its file.
+"""Translate errors of the validation by pydantic to errors that name the keys of the case file.
 
 pydantic locates an error by a path of fields, positions in lists, and kinds of tables, such as
 ("face", 0, "turned", "pitch"). The key in the file is "face.pitch", or "face.0.pitch" if there are two faces.
@@ -18,35 +18,36 @@ from .faults import EXPECTED_TYPES, expected_value
 from .table_types import Table
 from .template import as_toml, example, keys_of, kind_of, table_to_paste, tables_in
 
-#: Keys removed since the last release, and what to do instead.
+#: Keys that were removed since the last release, and what to use instead.
 REMOVED: dict[str, str] = {}
-#: Largest length of a user's key, and of an explanation, in characters.
+#: Largest length of a key of the user, and of an explanation [characters].
 _LONGEST_KEY, _LONGEST_EXPLANATION = 40, 300
 
 
 def explain(error: ValidationError, data: dict[str, Any]) -> list[InputError]:
-    """Return an InputError for each error of a validation.
+    """Return an InputError for each error of a validation, without repetition.
 
     Parameters
     ----------
-    error : the errors of `Case.model_validate`.
-    data : the tables that were validated.
+    error : error that `Case.model_validate` has raised, which lists all errors.
+    data : tables that were validated.
     """
-    explained: dict[str, InputError] = {}
-    for single in error.errors():
-        # pydantic also reports a list with an unusable item as too short
-        if single["type"] == "too_short" and single["input"]:
+    by_message: dict[str, InputError] = {}
+    for details in error.errors():
+        # pydantic reports a list with an invalid item a second time, as too short
+        if details["type"] == "too_short" and details["input"]:
             continue
-        found = _explain(dict(single), data)
-        explained.setdefault(str(found), found)
-    return list(explained.values())
+        explained = _explain(dict(details), data)
+        by_message.setdefault(str(explained), explained)
+    return list(by_message.values())
 
 
 def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
     """Return the InputError for one error of pydantic, see `explain`."""
     path, tables = _locate(error["loc"])
-    kind, given = error["type"], error["input"]
-    cause = error.get("ctx", {}).get("error")
+    kind = error["type"]
+    given = error["input"]
+    cause = error.get("ctx", {}).get("error")  # InputError that a validator of femseal has raised
     if isinstance(cause, InputError) and cause.what:
         path += cause.what.split(".")
     path = _as_in_file(path, data)
@@ -68,8 +69,16 @@ def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
 
 
 def _explain_input_error(key: str, value: Any, cause: InputError) -> InputError:
-    """Return the error of a validator with its key in the file; `value` is what was validated."""
-    if cause.what:  # it may be from any function, with an explanation of any length
+    """Return the error that a validator has raised, with its key in the file.
+
+    Parameters
+    ----------
+    key : key in the file.
+    value : value that was validated.
+    cause : error of the validator.
+    """
+    if cause.what:
+        # such an error can come from any function of the package, and its explanation can be long
         return InputError(key, cause.given, shortened(cause.expected, _LONGEST_EXPLANATION))
     given = cause.given
     if isinstance(given, str) and not given:
@@ -78,8 +87,9 @@ def _explain_input_error(key: str, value: Any, cause: InputError) -> InputError:
 
 
 def _explain_missing(path: list[str], table: type[Table]) -> InputError:
-    """Return the error of a missing key or table, with an example to paste."""
-    key, name = ".".join(path), path[-1]
+    """Return the error for a missing key or table, with an example that the user can paste into the case."""
+    key = ".".join(path)
+    name = path[-1]
     text = table_to_paste(Case, key) if len(path) == 1 else ""
     if text:
         return InputError(key, MISSING, f"a table such as\n{text}")
@@ -92,13 +102,19 @@ def _explain_missing(path: list[str], table: type[Table]) -> InputError:
 
 
 def _known_keys(path: list[str], table: type[Table]) -> str:
-    """Return the keys of a table, and what an unknown key may have been meant to be."""
-    name, known = path[-1], list(keys_of(table))
+    """List the keys of a table, and guess which key the user meant by an unknown one.
+
+    It may be a key of another kind of the same table, a key of another table, or a misspelt key.
+    """
+    name = path[-1]
+    known = list(keys_of(table))
     names = ", ".join(known)
     top_level = keys_of(Case)
-    alternatives = tables_in(top_level[path[0]]) if path[0] in top_level else []
-    if table in alternatives:
-        kinds = [repr(kind_of(other)) for other in alternatives if name in other.model_fields]
+    tables_of_all_kinds = tables_in(top_level[path[0]]) if path[0] in top_level else []
+    if table in tables_of_all_kinds:
+        kinds = [
+            repr(kind_of(other)) for other in tables_of_all_kinds if name in other.model_fields
+        ]
         if kinds:
             return f"{names}; {name} is a key of kind {' or '.join(kinds)}"
     for table_name, field in top_level.items():
@@ -109,13 +125,24 @@ def _known_keys(path: list[str], table: type[Table]) -> str:
 
 
 def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
-    """Return the key of an error as a list, and the table that contains it, or the tables that its value may be."""
+    """Follow the location of an error through the tables of a case.
+
+    Parameters
+    ----------
+    location : fields, positions in lists and kinds of tables, as pydantic gives them.
+
+    Returns
+    -------
+    Parts of the dotted key, without the kinds of tables; and the table that contains the key, or if the value of the
+    key is a table, all kinds of this table.
+    """
     path: list[str] = []
     tables: list[type[Table]] = [Case]
     for part in location:
-        of_kind = [table for table in tables if kind_of(table) == part]
-        if of_kind:  # pydantic adds the kind of a table to the location
-            tables = of_kind
+        tables_of_kind = [table for table in tables if kind_of(table) == part]
+        if tables_of_kind:
+            # this part of the location is no key, but the kind of the table
+            tables = tables_of_kind
             continue
         path.append(shortened(part, _LONGEST_KEY))
         fields = tables[0].model_fields
@@ -125,12 +152,16 @@ def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
 
 
 def _as_in_file(path: list[str], data: Any) -> list[str]:
-    """Leave out the position of a table that the file gives by itself, where a list of tables is possible as well."""
+    """Remove positions in lists that the file does not contain.
+
+    Where one or several tables are possible, such as [face], pydantic always gives a position. It is removed if the
+    file has a single table.
+    """
     result = []
     value = data
     for part in path:
         if isinstance(value, dict) and part.isdecimal() and part not in value:
-            continue
+            continue  # the value is a table and not a list
         result.append(part)
         if isinstance(value, dict):
             value = value.get(part)

@@ -1,6 +1,7 @@
-"""Tables [face] and [surface] of a case: rough surfaces, generated or measured, and the conditioning of their sum.
+"""Define the tables [face] and [surface] of a case.
 
-To add a kind of face, write a table with `maps` and `make`, and add it to `Face`.
+[face] describes a rough surface, generated or measured; [surface] describes how the sum of the surfaces is conditioned.
+To add a kind of face, write a table with the methods `maps` and `make`, and add it to `Face`.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from .quantity_types import (
 )
 from .table_types import Table, key
 
-#: Side of a surface, size of a pixel, length of a wave, and height of roughness or texture.
+#: Lengths with their usual ranges: side of a surface, size of a pixel, wavelength, and height of roughness or texture.
 Side = Annotated[Length, UsualRange(1e-7, 1.0, "m")]
 Pixel = Annotated[Length, UsualRange(1e-10, 1e-3, "m")]
 Wave = Annotated[Length, UsualRange(1e-9, 0.1, "m")]
@@ -49,7 +50,7 @@ Relief = Annotated[Length, UsualRange(1e-10, 1e-3, "m")]
 
 
 class FaceMap(NamedTuple):
-    """One map of heights, with the limits of its instrument and notes on how its file was understood."""
+    """Map of heights, with the resolution of its instrument and notes on how its file was interpreted."""
 
     topography: Topography
     instrument: Instrument
@@ -82,11 +83,11 @@ class GeneratedFace(Table):
         cut_off: float | None
 
     def maps(self, folder: Path) -> list[GeneratedFace]:
-        """Return the table of each map: a generated surface is a single one."""
+        """Return the tables of the maps of which the face consists; a generated surface is a single map."""
         return [self]
 
     def make(self, folder: Path, rng: np.random.Generator) -> FaceMap:
-        """Generate the surface; its shortest wave takes the place of the limit of an instrument."""
+        """Generate the surface. Its shortest wave is stored like the resolution limit of an instrument."""
         parameters = self.model_dump(exclude={"kind", "points", "size", "ra", "rz"})
         heights = type(self).make_heights(self.points, self.size, rng=rng, **parameters)
         shortest_wave = self.cut_off or resolved_wave(self.size, self.points)
@@ -128,11 +129,11 @@ class TurnedFace(GeneratedFace):
 
 
 def _check_crop(value: Any) -> Any:
-    """Return the ends of a crop; InputError unless they are four values in one list."""
+    """Return the value of the key `crop`; raise an InputError unless it is a flat list of four values."""
+    if value is None:
+        return value
     is_list = isinstance(value, (list, tuple))
-    if value is None or (
-        is_list and len(value) == 4 and not any(isinstance(end, (list, tuple)) for end in value)
-    ):
+    if is_list and len(value) == 4 and not any(isinstance(end, (list, tuple)) for end in value):
         return value
     raise unusable(
         "four lengths in one list, x1 from and to, x2 from and to: "
@@ -201,14 +202,14 @@ class MapFile(Table):
 
 
 def _patch_tables(value: Any) -> Any:
-    """Return a list of tables from paths, a pattern of paths, or tables."""
+    """Convert paths, or a pattern of paths, to a list of tables; tables are returned unchanged."""
     items = [value] if isinstance(value, str) else value
     if not isinstance(items, list):
         return value
     return [{"path": item} if isinstance(item, str) else item for item in items]
 
 
-#: Maps of several patches: paths, a pattern such as "patch*.plu", or tables with keys of their own.
+#: Maps of several patches, which are paths, a pattern such as "patch*.plu", or tables.
 PatchTables = Annotated[
     tuple[MapFile, ...],
     BeforeValidator(_patch_tables),
@@ -252,15 +253,17 @@ class FileFace(MapFile):
 
     @property
     def placement(self) -> dict[str, Any]:
-        """Position on the first face, as `topography.combined` takes it."""
+        """Position of the second face on the first one, as arguments of `topography.combined`."""
         return self.model_dump(include=_PLACEMENT, exclude_none=True)
 
     def maps(self, folder: Path) -> list[FileFace]:
-        """Return the table of each map: of every patch, patterns resolved in alphabetical order, or the face itself.
+        """Return the tables of the maps of which the face consists: one for each patch, or the face itself.
+
+        A pattern of paths is replaced by the files that match it, in alphabetical order.
 
         Raises
         ------
-        InputError : no file, a file besides patches, or fewer than two patches.
+        InputError : there is no file, a file in addition to patches, or fewer than two patches.
         """
         if self.patches is None:
             if self.path is None:
@@ -281,7 +284,7 @@ class FileFace(MapFile):
         return maps
 
     def _patch(self, patch: MapFile, path: Path) -> FileFace:
-        """Return the table of one patch: the keys of the face, replaced by those that the patch gives."""
+        """Return the table of a patch, which takes the keys of the face unless the patch has other values."""
         keys = {name: getattr(patch, name) for name in patch.model_fields_set}
         return self.model_copy(update={**keys, "patches": None, "path": path})
 
@@ -290,7 +293,7 @@ class FileFace(MapFile):
 
         Raises
         ------
-        InputError : the file or the mask cannot be read; its key comes before its path.
+        InputError : the file or the mask cannot be read. The error names the key before the path.
         """
         arguments = self.model_dump(exclude={"kind", "path", "patches", "mask", *_PLACEMENT})
         path = folder / (self.path or "")
@@ -308,7 +311,7 @@ class FileFace(MapFile):
 
 
 def _paths_of(patch: MapFile, folder: Path) -> list[Path]:
-    """Return the paths of a patch: its own, or those that match its pattern."""
+    """Return the path of a patch, or all paths that match its pattern."""
     if patch.path is None:
         raise InputError("face.patches", "a patch without path", "a path in every patch")
     pattern = str(patch.path)
@@ -317,6 +320,7 @@ def _paths_of(patch: MapFile, folder: Path) -> list[Path]:
     return [patch.path]
 
 
+#: Keys that position the second face on the first one.
 _PLACEMENT = {"mirror", "rotate", "shift"}
 Face = Annotated[TurnedFace | SelfAffineFace | FileFace, Field(discriminator="kind")]
 

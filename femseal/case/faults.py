@@ -1,8 +1,8 @@
-"""Errors of validators, and how their key is found.
+"""Raise errors in validators of a case, such that the key of each error can be found.
 
-Validators raise `InputError`. pydantic knows the table or the key in which it was raised. An error of a table names a
-key inside that table: `InputError("inlet_pressure", …)`, raised in [fluid], concerns `fluid.inlet_pressure`. An error
-of a single value has an empty name, and concerns the key of that value.
+Validators raise an `InputError`, and pydantic records for which table or key. The error of a table names a key in this
+table: `InputError("inlet_pressure", …)`, raised while [fluid] is validated, concerns the key `fluid.inlet_pressure`.
+The error of a single value has an empty name; it concerns the key with this value.
 """
 
 from collections.abc import Iterator
@@ -11,9 +11,9 @@ from typing import Any
 
 from ..base import InputError
 
-#: Fields of a case that are no keys of its file.
+#: Fields of a case that are not keys of its file.
 INTERNAL = ("folder", "named_warnings")
-#: What is expected instead of a value of the wrong type, by the type of pydantic's error, in the words of TOML.
+#: Descriptions of the expected value, in the words of TOML, by pydantic's name for the error.
 EXPECTED_TYPES = {
     "tuple_type": "a list in square brackets",
     "list_type": "a list in square brackets",
@@ -34,17 +34,17 @@ EXPECTED_TYPES = {
 
 
 def unusable(expected: str) -> InputError:
-    """Return the error of a single value, or of a whole table, whose key pydantic knows."""
+    """Return an error about a single value or a whole table; pydantic knows its key."""
     return InputError("", "", expected)
 
 
 @contextmanager
 def of_value(expected: str = "") -> Iterator[None]:
-    """Raise errors of the code inside as errors of a single value.
+    """Convert an InputError of the code inside to an error about a single value.
 
     Parameters
     ----------
-    expected : what is expected; that of the error unless given.
+    expected : description of the expected value; by default that of the error.
     """
     try:
         yield
@@ -54,7 +54,7 @@ def of_value(expected: str = "") -> Iterator[None]:
 
 @contextmanager
 def inside(table: str) -> Iterator[None]:
-    """Put the name of a table before the keys that errors of the code inside name."""
+    """Prepend the key of a table to the key that an InputError of the code inside names."""
     try:
         yield
     except InputError as error:
@@ -62,7 +62,7 @@ def inside(table: str) -> Iterator[None]:
 
 
 def expected_value(error: dict[str, Any]) -> str:
-    """Return what an error of pydantic says about the expected value."""
+    """Return the description of the expected value in an error of pydantic."""
     cause = error.get("ctx", {}).get("error")
     if isinstance(cause, InputError):
         return cause.expected

@@ -1,4 +1,4 @@
-"""Lines of a case file: find the lines of keys, and guess what an invalid line was meant to say."""
+"""Find the lines of keys in the text of a case file, and suggest corrections of invalid lines."""
 
 import re
 from collections import Counter
@@ -6,38 +6,40 @@ from collections.abc import Iterator
 
 from ..base import InputError, InputErrors, shortened
 
-#: A line that begins a table, a line with a key, and a line whose value has no quotes.
+#: Patterns of a line that begins a table, of a line with a key, and of a line whose value lacks quotes.
 _HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
 _KEY = re.compile(r"\s*([\w.-]+)\s*=")
 _UNQUOTED = re.compile(r"\s*([\w.-]+)\s*=\s*([-+]?[\d.][^\"'#\[\]{}]*?)\s*(?:#.*)?$")
 
 
 def with_line_numbers(error: InputError, text: str) -> InputErrors:
-    """Add to each error of a case the line of its key, or of its table, in the text of the file."""
-    lines = dict(_lines_of_keys(text))
+    """Add a line number to each error of a case: that of its key in the text of the file, or that of its table."""
+    line_of_key = dict(_lines_of_keys(text))
     errors = error.faults if isinstance(error, InputErrors) else (error,)
-    return InputErrors([_with_line_number(single, lines) for single in errors])
+    return InputErrors([_with_line_number(fault, line_of_key) for fault in errors])
 
 
-def _with_line_number(error: InputError, lines: dict[str, int]) -> InputError:
+def _with_line_number(error: InputError, line_of_key: dict[str, int]) -> InputError:
+    """Add the line number of its key to an error, or that of the innermost table around a key without a line."""
     key = error.what
-    while key not in lines:
-        key, dot, _ = key.rpartition(".")  # the table of the key
+    while key not in line_of_key:
+        key, dot, _name = key.rpartition(".")
         if not dot:
             return error
-    return InputError(error.what, error.given, f"{error.expected} (line {lines[key]})")
+    return InputError(error.what, error.given, f"{error.expected} (line {line_of_key[key]})")
 
 
 def _lines_of_keys(text: str) -> Iterator[tuple[str, int]]:
-    """Yield dotted keys and tables of a TOML file with their line numbers.
+    """Yield the dotted names of all keys and tables of a TOML file with their line numbers.
 
-    The first of several tables [[face]] is "face", the next ones are "face.1", "face.2" and so on. Keys inside brackets
-    and braces have the line of the key before the bracket.
+    Tables in double brackets are numbered: the first table [[face]] is "face.0", the next one is "face.1". Keys of an
+    inline table in braces are not found; their errors get the line of this table.
     """
     table = ""
     counts = Counter[str]()
     for number, line in enumerate(text.splitlines(), 1):
-        header, key = _HEADER.match(line), _KEY.match(line)
+        header = _HEADER.match(line)
+        key = _KEY.match(line)
         if header is not None:
             brackets, table = header.groups()
             if brackets == "[[":
@@ -50,15 +52,20 @@ def _lines_of_keys(text: str) -> Iterator[tuple[str, int]]:
 
 
 def likely_meaning(text: str, message: str) -> str:
-    """Return a hint about the line in which tomllib found an error, "" without one.
+    """Suggest a correction of the line in which tomllib found an error; return "" if none is likely.
 
-    A value without quotes may lack the quotes around number and unit, or have a decimal comma.
+    Usual faults are missing quotes around a number with its unit, a decimal comma, and a number such as ".5".
+
+    Parameters
+    ----------
+    text : text of the file.
+    message : message of tomllib, which has the number of the line.
     """
-    place = re.search(r"at line (\d+)", message)
+    position = re.search(r"at line (\d+)", message)
     is_repeated_key = "overwrite" in message
-    if place is None or is_repeated_key:
+    if position is None or is_repeated_key:
         return ""
-    line = _UNQUOTED.match(text.splitlines()[int(place[1]) - 1])
+    line = _UNQUOTED.match(text.splitlines()[int(position[1]) - 1])
     if line is None:
         return ""
     key, value = line.groups()

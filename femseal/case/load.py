@@ -1,4 +1,4 @@
-"""Table [load] of a case: pressures or forces of the load cycle, and maps of the contact pressure over the seal.
+"""Define the table [load] of a case: the loads of the load cycle, and maps of the contact pressure over the seal.
 
 To add a kind of map, write a table and add it to `AnyMapTable` and `_MAPS`.
 """
@@ -46,7 +46,7 @@ _EXPECTED_LOAD = (
 
 
 def _read_load(value: Any) -> Amount:
-    """Return a pressure, a force or a force per length, depending on the unit."""
+    """Read a pressure, a force or a force per length, which differ by their units."""
     if isinstance(value, Amount):
         return value
     unit = _unit_of_load(value)
@@ -57,7 +57,7 @@ def _read_load(value: Any) -> Amount:
 
 
 def _unit_of_load(value: Any) -> str | None:
-    """Return the unit in SI of text that is a load, None of anything else."""
+    """Return the SI unit of a load that is given as text, None if the value is not a load."""
     for unit in LOAD_UNITS:
         if value_of({"load": value}, "load", unit) is not None:
             return unit
@@ -65,7 +65,10 @@ def _unit_of_load(value: Any) -> str | None:
 
 
 def _unusable_load(value: Any) -> InputError:
-    """Return the error of a value that is no load; it is that of a pressure if that says more, as of a comma."""
+    """Return the error for a value that is not a load.
+
+    If reading the value as a pressure gives a more specific error, for example about a decimal comma, it is returned.
+    """
     try:
         Quantity("Pa", lambda load: True, _EXPECTED_LOAD).read(value)
     except InputError as error:
@@ -75,11 +78,11 @@ def _unusable_load(value: Any) -> InputError:
 
 
 def _write_load(load: Amount) -> float | str:
-    """Return a load as plain data: a pressure as a number, a force as text."""
+    """Convert a load to plain data: a pressure to a number [Pa], a force to text with its unit."""
     return float(load) if load.unit == "Pa" else f"{float(load)!r} {load.unit}"
 
 
-#: A pressure or a force.
+#: Load on the seal: a nominal pressure, a force, or a force per length.
 Load = Annotated[
     float,
     PlainValidator(_read_load),
@@ -89,7 +92,7 @@ Load = Annotated[
     UsualRange(1e-3, 1e8, "N"),
     UsualRange(1.0, 1e8, "N/m"),
 ]
-#: Pressure over the mean pressure.
+#: Ratio of a local pressure to the mean pressure.
 PressureRatio = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 _MAPS: dict[str, Callable[..., Any]] = {
@@ -159,6 +162,7 @@ AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(dis
 
 
 def _as_list(value: Any) -> Any:
+    """Convert a single table to a list with one table."""
     return [value] if isinstance(value, dict) else value
 
 
@@ -196,7 +200,7 @@ class LoadTable(Table):
 
     @model_validator(mode="after")
     def _check_units(self) -> LoadTable:
-        """Raise an InputError unless all loads are of one kind."""
+        """Raise an InputError unless all loads have the same unit."""
         loads = [*self.loading, *self.unload_from, *self.unloading, *self._map_loads]
         units = dict.fromkeys(_unit_in(load) for load in loads)
         if len(units) > 1:
@@ -218,7 +222,7 @@ class LoadTable(Table):
 
     @model_validator(mode="after")
     def _check_programme(self) -> LoadTable:
-        """Raise an InputError unless the loads rise, and are unloaded from peaks that they reach."""
+        """Raise an InputError if the load cycle has too many steps, or if its loads are not in a possible order."""
         if self.steps > _MOST_STEPS:
             raise InputError("", f"{self.steps} steps", f"at most {_MOST_STEPS} steps")
         LoadProgramme.of(**self.pressures(1.0, 1.0), unit=self.unit)
@@ -236,7 +240,10 @@ class LoadTable(Table):
 
     @property
     def peaks(self) -> tuple[float, ...]:
-        """Loads from which the seal is unloaded; with relaxation, all loads unless `unload_from` is given."""
+        """Loads from which the seal is unloaded.
+
+        If the case has a relaxation but no `unload_from`, the seal is unloaded from every load.
+        """
         if self.unload_from or not self.relaxation:
             return self.unload_from
         return tuple(load for load in self.loading if load > 0)
@@ -251,15 +258,16 @@ class LoadTable(Table):
 
     @property
     def _map_loads(self) -> list[float]:
+        """Loads of the pressure maps that have one."""
         return [table.at for table in self.map or () if table.at is not None]
 
     def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:
-        """Return the nominal pressures of the load cycle [Pa], as `LoadProgramme.of` takes them.
+        """Return the nominal pressures of the load cycle [Pa], as arguments of `LoadProgramme.of`.
 
         Parameters
         ----------
-        area : of the seal [m²].
-        length : of the seal [m].
+        area : nominal contact area of the seal [m²].
+        length : length of the seal [m].
         """
         loading, peaks, unloading = (
             tuple(self._pressure(load, area, length) for load in loads)
@@ -275,9 +283,9 @@ class LoadTable(Table):
 
         Parameters
         ----------
-        folder : to which paths are relative.
-        area : of the seal [m²].
-        length : of the seal [m].
+        folder : folder to which paths are relative.
+        area : nominal contact area of the seal [m²].
+        length : length of the seal [m].
         """
         if not self.map:
             return Uniform()
@@ -288,6 +296,7 @@ class LoadTable(Table):
         return MapsAtLoads(pressures, maps)
 
     def _pressure(self, load: float, area: float, length: float) -> float:
+        """Convert a load of the case to a nominal pressure [Pa]."""
         return nominal_pressure(float(load), self.unit, area=area, length=length)
 
 

@@ -1,4 +1,4 @@
-"""Table [output] of a case: what is written, and how leakage is given."""
+"""Define the table [output] of a case: the files that a run writes, the leakage unit and the leakage classes."""
 
 from __future__ import annotations
 
@@ -16,16 +16,18 @@ from .quantity_types import FileSize, Length, Temperature, UsualRange, Volume, V
 from .seal_tables import AnyFluid
 from .table_types import Table, key
 
-#: Keys that say which files are written, and change no number.
+#: Keys that choose which files are written, without an effect on the results.
 FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
 
 
 def _read_unit(value: Any) -> str:
+    """Return the name of a leakage unit; raise an InputError if it is unknown."""
     with of_value():
         return leak_unit(value).name
 
 
 def _read_class(value: Any) -> str:
+    """Return the name of a leakage class; raise an InputError if it is unknown."""
     with of_value():
         leak_classes([value])
     return str(value)
@@ -106,7 +108,7 @@ class OutputTable(Table):
 
     @property
     def valve(self) -> dict[str, float]:
-        """Volumes and capacity that units and classes need, see `base.leak_rates.LeakBasis`."""
+        """Volumes of a drop and a bubble, and rated capacity, as arguments of `base.leak_rates.LeakBasis`."""
         values = {
             "drop": self.drop_volume,
             "bubble": self.bubble_volume,
@@ -116,10 +118,10 @@ class OutputTable(Table):
 
     @property
     def files(self) -> dict[str, Any]:
-        """Which files are written, as `report.write_folder` takes it."""
+        """Choice of the files that are written, as arguments of `report.write_folder`."""
         return self.model_dump(include=set(FILE_KEYS))
 
     @property
     def unit(self) -> LeakUnit | None:
-        """Unit of leakage; None for a readable one per length of seal."""
+        """Leakage unit that the case asks for, None if it does not ask for one."""
         return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]

@@ -1,7 +1,7 @@
-"""Types of the values in a case file: quantities with a unit, numbers in a range, names.
+"""Define the types of the values in a case file: quantities with a unit, numbers in a range, and names.
 
-Each type is an `Annotated` type of pydantic. A `Quantity` in the annotation converts text with a unit to SI, and a
-`UsualRange` leads to a warning for values whose unit may be wrong.
+Each type is an `Annotated` type of pydantic. A `Quantity` in the annotation converts text with a unit to SI units. A
+`UsualRange` causes a warning for values outside the range, whose unit may be wrong.
 """
 
 from __future__ import annotations
@@ -24,19 +24,20 @@ from ..base import InputError, to_si
 from ..materials import YOUNG_LIMITS
 from .faults import expected_value, of_value, unusable
 
-#: Largest absolute value of a quantity in SI, and the inverse of the smallest: products of several remain finite.
+#: Largest absolute value of a quantity in SI units. Its inverse is the smallest one other than 0. Within these limits,
+#: products of several quantities remain finite.
 _LARGEST = 1e30
-#: Largest count; no array has as many elements.
+#: Largest count, which is more than any array has elements.
 _LARGEST_COUNT = 10**12
 
 
 class Amount(float):
-    """A number in SI with its unit, such as a load, or a value that was derived from other keys."""
+    """Number in SI units that knows its unit, such as a load or a value derived from other keys."""
 
     unit: str
 
     def __new__(cls, value: float, unit: str) -> Amount:
-        """Create an amount from a value in SI and its unit."""
+        """Create an amount from a value in SI units and the name of its unit."""
         amount = super().__new__(cls, value)
         amount.unit = unit
         return amount
@@ -49,17 +50,17 @@ class Amount(float):
 
 
 def in_si(value: Any, unit: str, like: str = "") -> float:
-    """Return the value in SI of an amount, or of text that `to_si` can read.
+    """Return the value of a quantity in SI units.
 
     Parameters
     ----------
-    value : the amount or the text.
-    unit : expected unit in SI.
-    like : example of a value, for the error.
+    value : an `Amount`, or text that `to_si` can read.
+    unit : expected SI unit.
+    like : example of a valid value, for the error message.
 
     Raises
     ------
-    InputError : the value is neither, or has another unit.
+    InputError : the value cannot be read, or has another unit.
     """
     if isinstance(value, Amount) and value.unit == unit:
         return float(value)
@@ -67,9 +68,9 @@ def in_si(value: Any, unit: str, like: str = "") -> float:
 
 
 def value_of(table: dict[str, Any], name: str, unit: str, default: Any = None) -> Any:
-    """Return the value in SI of a key in a table that has not been validated.
+    """Return the value of a key in SI units, from a table that has not been validated yet.
 
-    The default is returned if the key is missing, or cannot be used, which its validation will report.
+    The default is returned if the key is missing or its value is invalid. The validation reports invalid values later.
     """
     try:
         return in_si(table[name], unit)
@@ -79,13 +80,13 @@ def value_of(table: dict[str, Any], name: str, unit: str, default: Any = None) -
 
 @dataclass(frozen=True)
 class Quantity:
-    """Annotation of a float that a case gives as text with a unit, or as a number if `unit` is "".
+    """Annotation of a float that a case gives as text with a unit, or as a number if it has no unit.
 
     Attributes
     ----------
-    unit : in SI.
-    is_allowed : whether a value in SI is in the allowed range.
-    expected : the allowed values in words, with an example in single quotes.
+    unit : SI unit, "" for a number without a unit.
+    is_allowed : function that returns True for values in SI units within the allowed range.
+    expected : description of the allowed values, with an example in single quotes.
     """
 
     unit: str
@@ -94,15 +95,15 @@ class Quantity:
 
     @property
     def example(self) -> str:
-        """The example in `expected`, "" without one."""
+        """Example in `expected`, "" if it has none."""
         return self.expected.partition("'")[2].partition("'")[0]
 
     def read(self, value: Any) -> float:
-        """Return the value in SI.
+        """Read a value and return it in SI units.
 
         Raises
         ------
-        InputError : the value cannot be read, or is out of the allowed range.
+        InputError : the value cannot be read, or is outside the allowed range.
         """
         with of_value("" if self.unit else self.expected):
             number = in_si(value, self.unit, self.example)
@@ -126,10 +127,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class UsualRange:
-    """Annotation of a quantity: values in SI outside the range are possible, but their unit may be wrong.
+    """Annotation of a quantity with the usual range of its values in SI units.
 
-    If an annotation has several ranges of one unit, the last one counts, so that a key can narrow the range of its
-    type. A type with several units has a range for each.
+    A value outside the range is valid, but causes a warning, because its unit may be wrong. If an annotation has
+    several ranges with the same unit, the last one counts, so that a key can narrow the range of its type. A type that allows
+    several units has a range for each of them.
     """
 
     low: float
@@ -139,7 +141,7 @@ class UsualRange:
 
 @dataclass(frozen=True)
 class OneForBothAxes:
-    """Annotation of a pair of values along x1 and x2: a single value counts for both."""
+    """Annotation of a pair of values for x1 and x2, which a case can also give as a single value for both axes."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         return core_schema.no_info_wrap_validator_function(self._read, handler(source))
@@ -162,7 +164,7 @@ class OneForBothAxes:
 
 
 def quantity_schema(expected: str) -> dict[str, Any]:
-    """Return the JSON schema of text with a number and a unit."""
+    """Return the JSON schema for text with a number and a unit."""
     pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"
     return {"type": "string", "pattern": pattern, "expected": expected}
 

@@ -31,13 +31,13 @@ def load_case(path: str | PathLike[str]) -> Case:
     Returns
     -------
     Case
-        All keys, with values in SI.
+        Validated case, with values in SI units.
 
     Raises
     ------
     InputError
-        The file cannot be read, is not TOML, or has keys that cannot be used. The message has a line for each error,
-        with the key, its line in the file, the value and what is expected.
+        The file cannot be read, is not TOML, or has invalid keys or values. The message has a line for each error, with
+        the key, its line in the file, its value and the expected values.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     Returns
     -------
     dict, Path
-        The tables, and the folder of the file.
+        Tables of the case before validation, and folder of the file.
 
     Raises
     ------
@@ -99,19 +99,19 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
     Parameters
     ----------
     data : dict
-        The tables, as `read_case` returns them.
+        Tables of the case, as `read_case` returns them.
     folder : Path
         Folder to which paths in the case are relative.
 
     Returns
     -------
     Case
-        All keys, with values in SI.
+        Validated case, with values in SI units.
 
     Raises
     ------
     InputError
-        Keys that cannot be used; the message has a line for each error.
+        The case has invalid keys or values. The message has a line for each error.
     """
     for name in INTERNAL:
         if name in data:

@@ -1,19 +1,21 @@
-"""JSON schema of the case file, with which editors check and complete it while it is written."""
+"""Make the JSON schema of case files, with which editors check and complete a case while it is written."""
 
 from typing import Any
 
 from .case import Case
 from .faults import INTERNAL
 
-#: Entries of pydantic's schema that editors do not need; defaults are in SI, and not as a case gives them.
+#: Entries of pydantic's schema that are removed. Editors do not need them, and defaults are not in the form that a case
+#: gives them, but in SI units.
 _LEFT_OUT = ("title", "default", "discriminator", "start", "since", "instead", "needed")
 _DRAFT = "http://json-schema.org/draft-07/schema#"
 
 
 def case_schema() -> dict[str, Any]:
-    """Return the schema of a case file: its tables, its keys, and the types of their values.
+    """Return the JSON schema of case files, with their tables, their keys and the types of their values.
 
-    It is of draft 7, which editors know. Rules between keys, and ranges of quantities, are checked by `load_case`.
+    It conforms to draft 7, which editors support. Relations between keys and ranges of quantities are not part of the
+    schema; `load_case` checks them.
     """
     schema = Case.model_json_schema(ref_template="#/definitions/{model}")
     schema["definitions"] = schema.pop("$defs")
@@ -21,7 +23,8 @@ def case_schema() -> dict[str, Any]:
         del schema["properties"][name]
     fluids = schema["properties"]["fluid"]["oneOf"]
     fluid_tables = [option["$ref"].rpartition("/")[2] for option in fluids]
-    # names fill in the keys of fluids and solids, and the kind of a face or a seal can be left out
+    # no key is required in tables of fluids and solids, whose name can replace other keys, nor in tables whose kind has
+    # a default
     for table in (*fluid_tables, "SolidTable", "FileFace", "RectangularLayoutTable"):
         del schema["definitions"][table]["required"]
     output = schema["definitions"]["OutputTable"]
@@ -31,17 +34,15 @@ def case_schema() -> dict[str, Any]:
 
 
 def _simplify(node: Any) -> Any:
-    """Simplify a schema: no null, which TOML does not have, and pairs as lists."""
+    """Simplify a schema recursively: remove null, which TOML does not have, and describe pairs as lists."""
     if isinstance(node, list):
         return [_simplify(item) for item in node]
     if not isinstance(node, dict):
         return node
     simplified: dict[str, Any] = {}
     for word, value in node.items():
-        if word in (
-            "properties",
-            "definitions",
-        ):  # whose keys are names, and no words of the schema
+        if word in ("properties", "definitions"):
+            # the keys inside are names of the case, not words of the schema
             simplified[word] = {name: _simplify(inner) for name, inner in value.items()}
         elif word not in _LEFT_OUT:
             simplified[word] = _simplify(value)
@@ -60,13 +61,13 @@ def _simplify(node: Any) -> Any:
 
 
 def _items_of_pair(items: list[Any]) -> Any:
-    """Return the schema of the items of a pair, which draft 7 knows as a list."""
+    """Return the schema of the items of a list that stands for a pair, because draft 7 has no `prefixItems`."""
     are_equal = all(item == items[0] for item in items)
     return items[0] if are_equal else {"anyOf": items}
 
 
 def _without_null(node: dict[str, Any]) -> dict[str, Any]:
-    """Remove null from the alternatives of a schema; a single one that remains is merged into it."""
+    """Remove null from the alternatives of a schema; if a single alternative remains, merge it into the schema."""
     options = [option for option in node["anyOf"] if option != {"type": "null"}]
     others = {word: value for word, value in node.items() if word != "anyOf"}
     merged: dict[str, Any] = options[0] if len(options) == 1 else {"anyOf": options}
@@ -75,6 +76,6 @@ def _without_null(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def _description(*texts: str | None) -> dict[str, str]:
-    """Join what a key means and what values it can have to a description, without repetition."""
+    """Join texts, such as the meaning of a key and its possible values, to a description without repetition."""
     different = dict.fromkeys(text for text in texts if text)
     return {"description": "; ".join(different)} if different else {}

@@ -1,8 +1,8 @@
-"""Tables of a case for classes that are registered by their kind: [fluid], [seal] with its forms, and [seat].
+"""Define the tables [fluid], [seal] with its forms, and [seat] of a case.
 
-No fluid or shape is named here, except where its keys need more than its class says. Every class in
-`fluids.FLUIDS`, `seal.layouts.LAYOUTS`, `seal.form.FORMS` and `topography.seat.SEATS` gets a table, with a key for each
-of its parameters.
+These tables are derived from registered classes. Every class in `fluids.FLUIDS`, `seal.layouts.LAYOUTS`,
+`seal.form.FORMS` and `topography.seat.SEATS` gets a table with a key for each of its parameters. Only keys whose type
+is more special than that of the parameter are listed here.
 """
 
 from __future__ import annotations
@@ -48,20 +48,20 @@ class FluidTable(ParameterTable):
 
     @property
     def fluid(self) -> Fluid:
-        """The fluid."""
+        """Fluid that the table describes."""
         fluid: Fluid = self.make()
         return fluid
 
     @property
     def state(self) -> FluidState:
-        """The fluid with its pressures."""
+        """Fluid with its pressures at inlet and outlet."""
         from ..scene import FluidState
 
         return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
 
 
 def _keys_of_fluid(fluid: Any) -> dict[str, Any]:
-    """Return the keys of the table of a fluid besides its parameters."""
+    """Return the keys of the table of a fluid that are not parameters of its class: its name and pressures."""
     inlet = key(
         'pressure at the inlet, of a gas absolute; gauge pressures as `"99 bar(g)"`', start="10 MPa"
     )
@@ -135,13 +135,16 @@ class SealTable(ParameterTable):
     )
 
     def make(self, folder: Path = Path(), **others: Any) -> Layout:
-        """Create the shape; paths are relative to a folder."""
+        """Create the seal layout; paths in the table are relative to `folder`."""
         layout: Layout = super().make(folder, lay=lay_of(self.lay, folder), **others)
         return layout
 
 
 def _read_lay(value: Any) -> Any:
-    """Return a lay in SI as plain data; a field in a file is read with the case."""
+    """Check a lay, and return it as plain data in SI units.
+
+    A lay that is given by a file is returned unchanged, because the file is read later.
+    """
     with of_value():
         lay = lay_of(value)
     if lay.name == "spiral":
@@ -153,7 +156,7 @@ def _read_lay(value: Any) -> Any:
 
 
 def _read_boundaries(value: Any) -> Any:
-    """Return the name of a boundary, or a tuple of names."""
+    """Check the name of a mesh boundary or a list of names, and return a list as a tuple."""
     try:
         check_inlet(value)  # a former version took pressures of several inlets
     except InputError as error:
@@ -171,7 +174,7 @@ _NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type
 Boundaries = Annotated[
     str | tuple[str, ...], BeforeValidator(_read_boundaries), WithJsonSchema(_NAMES_SCHEMA)
 ]
-#: Types of keys for which the type of the parameter is not enough, of all shapes and of meshes.
+#: Types of keys that replace those of the parameters: for all shapes, and for meshes.
 _KEYS_OF_SEALS: dict[str, Any] = {
     "lay": Annotated[Any, BeforeValidator(_read_lay), WithJsonSchema(_LAY_SCHEMA)],
     "unit": LengthUnit,
@@ -182,10 +185,12 @@ _KEYS_OF_MESHES: dict[str, Any] = {"inlet": Boundaries, "outlet": Boundaries}
 
 
 def _keys_of_seal(layout: Any) -> dict[str, Any]:
+    """Return the types of keys that replace those of the parameters of a layout."""
     return _KEYS_OF_SEALS | (_KEYS_OF_MESHES if layout is MeshLayout else {})
 
 
 def _strip_by_default(value: Any) -> Any:
+    """Add the kind of a strip to a table [seal] without a kind."""
     return {"kind": RectangularLayout.kind, **value} if isinstance(value, dict) else value
 
 

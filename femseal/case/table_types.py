@@ -1,8 +1,8 @@
-"""Tables of a case file: pydantic models whose fields are the keys.
+"""Declare tables of a case file, which are pydantic models whose fields are the keys.
 
-`key` declares a key with its meaning, its default and an example; the JSON schema, a new case, the error messages and
-the page of all keys are made from these declarations. Registered classes, such as the fluids, get their tables from
-`table_for_each`.
+`key` declares a key with its meaning, its default and an example. The JSON schema, the template of a new case, the
+error messages and the documentation of all keys are made from these declarations. `table_for_each` makes tables from
+registered classes, such as the fluids.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ def key(
 
     Parameters
     ----------
-    meaning : what the key means, in a phrase.
-    default : value of a case without this key; a key without a default is required.
-    start : value in a new case, as TOML has it.
-    example : value that a new case shows in a comment; the default, or the example of the quantity, unless given.
-    since : first version of femseal that has the key.
-    instead : another key of the table, in place of which this one can be used.
-    needed : when the key is needed, if its table does not say so.
-    limits : limits of the value, as `pydantic.Field` takes them.
+    meaning : phrase that explains the key.
+    default : value that is used if a case does not have the key; a key without a default is required.
+    start : value in a new case, in the form that TOML has.
+    example : value that a new case shows in a comment; by default the example of the quantity, or the default value.
+    since : first version of femseal with this key.
+    instead : other key of the same table that this key can replace.
+    needed : phrase that says when the key is needed, if that is not clear from its table.
+    limits : limits of the value, as arguments of `pydantic.Field`.
     """
     shown = example if start is None else start
-    field: Any = Field  # which is declared with another type for every limit
+    field: Any = Field  # type checkers do not accept `limits` for any of its overloads
     return field(
         default,
         description=meaning,
@@ -73,12 +73,12 @@ class Table(BaseModel):
 
 
 class ParameterTable(Table):
-    """A table with the parameters of an object, which is created by the function for its `kind`.
+    """A table with the parameters of an object, which a function chosen by the key `kind` creates.
 
     Attributes
     ----------
-    makers : functions, or classes, that create the object, by kind.
-    is_checked : whether the object is created to check the table.
+    makers : functions or classes that create the object, by kind.
+    is_checked : True if the validation creates the object, in order to check the table.
     """
 
     if TYPE_CHECKING:
@@ -87,12 +87,12 @@ class ParameterTable(Table):
     is_checked: ClassVar[bool] = True
 
     def make(self, folder: Path = Path(), **others: Any) -> Any:
-        """Create the object.
+        """Create the object that the table describes.
 
         Parameters
         ----------
-        folder : to which paths in the table are relative.
-        others : parameters in place of those in the table.
+        folder : folder to which paths in the table are relative.
+        others : parameters that replace those of the table.
         """
         maker = self.makers[self.kind]
         parameters = {
@@ -119,26 +119,29 @@ def table_for_each(
     base: type[Table],
     other_keys: Callable[[Any], dict[str, Any]] = lambda cls: {},
 ) -> Any:
-    """Return a union of tables, one for each registered class, of which the key `kind` chooses one.
+    """Make a table for each registered class, and return the union type of these tables.
+
+    pydantic chooses the table of the union by the key `kind`.
 
     Parameters
     ----------
-    classes : frozen dataclasses by their kind, whose quantities are declared by `base.validate.parameter`.
+    classes : frozen dataclasses by their kinds. Their quantities are declared by `base.validate.parameter`.
     base : base class of the tables.
-    other_keys : returns, for a class, types in place of those of its fields, and further keys: pairs of type and `key`.
+    other_keys : function of a class that returns types to use instead of those of its fields, and further keys as
+        pairs of a type and a `key`.
     """
     tables = [_create_table(kind, cls, base, other_keys(cls)) for kind, cls in classes.items()]
     return Annotated[reduce(or_, tables), Field(discriminator="kind")]
 
 
-#: Arguments of `key` that a field of a registered class can have in its metadata.
+#: Arguments of `key` that the fields of registered classes can contain in their metadata.
 _KEY_ARGUMENTS = ("meaning", "example", "since", "instead", "needed")
 
 
 def _create_table(
     kind: str, cls: Any, base: type[Table], other_keys: dict[str, Any]
 ) -> type[Table]:
-    """Create the table of a registered dataclass, with a key for each of its fields."""
+    """Create the table for a registered dataclass, with a key for each field of the dataclass."""
     types = get_type_hints(cls) | other_keys
     keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
     # keyword-only parameters are the less important ones
@@ -153,13 +156,13 @@ def _create_table(
     name = f"{cls.__name__}Table"
     summary = (cls.__doc__ or "").split("\n\n")[0]
     table = create_model(name, __base__=base, __doc__=summary, **keys)
-    # pickle, by which processes get a case, looks for the class in this module
+    # a case is sent to other processes by pickle, which looks for the class in this module
     globals().setdefault(name, table)
     return table
 
 
 def _annotated(value_type: Any, metadata: Mapping[str, Any]) -> Any:
-    """Return the type of a field with its unit and its ranges, if `base.validate.parameter` has declared it."""
+    """Add the unit and the ranges to the type of a field, if `base.validate.parameter` has declared the field."""
     if "allowed" not in metadata:
         return value_type
     unit, above = metadata["unit"], metadata["above"]
@@ -173,10 +176,10 @@ def _annotated(value_type: Any, metadata: Mapping[str, Any]) -> Any:
     return Annotated[value_type, quantity, UsualRange(low, high, unit)]
 
 
-def files_in(table: Table, place: str = "") -> Iterator[tuple[str, Path]]:
-    """Yield key and path of every file that a table names by a path, or a table inside it."""
+def files_in(table: Table, table_key: str = "") -> Iterator[tuple[str, Path]]:
+    """Yield the key and the path of every file that a table names, including the tables inside it."""
     for name, value in table:
-        key = f"{place}.{name}".lstrip(".")
+        key = f"{table_key}.{name}".lstrip(".")
         for item in _flattened(value):
             if isinstance(item, Table):
                 yield from files_in(item, key)
@@ -185,25 +188,25 @@ def files_in(table: Table, place: str = "") -> Iterator[tuple[str, Path]]:
 
 
 def makers_in(table: Table) -> Iterator[Callable[..., Any]]:
-    """Yield the registered function or class that creates the object of a table, and of each table inside it."""
+    """Yield the registered functions or classes that create the objects of a table and of the tables inside it."""
     if isinstance(table, ParameterTable):
         yield table.makers[table.kind]
-    for _, value in table:
+    for _name, value in table:
         for item in _flattened(value):
             if isinstance(item, Table):
                 yield from makers_in(item)
 
 
-def unusual_values(table: Table, place: str = "") -> Iterator[str]:
-    """Yield a warning for every key of a table, and of tables inside it, whose value is out of its usual range.
+def unusual_values(table: Table, table_key: str = "") -> Iterator[str]:
+    """Yield a warning for every value outside its usual range, in a table and in the tables inside it.
 
     Parameters
     ----------
-    table : the table.
-    place : its key in the case, "" for the case itself.
+    table : table to check.
+    table_key : key of the table in the case, "" for the case itself.
     """
     for name, field in type(table).model_fields.items():
-        key = f"{place}.{name}".lstrip(".")
+        key = f"{table_key}.{name}".lstrip(".")
         values = list(_flattened(getattr(table, name)))
         tables = [value for value in values if isinstance(value, Table)]
         for number, inner in enumerate(tables):
@@ -211,17 +214,20 @@ def unusual_values(table: Table, place: str = "") -> Iterator[str]:
         outside = _values_outside(values, field)
         if not outside:
             continue
-        value, usual = outside[0]
+        value, usual = outside[0]  # the warning names the first one
         given, low, high = (with_its_unit(x, usual.unit) for x in (value, usual.low, usual.high))
         others = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
         yield f"{key} {given}{others} is outside the usual range of {low} to {high}: is the unit right?"
 
 
 def _values_outside(values: list[Any], field: FieldInfo) -> list[tuple[float, UsualRange]]:
-    """Return the values of a key that are out of their usual range, each with that range; 0 is always usual."""
+    """Return the values of a key that are outside their usual range, each with its range.
+
+    A value of 0 is always usual.
+    """
     annotations = (*type_parts(field.annotation), *field.metadata)
     ranges = {part.unit: part for part in annotations if isinstance(part, UsualRange)}
-    # a value does not say its unit unless the key has several
+    # only the values of keys with several units know their unit, see `Amount`
     only_unit = next(iter(ranges)) if len(ranges) == 1 else None
     outside = []
     for value in values:
@@ -232,7 +238,7 @@ def _values_outside(values: list[Any], field: FieldInfo) -> list[tuple[float, Us
 
 
 def _flattened(value: Any) -> Iterator[Any]:
-    """Yield a value, or the values in nested tuples."""
+    """Yield all values in nested tuples, or the value itself if it is not a tuple."""
     if isinstance(value, tuple):
         for item in value:
             yield from _flattened(item)
@@ -241,7 +247,7 @@ def _flattened(value: Any) -> Iterator[Any]:
 
 
 def type_parts(annotation: Any) -> Iterator[Any]:
-    """Yield an annotation and, recursively, all types and annotations of which it consists."""
+    """Yield a type annotation and, recursively, all types and annotations inside it."""
     yield annotation
     if get_origin(annotation) is not Literal:
         for inner in get_args(annotation):

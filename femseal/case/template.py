@@ -1,6 +1,7 @@
-"""The text of a new case, and questions about the keys of tables that it, the messages and the page of keys ask.
+"""Write the text of a new case, and look up properties of the keys of a case.
 
-A new case shows every key with a value or an example, as `table_types.key` declares them.
+A new case shows every key with a value or an example, which `table_types.key` declares. Error messages and the
+documentation of all keys use the same functions.
 """
 
 import json
@@ -19,14 +20,14 @@ _HEAD = """\
 # A femseal case. Quantities are text with their unit; lines that start with # are optional and show the default
 # or a possible value. x1 is the direction of the leakage, x2 runs along the seal.
 """
-#: Width of a key with its value, and of a line, in characters.
+#: Width of the column with keys and values, and width of a line [characters].
 _VALUE_WIDTH, _LINE_WIDTH = 35, 120
 
 # --- values as TOML ---------------------------------------------------------------------------------------------
 
 
 def as_toml(value: Any) -> str:
-    """Return a value as text of TOML; a table is on one line."""
+    """Convert a value to TOML; a table becomes an inline table."""
     if isinstance(value, dict):
         pairs = (_pair(bare_key(name), item) for name, item in value.items())
         return f"{{{', '.join(pairs)}}}"
@@ -40,12 +41,13 @@ def as_toml(value: Any) -> str:
 
 
 def bare_key(name: str) -> str:
-    """Return a key as text of TOML, in quotes if it needs them."""
+    """Convert a key to TOML, in quotes if it needs them."""
     is_plain = name.replace("_", "").replace("-", "").isalnum() and name.isascii()
     return name if is_plain else json.dumps(name)
 
 
 def _pair(name: str, value: Any) -> str:
+    """Return the TOML text of a key and its value."""
     return f"{name} = {as_toml(value)}"
 
 
@@ -53,20 +55,20 @@ def _pair(name: str, value: Any) -> str:
 
 
 def keys_of(table: type[Table]) -> dict[str, FieldInfo]:
-    """Return the keys of a table, `kind` first."""
+    """Return the keys of a table by their names, with `kind` as the first one."""
     keys = {name: field for name, field in table.model_fields.items() if name not in INTERNAL}
     kind = {"kind": keys.pop("kind")} if "kind" in keys else {}
     return kind | keys
 
 
 def declared(field: FieldInfo, argument: str) -> Any:
-    """Return an argument with which `table_types.key` has declared a key, None if it has not."""
+    """Return the value of an argument of `table_types.key` in the declaration of a key, None if it was not given."""
     extra = field.json_schema_extra
     return extra.get(argument) if isinstance(extra, dict) else None
 
 
 def example(field: FieldInfo) -> Any:
-    """Return a value of a key as TOML has it, "" if none is known."""
+    """Return an example value of a key in the form that TOML has, "" if none is known."""
     if field.examples:
         return field.examples[0]
     quantity = quantity_of(field)
@@ -78,14 +80,14 @@ def example(field: FieldInfo) -> Any:
 
 
 def choices(field: FieldInfo) -> list[Any]:
-    """Return the values that a key can have, if they are enumerated."""
+    """Return the possible values of a key if they are enumerated, otherwise an empty list."""
     literals = [part for part in type_parts(field.annotation) if get_origin(part) is Literal]
     values = (value for literal in literals for value in get_args(literal))
     return list(dict.fromkeys(values))
 
 
 def quantity_of(field: FieldInfo) -> Quantity | None:
-    """Return the quantity of a key; None if it has none, or several with different units."""
+    """Return the quantity in the type of a key, None if there is none or there are several with different units."""
     annotations = (*field.metadata, *type_parts(field.annotation))
     quantities = [part for part in annotations if isinstance(part, Quantity)]
     units = {quantity.unit for quantity in quantities}
@@ -93,19 +95,19 @@ def quantity_of(field: FieldInfo) -> Quantity | None:
 
 
 def tables_in(field: FieldInfo) -> list[type[Table]]:
-    """Return the tables that the value of a key can be."""
+    """Return the classes of tables that are possible as the value of a key."""
     classes = (part for part in type_parts(field.annotation) if isinstance(part, type))
     return list(dict.fromkeys(cls for cls in classes if issubclass(cls, Table)))
 
 
 def kind_of(table: type[Table]) -> str | None:
-    """Return the value of `kind` for a table, None if it has no such key."""
+    """Return the value of the key `kind` in tables of a class, None if they have no such key."""
     field = table.model_fields.get("kind")
     return None if field is None else str(choices(field)[0])
 
 
 def summary(table: type[Table]) -> str:
-    """Return a phrase from the docstring of a table that says what it is."""
+    """Return the phrase at the beginning of the docstring of a table, which says what the table describes."""
     text = " ".join((table.__doc__ or "").split())
     text = text[:1].lower() + text[1:]
     for end in (":", ";", ".", ", see"):
@@ -114,7 +116,7 @@ def summary(table: type[Table]) -> str:
 
 
 def _is_active(field: FieldInfo) -> bool:
-    """Return whether a key stands in a new case without a comment sign."""
+    """Tell whether a new case contains a key without a comment sign before it."""
     return field.is_required() or declared(field, "start") is not None
 
 
@@ -125,7 +127,7 @@ def _is_active(field: FieldInfo) -> bool:
 def case_template(case: type[Table]) -> str:
     """Return the text of a new case.
 
-    It is valid as it stands, and remains so if a table in comments is made active.
+    The text is a valid case. It remains valid if the comment signs before a table and its keys are removed.
     """
     keys = keys_of(case)
     rows = [_row(name, field, True) for name, field in keys.items() if not tables_in(field)]
@@ -138,7 +140,7 @@ def case_template(case: type[Table]) -> str:
 
 @cache
 def table_to_paste(case: type[Table], name: str) -> str:
-    """Return a required table of a new case without its comments, "" for any other key."""
+    """Return the text of a table that a case requires, without comments; "" if the key is not a required table."""
     field = keys_of(case)[name]
     tables = tables_in(field)
     if not tables or not field.is_required():
@@ -153,30 +155,32 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
     Parameters
     ----------
     name : dotted key of the table.
-    field : its field.
-    written : tables that have been written before, of which only required keys are repeated; it is extended.
+    field : declaration of this key.
+    written : classes of tables that have been written before, and whose optional keys are not repeated. The classes of
+        this table are appended.
     """
     tables = tables_in(field)
-    meanings = set[Any]()
+    explained_keys = set[
+        Any
+    ]()  # keys, with their meanings, that a block for another kind has shown
     for number, table in enumerate(tables):
         keys = keys_of(table)
         is_repeated = table in written
+        is_first_of_required = number == 0 and field.is_required()
+        has_active_keys = any(map(_is_active, keys.values()))
         is_only_kind = len(tables) == 1
-        is_used = (number == 0 and field.is_required()) or (
-            is_only_kind and any(map(_is_active, keys.values()))
-        )
-        is_active = is_used and not is_repeated
+        is_active = (is_first_of_required or (is_only_kind and has_active_keys)) and not is_repeated
         heading = (field.description or "") if number == 0 else ""
         rows = [_line(f"[{name}]", heading, is_active)]
         for key, inner in keys.items():
             if tables_in(inner) and not inner.examples:
-                continue  # it has a block of its own
-            is_known = is_repeated or (key, inner.description) in meanings
+                continue  # this table gets a block of its own
+            is_known = is_repeated or (key, inner.description) in explained_keys
             if inner.is_required() or not is_known:
                 meaning = summary(table) if key == "kind" else inner.description
                 rows.append(_row(key, inner, is_active, meaning))
         yield "".join(rows)
-        meanings |= {(key, inner.description) for key, inner in keys.items()}
+        explained_keys |= {(key, inner.description) for key, inner in keys.items()}
     if tables and tables[0] not in written:
         inner_keys = {key: inner for table in tables for key, inner in keys_of(table).items()}
         for key, inner in inner_keys.items():
@@ -186,7 +190,7 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
 
 
 def _row(name: str, field: FieldInfo, is_active: bool, meaning: str | None = None) -> str:
-    """Return the line of a key, with its value and what it means."""
+    """Return the line of a key, with its value and a comment that explains it."""
     value = example(field)
     comment = (meaning or field.description or "").replace("`", "")
     instead = declared(field, "instead")
@@ -205,7 +209,7 @@ def _row(name: str, field: FieldInfo, is_active: bool, meaning: str | None = Non
 
 
 def _line(text: str, comment: str, is_active: bool) -> str:
-    """Return text with a comment to its right, wrapped to several lines."""
+    """Return a line with a comment to the right of the text; a long comment continues on further lines."""
     if not is_active:
         text = f"# {text}"
     comments = [f"# {line}\n" for line in textwrap.wrap(comment, _LINE_WIDTH - _VALUE_WIDTH - 2)]
