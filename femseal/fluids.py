@@ -1,12 +1,13 @@
 """Describe fluids, each by its pressure potential.
 
-Every fluid whose density ρ and viscosity η depend on pressure alone obeys the same linear equation in the pressure
-potential φ, dφ = (ρ/η) dp [kg/(m³ s) = Pa·(kg/m³)/(Pa s)]. The mass rate is the conductance times the drop of φ.
-The `law` of a fluid gives the permeability of a gap; without one the cubic law holds (see `femseal.flow.law`).
+If the density ρ and the viscosity η of a fluid depend on pressure only, the flow equation is linear in the pressure
+potential φ with dφ = (ρ/η) dp [kg/(m³ s)]. The mass flow rate is then the conductance times the difference of φ between
+inlet and outlet. The `law` of a fluid gives the permeability of a gap; a fluid without this property flows by the cubic
+law (see `femseal.flow.law`).
 
-To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. A fluid that is made in
-Python needs nothing more. Once the class is in `FLUIDS`, case files can choose it by its `kind`, and have a key for
-each of its parameters.
+To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. This is sufficient for
+fluids that are created in Python. If the class is added to `FLUIDS`, case files can choose it by its `kind`, and have a
+key for each of its parameters.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
 from .named_fluids import Gas, RealGas, slip_of_gas, solve_for_pressure, temperature_of_gas
 
-#: Constants of Roelands' law: a pressure [Pa], and minus the logarithm of a viscosity [Pa s] that all liquids share.
+#: Constants of Roelands' law, which are the same for all liquids: the pressure p_r [Pa], and −ln of a viscosity [Pa s].
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
-#: Gauss points for the potential of Roelands' law. Its relative error is at most 1e-12 up to 5 GPa.
+#: Gauss points and weights for the potential of Roelands' law, whose relative error is at most 1e-12 up to 5 GPa.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 
 
 class Fluid(Protocol):
-    """Define what `seal_leakage` needs of a fluid."""
+    """Define the properties of a fluid that `seal_leakage` needs."""
 
     @property
     def reference_density(self) -> float:
-        """Density [kg/m³] by which a mass rate is divided to obtain a volume rate."""
+        """Density that converts a mass flow rate to a volume flow rate [kg/m³]."""
         ...
 
     def potential(self, pressure: ArrayLike) -> Array:
@@ -43,11 +44,11 @@ class Fluid(Protocol):
         ...
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the pressure [Pa] of a potential, the inverse of `potential`."""
+        """Return the pressure [Pa] that has a potential; this is the inverse of `potential`."""
         ...
 
 
-#: Meanings of keys that several fluids have.
+#: Phrases that explain parameters of several fluids.
 _VISCOSITY = 'dynamic, or kinematic such as `"46 cSt"` beside a density'
 _NAMELESS = "without a `name`"
 _BARUS = "rise of viscosity with pressure: by Barus, or by Roelands"
@@ -68,16 +69,18 @@ def _density(default: float) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class _OnFaces:
-    """Hold the properties of a liquid of constant density that matter at the faces.
+    """Base class of liquids of constant density, with their properties at the faces and in closed pockets.
 
     Parameters
     ----------
-    surface_tension, contact_angle : float, optional
-        γ [N/m] and θ [rad], for `capillary_entry_pressure`.
+    surface_tension : float, optional
+        Surface tension γ [N/m], for `capillary_entry_pressure`.
+    contact_angle : float, optional
+        Contact angle θ [rad], for `capillary_entry_pressure`.
     slip_length : float
-        Slip length b [m] on both faces, see `femseal.flow.law.SlipLength`.
+        Slip length b on both faces [m], see `femseal.flow.law.SlipLength`.
     bulk_modulus : float, optional
-        Bulk modulus B [Pa] of liquid that is trapped between the faces. Default: incompressible.
+        Bulk modulus B of liquid that is trapped in closed pockets [Pa]. By default, it is incompressible.
     """
 
     #: Default outlet pressure of a case [Pa], relative to the surroundings.
@@ -125,7 +128,7 @@ class _OnFaces:
 
     @property
     def law(self) -> FlowLaw:
-        """Flow law: the cubic law, or that of the slip length."""
+        """Flow law, which is the cubic law or the law for a slip length."""
         return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
 
@@ -140,15 +143,17 @@ class Liquid(_OnFaces):
     viscosity : float
         Viscosity η₀ at zero pressure [Pa s].
     density : float
-        Density ρ [kg/m³]. Only the mass rate depends on it. Default: water.
+        Density ρ [kg/m³], by default that of water. Only the mass flow rate depends on it.
     pressure_viscosity : float
         Pressure-viscosity coefficient α [1/Pa], >= 0.
-    surface_tension, contact_angle : float, optional
-        γ [N/m] and θ [rad], for `capillary_entry_pressure`. By keyword only.
+    surface_tension : float, optional
+        Surface tension γ [N/m], for `capillary_entry_pressure`. Keyword only.
+    contact_angle : float, optional
+        Contact angle θ [rad], for `capillary_entry_pressure`. Keyword only.
     slip_length : float
-        Slip length b [m] on both faces, see `femseal.flow.law.SlipLength`. By keyword only.
+        Slip length b on both faces [m], see `femseal.flow.law.SlipLength`. Keyword only.
     bulk_modulus : float, optional
-        Bulk modulus [Pa] of trapped liquid. By keyword only. Default: incompressible.
+        Bulk modulus of liquid that is trapped in closed pockets [Pa]. By default, it is incompressible. Keyword only.
 
     Examples
     --------
@@ -187,24 +192,26 @@ class Liquid(_OnFaces):
 class RoelandsLiquid(_OnFaces):
     """Describe a liquid whose viscosity rises with pressure by Roelands' law.
 
-    At high pressure the viscosity rises less steeply than by Barus' law:
-    η = η₀ exp{(ln η₀ + 9.67)(−1 + (1 + p/p_r)^Z)} with p_r = 196.2 MPa and Z = α p_r/(ln η₀ + 9.67). The potential ∫ρ/η
-    dp is computed by quadrature. Source: Roelands, doctoral thesis, Delft, 1966.
+    The viscosity is η = η₀ exp{(ln η₀ + 9.67)(−1 + (1 + p/p_r)^Z)} with p_r = 196.2 MPa and Z = α p_r/(ln η₀ + 9.67).
+    At high pressure it rises less steeply than by Barus' law. The potential ∫ρ/η dp is computed by quadrature. Source:
+    Roelands, doctoral thesis, Delft, 1966.
 
     Parameters
     ----------
     viscosity : float
         Viscosity η₀ at zero pressure [Pa s], above 6.31e-5.
     pressure_viscosity : float
-        α = d ln η/dp at p = 0 [1/Pa], the same as in Barus' law.
+        Pressure-viscosity coefficient α = d ln η/dp at p = 0 [1/Pa], the same as in Barus' law.
     density : float
-        Density ρ [kg/m³]. Only the mass rate depends on it.
-    surface_tension, contact_angle : float, optional
-        γ [N/m] and θ [rad], for `capillary_entry_pressure`. By keyword only.
+        Density ρ [kg/m³]. Only the mass flow rate depends on it.
+    surface_tension : float, optional
+        Surface tension γ [N/m], for `capillary_entry_pressure`. Keyword only.
+    contact_angle : float, optional
+        Contact angle θ [rad], for `capillary_entry_pressure`. Keyword only.
     slip_length : float
-        Slip length b [m] on both faces, see `femseal.flow.law.SlipLength`. By keyword only.
+        Slip length b on both faces [m], see `femseal.flow.law.SlipLength`. Keyword only.
     bulk_modulus : float, optional
-        Bulk modulus [Pa] of trapped liquid. By keyword only. Default: incompressible.
+        Bulk modulus of liquid that is trapped in closed pockets [Pa]. By default, it is incompressible. Keyword only.
     """
 
     kind: ClassVar[str] = "roelands-liquid"
@@ -223,7 +230,7 @@ class RoelandsLiquid(_OnFaces):
 
     @property
     def _scale_and_exponent(self) -> Pair:
-        """Return ln η₀ + 9.67 and Z."""
+        """Return the scale ln η₀ + 9.67 and the exponent Z of Roelands' law."""
         scale = log(self.viscosity) + _ROELANDS_LOG
         return scale, self.pressure_viscosity * _ROELANDS_PRESSURE / scale
 
@@ -244,7 +251,7 @@ class RoelandsLiquid(_OnFaces):
         return self.density * 0.5 * x_end[..., 0] * (integrand @ _WEIGHTS)
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the pressure [Pa] of a potential, by Newton's method; inf if no pressure has this potential."""
+        """Return the pressure [Pa] that has a potential, by Newton's method; inf if there is no such pressure."""
         φ = reals(potential)
 
         def slope(p: Array) -> Array:
@@ -259,9 +266,9 @@ class RoelandsLiquid(_OnFaces):
 class IdealGas(Gas):
     """Describe an isothermal ideal gas.
 
-    The potential is φ = M p²/(2 R T η), so that without slip the mass rate is proportional to p_in² − p_out². Through
-    gaps that are not large compared with the mean free path more gas flows, by the factor `flow_factor`, which depends
-    on gap and pressure. Volume rates are stated at 101 325 Pa and the temperature of the gas.
+    The potential is φ = M p²/(2 R T η). Without slip, the mass flow rate is therefore proportional to p_in² − p_out².
+    If the gap is not large compared with the mean free path, the flow is larger by the factor `flow_factor`, which
+    depends on the gap and the pressure. Volume flow rates are given at 101 325 Pa and the temperature of the gas.
 
     Parameters
     ----------
@@ -272,7 +279,7 @@ class IdealGas(Gas):
     temperature : float
         Temperature T [K].
     slip : bool
-        Whether to include slip and free molecular flow in narrow gaps.
+        True includes slip and free molecular flow in narrow gaps.
 
     Examples
     --------
@@ -295,7 +302,7 @@ class IdealGas(Gas):
 
     @property
     def law(self) -> FlowLaw:
-        """Flow law: that of Fukui and Kaneko, or the cubic law without slip."""
+        """Flow law, which is that of Fukui and Kaneko, or the cubic law if slip is ignored."""
         if not self.slip:
             return CUBIC_LAW
         return FukuiKaneko(self.viscosity, self.speed)
@@ -310,11 +317,11 @@ class IdealGas(Gas):
         return self._potential_factor * reals(pressure) ** 2
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the absolute pressure [Pa] of a potential, the inverse of `potential`."""
+        """Return the absolute pressure [Pa] that has a potential; this is the inverse of `potential`."""
         return np.sqrt(reals(potential) / self._potential_factor)
 
     def flow_factor(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
-        """Return how many times more gas flows through a gap than by the cubic law; 1 without `slip`.
+        """Return the ratio of the gas flow through a gap to the flow by the cubic law; it is 1 if slip is ignored.
 
         Parameters
         ----------
@@ -326,7 +333,7 @@ class IdealGas(Gas):
         Returns
         -------
         array
-            F = Q(D)/(D/6); inf where the gap or the pressure is 0.
+            Flow factor F = Q(D)/(D/6); inf where the gap or the pressure is 0.
 
         Raises
         ------
@@ -357,22 +364,22 @@ def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
     Parameters
     ----------
     fluid : Fluid
-        The fluid.
+        Fluid whose potential is returned.
     name : str
         Name of the pressure, for the error message.
     pressure : float
-        The pressure [Pa], absolute for a gas.
+        Pressure [Pa], absolute for a gas.
 
     Raises
     ------
     InputError
-        The pressure is not a finite number, or the fluid does not exist at this pressure: a gas below 0, or a liquid
-        whose viscosity would be that of a solid.
+        The pressure is not a finite number, or the model of the fluid has no meaning at this pressure: a gas below 0,
+        or a liquid whose viscosity would be that of a solid.
     """
     p = validate.number(name, pressure, unit="Pa", above=-inf)
     if hasattr(fluid, "check_pressure"):
         fluid.check_pressure(name, p)
-    # a pressure that the fluid cannot have does not survive the way to the potential and back
+    # converting to the potential and back returns the same pressure, unless the fluid cannot have this pressure
     with np.errstate(all="ignore"):
         potential = float(fluid.potential(p))
         returned_pressure = float(fluid.pressure(potential))
@@ -390,7 +397,7 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
     Parameters
     ----------
     fluid : Fluid
-        The fluid, with its surface tension γ and contact angle θ.
+        Fluid with the properties `surface_tension` γ and `contact_angle` θ.
     gap : float
         Gap h [m].
 
@@ -419,18 +426,19 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
 def leak_basis(
     fluid: Fluid, length: float, stated: float | None = None, **valve: float
 ) -> LeakBasis:
-    """Collect what is needed to convert the leakage of a fluid through a seal into any unit.
+    """Collect the data that convert the leakage of a fluid through a seal to any unit.
 
     Parameters
     ----------
     fluid : Fluid
-        The fluid. It is a gas if it has a `reference_pressure`, at which its volumes are stated.
+        Fluid that leaks. It is a gas if it has a `reference_pressure`, at which its volumes are given.
     length : float
         Length of the seal [m].
     stated : float, optional
-        Temperature [K] at which pressure × volume of a gas is stated. Default: its own temperature.
+        Temperature at which the throughput (pressure × volume per time) of a gas is given [K]; by default the
+        temperature of the gas.
     **valve : float
-        Further quantities that some units and classes need: `drop`, `bubble`, `pressure_drop` and `capacity` of
+        Further quantities on which some units and classes depend: `drop`, `bubble`, `pressure_drop` and `capacity` of
         `LeakBasis`.
     """
     pressure = getattr(fluid, "reference_pressure", None)
@@ -443,7 +451,7 @@ def leak_basis(
     )
 
 
-#: Fluids that a case file can choose, by their kind.
+#: Classes of fluids that a case file can choose, by their kinds.
 FLUIDS: dict[str, Any] = {
     fluid.kind: fluid for fluid in (Liquid, RoelandsLiquid, IdealGas, RealGas)
 }

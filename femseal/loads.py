@@ -1,7 +1,7 @@
-"""Define load programmes: the nominal pressures at which a seal is solved, on loading and on unloading from peaks.
+"""Define load programmes: the nominal pressures of a load cycle, on loading and on unloading from peaks.
 
-Loads may also be given as forces on the seal, which are converted to nominal pressures with its size. Further functions
-evaluate how the leakage depends on the load.
+Loads can also be given as forces on the seal, which are converted to nominal pressures with the size of the seal.
+Further functions evaluate how the leakage depends on the load.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from .base import Array, Flags, Indices, InputError, to_text, validate
 
 #: Units of loads: nominal pressure, force on the whole seal, force per length of seal.
 LOAD_UNITS = ("Pa", "N", "N/m")
-#: What a load in each of these units is called in messages.
+#: Name of a load in messages, by its unit.
 _LOAD_NAMES = {"Pa": "pressure", "N": "force", "N/m": "line load"}
-#: A leakage below this fraction of the first one is too small to be compared.
+#: Leakages below this fraction of the leakage at the first load are too small to be compared.
 FLOOR = 1e-3
 
 
@@ -86,9 +86,11 @@ class LoadProgramme(tuple[LoadStep, ...]):
         unload_from : sequence of float
             Peaks from which the seal is unloaded [Pa]. Peaks that are not in `loading` are added to it.
         unloading : sequence of float
-            Pressures of the unloading [Pa]. The unloading from each peak stops at those below it, in falling order.
+            Pressures of the unloading [Pa]. The unloading from each peak takes those of them that are below the peak,
+            in falling order.
         unit : str
-            Unit of the numbers in messages, one of `LOAD_UNITS`: loads that are forces are checked as forces.
+            Unit of the numbers, one of `LOAD_UNITS`. If the loads are forces, they can be checked before they are
+            converted to pressures, and messages then name forces.
 
         Raises
         ------
@@ -134,18 +136,21 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     @property
     def unloading(self) -> tuple[float, ...]:
-        """Pressures at which an unloading stops, in falling order [Pa]."""
+        """Pressures of the steps on unloading, from any peak, in falling order [Pa]."""
         stops = {s.pressure for s in self if s.unloaded_from is not None}
         return tuple(sorted(stops, reverse=True))
 
     @property
     def on_loading(self) -> Flags:
-        """Whether each step belongs to the loading (steps,)."""
+        """True for the steps of the loading, (steps,)."""
         return np.array([s.unloaded_from is None for s in self], dtype=bool)
 
     @property
     def peak_indices(self) -> Indices:
-        """Index of the peak from which each step is unloaded (steps,); for a step of the loading its own index."""
+        """Index of the step of the peak from which each step is unloaded, (steps,).
+
+        For a step of the loading, it is the index of the step itself.
+        """
         peaks = (s.pressure if s.unloaded_from is None else s.unloaded_from for s in self)
         return np.array([self.loading.index(peak) for peak in peaks], dtype=np.int64)
 
@@ -166,11 +171,11 @@ def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> f
     Parameters
     ----------
     load : float
-        The load.
+        Load in the unit `unit`.
     unit : str
-        Its unit, one of `LOAD_UNITS`.
+        Unit of the load, one of `LOAD_UNITS`.
     area : float
-        Area of the seal [m²].
+        Nominal contact area of the seal [m²].
     length : float
         Length of the seal [m].
 
@@ -201,7 +206,7 @@ def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> f
 
 
 def relaxed(pressure: float, relaxation: float) -> float:
-    """Return the service pressure that is left of an assembly pressure after relaxation at a constant compression.
+    """Return the contact pressure in service that remains of the assembly pressure after relaxation.
 
     Parameters
     ----------
@@ -231,27 +236,28 @@ def _rounded(pressure: float) -> float:
 def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
     """Estimate |d ln(leakage) / d ln(load)| at every load step.
 
-    Each step has a slope to the step before and to the step after it on its branch; the steeper one counts.
+    The slope is computed from each step to the step before it and to the step after it on its branch. The larger of the
+    two magnitudes is taken.
 
     Parameters
     ----------
     steps : LoadProgramme
-        The load steps.
+        Load steps.
     leakage : array, (steps,)
         Leakage at the load steps, in any unit.
 
     Returns
     -------
     array, (steps,)
-        The sensitivity, 0 where it is unknown.
+        Sensitivity, 0 where it is unknown.
     """
-    size = np.abs(np.asarray(leakage, float))
+    magnitude = np.abs(np.asarray(leakage, float))
     pressure = steps.pressures
     sensitivity = np.zeros(len(steps))
     for step, previous in neighbouring_steps(steps):
-        values = (size[step], size[previous], pressure[step], pressure[previous])
+        values = (magnitude[step], magnitude[previous], pressure[step], pressure[previous])
         if all(value > 0 for value in values):
-            leakage_change = np.log(size[step] / size[previous])
+            leakage_change = np.log(magnitude[step] / magnitude[previous])
             load_change = np.log(pressure[step] / pressure[previous])
             slope = abs(leakage_change / load_change)
             sensitivity[step] = max(sensitivity[step], slope)
@@ -260,36 +266,37 @@ def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
 
 
 def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
-    """Return the index of every step together with that of the step before it on its branch.
+    """Return pairs of indices: a step, and the step before it on its branch.
 
-    The step before the first one of an unloading is its peak.
+    The step before the first one of an unloading is its peak. The first step of the loading has no step before it.
     """
     pairs = []
     for branch in steps.branches:
-        # the peak has a lower index than the unloading from it, so that the union begins with it
+        # Adding the peaks puts the peak before the steps of an unloading, because its index is lower than theirs. It
+        # changes nothing for the loading, whose steps are their own peaks.
         path = np.union1d(branch, steps.peak_indices[branch]).tolist()
         pairs += [(step, previous) for previous, step in pairwise(path)]
     return pairs
 
 
 def first_known(leakage: Array) -> int:
-    """Return the index of the first load step at which the leakage (steps,) is known, 0 if there is none.
+    """Return the index of the first load step at which the leakage (steps,) is known, 0 if it is unknown everywhere.
 
-    The leakage is unknown, for example, where the fluid pressure carries the whole load.
+    It is unknown, for example, at steps at which the fluid pressure carries the whole load.
     """
     return int(np.argmax(np.isfinite(leakage)))
 
 
 def least_counted(leakage: Array) -> float:
-    """Return the leakage below which a load step is not compared, from the leakage (steps,).
+    """Return the smallest leakage that is large enough to be compared, given the leakage (steps,).
 
-    It is 1e-3 of the first known leakage, NaN if there is none.
+    It is 1e-3 of the first known leakage, NaN if the leakage is unknown everywhere.
     """
     return float(FLOOR * np.abs(leakage[first_known(leakage)]))
 
 
 def _loads_text(loads: Sequence[float], unit: str) -> str:
-    """Return loads in a unit as text, "an empty list" if there are none."""
+    """Convert loads with their unit to text, which is "an empty list" if there are none."""
     return ", ".join(to_text(load, unit) for load in loads) or "an empty list"
 
 

@@ -12,10 +12,11 @@ from math import inf
 
 from .base import InputError, shown, validate
 
-#: Hardness over yield stress at full plasticity of an indentation (Johnson, Contact Mechanics, 1985, ch. 6).
+#: Ratio of hardness to yield stress, for a fully plastic indentation (Johnson, Contact Mechanics, 1985, ch. 6).
 HARDNESS_FACTOR = 2.8
-#: Peak pressure of a line contact, over the hardness, at which the body below it first yields: 1.79 σ_y by von Mises
-#: for ν = 0.3, at a depth of 0.7 times the half-width of the contact (Johnson 1985, section 6.1).
+#: Ratio of the peak pressure of a line contact to the hardness at which the solid below it begins to yield. The peak
+#: pressure is 1.79 σ_y by the criterion of von Mises for ν = 0.3; yielding begins at a depth of 0.7 times the
+#: half-width of the contact (Johnson 1985, section 6.1).
 LINE_CONTACT_YIELD = 1.79 / HARDNESS_FACTOR
 #: Range of the Young's moduli of metals and hard coatings [Pa].
 YOUNG_LIMITS = (5e9, 1.2e12)
@@ -135,13 +136,15 @@ def contact_modulus(a: Solid, b: Solid | None = None) -> float:
 
     Parameters
     ----------
-    a, b : Solid
-        The two solids. None for `b` is a rigid one.
+    a : Solid
+        First solid.
+    b : Solid, optional
+        Second solid; by default it is rigid.
 
     Returns
     -------
     float
-        E* [Pa].
+        Contact modulus E* [Pa].
 
     Examples
     --------
@@ -163,8 +166,8 @@ def contact_modulus(a: Solid, b: Solid | None = None) -> float:
 
 _ELASTIC = "E, ν: Kaye & Laby, Tables of Physical and Chemical Constants"
 _CALLISTER = "Callister, Materials Science and Engineering"
-#: Metals of seals at 20 °C, each with its source. Yield strengths are the 0.2 % proof stress of sheet or bar as
-#: delivered, either the specified minimum ("least") or a typical value.
+#: Metals for seals at 20 °C, each with the source of its properties. Yield strengths are 0.2 % proof stresses of sheet
+#: or bar as delivered, either specified minimum values ("least") or typical values.
 METALS: dict[str, tuple[Solid, str]] = {
     "steel 304/316, annealed": (
         Solid(200e9, 0.3, 205e6),
@@ -230,7 +233,7 @@ def named_solid(name: str) -> Solid:
 
 
 def _similar_names(text: str, names: list[str]) -> list[str]:
-    """Return the names that contain the text or its number, such as "316", otherwise the most similar spelling."""
+    """Return the names that contain the text or a number in it, such as "316", or else the name most similar to it."""
     parts = [part for part in (text, *re.findall(r"\d{3,}", text)) if part]
     with_part = [name for name in names if any(part in name for part in parts)]
     return with_part or get_close_matches(text, names, n=1, cutoff=0.4)

@@ -1,11 +1,12 @@
-"""Provide the properties of fluids by name, and real gases.
+"""Look up the properties of fluids by name, and describe real gases.
 
-Ten common fluids at 20 °C are in a table. All others, and other temperatures, come from CoolProp. A named gas is ideal,
-with the viscosity at the mean pressure; a named liquid has the density and viscosity at the mean pressure.
+A table contains ten common fluids at 20 °C. Properties of other fluids, and at other temperatures, are computed by
+CoolProp. A named gas is ideal and has the viscosity at the mean pressure; a named liquid has the density and the
+viscosity at the mean pressure.
 
-A real gas uses the same change of variable as every fluid, dφ = (ρ/η) dp, with a table of CoolProp's density and
-viscosity that is made once for a gas and its temperature. In narrow gaps it flows by the law of Fukui and Kaneko with
-its own mean free path, which is proportional to η/ρ.
+The potential of a real gas is φ = ∫ρ/η dp, as for any fluid. It is tabulated once for each gas and temperature, from
+the density and viscosity by CoolProp. In narrow gaps, the gas flows by the law of Fukui and Kaneko with the mean free
+path of the real gas, which is proportional to η/ρ.
 """
 
 from __future__ import annotations
@@ -33,20 +34,20 @@ TABLE_PRESSURE = 101_325.0
 _ERROR = 1e-7
 #: Lowest pressure above 0 in the table of a real gas [Pa].
 _FIRST_PRESSURE = 1e5
-#: Number of pressures with which the table begins.
+#: Number of pressures above 0 in the first table of a real gas, before points are added.
 _FEWEST = 33
 #: Highest pressure of the table [Pa]. No seal carries more, and equations of state are extrapolated there.
 _HIGHEST = 1e9
-#: Largest relative difference of molar masses at which two gases are taken for the same. Nitrogen and ethylene, the
-#: closest pair, differ by 1.5e-3.
+#: Two gases are taken to be the same if the relative difference of their molar masses is at most this large. Nitrogen
+#: and ethylene, the closest pair, differ by 1.5e-3.
 _SAME_MASS = 1.3e-3
-#: Largest ratio of viscosities at which two gases are taken for the same.
+#: Two gases are taken to be the same if the ratio of their viscosities is at most this large.
 _SAME_VISCOSITY = 1.3
 #: A pressure at which every gas is ideal [Pa].
 _THIN = 1.0
 #: A temperature above the critical temperatures of all gases in the table; that of methane, 191 K, is the highest.
 _ABOVE_CRITICAL = 200.0
-#: Replaces the slope of a potential at zero pressure, which is 0, in divisions [s/m²].
+#: Smallest slope dφ/dp of a potential in divisions [s/m²]; the slope at zero pressure is 0.
 _LEAST_SLOPE = 1e-200
 
 
@@ -57,9 +58,9 @@ class NamedFluid:
     Parameters
     ----------
     kind : str
-        "liquid" or "ideal-gas".
+        Kind of the fluid, "liquid" or "ideal-gas".
     parameters : dict
-        Parameters of that kind, in SI.
+        Parameters of a fluid of this kind, by name, in SI units.
     """
 
     kind: str
@@ -67,13 +68,13 @@ class NamedFluid:
 
 
 def _gas(viscosity: float, molar_mass: float, temperature: float = TABLE_TEMPERATURE) -> NamedFluid:
-    """Make an ideal gas."""
+    """Make an entry for an ideal gas."""
     parameters = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
     return NamedFluid("ideal-gas", parameters)
 
 
 def _liquid(viscosity: float, density: float) -> NamedFluid:
-    """Make a liquid."""
+    """Make an entry for a liquid."""
     return NamedFluid("liquid", {"viscosity": viscosity, "density": density})
 
 
@@ -128,11 +129,11 @@ def named_fluid(
     Parameters
     ----------
     name : str
-        A name in `TABLE` or in CoolProp, in upper or lower case.
+        Name of the fluid in `TABLE` or in CoolProp, in upper or lower case.
     temperature : float
         Temperature [K].
     pressures : tuple of two float
-        Absolute pressures at inlet and outlet [Pa]. CoolProp gives the properties at their mean.
+        Absolute pressures at inlet and outlet [Pa]. Properties by CoolProp are those at the mean of the two.
 
     Raises
     ------
@@ -169,7 +170,10 @@ def named_fluid(
 
 
 def _plain_name(name: object) -> str:
-    """Return the name of a fluid without capitals, spaces and hyphens, and in American spelling, for comparisons."""
+    """Convert the name of a fluid to the form in which names are compared.
+
+    It has no capitals, spaces, hyphens and underscores, and is in American spelling.
+    """
     plain = str(name).casefold().translate(str.maketrans("", "", " -_"))
     return plain.replace("sulph", "sulf")
 
@@ -185,9 +189,10 @@ def _in_table(name: object) -> NamedFluid | None:
 
 
 def _known_to_coolprop(name: Any, temperature: float) -> tuple[Any, str]:
-    """Return the module CoolProp and its name of a fluid; raise InputError if it does not know the fluid.
+    """Return the module CoolProp and the name that it uses for a fluid.
 
-    temperature : [K], which must be in the range in which CoolProp knows the fluid.
+    An InputError is raised if CoolProp is not installed, does not know the fluid, or does not know it at the
+    temperature [K].
     """
     names_in_table = f"one of {', '.join(TABLE)} at 20 °C"
     try:
@@ -210,13 +215,16 @@ def _known_to_coolprop(name: Any, temperature: float) -> tuple[Any, str]:
 
 
 def _name_in_coolprop(name: object) -> str | None:
-    """Return CoolProp's name of a fluid, such as "CarbonDioxide" for "CO2", "R-744" and "carbon dioxide"."""
+    """Return the name that CoolProp uses for a fluid, None if it does not know the fluid.
+
+    For example, it is "CarbonDioxide" for "CO2", "R-744" and "carbon dioxide".
+    """
     return _names_in_coolprop().get(_plain_name(name))
 
 
 @cache
 def _names_in_coolprop() -> dict[str, str]:
-    """Map all names of fluids, as `_plain_name` writes them, to CoolProp's main name."""
+    """Map the names of fluids that CoolProp knows, in the form of `_plain_name`, to the main names in CoolProp."""
     from CoolProp import CoolProp
 
     names = {}
@@ -232,12 +240,12 @@ def _names_in_coolprop() -> dict[str, str]:
 
 
 def _refuse(name: Any, temperature: float, allowed: str) -> NoReturn:
-    """Raise InputError for a fluid at a temperature [K]."""
+    """Raise an InputError for a fluid at a temperature [K]; `allowed` describes the allowed values."""
     raise InputError("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)
 
 
 def _refuse_unknown(name: Any, temperature: float, error: ValueError) -> NoReturn:
-    """Raise InputError for a fluid whose properties at a temperature [K] CoolProp does not know."""
+    """Raise an InputError for a fluid whose properties CoolProp cannot compute at a temperature [K]."""
     if _means_no_viscosity(error):
         expected = (
             "a fluid of which CoolProp has the viscosity: of this one it has the density alone. Give the viscosity, "
@@ -255,11 +263,11 @@ class DenseGasSlip(FukuiKaneko):
     Parameters
     ----------
     viscosity : float
-        Viscosity η of the thin gas [Pa s].
+        Viscosity η of the gas at low pressure [Pa s].
     speed : float
         Molecular speed √(2R_sT) [m/s].
     gas : RealGas
-        The gas, whose ρ/η is taken at every pressure.
+        Gas whose ρ/η determines the mean free path at every pressure.
     """
 
     gas: RealGas
@@ -270,7 +278,7 @@ class DenseGasSlip(FukuiKaneko):
 
 
 def temperature_of_gas(**more: Any) -> Any:
-    """Declare the parameter `temperature` of a gas; `more` are further arguments of `parameter`."""
+    """Declare the parameter `temperature` of a gas; `more` has further arguments of `parameter`."""
     allowed = "a temperature above absolute zero, such as '20 °C'"
     return parameter("K", allowed, "of the gas", usual=(2.0, 2000.0), **more)
 
@@ -286,7 +294,7 @@ class Gas:
 
     #: Default outlet pressure of a case, absolute [Pa].
     outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
-    #: Absolute pressure at which volumes are stated [Pa]. They are stated at the temperature of the gas.
+    #: Absolute pressure at which volumes are given [Pa]. They are given at the temperature of the gas.
     reference_pressure: ClassVar[float] = STANDARD_PRESSURE
 
     def __post_init__(self: Any) -> None:
@@ -309,18 +317,19 @@ class Gas:
 class RealGas(Gas):
     """Describe an isothermal real gas by its name, with density and viscosity from CoolProp.
 
-    The potential φ = ∫ρ/η dp has a relative error of at most 1e-6. Volume rates are stated as those of an ideal gas of
-    the same molar mass at 101 325 Pa and the temperature of the gas, so that pressure × volume and standard volumes
-    count molecules. Needs `pip install 'femseal[fluids]'`.
+    The potential φ = ∫ρ/η dp has a relative error of at most 1e-6. A volume flow rate is given as that of an ideal gas
+    with the same mass flow rate and molar mass, at 101 325 Pa and the temperature of the gas. Throughputs and standard
+    volumes are therefore proportional to the number of molecules. CoolProp is required
+    (`pip install 'femseal[fluids]'`).
 
     Parameters
     ----------
     name : str
-        Name in CoolProp, such as "nitrogen", in upper or lower case.
+        Name of the gas in CoolProp, such as "nitrogen", in upper or lower case.
     temperature : float
         Temperature T [K].
     slip : bool
-        Whether to include slip and free molecular flow in narrow gaps. Their effect vanishes at high pressure.
+        True includes slip and free molecular flow in narrow gaps, whose effect vanishes at high pressure.
 
     Raises
     ------
@@ -345,19 +354,22 @@ class RealGas(Gas):
 
     @property
     def law(self) -> FlowLaw:
-        """Flow law: that of Fukui and Kaneko with the mean free path of the gas, or the cubic law without slip."""
+        """Flow law of Fukui and Kaneko with the mean free path of the real gas, or the cubic law if slip is ignored."""
         if not self.slip:
             return CUBIC_LAW
         return DenseGasSlip(float(self.viscosity_at(1.0)), self.speed, self)
 
     @property
     def highest_pressure(self) -> float:
-        """Saturation pressure, or the highest pressure that CoolProp knows [Pa]; at most 1 GPa."""
+        """Highest pressure at which the properties are known and the fluid is a gas [Pa]; at most 1 GPa.
+
+        It is the saturation pressure if the gas condenses.
+        """
         return float(_table(self.name, self.temperature).pressures[-1])
 
     @property
     def condenses(self) -> bool:
-        """Whether the gas condenses at `highest_pressure`."""
+        """True if the gas condenses at `highest_pressure`."""
         return _table(self.name, self.temperature).saturates
 
     def density_at(self, pressure: ArrayLike) -> Array:
@@ -377,21 +389,26 @@ class RealGas(Gas):
         return _table(self.name, self.temperature).potential(pressure)
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the absolute pressure [Pa] of a potential, by Newton's method."""
+        """Return the absolute pressure [Pa] that has a potential, by Newton's method."""
         table = _table(self.name, self.temperature)
         φ = reals(potential)
 
         def slope(p: Array) -> Array:
             return np.maximum(table.slope(p), _LEAST_SLOPE)
 
-        # φ is proportional to p² in a thin gas, so that √φ is interpolated
+        # at low pressure φ is proportional to p², so that p is nearly linear in √φ
         start = np.interp(np.sqrt(φ), np.sqrt(table.potential(table.pressures)), table.pressures)
         return solve_for_pressure(φ, start, table.potential, slope)
 
     def check_pressure(self, name: str, pressure: float) -> None:
-        """Raise InputError if the fluid is not a gas at a pressure [Pa], or if CoolProp does not know the pressure.
+        """Raise an InputError if the fluid is not a gas at a pressure [Pa], or if its properties are unknown there.
 
-        name : name of the pressure, for the message.
+        Parameters
+        ----------
+        name : str
+            Name of the pressure, for the message.
+        pressure : float
+            Absolute pressure [Pa].
         """
         if 0 <= pressure <= self.highest_pressure:
             return
@@ -416,9 +433,11 @@ def solve_for_pressure(
     potentials : array
         Potentials [kg/(m³ s)].
     start : array
-        Initial pressures [Pa].
-    potential, slope : callable
-        φ(p) and dφ/dp of a fluid.
+        Initial guess of the pressures [Pa].
+    potential : callable
+        Potential φ(p) of a fluid.
+    slope : callable
+        Derivative dφ/dp of this potential.
 
     Returns
     -------
@@ -426,7 +445,9 @@ def solve_for_pressure(
         Pressures [Pa], inf where no pressure has the potential.
     """
     p = start
-    with np.errstate(all="ignore"):  # a potential that no pressure has leads to inf
+    with np.errstate(
+        all="ignore"
+    ):  # the iteration diverges to inf if no pressure has the potential
         for _ in range(100):
             step = (potentials - potential(p)) / slope(p)
             p = p + step
@@ -438,10 +459,13 @@ def solve_for_pressure(
 class _Table(NamedTuple):
     """Hold the tabulated potential of a real gas.
 
-    pressures : rising pressures [Pa], the first of which is 0.
-    potential, slope : splines of the potential [kg/(m³ s)] and of its slope [s/m²] over the pressure.
-    saturates : whether the gas condenses at the last pressure.
-    molar_mass : [kg/mol].
+    Attributes
+    ----------
+    pressures : pressures of the points of the table in rising order [Pa], beginning with 0.
+    potential : spline of the potential φ(p) [kg/(m³ s)].
+    slope : spline of dφ/dp = ρ/η [s/m²].
+    saturates : True if the gas condenses at the last pressure.
+    molar_mass : molar mass of the gas [kg/mol].
     """
 
     pressures: Array
@@ -452,9 +476,9 @@ class _Table(NamedTuple):
 
 
 def _state(name: str) -> Any:
-    """Return a new object of CoolProp for a gas.
+    """Create the CoolProp object for a gas.
 
-    It is not cached, because CoolProp complains about objects that are left when the interpreter ends.
+    It is not cached, because CoolProp issues errors if such objects still exist when the interpreter ends.
     """
     from CoolProp.CoolProp import AbstractState
 
@@ -464,7 +488,7 @@ def _state(name: str) -> Any:
 def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Array, Array]:
     """Return density [kg/m³] and viscosity [Pa s] of a gas at pressures > 0 [Pa].
 
-    Raises ValueError where CoolProp does not know them.
+    A ValueError is raised if CoolProp cannot compute them.
     """
     import CoolProp
 
@@ -481,9 +505,10 @@ def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Arr
 
 @cache
 def _table(name: str, temperature: float) -> _Table:
-    """Tabulate the potential of a gas at a temperature [K] as the integral of a spline of its slope ρ/η.
+    """Tabulate the potential of a gas at a temperature [K].
 
-    Points are added to the table until the spline has a small enough error between them.
+    The slope dφ/dp = ρ/η is interpolated by a cubic spline, whose integral is the potential. Points are added until the
+    error of the spline in the middle between all neighbouring points is small enough.
     """
     from scipy.interpolate import CubicSpline
 
@@ -501,7 +526,7 @@ def _table(name: str, temperature: float) -> _Table:
         middles = 0.5 * (pressures[1:] + pressures[:-1])
         exact = exact_slope(middles)
         error = np.abs(slope(middles) - exact) * np.diff(pressures) / potential(middles)
-        coarse = np.flatnonzero(error > _ERROR)
+        coarse = np.flatnonzero(error > _ERROR)  # intervals to be halved
         if not coarse.size:
             molar_mass = float(_state(name).molar_mass())
             return _Table(pressures, potential, slope, saturates, molar_mass)
@@ -510,7 +535,11 @@ def _table(name: str, temperature: float) -> _Table:
 
 
 def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
-    """Return the highest pressure [Pa] at which CoolProp knows a gas, and whether the gas condenses there."""
+    """Return the highest pressure of a gas at a temperature [K], and whether the gas condenses there.
+
+    It is the saturation pressure, or else the highest pressure at which CoolProp can compute the properties, found by
+    repeated halving [Pa].
+    """
     import CoolProp
 
     state = _state(name)
@@ -518,7 +547,7 @@ def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
     saturates = temperature < state.T_critical()
     if saturates:
         state.update(CoolProp.QT_INPUTS, 1.0, temperature)
-        limit = (1 - 1e-6) * state.p()
+        limit = (1 - 1e-6) * state.p()  # just below saturation
     while True:
         try:
             _properties(name, temperature, limit)
@@ -532,16 +561,16 @@ def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
 
 @dataclass(frozen=True)
 class IdealGasError:
-    """Hold the ratio between the leakage of an ideal gas and that of the real gas that it stands for.
+    """Hold the ratio of the leakage of an ideal gas to that of the corresponding real gas.
 
     Parameters
     ----------
     name : str
         Name of the real gas, "" if it is unknown.
     ratio : float
-        Leakage of the ideal gas over that of the real gas, NaN if it is unknown.
+        Leakage of the ideal gas divided by that of the real gas, NaN if it is unknown.
     reason : str
-        Why the ratio is unknown, "" otherwise.
+        Reason why the ratio is unknown, "" if it is known.
     """
 
     name: str
@@ -550,15 +579,17 @@ class IdealGasError:
 
 
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
-    """Compare the leakage of an ideal gas with that of the real gas, by CoolProp.
+    """Compare the leakage of an ideal gas with that of the corresponding real gas, whose properties CoolProp gives.
+
+    The real gas is identified by its molar mass. If several gases have this molar mass, the one with the closest
+    viscosity is taken. A gas without a viscosity in CoolProp is only identified if its molar mass is the closest.
 
     Parameters
     ----------
     gas : IdealGas
-        The ideal gas. The real gas is recognised by its molar mass, and among several by its viscosity. A gas without a
-        viscosity in CoolProp is recognised if no other one has a closer molar mass.
+        Ideal gas.
     inlet, outlet : float
-        Absolute pressures [Pa].
+        Absolute pressures at inlet and outlet [Pa].
     """
     try:
         name = _recognise_gas(gas)
@@ -597,9 +628,9 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
 
 
 def is_nearly_ideal(gas: Any) -> bool:
-    """Return whether an ideal gas stands for a gas of the table well above its boiling point.
+    """Tell whether an ideal gas corresponds to a gas of the table well above its boiling point.
 
-    Such a gas is ideal within 2 % up to 20 bar.
+    Up to 20 bar, such a gas deviates from an ideal gas by at most 2 %.
     """
     masses = [fluid.parameters.get("molar_mass", 0.0) for fluid in TABLE.values()]
     is_in_table = any(abs(gas.molar_mass - mass) <= _SAME_MASS * mass for mass in masses)
@@ -607,9 +638,9 @@ def is_nearly_ideal(gas: Any) -> bool:
 
 
 def _recognise_gas(gas: Any) -> str:
-    """Return the name of the real gas that an ideal gas stands for, or "" if CoolProp does not know it.
+    """Return the name of the real gas that corresponds to an ideal gas, "" if CoolProp does not know it.
 
-    Raises ImportError if CoolProp is not installed.
+    An ImportError is raised if CoolProp is needed but not installed.
     """
     for table_name, fluid in TABLE.items():
         mass = fluid.parameters.get("molar_mass", 0.0)
@@ -628,7 +659,10 @@ def _recognise_gas(gas: Any) -> str:
 
 
 def _mass_differences(gas: Any) -> dict[str, float]:
-    """Return the relative differences in molar mass of the fluids of CoolProp that have about the mass of a gas."""
+    """Find the fluids of CoolProp that have about the molar mass of a gas.
+
+    The result contains the relative difference in molar mass for each of them, by name.
+    """
     from CoolProp import CoolProp
 
     differences = {}
@@ -641,14 +675,14 @@ def _mass_differences(gas: Any) -> dict[str, float]:
 
 
 def _closest_in_mass(gas: Any) -> str:
-    """Return the fluid of CoolProp whose molar mass is closest to that of a gas, or "" if none has about the same."""
+    """Return the fluid of CoolProp whose molar mass is closest to that of a gas, "" if none is close enough."""
     differences = _mass_differences(gas)
     return min(differences, key=lambda name: differences[name], default="")
 
 
 @cache
 def _has_viscosity(name: str) -> bool:
-    """Return whether CoolProp has a model of the viscosity of one of its fluids."""
+    """Tell whether CoolProp has a model for the viscosity of one of its fluids."""
     import CoolProp
 
     state = _state(name)
@@ -661,5 +695,5 @@ def _has_viscosity(name: str) -> bool:
 
 
 def _means_no_viscosity(error: ValueError) -> bool:
-    """Return whether an error of CoolProp says that it has no model of a viscosity."""
+    """Tell whether an error of CoolProp means that it has no model for a viscosity."""
     return "iscosity model" in str(error)

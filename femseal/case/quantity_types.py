@@ -130,8 +130,8 @@ class UsualRange:
     """Annotation of a quantity with the usual range of its values in SI units.
 
     A value outside the range is valid, but causes a warning, because its unit may be wrong. If an annotation has
-    several ranges with the same unit, the last one counts, so that a key can narrow the range of its type. A type that allows
-    several units has a range for each of them.
+    several ranges with the same unit, the last one counts, so that a key can narrow the range of its type. A type that
+    allows several units has a range for each of them.
     """
 
     low: float
