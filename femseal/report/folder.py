@@ -1,4 +1,4 @@
-"""Write the results folder of a run."""
+"""Write the results folder of a run, such that an interrupted run never damages the results of an earlier one."""
 
 import json
 import os
@@ -29,7 +29,8 @@ from ..results.vtk_files import write_vtk
 from ..topography import Surface
 from .page import FILES, REPORT_NAME, draw_all, write_report
 
-#: Manifest of the files of a run, one name per line. The next run removes those that it does not write again.
+#: File that lists the files of a run, one name per line. The next run removes listed files that it does not write
+#: again.
 MANIFEST = "files.txt"
 #: Largest size of a manifest that is read [byte].
 _LARGEST_MANIFEST = 1e7
@@ -53,36 +54,38 @@ def write_folder(
 ) -> list[Path]:
     """Write all files of a run: results, tables, report, pictures, fields over all pixels, and files for ParaView.
 
-    The files are written into the subfolder `.unfinished` and replace those of an earlier run when all are complete,
-    `results.nc` last. Files that femseal did not write are left alone.
+    The files are first written to the subfolder `.unfinished`. When all of them are complete, they replace the files of
+    an earlier run, `results.nc` last. Files that femseal did not write are not changed.
 
     Parameters
     ----------
     results : Results
-        Results of a run. Pictures and fields for which they have no data are left out.
+        Results of a run. Pictures and fields are left out if the results have no data for them.
     folder : path
-        Folder to write into; made if needed.
+        Folder for the files, which is created if needed.
     surface : Topography or Patches, optional
-        Combined heights of the faces, for `surface.png` and ParaView.
+        Combined heights of the faces, for `surface.png` and the files for ParaView.
     pictures, report, fields : bool
-        Whether these are written. Nothing is drawn if there are neither pictures nor a report.
+        True writes the pictures, the report, or the fields over all pixels. If neither pictures nor a report are
+        written, nothing is drawn.
     paraview : {"vtu", "none"}
         Format of the files in `vtk/`, see `write_vtk`.
     fields_limit : float
-        Size of the fields over all pixels before compression [byte] above which load steps are left out. The attribute
-        "left_out" of the dataset lists these.
+        Largest size of the fields over all pixels before compression [byte]. If they are larger, some load steps are
+        left out, which the attribute "left_out" of the dataset lists.
     mapper : callable
-        How independent files are written, for example by several processes.
+        Function that applies a stage to its arguments, like the builtin `map`. It can write independent files in
+        several processes.
 
     Returns
     -------
     list of Path
-        All files written, including the manifest `files.txt`.
+        Paths of all files, including the manifest `files.txt`.
 
     Raises
     ------
     InputError
-        The folder cannot be made.
+        The folder cannot be created.
     FemsealError
         A file could not be written. The results are then in `.unfinished/results.nc`.
     """
@@ -110,13 +113,14 @@ def write_again(
     fields: bool = True,
     paraview: str = "vtu",
 ) -> list[Path]:
-    """Write tables, pictures and report of results that were read from a folder into this folder again.
+    """Write the tables, the pictures and the report of results again into the folder from which they were read.
 
-    Fields over all pixels cannot be computed again from the results. Their files are kept, or removed with
-    `fields=False`, and so are the files in `vtk/`, or removed with `paraview="none"`. The other parameters, the result
-    and the errors are those of `write_folder`.
+    The results do not contain the data of the fields over all pixels and of the files in `vtk/`. These files are kept,
+    or removed if `fields` is False or `paraview` is "none". The other parameters, the returned paths and the errors are
+    those of `write_folder`.
     """
     target = Path(results.folder or "")
+    # by the name of the folder, or of the .pvd file beside it, at the beginning of the path
     is_kept_by_stem = {FIELDS: fields, VIEWS: paraview != "none"}
     kept_files = [
         name
@@ -144,17 +148,18 @@ def _replace_files(
     target : Path
         Folder of the run.
     write_files : callable
-        Writes all other files into the folder that it is given, and returns their paths.
+        Function that writes all other files to a folder, which is its argument, and returns their paths.
     kept_files : sequence of Path, optional
-        Files of the earlier run, relative to `target`, that stay. If given, the results are those of the earlier run,
-        and its `results.nc` stays until the new one is complete, because there is no other copy.
+        Files of the earlier run that are kept, relative to `target`. If it is given, `results` are the results of the
+        earlier run. Its `results.nc` is then kept until the new file is complete, because there is no other copy.
 
     Returns
     -------
     list of Path
+        Paths of all files of the run.
     """
     unfinished = target / UNFINISHED
-    # a link is removed, and not the files that it leads to
+    # if it is a link, the link is removed and not the files to which it leads
     if unfinished.is_symlink() or unfinished.is_file():
         unfinished.unlink()
     shutil.rmtree(unfinished, ignore_errors=True)
@@ -170,7 +175,7 @@ def _replace_files(
         if kept_files is None:
             (target / FILE_NAME).unlink(missing_ok=True)
         outdated = [name for name in _files_of_earlier_run(target) if name not in all_files]
-        # until they are removed, the manifest lists the outdated files too
+        # the manifest also lists the outdated files until they are removed, in case that is interrupted
         _write_manifest(target, [*all_files, *outdated])
         for name in new_files:
             _move_file(name, unfinished, target)
@@ -187,7 +192,7 @@ def _replace_files(
 
 
 def _move_file(name: Path, source: Path, target: Path) -> None:
-    """Move a file from one folder to another, unless a link would lead it out of there."""
+    """Move a file from one folder to another; raise an error if a link would lead to a third folder."""
     if not is_inside(target, name):
         parent = target / name.parent
         raise FemsealError(f"'{parent}' is a link to another folder, expected a folder")
@@ -203,7 +208,7 @@ def _write_manifest(folder: Path, names: Iterable[Path]) -> None:
 def _write_tables_and_pictures(
     results: Results, surface: Surface | None, pictures: bool, report: bool, folder: Path
 ) -> list[Path]:
-    """Write tables, and pictures and a report if they are wanted."""
+    """Write the tables and, if requested, the pictures and the report; return the paths of all files."""
     written = [
         write_text(folder / "table.csv", comma_separated(rows(results))),
         write_workbook(results, folder / "table.xlsx"),
@@ -218,7 +223,7 @@ def _write_tables_and_pictures(
 
 
 def _files_of_earlier_run(folder: Path) -> list[Path]:
-    """Read the names of files in the manifest of an earlier run, except names that lead out of the folder."""
+    """Return the files of an earlier run from its manifest, except paths that lead out of the folder."""
     try:
         text = read_plain(folder / MANIFEST, _LARGEST_MANIFEST).decode()
     except (OSError, UnicodeDecodeError):
@@ -230,9 +235,9 @@ def _files_of_earlier_run(folder: Path) -> list[Path]:
 
 
 def _remove_files(folder: Path, names: Iterable[Path]) -> None:
-    """Remove files of an earlier run, and the folders that become empty.
+    """Remove files of an earlier run, and folders that become empty.
 
-    Names that lead out of the folder by a link are passed over.
+    Files that a link places outside the folder are not removed.
     """
     parents: set[Path] = set()
     for name in names:

@@ -60,9 +60,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REPORT_NAME = "report.html"
-#: Pictures that are also written as files, by name without ending. The page alone has the others.
+#: Names of the pictures that are also written as files. The other pictures are only on the page.
 FILES = ("surface", "seal", "seat", "patch", "drawn", "cells", "leakage")
-#: Pictures as PNG by name.
+#: Pictures as PNG, by their names.
 Drawings = Mapping[str, bytes]
 
 
@@ -79,14 +79,14 @@ def draw_all(results: Results, surface: Surface | None = None) -> dict[str, byte
     Returns
     -------
     dict of bytes
-        Pictures as PNG by name.
+        Pictures as PNG, by their names.
     """
-    # in one process, because importing matplotlib in others would take as long as half of the pictures
+    # in this process, because importing matplotlib in another one would take half as long as drawing everything
     return {name: png(draw()) for name, draw in _figures(results, surface).items()}
 
 
 def _figures(results: Results, surface: Surface | None) -> dict[str, Callable[[], Figure]]:
-    """List the functions that draw the pictures for which the results have data, by name."""
+    """Return a function for each picture for which the results have data, by the name of the picture."""
     data = results.dataset
     step = default_step(data)
     has_maps = "face_gap" in data
@@ -116,7 +116,7 @@ def _figures(results: Results, surface: Surface | None) -> dict[str, Callable[[]
 
 
 def _surface_figure(data: xarray.Dataset) -> Figure:
-    """Draw the heights of the surface that was solved."""
+    """Draw the heights of the surface for which contact and flow were solved."""
     size = sides(data)
     sheet = Sheet([map_row_height(on_its_side(size), HEIGHTS)])
     draw_heights(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, size)
@@ -131,13 +131,13 @@ def _seat_figure(data: xarray.Dataset, step: int) -> Figure:
 
 
 def _finished_attempts(attempts: dict[str, Any]) -> dict[int, dict[str, Any]]:
-    """Select the attempts at the accuracy whose error is known, by their number from 1."""
+    """Return the attempts to reach the accuracy whose error is known, by their numbers, which begin with 1."""
     numbered = enumerate(attempts["attempts"], start=1)
     return {number: attempt for number, attempt in numbered if attempt["half_width"] is not None}
 
 
 def _attempts_figure(attempts: dict[str, Any]) -> Figure:
-    """Draw the error of each attempt at the accuracy against its time."""
+    """Draw the error of each attempt to reach the accuracy against its computing time."""
     sheet = Sheet([3.2])
     axes = sheet.panel(0, LINES)
     axes.set(xlabel="time of the attempt [s]", ylabel="error [%]", yscale="log")
@@ -274,7 +274,7 @@ def page_template() -> Template:
 
 
 def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
-    """Count the cells that carry half of the pressure drop at a step; 0 if this is not known."""
+    """Return the smallest number of cells that together carry half of the pressure drop at a step, 0 if unknown."""
     if "cell_drop_fraction" not in data:
         return 0
     fractions = data["cell_drop_fraction"].values[step].ravel()
@@ -285,7 +285,7 @@ def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
 
 
 def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
-    """List all values of nested tables and lists as pairs of a dotted key and a text.
+    """Convert nested tables and lists to a flat list of dotted keys and texts of their values.
 
     >>> flatten({"load": {"loading": [1e6, 2e6]}, "face": [{"kind": "file"}]})
     [('load.loading', '1e+06, 2e+06'), ('face.0.kind', 'file')]
@@ -303,5 +303,5 @@ def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
 
 
 def _plain_text(value: Any) -> str:
-    """Write a number in short form, and anything else as it is."""
+    """Convert a value to text, numbers in short form."""
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,6 +1,6 @@
 """Make the tables of the report: key numbers, leakage classes, test fluid and error budget.
 
-The section about the pressures that the seal needs is read from the files that `femseal design` left in the folder.
+The section about the pressures that the seal needs is read from files that `femseal design` has written to the folder.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 class KeyNumber(NamedTuple):
-    """A number at the head of the report: what it is, its value with unit, and its 95 % interval, "" without one."""
+    """Number at the top of the report: a label, the value with its unit, and the 95 % interval, "" if there is none."""
 
     label: str
     value: str
@@ -39,8 +39,7 @@ class KeyNumber(NamedTuple):
 def key_numbers(results: Results) -> list[KeyNumber]:
     """List the leakage of the whole seal at the assembly load, the first load and the last load.
 
-    The leakage is that of the fluid that decides on leakage classes: the test fluid if the case has one. All numbers
-    have the same unit.
+    If the case has a test fluid, its leakage is listed, otherwise that of the fluid. All numbers have the same unit.
     """
     curve = LeakageCurve.of_results(results)
     leakage = results.class_leakage[0]
@@ -69,9 +68,10 @@ def key_numbers(results: Results) -> list[KeyNumber]:
 
 
 def _whole_seal_unit(results: Results, values: Array) -> LeakUnit:
-    """Choose the unit of the user if it is for the whole seal, and otherwise one in which the values are readable.
+    """Choose a unit for the leakage of the whole seal.
 
-    values : leakages per length [m²/s].
+    It is the unit that the case asks for, if this is a unit for the whole seal, and otherwise a unit in which the
+    leakages `values` (per unit seal length, [m²/s]) are readable.
     """
     basis = results.class_basis
     unit = results.asked_unit
@@ -81,7 +81,7 @@ def _whole_seal_unit(results: Results, values: Array) -> LeakUnit:
 
 
 def class_table(results: Results) -> TextTable | None:
-    """Tabulate from which load on each leakage class is met and down to which it is kept; None without classes."""
+    """Make a table of the loads that each leakage class requires; return None if the case has no classes."""
     verdicts = results.verdicts
     if not verdicts:
         return None
@@ -89,15 +89,19 @@ def class_table(results: Results) -> TextTable | None:
 
 
 def test_fluid(results: Results) -> dict[str, Any] | None:
-    """Describe the leakage of the test fluid at the assembly load, and compare it with the fluid in service.
+    """Describe the leakage of the test fluid at the assembly load, and compare it with the leakage in service.
 
     Returns
     -------
     dict or None
-        name : of the test fluid. load : name of the assembly load. leakage : at this load, as text. gases : whether
-        both fluids are gases. ratio : median of the leakage in service over that of the test, at all loads at which
-        both leak; it compares pressure × volume of two gases, and otherwise volumes, and is 0 if there is no such
-        load. None without a test fluid.
+        None if the case has no test fluid. Otherwise the entries
+
+        - name: name of the test fluid
+        - load: name of the assembly load
+        - leakage: leakage of the test fluid at this load, as text
+        - gases: True if both fluids are gases
+        - ratio: leakage in service divided by that in the test, median over all loads at which both leak; 0 if there is
+          no such load. Two gases are compared by their throughput (pressure × volume), other fluids by their volume.
     """
     data = results.dataset
     if "test_leakage" not in data:
@@ -128,12 +132,12 @@ def png_uri(picture: bytes) -> str:
 
 
 def design_section(results: Results) -> dict[str, Any] | None:
-    """Read what `femseal design` wrote for the same case into the folder of the results.
+    """Read the answer that `femseal design` has written for the same case to the results folder.
 
     Returns
     -------
     dict or None
-        "sentences", "tables" and "picture"; None if the folder has no design of this case that can be read.
+        Entries "sentences", "tables" and "picture"; None if the folder has no readable answer for this case.
     """
     if results.folder is None:
         return None
@@ -152,19 +156,27 @@ def design_section(results: Results) -> dict[str, Any] | None:
 
 
 def important_steps(results: Results) -> list[int]:
-    """List the first load, the highest at which the leakage still counts, the highest of all, and the last one.
+    """List the load steps that the table of the error budget shows.
 
-    A leakage counts if it is more than a thousandth of the first one.
+    They are the first step with a known leakage, the highest load with a leakage of more than a thousandth of the first
+    one, the highest load of all, and the last step.
     """
     leakage = np.abs(results.leakage.values)
-    counts = (leakage > least_counted(leakage)) & results.steps.on_loading
-    highest_leaking = np.flatnonzero(counts)[-1:].tolist()
+    is_large_enough = (leakage > least_counted(leakage)) & results.steps.on_loading
+    highest_leaking = np.flatnonzero(is_large_enough)[-1:].tolist()  # one step, or none
     last = len(leakage) - 1
     return list(dict.fromkeys([first_known(leakage), *highest_leaking, results.peak, last]))
 
 
 class _BudgetLine(NamedTuple):
-    """A line of the table of the error budget: the source, its half-width of ln(leakage) (steps,), how it was found."""
+    """Line of the table of the error budget.
+
+    Attributes
+    ----------
+    source : source of error.
+    half_widths : half-width of the 95 % interval of ln(leakage) due to this source (steps,).
+    note : explanation of how it was estimated.
+    """
 
     source: str
     half_widths: Array
@@ -172,7 +184,10 @@ class _BudgetLine(NamedTuple):
 
 
 def budget_table(results: Results) -> TextTable | None:
-    """Tabulate the sources of error at the important loads, widest first, and their sum; None without a budget."""
+    """Make a table of the sources of error, from the largest to the smallest, and of their combination.
+
+    Its columns are the `important_steps`. The result is None without an error budget.
+    """
     budget = results.budget
     if budget is None:
         return None
@@ -203,7 +218,7 @@ def budget_table(results: Results) -> TextTable | None:
 
 
 def _half_width_text(half_width: float) -> str:
-    """Write a half-width of ln(leakage) as text; it is infinite if the seal may leak or be tight."""
+    """Convert a half-width of ln(leakage) to text; it is infinite if the seal may either leak or be tight."""
     if np.isnan(half_width):
         return "unknown"
     if np.isinf(half_width):
