@@ -155,20 +155,20 @@ def _attempts_figure(attempts: dict[str, Any]) -> Figure:
 def write_report(
     results: Results | AnyPath, path: AnyPath | None = None, drawings: Drawings | None = None
 ) -> Path:
-    """Write one self-contained HTML page about a run, which loads nothing and can be printed.
+    """Write a self-contained HTML page about a run, which needs no other files and can be printed.
 
-    The page begins with the verdict on leakage classes, leakage and accuracy and with what would help most. The
-    warnings and the leakage against load follow, and then maps, cells, faces, tables and the error budget. The page
-    depends on the dataset alone, so that a page made from a folder equals the one that the run wrote.
+    The page begins with the verdict: the leakage classes, the leakage, the accuracy, and the measures that would help
+    most. Warnings and the leakage against load follow, and then maps, cells, faces, tables and the error budget. All
+    contents come from the dataset, so that a page made from a folder is identical to the page that the run wrote.
 
     Parameters
     ----------
     results : Results or path
         Results of a run, or the folder that contains them.
     path : path, optional
-        File to write; `report.html` in the folder of the results unless given.
+        Path of the page, by default `report.html` in the folder of the results.
     drawings : mapping of bytes, optional
-        Pictures as PNG by name, if they have been drawn already.
+        Pictures as PNG by their names, if they have been drawn already.
 
     Returns
     -------
@@ -207,14 +207,14 @@ def write_report(
 
 
 def report_html(results: Results, drawings: Drawings | None = None) -> str:
-    """Make the text of the page.
+    """Return the text of the page.
 
     Parameters
     ----------
     results : Results
         Results of a run.
     drawings : mapping of bytes, optional
-        Pictures as PNG by name; drawn unless given.
+        Pictures as PNG by their names, if they have been drawn already.
     """
     data = results.dataset
     step = default_step(data)
