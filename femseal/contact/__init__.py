@@ -1,4 +1,4 @@
-"""Solve the elastic-plastic contact of a half-space: from heights and load to pressure and gap."""
+"""Solve the elastic-plastic contact of a rough half-space: compute contact pressure and gap from heights and load."""
 
 from typing import TYPE_CHECKING
 

@@ -1,17 +1,19 @@
 """Solve a contact on one grid by projected active sets, with preconditioned conjugate gradients on the free points.
 
-The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), where ψ comes from the law. Its minimum under a load is the p that equals y for
-any c > 0. Here y is the projection of p − c (v − δ) on the law, with v = Kp + h₁ and the δ for which Σ y = load. For
-perfect plasticity y = clip(p − c (v − δ), 0, H). Each iteration
+The solution minimises the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p) under a given load, where ψ depends on the contact law. Let
+y be the projection of p − c (v − δ) on the contact law, with v = Kp + h₁ and the δ for which Σ y is equal to the load.
+For perfect plasticity y = clip(p − c (v − δ), 0, H). The pressure p is the solution if p = y, for any c > 0.
 
-1. changes the sets, if y moves points out of contact, to the hardness, or back: p becomes y, and a product with K gives
-   the new v;
-2. lowers the energy by a few steps of conjugate gradients on the free points, which are elastic or yield and harden,
-   with a product with K for each step;
-3. evaluates the contact: computes δ, y and the residual ‖p − y‖/‖y‖ · c₀/c.
+Each iteration consists of three parts:
 
-This is an inexact semismooth Newton method, for which there is no proof of convergence. If the energy keeps rising, or
-after 60 iterations, `descent` takes over. The residual that is returned is the one that was reached.
+1. If points have to leave the contact, reach the hardness, or return from either, the sets are changed: p is set to y,
+   and v is computed by a product with K.
+2. A few steps of conjugate gradients on the free points, which are elastic or harden, reduce the energy. Each step
+   needs a product with K.
+3. The contact is evaluated: δ, y and the residual ‖p − y‖/‖y‖ · c₀/c are computed.
+
+This is an inexact semismooth Newton method, for which convergence is not proved. If the energy increases repeatedly, or
+after 60 iterations, the method in `descent` is used instead. The returned residual is computed, not assumed.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
@@ -23,10 +25,11 @@ from .workspace import Loops, Problem, Workspace
 
 
 class StepLimits(NamedTuple):
-    """Limits of the steps of conjugate gradients in an iteration.
+    """Limits for the steps of conjugate gradients in one iteration.
 
-    after_change, without_change : most steps after the sets have changed, and if they have not. drop : fraction of the
-    first squared energy norm of the residual at which the steps stop.
+    after_change : largest number of steps if the sets have changed.
+    without_change : largest number of steps if they have not changed.
+    drop : fraction of the initial squared energy norm of the residual at which the steps end.
     """
 
     after_change: int
@@ -35,33 +38,36 @@ class StepLimits(NamedTuple):
 
 
 _STEPS = StepLimits(3, 5, 0.04)
-#: The limits if an axis is long, because patches in contact are then wide or far from each other: an unloading of 2048²
-#: points takes 37 products in place of 48; a strip of 2 × 32768 points takes 200 in place of 400 to 1,400.
+#: Limits for grids with a long axis, on which contact patches may be large or far from each other. They reduce the
+#: number of products for unloading on 2048² points from 48 to 37, and for a strip of 2 × 32768 points from 400 to 1,400
+#: to 200.
 _LONG_STEPS = StepLimits(64, 64, 0.01)
-#: Number of points of the longer axis from which on it is long.
+#: An axis is long from this number of points on.
 _LONG = 1024
-#: Number of iterations after which no step may raise the energy any more.
+#: Number of iterations after which `descent`, whose steps never increase the energy, is used.
 _MONOTONE_AFTER = 60
-#: Damping below which no step may raise the energy any more; it falls when steps keep raising the energy.
+#: `descent` is also used when the damping is below this value. The damping is reduced whenever the energy increases.
 _MONOTONE_BELOW = 0.1
 #: Smallest damping.
 _LEAST_DAMPING = 1e-3
-#: Relative rise of the energy that is more than a rounding error.
+#: Relative increase of the energy that cannot be explained by rounding errors.
 _RISE = 1e-13
-#: w·r that is a rounding error, relative to the value for a residual of δ at all free points.
+#: Value of w·r below which the residual is a rounding error, relative to w·r for the residual δ at all free points.
 _FLAT = 1e-30
-#: The sets are kept while the residual halves, and the points that would leave them contribute at most this fraction of
-#: its square.
+#: The sets are not changed as long as each iteration reduces the residual to a half, and the points that would change
+#: sets contribute at most this fraction of the squared residual.
 _FRACTION = 0.1
-#: Relative error of the load of the initial pressure up to which it may be the solution.
+#: Relative error of the load up to which the initial pressure can be accepted as the solution.
 _LOAD_RTOL = 1e-10
 
 
 class Lists(NamedTuple):
-    """Numbers of points on the lists of a grid.
+    """Lengths of the lists of points, and the threshold with which they were made.
 
-    near : points near contact, which are in contact or have v below `reach` [m]. free : points whose pressure is
-    unknown. margin : `reach` minus δ when the list was made [m].
+    near : number of points near contact. A point is near contact if it is in contact or if v is below `reach`.
+    free : number of free points, whose pressure is unknown.
+    reach : threshold of v [m].
+    margin : difference between `reach` and δ at the time when the lists were made [m].
     """
 
     near: int
@@ -71,7 +77,12 @@ class Lists(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """State of the iteration: approach δ minus the offset [m], residual, and whether the sets should be changed."""
+    """State of the iteration.
+
+    delta : approach δ minus the offset of the heights [m].
+    residual : residual ‖p − y‖/‖y‖ · c₀/c.
+    sets_change : whether the sets should be changed in the next iteration.
+    """
 
     delta: float
     residual: float
@@ -81,8 +92,9 @@ class Evaluation(NamedTuple):
 class Directions(NamedTuple):
     """State of the conjugate gradients on one set of free points.
 
-    total_ones : Σ M1, with the preconditioner M. former : w·r of the former direction; infinite if there is none.
-    ready : w·r of a direction that has been made, but along which no step was made yet; None if there is none.
+    total_ones : sum Σ M1 of the preconditioner M, applied to a vector of ones.
+    former : product w·r of the previous direction; infinite if there is none.
+    ready : product w·r of a direction that has been computed but not used for a step yet; None if there is none.
     """
 
     total_ones: float
@@ -91,10 +103,11 @@ class Directions(NamedTuple):
 
 
 class Gradients(NamedTuple):
-    """Result of some steps of conjugate gradients.
+    """Result of several steps of conjugate gradients.
 
-    directions : state at their end. steps : their number. longest : largest step c of the next projection that the
-    Rayleigh quotients of the directions allow [Pa/m].
+    directions : state after the last step.
+    steps : number of steps.
+    longest : largest length c of the next projection step [Pa/m], from the Rayleigh quotients of the directions.
     """
 
     directions: Directions
@@ -103,18 +116,18 @@ class Gradients(NamedTuple):
 
 
 def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int) -> Solution:
-    """Solve a contact problem, starting from the pressure in the memory of the grid.
+    """Solve a contact problem, beginning with the pressure that is stored in the workspace.
 
     Parameters
     ----------
     grid : Workspace
-        Grid with the initial pressure, see `Workspace.start`, which is replaced by the solution.
+        Workspace of the grid with the initial pressure, see `Workspace.start`. The solution replaces this pressure.
     problem : Problem
         Gap, law and load.
     rtol : float
-        Residual to reach.
+        Target residual.
     limit : int
-        Most iterations.
+        Largest number of iterations.
 
     Returns
     -------
@@ -129,7 +142,9 @@ def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int
     products = 1
     damping = 1.0
     energy = inf
-    is_fresh = True  # v belongs to p, up to rounding
+    is_fresh = (
+        True  # v was computed from p by a product; steps of conjugate gradients only update it
+    )
     directions = None
     lists, state = _evaluate(grid, loops, lists, state, step, is_fresh)
     state = state._replace(sets_change=True)
@@ -160,7 +175,7 @@ def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int
                 damping = min(1.0, 1.25 * damping)
             directions = None
         if is_converged:
-            step = c0  # with which the returned residual is defined
+            step = c0  # the returned residual is defined with c₀
         elif lists.free >= 2:
             gradients = _conjugate_gradients(grid, loops, lists, state, directions)
             directions = gradients.directions
@@ -179,18 +194,21 @@ def _is_solved(
     is_fresh: bool,
     iterations: int,
 ) -> bool:
-    """Tell whether the residual is reached, by a pressure whose v is known and which carries the load."""
+    """Return whether the target residual is reached with an accurate v, by a pressure that carries the load."""
     if not (state.residual <= rtol and is_fresh):
         return False
     if iterations > 0:
-        return True  # a projected pressure carries the load, whereas the initial one may not
+        return True  # the projection has made the pressure carry the load
     return abs(float(grid.arrays.p.sum()) - problem.load) <= _LOAD_RTOL * problem.load
 
 
 class Product(NamedTuple):
     """Result of a product with K.
 
-    lists : points near contact. energy : of the pressure. load : Σ p [Pa]. total_v : Σ v over the listed points [m].
+    lists : lengths of the lists of points.
+    energy : energy of the pressure.
+    load : sum Σ p of the pressure [Pa].
+    total_v : sum Σ v over the points near contact [m].
     """
 
     lists: Lists
@@ -200,7 +218,7 @@ class Product(NamedTuple):
 
 
 def _multiply(grid: Workspace, loops: Loops, reach: float, margin: float) -> Product:
-    """Compute v = Kp + h₁, and list the points that are in contact or have v below `reach` [m]."""
+    """Compute v = Kp + h₁, and list the points that are in contact or have v below the threshold `reach` [m]."""
     loops.respond()
     n_rows = len(grid.arrays.v)
     near, free, energy, load, total_v = loops.list_near(grid.compliance, 1.0, reach, 0, n_rows)
@@ -208,16 +226,18 @@ def _multiply(grid: Workspace, loops: Loops, reach: float, margin: float) -> Pro
 
 
 def _list_near(grid: Workspace, loops: Loops, reach: float, margin: float) -> Lists:
-    """List the points near contact again, with another reach [m], for the same v."""
+    """List the points near contact again for the same v, with another threshold `reach` [m]."""
     n_rows = len(grid.arrays.v)
     near, free, *_sums = loops.list_near(1.0, 0.0, reach, 0, n_rows)
     return Lists(near, free, reach, margin)
 
 
 def _first_evaluation(grid: Workspace, loops: Loops, c: float) -> tuple[Lists, Evaluation]:
-    """List the points near contact for the initial pressure, and guess δ as the mean v of the points in contact."""
-    product = _multiply(grid, loops, -inf, 0.0)
-    n_contact = max(product.lists.near, 1)  # a very small load may be lost on the coarser grids
+    """List the points near contact for the initial pressure; the mean v of the points in contact is a guess of δ."""
+    product = _multiply(grid, loops, -inf, 0.0)  # lists the points in contact only
+    n_contact = max(
+        product.lists.near, 1
+    )  # with a very small load there may be none on a coarse grid
     delta = product.total_v / n_contact
     margin = 0.5 * product.load / (n_contact * c)
     return _list_near(grid, loops, delta + margin, margin), Evaluation(delta, inf, True)
@@ -226,11 +246,11 @@ def _first_evaluation(grid: Workspace, loops: Loops, c: float) -> tuple[Lists, E
 def _evaluate(
     grid: Workspace, loops: Loops, lists: Lists, former: Evaluation, c: float, is_fresh: bool
 ) -> tuple[Lists, Evaluation]:
-    """Find δ and the residual with the step c [Pa/m], and decide whether the sets should be changed.
+    """Compute δ and the residual for the step length c [Pa/m], and decide whether the sets should be changed.
 
-    Points that are not on the list had v above `reach` when the list was made. If δ exceeds `reach`, a new list is
-    needed. This requires v of all points, so that after steps of conjugate gradients it waits for the next product with
-    p (`is_fresh`).
+    Only listed points are considered; v of all others was above `reach` when the list was made. If δ exceeds `reach`, a
+    new list is made. This requires v at all points, but steps of conjugate gradients only update v at listed points.
+    After such steps (without `is_fresh`), the new list has to wait for the next product with p.
     """
     delta = former.delta
     while True:
@@ -245,17 +265,19 @@ def _evaluate(
         relative = sqrt(r2 / y2)
     else:
         relative = inf if r2 > 0.0 else 0.0
-    residual = relative * (grid.stiffness / c)  # approximately that for the step c₀
-    matters = changed2 > _FRACTION * r2 or residual > 0.5 * former.residual
-    return lists, Evaluation(delta, residual, sets_change=changed > 0 and matters)
+    residual = relative * (grid.stiffness / c)  # approximately the residual for the step length c₀
+    needs_change = changed2 > _FRACTION * r2 or residual > 0.5 * former.residual
+    return lists, Evaluation(delta, residual, sets_change=changed > 0 and needs_change)
 
 
 def _change_sets(
     grid: Workspace, loops: Loops, lists: Lists, c: float, delta: float, keep: bool
 ) -> tuple[Lists, float]:
-    """Project p on the law and the load, which decides which points are free, and compute v.
+    """Replace p by its projection on the law and the load, which determines the free points, and compute v.
 
-    keep : whether points that remain free keep their pressure. Returns the lists of points, and the energy.
+    keep : whether points that remain free keep their pressure.
+
+    Returns the lists of points, and the energy.
     """
     loops.project(lists.near, lists.free, c, delta, keep)
     product = _multiply(grid, loops, delta + lists.margin, lists.margin)
@@ -269,9 +291,9 @@ def _conjugate_gradients(
     state: Evaluation,
     directions: Directions | None,
 ) -> Gradients:
-    """Make a few steps of conjugate gradients on the free points.
+    """Perform a few steps of conjugate gradients on the free points.
 
-    directions : state of the former steps on the same free points; None if the sets have changed.
+    directions : state after previous steps on the same free points; None if the sets have changed since.
     """
     is_long = max(grid.half_space.shape) >= _LONG
     limits = _LONG_STEPS if is_long else _STEPS
@@ -287,7 +309,7 @@ def _conjugate_gradients(
             ready = loops.turn(lists.free, former, total_ones)
         if steps == 0:
             first = ready
-            # the residual vanishes on the free points, up to rounding, so that only the sets can change
+            # the residual on the free points is only a rounding error, so that only a change of the sets can help
             if not first > _FLAT * state.delta**2 * total_ones:
                 break
         if not (ready > 0.0 and ready >= limits.drop * first):

@@ -1,9 +1,9 @@
-"""Solve the contact along a load programme, with the plastic deformation that every peak leaves behind.
+"""Solve the contact along a load programme, including the plastic deformation that remains after each peak.
 
-First loading does not depend on the path. On unloading from a peak, the plastic deformation of the peak is added to the
-gap once, and the contact is solved with the law of points that have this deformation. At the pressure of the peak this
-gives the state of the peak. Reloading follows the unloading curve, and beyond the peak it follows first loading
-(Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018).
+States of first loading do not depend on the loading history. For unloading from a peak, the plastic deformation of the
+peak is added to the gap, and the contact is solved with the contact law of points that have been deformed in this way.
+At the pressure of the peak, this reproduces the state of the peak. Reloading follows the unloading curve up to the
+peak, and the first loading curve beyond it (Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018).
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -21,7 +21,7 @@ from .half_space import HalfSpace
 from .law import ContactLaw, contact_law
 from .solver import Contact, check_capacity, solve_contact
 
-#: Number of fields over all points that solving a state needs, with gap, plastic deformation and result.
+#: Number of arrays over all points that are needed to solve a state, including gap, plastic deformation and result.
 STATE_FIELDS = 20
 
 
@@ -29,9 +29,9 @@ STATE_FIELDS = 20
 class _SolvedStep:
     """A solved load step.
 
-    output : what `take` made of the state, or the state itself.
-    deformation : plastic deformation (n1, n2) [m] that a peak leaves to its unloading; None for other steps.
-    memory : what `remember` made of the contact for the next load.
+    output : value of `take` for the state, or the state itself.
+    deformation : plastic deformation (n1, n2) [m] at a peak, from which unloading begins; None for other steps.
+    memory : value of `remember` for the contact, which is passed to the next load step.
     has_yielded : whether any point has deformed plastically.
     """
 
@@ -46,15 +46,15 @@ _NOTHING_BEFORE = _SolvedStep(output=None)
 
 @dataclass(frozen=True, repr=False)
 class LoadState(LoadStep, Plotted):
-    """A step of a load programme and its contact.
+    """A step of a load programme with its contact.
 
     Parameters
     ----------
     contact : Contact
-        The contact.
+        Contact at this step.
     yielded_again : float
-        Fraction of the points that yield on unloading. Points that were not plastic at the peak may yield when the load
-        moves to them.
+        Fraction of the points that yield during unloading. This may happen to points that were not plastic at the peak,
+        when other points pass their load on to them.
     """
 
     contact: Contact = field(kw_only=True)
@@ -68,7 +68,7 @@ class LoadState(LoadStep, Plotted):
 
 
 class LoadCycle(tuple[LoadState, ...], Plotted):
-    """The states of a load cycle: a tuple that has a table and a picture."""
+    """Tuple of the states of a load cycle, which can be displayed as a table and plotted."""
 
     __slots__ = ()
 
@@ -112,23 +112,23 @@ def load_cycle(
     half_space : HalfSpace
         Elastic body and grid.
     loading, unload_from, unloading : sequence of float
-        Nominal pressures [Pa] of first loading, of the peaks that are unloaded, and of the unloading from each peak;
-        see `LoadProgramme.of`.
+        Nominal pressures [Pa] of first loading, of the peaks from which the seal is unloaded, and of the unloading from
+        each peak; see `LoadProgramme.of`.
     hardness : float, array (n1, n2) or ContactLaw
         Hardness [Pa], or a law; see `solve_contact`.
     rtol : float
-        Residual of each solution, see `solve_contact`.
+        Target residual of each solution, see `solve_contact`.
 
     Returns
     -------
     LoadCycle
-        The states in the order of the programme. On unloading, `plastic_deformation` is that of the peak plus what
-        yields afterwards.
+        States in the order of the programme. During unloading, `plastic_deformation` is the deformation at the peak
+        plus any further deformation since.
 
     Raises
     ------
     InputError, NotConverged
-        See `solve_contact`. The whole programme is checked before anything is solved.
+        See `solve_contact`. The whole programme is checked before the first step is solved.
 
     Examples
     --------
@@ -154,7 +154,7 @@ def contact_at_loads(
     law: ContactLaw,
     solve: Callable[..., Contact] = solve_contact,
 ) -> Callable[..., Contact]:
-    """Prepare a function that solves the contact of a gap at a load, and check the load programme.
+    """Check a load programme, and return a function that solves the contact of a gap at a given load.
 
     Parameters
     ----------
@@ -167,12 +167,12 @@ def contact_at_loads(
     law : ContactLaw
         Contact law.
     solve : callable
-        Called like `solve_contact`; it may, for example, include a fluid between the surfaces.
+        Function with the arguments of `solve_contact`; it may, for example, include a fluid between the surfaces.
 
     Returns
     -------
     callable
-        `solve` with everything but `pressure` and options.
+        The function `solve` with gap, half-space and law already set. It still needs the argument `pressure`.
     """
     law.tangent(half_space.shape)  # raises InputError if the law has arrays of another shape
     check_capacity("loading", float(programme.pressures.max()), law)
@@ -192,8 +192,8 @@ def load_states(
 ) -> Iterator[Any]:
     """Solve the contact states of a load programme.
 
-    If no point has yielded at a peak, the unloading goes back along the loading. A pressure that has been solved on the
-    loading is then not solved again, and its output is returned once more. No other state is kept.
+    If no point has yielded at a peak, unloading follows the loading curve. A pressure that was already solved during
+    loading is then not solved again; its output is yielded a second time. Other outputs are not kept in memory.
 
     Parameters
     ----------
@@ -202,22 +202,24 @@ def load_states(
     solve : callable
         Solves the contact at a load, see `contact_at_loads`.
     rtol : float
-        Residual of each solution, see `solve_contact`.
+        Target residual of each solution, see `solve_contact`.
     take : callable, optional
-        Function of a state that is called in the process that solves it; its value is returned in place of the state.
+        Function of a state, which is called in the process that solves the state. Its value is yielded instead of the
+        state.
     remember : callable, optional
-        Function of a contact that gives what it leaves to the next load besides its plastic deformation; `solve` takes
-        this as `former`. The loads of first loading are then solved one after another.
+        Function of a contact. Its value is passed to `solve` at the next load as the argument `former`, in addition to
+        the plastic deformation. The steps of first loading are then solved one after another.
     memory : float
-        Memory that solving a state and `take` need together [byte]. A mapper over processes solves no more states at
-        once than fit.
+        Memory that is needed to solve a state and to call `take` [byte]. It limits the number of states that a mapper
+        solves at the same time.
     mapper : callable
-        Solves the states of a branch, which do not depend on each other: those of first loading, then of unloading.
+        Function like `map`, which solves the steps of first loading and then the steps of unloading. Within each of the
+        two groups, the steps do not depend on each other.
 
     Yields
     ------
     LoadState, or the value of `take`
-        In the order of the programme.
+        One for each step, in the order of the programme.
     """
     solve_step = partial(_solve_step, solve=solve, rtol=rtol, take=take, remember=remember)
     stage = Stage("contact of the whole face", solve_step, memory)
@@ -227,15 +229,17 @@ def load_states(
 def _solve_programme(
     stage: Stage, programme: LoadProgramme, one_after_another: bool, mapper: Mapper
 ) -> Iterator[Any]:
-    """Yield the output of every state in the order of the programme.
+    """Yield the output of each state in the order of the programme.
 
-    one_after_another : whether each load of first loading begins from what the one before has left. States of the same
-    pressure then differ, so that none can be taken twice.
+    one_after_another : whether each step of first loading depends on the step before. Unloading then cannot reuse the
+    states of loading at the same pressure.
     """
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
     peaks: dict[float | None, _SolvedStep] = {}
-    elastic_outputs: dict[float, Any] = {}  # by pressure, where no point has yielded
+    elastic_outputs: dict[
+        float, Any
+    ] = {}  # outputs by pressure, of states in which no point has yielded
     states: Iterable[_SolvedStep]
     if one_after_another:
         states = _solve_one_after_another(stage, loading, mapper)
@@ -250,7 +254,7 @@ def _solve_programme(
         yield solved.output
 
     def goes_back(step: LoadStep) -> bool:
-        """Tell whether unloading to a step goes back along the loading."""
+        """Return whether unloading to this step follows the loading curve."""
         return not (one_after_another or peaks[step.unloaded_from].has_yielded)
 
     steps_to_solve: list[LoadStep] = []
@@ -274,13 +278,13 @@ def _solve_programme(
         if isinstance(output, LoadState):
             output = replace(output, unloaded_from=step.unloaded_from)
         yield output
-    next(new_states, None)  # a mapper may have something to do at its end
+    next(new_states, None)  # exhaust the mapper, so that the code after its last result runs, too
 
 
 def _solve_one_after_another(
     stage: Stage, loading: Sequence[LoadStep], mapper: Mapper
 ) -> Iterator[_SolvedStep]:
-    """Solve the states of first loading, each from what the one before has left besides plastic deformation."""
+    """Solve the steps of first loading in their order, and pass the value of `remember` from each step to the next."""
     before = _NOTHING_BEFORE
     for step in loading:
         (solved,) = mapper(stage, [step], [True], [before])
@@ -298,7 +302,11 @@ def _solve_step(
     take: Callable[[LoadState], Any] | None,
     remember: Callable[[Contact], Any] | None,
 ) -> _SolvedStep:
-    """Solve a state from what the peak, or the load before, has left."""
+    """Solve the state of one load step.
+
+    is_peak : whether to keep the plastic deformation for unloading from this step.
+    before : peak from which this step is unloaded, or the previous step of first loading.
+    """
     options = {} if remember is None else {"former": before.memory}
     deformation = before.deformation
     contact = solve(pressure=step.pressure, deformation=deformation, rtol=rtol, **options)
@@ -317,8 +325,8 @@ def _solve_step(
 
 
 def _fraction_yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:
-    """Compute the fraction of points whose plastic deformation has grown by more than the residual explains."""
-    # the displacement of a pixel under the hardness is about pressure / stiffness
+    """Compute the fraction of points whose plastic deformation has grown by more than the error of the solution."""
+    # elastic displacement of a single pixel under the largest pressure, which is about pressure / stiffness
     spacing = contact.half_space.spacing
     depth = (
         4

@@ -1,9 +1,9 @@
-"""Solve a contact by steps that never raise the energy, for problems whose active sets repeat themselves.
+"""Solve a contact by steps that never increase the energy, for problems in which the active sets cycle.
 
-Each iteration first makes a step along the projected gradient, with the length of Barzilai and Borwein, which decides
-which points are free. Steps of conjugate gradients on the free points follow. A point that reaches a bound stays there,
-and the directions start again. The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), where ψ = ½ Σ (p − H)₊²/h if points harden. It
-falls with every step, while the load remains constant.
+Each iteration begins with a step along the projected gradient with the Barzilai-Borwein length, which determines the
+free points. Steps of conjugate gradients on the free points follow. If a point reaches a bound, it stays there, and the
+conjugate gradients are restarted. The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), with ψ = ½ Σ (p − H)₊²/h for points that
+harden. It decreases with each step, and the load remains constant.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
 """
 
@@ -17,17 +17,19 @@ from .gradient_steps import apply_stencil
 from .projection import root
 from .workspace import Problem, Workspace
 
-#: Most steps of conjugate gradients in an iteration.
+#: Largest number of steps of conjugate gradients in an iteration.
 _STEPS = 25
-#: Fraction of the first w·r at which these steps stop.
+#: Fraction of the initial w·r at which these steps end.
 _DROP = 1e-3
 
 
 class Solution(NamedTuple):
-    """Solution of a contact problem on one grid; its pressure and v are in the memory of the grid.
+    """Solution of a contact problem on one grid. Pressure and v are stored in the workspace of the grid.
 
-    delta : approach δ minus the offset [m]. residual : ‖p − y‖/‖y‖. iterations : number of iterations. products :
-    number of products with K.
+    delta : approach δ minus the offset of the heights [m].
+    residual : residual ‖p − y‖/‖y‖.
+    iterations : number of iterations.
+    products : number of products with K.
     """
 
     delta: float
@@ -37,10 +39,12 @@ class Solution(NamedTuple):
 
 
 class _Law(NamedTuple):
-    """Straight law of every point, as arrays (n,).
+    """Linear contact law of each point, as arrays (n,).
 
-    hardness : H [Pa]. slope : h [Pa/m]. limit : largest pressure [Pa]. compliance : 1/h of points that harden [m/Pa],
-    0 of others.
+    hardness : hardness H [Pa].
+    slope : hardening modulus h [Pa/m].
+    limit : largest pressure [Pa]; infinite for points that harden.
+    compliance : 1/h [m/Pa] of points that harden, and 0 for all others.
     """
 
     hardness: Array
@@ -49,25 +53,25 @@ class _Law(NamedTuple):
     compliance: Array
 
     def energy(self, p: Array) -> float:
-        """Compute the part ψ(p) of the energy that comes from the law."""
+        """Compute the contribution ψ(p) of hardening to the energy."""
         return float(0.5 * self.compliance @ np.maximum(p - self.hardness, 0.0) ** 2)
 
 
 def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit: int) -> Solution:
-    """Solve a contact problem, starting from a pressure that is within the bounds and carries the load.
+    """Solve a contact problem, beginning with a pressure that is within the bounds and carries the load.
 
     Parameters
     ----------
     grid : Workspace
-        Grid with the initial pressure, which is replaced by the solution.
+        Workspace of the grid with the initial pressure, which the solution replaces.
     problem : Problem
         Gap, law and load.
     delta : float
-        First guess of the approach minus the offset [m].
+        First guess of the approach minus the offset of the heights [m].
     rtol : float
-        Residual to reach.
+        Target residual.
     limit : int
-        Most iterations.
+        Largest number of iterations.
 
     Returns
     -------
@@ -106,7 +110,7 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
 def _project(
     p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> tuple[float, Array]:
-    """Find the δ that carries the load, and the projection y of p − c (v − δ) on the law (n,).
+    """Compute the projection y (n,) of p − c (v − δ) on the law, with the δ for which y carries the load.
 
     delta : first guess of δ [m].
     """
@@ -122,9 +126,9 @@ def _project(
 def _gradient_step(
     grid: Workspace, p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> float:
-    """Move p (n,) towards its projection y, to the lowest energy on the way; return the length c of the next step.
+    """Move p towards its projection y, to the point of lowest energy on this line, and update v.
 
-    v (n,) is updated with p.
+    Returns the length c of the next step.
     """
     delta, y = _project(p, v, c, delta, problem, law)
     d = y - p
@@ -141,15 +145,15 @@ def _gradient_step(
 
 
 def _free_point_steps(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
-    """Make steps of conjugate gradients on the free points; return the number of products with K.
+    """Perform steps of conjugate gradients on the free points, and update p and v (n,).
 
-    A step ends at the first bound that it reaches, and the directions start again from there. The bounds of an elastic
-    point are 0 and H; those of a point that yields and hardens are H and infinity. p and v (n,) are updated.
+    A step ends at the first bound that a point reaches; the conjugate gradients are then restarted without this point.
+    The bounds of an elastic point are 0 and H, and the bounds of a point that hardens are H and infinity.
+
+    Returns the number of products with K.
     """
-    first, former = (
-        0.0,
-        np.inf,
-    )  # w·r of the first and of the former direction; inf: there is no former one
+    first = 0.0  # w·r of the first direction
+    former = np.inf  # w·r of the previous direction; infinite for a restart
     for step in range(_STEPS):
         if former == np.inf:
             yields = (p > law.hardness) & (law.slope > 0)

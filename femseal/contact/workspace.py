@@ -1,4 +1,4 @@
-"""Provide what the contact solver needs on one grid: products with K, the preconditioner, and work arrays."""
+"""Hold the data of the contact solver for one grid: products with K, the preconditioner, and work arrays."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .convolution import Convolution
 from .half_space import HalfSpace, stiffness_stencil
 
 Call = Callable[..., Any]
-#: Largest number of points of a grid whose arrays, 100 bytes per point, are kept for its next problem. Making them
-#: takes 14 times as long as a solution with 64² points, 2.6 times as long with 256², and 0.2 times with 1024².
+#: Largest number of points of a grid whose arrays, 100 bytes per point, are kept for the next problem on this grid.
+#: Creating them takes 14 times as long as a solution on 64² points, 2.6 times as long on 256², and 0.2 times on 1024².
 KEPT_POINTS = 2**21
 #: Number of points from which two threads are faster than one.
 _THREADED = 2**18
-#: Loops for small grids, each compiled as a whole.
+#: Loops for small grids. Each is compiled as a single function.
 _WHOLE: dict[str, Any] = {
     "list_near": projection.list_near,
     "look": projection.exact(projection.look),
@@ -31,7 +31,7 @@ _WHOLE: dict[str, Any] = {
     "turn": projection.fast(gradient_steps.turn),
     "step": projection.fast(gradient_steps.step),
 }
-#: Loops for large grids, whose parts are shared by threads.
+#: Loops for large grids. Their parts are divided between threads.
 _IN_PARTS: dict[str, Any] = {
     "list_near": projection.list_near_in_parts,
     "look": projection.look,
@@ -45,9 +45,10 @@ _IN_PARTS: dict[str, Any] = {
 class Problem(NamedTuple):
     """A contact problem on one grid.
 
-    gap0 : undeformed gap h₁ (n,) [m]. offset : height [m] that is subtracted from h₁ and from the approach, because
-    small differences of large heights would lose digits. hardness, slope : hardness [Pa] and hardening modulus [Pa/m]
-    of the straight law, (1,) or (n,). load : Σ p [Pa].
+    gap0 : array (n,), undeformed gap h₁ [m].
+    offset : height [m] that is subtracted from h₁ and from the approach, to reduce rounding errors.
+    hardness, slope : arrays (1,) or (n,), hardness [Pa] and hardening modulus [Pa/m] of the linear law.
+    load : sum Σ p of the pressure [Pa].
     """
 
     gap0: Array
@@ -60,7 +61,9 @@ class Problem(NamedTuple):
 def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspace:
     """Make the workspace of a half-space.
 
-    Its arrays are kept for the next problem of this thread, unless it or the finest of the nested grids is large.
+    Its arrays are kept for the next problem of this thread, unless the grid or the finest of the nested grids is large.
+
+    finest : half-space on the finest of the nested grids, if the grid is a coarser one.
     """
     is_kept = prod((finest or half_space).shape) <= KEPT_POINTS
     # half-spaces that differ only in their modulus share their arrays
@@ -75,7 +78,7 @@ def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspa
 class WorkArrays:
     """Transforms and arrays of one grid, for a half-space of unit modulus.
 
-    `projection` and `gradient_steps` say what the arrays contain.
+    The arrays are described in `projection` and `gradient_steps`.
 
     Attributes
     ----------
@@ -88,7 +91,7 @@ class WorkArrays:
         if n < _THREADED:
             threads = 1
         self.respond = Convolution(unit.shape, unit.boundary, unit.symbol(), threads=threads)
-        # errors of single precision are corrected by the next product with the pressure
+        # single precision is enough, because the next product with the pressure corrects its errors
         self.search = Convolution(
             unit.shape,
             unit.boundary,
@@ -102,7 +105,7 @@ class WorkArrays:
         self.dense = self.search.pressure.ravel()
         self.kd = self.search.rows
         self.state = np.zeros(n, np.int8)
-        # memory is used only as far as the lists of points are long
+        # the operating system only provides memory for the part of an array that the lists fill
         self.near, self.free, self.place = np.empty((3, n), np.int32)
         self.near_p, self.near_v, self.trial, self.response = np.empty((4, n))
         self.r, self.w, self.d, self.ones, self.soft, self.scale = np.empty((6, n))
@@ -113,28 +116,29 @@ class WorkArrays:
 
 @lru_cache(maxsize=32)
 def _kept_arrays(unit: HalfSpace, threads: int, thread: int) -> WorkArrays:
-    """Make the arrays of a grid, or return those that this thread has made before.
+    """Make the arrays of a grid; later calls by the same thread return the same arrays.
 
-    thread : identity of the thread, so that no two threads use the same arrays.
+    thread : identity of the thread, which makes sure that two threads never share arrays.
     """
     return WorkArrays(unit, threads)
 
 
 class Workspace:
-    """A half-space on its grid, with the pressure and all work arrays.
+    """A half-space with its pressure and all work arrays.
 
     Attributes
     ----------
     pressure : array (n1, n2)
         Pressure [Pa], in the memory of `arrays.p`.
     is_kept : bool
-        Whether another problem will use the arrays again.
+        Whether the arrays are kept for the next problem.
     stiffness : float
-        c₀ [Pa/m], see `HalfSpace.stiffness`.
+        Stiffness c₀ [Pa/m], see `HalfSpace.stiffness`.
     weights : array (3, 3)
         Weights of the preconditioner M [Pa/m].
     compliance : float
-        Factor 1/E* [1/Pa] of the products of `arrays`, which are for a unit modulus.
+        Factor 1/E* [1/Pa] by which the products of `arrays` are multiplied, because they are computed for a unit
+        modulus.
     """
 
     def __init__(self, half_space: HalfSpace, arrays: WorkArrays, is_kept: bool) -> None:
@@ -148,7 +152,10 @@ class Workspace:
         self._loops = _IN_PARTS if self.pressure.size > projection.PART else _WHOLE
 
     def start(self, pressure: Array, limit: Array) -> None:
-        """Start from a pressure [Pa] on this grid or the next coarser one, but not above a limit (1,) or (n1, n2)."""
+        """Set the initial pressure [Pa], which is given on this grid or on the next coarser one.
+
+        limit : array (1,) or (n1, n2), largest pressure [Pa].
+        """
         if pressure.shape != self.pressure.shape:
             pressure = refined(pressure, self.pressure.shape)
         np.minimum(pressure, limit, out=self.pressure)
@@ -156,25 +163,25 @@ class Workspace:
         self.arrays.dense[:] = 0
 
     def displacement(self) -> Array:
-        """Compute the displacement Kp (n1, n2) [m] under the pressure, in the memory of `arrays.v`."""
+        """Compute the displacement Kp (n1, n2) [m] due to the pressure, and store it in the memory of `arrays.v`."""
         self.arrays.respond.apply()
         displacement = self.arrays.respond.displacement
         displacement *= self.compliance
         return displacement
 
     def response(self, direction: Array) -> Array:
-        """Compute the displacement (n,) [m] under a direction (n,) [Pa], in single precision."""
+        """Compute the displacement (n,) [m] due to a search direction (n,) [Pa] in single precision."""
         self.arrays.dense[:] = direction
         self.arrays.search.apply()
         return self.compliance * self.arrays.search.displacement.ravel().astype(float)
 
     def release(self) -> None:
-        """Free the arrays of a grid that is not used again."""
+        """Release the memory of the arrays, unless they are kept for the next problem."""
         if not self.is_kept:
             del self.arrays
 
     def loops(self, problem: Problem) -> Loops:
-        """Bind the compiled loops to the arrays of this grid and to a problem."""
+        """Return the compiled loops with the arrays of this grid and the data of a problem as their first arguments."""
         a = self.arrays
         law = problem.hardness, problem.slope
         near = a.near, a.near_p, a.near_v
@@ -235,9 +242,12 @@ class Workspace:
 
 
 class Loops(NamedTuple):
-    """Compiled loops that are bound to the arrays of one problem; comments list the arguments that are left.
+    """Compiled loops for one problem, with their arrays already set; comments list the remaining arguments.
 
-    respond, search : products of the pressure, and of a direction, with K of a unit modulus.
+    respond : product of the pressure with K for a unit modulus.
+    search : product of a search direction with K for a unit modulus.
+
+    The other loops are described in `projection` and `gradient_steps`.
     """
 
     respond: Call  # no arguments
@@ -251,7 +261,7 @@ class Loops(NamedTuple):
 
 
 def _index_map(n: int, boundary: str) -> Indices:
-    """Map each index −1 … n of a padded axis to the point that it stands for; −1 outside a free axis."""
+    """Map each index −1 … n of a padded axis to the index of the point with the same value; −1 beyond a free end."""
     padding: dict[str, Any] = {
         "periodic": {"mode": "wrap"},
         "mirror": {"mode": "symmetric"},
@@ -261,7 +271,7 @@ def _index_map(n: int, boundary: str) -> Indices:
 
 
 def coarsened(values: Array) -> Array:
-    """Average values (n1, n2) over 2 × 2 points; an odd last row or column is averaged alone."""
+    """Average values (n1, n2) over 2 × 2 points; an odd last row or column is repeated before."""
     n1, n2 = values.shape
     if n1 % 2:
         values = np.concatenate((values, values[-1:]))
@@ -272,6 +282,6 @@ def coarsened(values: Array) -> Array:
 
 
 def refined(values: Array, shape: Shape) -> Array:
-    """Repeat values on the points of the next finer grid of this shape; `coarsened` reverses this."""
+    """Repeat each value on 2 × 2 points, to obtain values on the next finer grid of the given shape."""
     n1, n2 = shape
     return np.repeat(np.repeat(values, 2, axis=0), 2, axis=1)[:n1, :n2]

@@ -1,11 +1,11 @@
-"""Run a case that asks for an accuracy, in attempts that each refine the largest source of error of the last one."""
+"""Run a case with a required accuracy in several attempts, each of which reduces the largest error of the last one."""
 
 import json
 import logging
 import time
 from dataclasses import asdict, dataclass, field, replace
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,35 +27,37 @@ from ..preparation.memory import START_MEMORY, refuse_impossible_sizes
 from ..preparation.preparation import Prepared
 from ..studies.study_registry import contact_tolerance
 
-#: Longest time of a run whose case asks for an accuracy and gives no time [s].
+#: Time limit of all attempts [s] if the case has an accuracy but no time limit.
 TIME_LIMIT = 3600.0
-#: Doublings of the points along a side, of the first and of the finest attempt. On the points of the case the shortest
-#: wave has 8 pixels. It has 4 in the first attempt, and 2 on the coarser grid that shows the error of this attempt.
-#: With fewer, the error budget was measured to be too small by up to a factor of 2.
+#: Number of grid doublings, relative to the points of the case, in the first attempt and in the finest one. On the grid
+#: of the case the shortest wave has 8 pixels. In the first attempt it has 4 pixels, and 2 on the coarser grid with
+#: which the error of this attempt is estimated. With even fewer pixels, the error budget was found to be too small by
+#: up to a factor of 2.
 FIRST_GRID, MOST_GRID = -1, 4
-#: Least residual of contact.
+#: Smallest residual of the contact solution.
 LEAST_RTOL = 1e-8
-#: What helps against sources of error that no settings make smaller.
+#: Advice for error sources that no setting can reduce.
 _BY_NOTHING = {
     "filter": "short waves were removed; a shorter surface.shortest_wave with more surface.points keeps them, if they "
     "were measured",
     "patch": "one measured patch does not show more; measure a larger area or more patches",
 }
-#: First and largest number of realisations, and the factor on their number that halves the error of the median.
+#: Number of realisations in the first attempt, largest number, and factor on the number that halves the error of the
+#: median.
 FIRST_SEALS, MOST_SEALS, HALVING = 20, 20480, 4
 log = logging.getLogger("femseal.refinement")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What a run computes with, where its case leaves it open.
+    """Numerical settings of an attempt, which a case need not specify.
 
     Parameters
     ----------
-    method : name of the study that answers.
-    grid : by how many doublings the points along a side of the surface are finer; negative: halvings.
-    rtol : residual of the contact.
-    realisations : number of realisations; None without any.
+    method : name of the study that gives the leakage.
+    grid : number of times that the points along each side of the surface are doubled; negative if they are halved.
+    rtol : residual of the contact solution.
+    realisations : number of realisations; None if the study has none.
     """
 
     method: str
@@ -65,38 +67,44 @@ class Settings:
 
 
 def given_settings(case: Case) -> dict[str, str]:
-    """Return the settings that the case gives, each with the key that gives it."""
-    found: dict[str, str] = {}
+    """Return the settings that the case specifies and that must not be changed, with the key of each in the case."""
+    keys: dict[str, str] = {}
     if case.surface.points is not None:
-        found["grid"] = "surface.points"
+        keys["grid"] = "surface.points"
     if "rtol" in case.contact.model_fields_set:
-        found["rtol"] = "contact.rtol"
+        keys["rtol"] = "contact.rtol"
     if case.stochastic is not None and case.stochastic.realisations is not None:
-        found["realisations"] = "stochastic.realisations"
-    return found
+        keys["realisations"] = "stochastic.realisations"
+    return keys
 
 
 def first_settings(case: Case, made: Prepared) -> Settings:
     """Choose the settings of the first attempt: coarse pixels, and few realisations.
 
-    made : the case as prepared, on the points of its surface.
+    made : prepared case with the original grid of its surface.
     """
     assert case.accuracy is not None
-    given, sampling = given_settings(case), made.sampling
-    seals = None if sampling is None else sampling.realisations
+    given = given_settings(case)
+    sampling = made.sampling
+    realisations = None if sampling is None else sampling.realisations
     if sampling is not None and "realisations" not in given:
-        seals = FIRST_SEALS
+        realisations = FIRST_SEALS
     rtol = case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy)
-    settings = Settings(made.answer.name, 0, rtol, seals)
-    coarse = replace(settings, grid=FIRST_GRID)
-    # the coarser grid that shows the error needs cells too
-    points, cells = grid_points(made, FIRST_GRID - 1), made.cells or (1, 1)
-    fits = all(n // m >= FEWEST_POINTS for n, m in zip(points, cells, strict=True))
-    return coarse if fits and "grid" not in given else settings
+    settings = Settings(made.answer.name, 0, rtol, realisations)
+    if "grid" in given:
+        return settings
+    # the error is estimated on a grid that is coarser still, whose cells must have enough points, too
+    points = grid_points(made, FIRST_GRID - 1)
+    cells = made.cells or (1, 1)
+    has_enough_points = all(n // m >= FEWEST_POINTS for n, m in zip(points, cells, strict=True))
+    return replace(settings, grid=FIRST_GRID) if has_enough_points else settings
 
 
 def grid_points(made: Prepared, grid: int) -> Shape:
-    """Return the points of the surface of a case, `grid` doublings finer; as many more as its cells need."""
+    """Return the numbers of points along both sides of the surface after `grid` doublings.
+
+    They are rounded up to the next numbers that can be divided into cells.
+    """
     n1, n2 = (
         ceil(n * 2.0**grid / m) * m
         for n, m in zip(made.scene.surface.shape, made.points_divide_by, strict=True)
@@ -105,9 +113,9 @@ def grid_points(made: Prepared, grid: int) -> Shape:
 
 
 def apply_settings(made: Prepared, settings: Settings) -> Prepared:
-    """Prepare a case with these settings: the same surface on other points, and the rest as chosen.
+    """Return a prepared case with other settings; the surface is resampled to the grid of the settings.
 
-    made : the case as prepared, on the points of its surface.
+    made : prepared case with the original grid of its surface.
     """
     surface = made.scene.surface
     points = grid_points(made, settings.grid)
@@ -137,61 +145,97 @@ def last_version(case: Case, made: Prepared, attempts: dict[str, Any] | None) ->
 
 
 def expected_cost(prepared: Prepared) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the answer of a prepared case, solved alone."""
-    return replace(prepared, methods=frozenset({prepared.answer.name})).cost(prepared.answer)
+    """Estimate the time on one core [s] and the memory [byte] of the study that gives the leakage, without others."""
+    answer = prepared.answer
+    only_answer = replace(prepared, methods=frozenset({answer.name}))
+    return only_answer.cost(answer)
 
 
 def refined(
     case: Case, made: Prepared, settings: Settings, part: str, memory: float
 ) -> tuple[Settings | None, str]:
-    """Choose settings with which a source of error is about half as large.
+    """Choose settings that reduce one source of error to about a half.
 
     Parameters
     ----------
-    case, made : the case, and the same as prepared on the points of its surface.
-    settings : of the last attempt.
-    part : name of the part of its budget.
-    memory : that an attempt may take, byte.
+    case : the case.
+    made : prepared case with the original grid of its surface.
+    settings : settings of the last attempt.
+    part : name of the error source in the error budget of the last attempt.
+    memory : memory that an attempt may use [byte].
 
-    Returns the settings and what they change; or None, and why there are none.
+    Returns
+    -------
+    The settings, and a text that describes the change. If the error cannot be reduced, None and a text with the reason.
     """
-    rtol, grid = settings.rtol / 10, settings.grid + 1
-    seals = HALVING * (settings.realisations or 0)
+    rtol = settings.rtol / 10
+    grid = settings.grid + 1
+    realisations = HALVING * (settings.realisations or 0)
     points = as_text(grid_points(made, grid))
-    # a setting, its finer value, that as a text, and whether an attempt may have it
-    steps: dict[str, tuple[str, Any, str, bool]] = {
-        "solver": ("rtol", rtol, f"contact.rtol {rtol:.0e}", rtol >= LEAST_RTOL * (1 - 1e-9)),
-        "pixels": ("grid", grid, f"{points} points", grid <= MOST_GRID),
-        "realisations": ("realisations", seals, f"{seals} seals", seals <= MOST_SEALS),
+    refinements = {
+        "solver": _Refinement(
+            setting="rtol",
+            value=rtol,
+            text=f"contact.rtol {rtol:.0e}",
+            is_allowed=rtol >= LEAST_RTOL * (1 - 1e-9),
+        ),
+        "pixels": _Refinement(
+            setting="grid", value=grid, text=f"{points} points", is_allowed=grid <= MOST_GRID
+        ),
+        "realisations": _Refinement(
+            setting="realisations",
+            value=realisations,
+            text=f"{realisations} seals",
+            is_allowed=realisations <= MOST_SEALS,
+        ),
     }
-    if part not in steps:
+    if part not in refinements:
         return None, _BY_NOTHING.get(part, "nothing refines it")
-    key, value, text, allowed = steps[part]
-    if (by := given_settings(case).get(key)) is not None:
-        return None, f"{by} is given in the case"
-    if not allowed:
+    refinement = refinements[part]
+    text = refinement.text
+    case_key = given_settings(case).get(refinement.setting)
+    if case_key is not None:
+        return None, f"{case_key} is given in the case"
+    if not refinement.is_allowed:
         return None, f"{text} is finer than any attempt"
-    finer = replace(settings, **{key: value})
-    needed = expected_cost(apply_settings(made, finer))[1]
+    finer = replace(settings, **{refinement.setting: refinement.value})
+    _, needed = expected_cost(apply_settings(made, finer))
     if needed <= memory:
         return finer, text
-    needs, expected = (to_text(size, "B", 3) for size in (needed, memory))
-    return None, f"{text} would take about {needs} of memory, expected {expected}"
+    needed_text = to_text(needed, "B", 3)
+    memory_text = to_text(memory, "B", 3)
+    return None, f"{text} would take about {needed_text} of memory, expected {memory_text}"
+
+
+class _Refinement(NamedTuple):
+    """Change of one setting that reduces an error to about a half.
+
+    setting : name of the setting in `Settings`.
+    value : new value of the setting.
+    text : the new value as text.
+    is_allowed : whether the new value is within the limits for attempts.
+    """
+
+    setting: str
+    value: float
+    text: str
+    is_allowed: bool
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """One attempt at an accuracy.
+    """One attempt to reach the required accuracy.
 
     Parameters
     ----------
-    settings : with which it was computed.
-    points : of the surface.
-    seconds : wall time, with the coarser solution that shows the error of its pixels.
-    half_width : largest half-width of ln(leakage) of the budget at the loads that count; inf where it has no end.
-    limit : the source of error with the widest interval there.
-    load : name of the load with the widest interval.
-    parts : half-widths of all sources of error at these loads.
+    settings : settings of the attempt.
+    points : numbers of points of the surface.
+    seconds : wall time [s], including the coarser solution with which the error of the pixels is estimated.
+    half_width : half-width of the 95 % interval of ln(leakage) at the load step at which it is largest; inf if the
+        interval is unbounded.
+    limit : error source with the widest interval at this load step.
+    load : name of this load step.
+    parts : half-width of the interval of each error source.
     """
 
     settings: Settings
@@ -203,7 +247,7 @@ class Attempt:
     parts: dict[str, float]
 
     def __str__(self) -> str:
-        """Describe the attempt in a line of the log."""
+        """Describe the attempt in one line, for the log."""
         return (
             f"{self.settings.method} on {as_text(self.points)} points in {self.seconds:.3g} s, within "
             f"{format_deviation(self.half_width)} at {self.load}, limited by {self.limit}"
@@ -212,14 +256,18 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class RefinedAnswer:
-    """Outcome of the attempts: the last of them, the finest in all, prepared and solved.
+    """Result of the last attempt, which has the finest settings, and a record of all attempts.
 
     Parameters
     ----------
-    why : what prevents a further attempt; "" where the accuracy is reached.
-    half : what half the error would take.
-    wanted : the accuracy.
-    limit : of the time, s.
+    prepared : prepared case with the settings of the last attempt.
+    result : result of its study.
+    budget : error budget of this result.
+    attempts : all attempts in their order.
+    why : reason why there is no further attempt although the accuracy is not reached; "" if it is reached.
+    half : description of the effort that would reduce the error to a half.
+    wanted : required accuracy.
+    limit : time limit [s].
     """
 
     prepared: Prepared
@@ -233,22 +281,23 @@ class RefinedAnswer:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warning that the accuracy is not reached, and what limits it."""
+        """Warning that the accuracy is not reached, with the reason; empty if it is reached."""
         if not self.why:
             return ()
-        last, wanted = self.attempts[-1], format_deviation(np.log1p(self.wanted))
+        last = self.attempts[-1]
+        wanted = format_deviation(np.log1p(self.wanted))
         error = f"{format_deviation(last.half_width)} at {last.load}"
         return (
             f"accuracy {wanted} is not reached: the error of the numbers alone may be {error}; {self.why}",
         )
 
     def as_data(self, budget: ErrorBudget) -> dict[str, Any]:
-        """Return the attempts as plain data for the results; None for a number that is infinite or unknown.
+        """Return the attempts as plain data for the results; infinite and undefined numbers are None.
 
-        budget : with the parts of the model.
+        budget : error budget that includes the error sources of the model and its input.
         """
         last = self.attempts[-1]
-        found = {
+        data = {
             "wanted": self.wanted,
             "reached": not self.why,
             "half_width": last.half_width,
@@ -262,22 +311,29 @@ class RefinedAnswer:
             "settings": asdict(last.settings),
             "attempts": [asdict(attempt) for attempt in self.attempts],
         }
-        return json.loads(json.dumps(found), parse_constant=lambda _: None)
+        # JSON has no infinite or undefined numbers: Python writes them as constants, which are read as None here
+        return json.loads(json.dumps(data), parse_constant=lambda _: None)
 
 
 def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
-    """Refine what limits the error of the answer, until the accuracy of the case is reached or cannot be reached.
+    """Solve a case with finer and finer settings, until its accuracy is reached or cannot be reached.
+
+    Each attempt refines the setting that determines the largest source of error of the attempt before.
 
     Parameters
     ----------
-    case, made : the case, and the same as prepared on the points of its surface.
-    run : solves the studies. A run that is resumed takes the decisions that it took before.
+    case : a case with an accuracy.
+    made : prepared case with the original grid of its surface.
+    run : run that solves the studies. A resumed run repeats the decisions that it took before it was interrupted.
 
-    Raises FemsealError: the first attempt failed. A later one that fails ends the attempts.
+    Raises
+    ------
+    FemsealError : the first attempt failed. If a later attempt fails, the attempts end without an error.
     """
     assert case.accuracy is not None
-    goal, most = np.log1p(case.accuracy), case.time_limit or TIME_LIMIT
-    # what is free now has the packages in it already
+    goal = np.log1p(case.accuracy)
+    time_limit = case.time_limit or TIME_LIMIT
+    # the memory limit of a case includes the memory of the imported packages, which the free memory does not
     memory = free_memory() if case.memory is None else case.memory - START_MEMORY
     attempts = _Attempts(case, made, run, memory)
     settings: Settings | None = first_settings(case, made)
@@ -296,17 +352,30 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
         log.info("attempt %d: %s", len(attempts.done), last)
         if last.half_width <= goal:
             break
-        settings, text, why = attempts.next_settings(goal, most)
+        settings, text, why = attempts.next_settings(goal, time_limit)
         log.info("next: %s", text or why)
-    done, half = tuple(attempts.done), attempts.half_error()
-    return RefinedAnswer(*solved, done, why, half, case.accuracy, most)
+    prepared, result, budget = solved
+    return RefinedAnswer(
+        prepared=prepared,
+        result=result,
+        budget=budget,
+        attempts=tuple(attempts.done),
+        why=why,
+        half=attempts.half_error(),
+        wanted=case.accuracy,
+        limit=time_limit,
+    )
 
 
 @dataclass(eq=False)
 class _Attempts:
-    """The attempts of a case so far.
+    """Attempts of a case so far.
 
-    memory : that an attempt may take, byte.
+    case : the case.
+    made : prepared case with the original grid of its surface.
+    run : run that solves the studies.
+    memory : memory that an attempt may use [byte].
+    done : finished attempts.
     """
 
     case: Case
@@ -316,47 +385,55 @@ class _Attempts:
     done: list[Attempt] = field(default_factory=list)
 
     def attempt(self, settings: Settings) -> tuple[Prepared, Any, ErrorBudget]:
-        """Solve the case with these settings, and estimate its error."""
+        """Solve the case with the given settings, compute its error budget, and record the attempt."""
         name = f"attempt {len(self.done) + 1}"
         prepared = apply_settings(self.made, settings)
-        answer, key = prepared.answer, prepared.answer.key
+        answer = prepared.answer
+        key = answer.key
         start = time.perf_counter()
         with self.run.timed(name) as mapper:
             result = prepared.solve(answer, mapper)
         with self.run.timed(f"{name}, error budget") as mapper:
-            alone = replace(prepared, methods=frozenset({answer.name}))
-            budget = budgets_of(BudgetRequest(alone), {key: result}, mapper)[key]
+            only_answer = replace(prepared, methods=frozenset({answer.name}))
+            budget = budgets_of(BudgetRequest(only_answer), {key: result}, mapper)[key]
         seconds = time.perf_counter() - start
+        # a resumed run takes the measured time of the original run, so that its decisions are the same
         seconds = self.run.decided("time of the attempt", self._so_far, seconds)
-        found = widest_band(budget)
+        widest = widest_band(budget)
         self.done.append(
             Attempt(
                 settings=settings,
                 points=prepared.scene.surface.shape,
                 seconds=seconds,
-                half_width=found.half_width,
-                limit=found.limit,
-                load=prepared.scene.steps[found.step].name,
-                parts=found.parts,
+                half_width=widest.half_width,
+                limit=widest.limit,
+                load=prepared.scene.steps[widest.step].name,
+                parts=widest.parts,
             )
         )
         return prepared, result, budget
 
-    def next_settings(self, goal: float, most: float) -> tuple[Settings | None, str, str]:
+    def next_settings(self, goal: float, time_limit: float) -> tuple[Settings | None, str, str]:
         """Choose the settings of the next attempt.
 
         Parameters
         ----------
-        goal : wanted half-width of ln(leakage).
-        most : time of all attempts, s.
+        goal : required half-width of the 95 % interval of ln(leakage).
+        time_limit : longest time of all attempts together [s].
 
-        Returns the settings, what they change, and ""; or None, "", and what prevents the attempt.
+        Returns
+        -------
+        settings : settings of the next attempt, or None if there is none.
+        text : description of the change, or "".
+        why : reason why there is no further attempt, or "".
         """
-        last, text = self.done[-1], ""
+        last = self.done[-1]
+        text = ""
         reasons: list[str] = []
         finer: Settings | None = None
         for part in sorted(last.parts, key=lambda name: -last.parts[name]):
-            # the others of an accuracy that cannot be reached are refined until they are within it
+            # If the largest error cannot be reduced, the accuracy cannot be reached. The other errors are then still
+            # refined, but only until they are below the goal.
             if reasons and last.parts[part] <= goal < max(last.parts.values()):
                 break
             finer, change = refined(self.case, self.made, last.settings, part, self.memory)
@@ -366,21 +443,22 @@ class _Attempts:
             text = f"{change}, for the error of {part}"
             expected = self._expected_seconds(finer)
             spent = sum(attempt.seconds for attempt in self.done)
-            if spent + expected > most:
+            if spent + expected > time_limit:
                 late = f"{change} would take about {duration(expected)}, after {duration(spent)}"
-                reasons.append(f"{part}: {late}, and the time limit is {duration(most)}")
-                finer, text = None, ""
+                reasons.append(f"{part}: {late}, and the time limit is {duration(time_limit)}")
+                finer = None
+                text = ""
             break
         why = "; ".join(reasons) if finer is None else ""
         return self.run.decided("next attempt", self._so_far, (finer, text, why))
 
     @property
     def _so_far(self) -> tuple[str, int]:
-        """The case and the number of attempts, as plain data."""
+        """Case as text, and number of finished attempts, which identify a decision of the run in its store."""
         return json.dumps(self.case.echo(), default=str), len(self.done)
 
     def half_error(self) -> str:
-        """Describe what half the error of the last attempt would take."""
+        """Describe the change and the time that would reduce the largest error of the last attempt to a half."""
         last = self.done[-1]
         finer, change = refined(self.case, self.made, last.settings, last.limit, self.memory)
         if finer is None:
@@ -388,9 +466,8 @@ class _Attempts:
         return f"{change}, about {duration(self._expected_seconds(finer))}"
 
     def _expected_seconds(self, settings: Settings) -> float:
-        """Estimate the wall time of other settings [s], as a multiple of what the last attempt took."""
+        """Estimate the wall time of an attempt with other settings [s], from the measured time of the last attempt."""
         last = self.done[-1]
-        seconds, before = (
-            expected_cost(apply_settings(self.made, s))[0] for s in (settings, last.settings)
-        )
-        return last.seconds * seconds / before
+        new_cost, _ = expected_cost(apply_settings(self.made, settings))
+        last_cost, _ = expected_cost(apply_settings(self.made, last.settings))
+        return last.seconds * new_cost / last_cost

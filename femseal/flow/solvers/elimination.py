@@ -1,11 +1,12 @@
-"""Star-mesh elimination of networks of links on a grid, exact to rounding at any contrast.
+"""Solve networks on a grid by star-mesh elimination, which is accurate for any ratio of the conductances.
 
-Eliminating node i joins its neighbours j, k by c_jk += c_ij c_ik / Σ_l c_il. Nothing is ever subtracted, so what
-links the ends, and the potentials, keep their relative accuracy however small a constriction is; a factorisation of
-the assembled matrix loses it, as weak links vanish in the diagonal sums.
+The elimination of node i adds links between its neighbours: c_jk += c_ij c_ik / Σ_l c_il. There are no subtractions.
+The conductance between the ends and the potentials therefore have small relative errors, however narrow a constriction
+is. A factorisation of the assembled matrix loses this accuracy, because narrow links vanish in the diagonal sums.
 
-Nodes are eliminated front by front: all nodes of a front with all their neighbours in one dense array (multifrontal).
-The fronts are the cuts of nested dissection. A place is that of a node in this order; inlet and outlet come last.
+Nodes are eliminated in groups, the fronts (multifrontal method). A front is a cut of nested dissection; its nodes and
+all their neighbours are stored in one dense array. In this file, the *place* of a node is its position in the order of
+elimination. Inlet and outlet have the last two places, n and n + 1.
 Sources: Grassmann, Taksar & Heyman, Oper. Res. 33, 1985, 1107 (no subtractions); Duff & Reid, ACM TOMS 9, 1983, 302;
 George, SIAM J. Numer. Anal. 10, 1973, 345 (nested dissection).
 """
@@ -20,35 +21,44 @@ from ...base import Array, Flags, Indices
 from ...base.compiled import compiled, inner
 from ..grid import Stencil
 
-#: Boxes of about so many nodes are not cut any further.
+#: Boxes with at most this number of nodes are not cut any further.
 _LEAF = 12
-#: Multiplications from which a product of matrices is left to BLAS.
+#: Number of multiplications above which a matrix product is computed by BLAS.
 _BLAS = 30_000
 
 _fast: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract"}}
 
 
 def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
-    """Write φ and ψ = 1 − φ (n1 + 1, n2) of unknown nodes, given those of the nodes that these have links to.
+    """Solve for the potentials of some nodes, given the potentials of all others.
 
-    A neighbour of known potential φ acts as the inlet with the fraction φ of its link and as the outlet with 1 − φ.
+    A link to a node of known potential φ is replaced by two links, to the inlet with the fraction φ of its conductance,
+    and to the outlet with the fraction 1 − φ.
 
-    unknown (n1 − 1, n2) : nodes to solve for, none at an end; links have to join all of them to known ones.
+    Parameters
+    ----------
+    stencil : conductances of all links.
+    unknown : flags (n1 − 1, n2) of the inner nodes to solve for. Each must be connected to a node of known potential.
+    φ, ψ : arrays (n1 + 1, n2), potential and 1 − potential. The values of the unknown nodes are written to them.
 
-    Returns the conductance between inlet and outlet through them.
+    Returns
+    -------
+    Conductance between inlet and outlet through the unknown nodes.
     """
     order, first, parent = _dissected(unknown, stencil.ring2)
     links = _links(order, stencil.along, stencil.across, φ)
     between, of_inlet, of_outlet = _solved(first, parent, *links)
-    φ.ravel()[order], ψ.ravel()[order] = of_inlet, of_outlet
+    φ.ravel()[order] = of_inlet
+    ψ.ravel()[order] = of_outlet
     return float(between)
 
 
 @compiled()
 def _links(order, along, across, φ):
-    """Links of the nodes at all places to later ones beside them and to the ends: places and conductances (n, 6).
+    """List, for the node at each place, its links to neighbours with later places and to both ends.
 
-    After the last link of a node there are zeros.
+    Returns arrays (n, 6) with the places of these neighbours and the conductances. A node has up to four neighbours and
+    two ends; a conductance of 0 marks the end of its list.
     """
     n, n2, m2 = order.size, along.shape[1], across.shape[1]
     place = np.full((along.shape[0] + 1) * n2, -1, np.int32)
@@ -86,14 +96,22 @@ def _links(order, along, across, φ):
 
 @compiled()
 def _dissected(unknown, ring):
-    """Order of the nodes (row · n2 + column) by nested dissection, the first of each front, and the front it goes into.
+    """Order the nodes by nested dissection.
 
-    Every box is cut by the row or column with the fewest nodes near its middle; only the nodes of that cut link its
-    two halves. A front comes after the fronts of both halves, the second half first, and goes into that of the cut
-    above it.
+    Each box is divided by a row or column near its middle, the one with the fewest nodes. Only the nodes of this cut,
+    which form a front, connect both halves of the box. They are eliminated after the fronts of both halves, of which
+    the second half comes first. What remains of a front after elimination is added to its parent, the front of the next
+    larger box.
+
+    Returns
+    -------
+    order : array (n,), numbers of the nodes (row · n2 + column) in the order of elimination.
+    first : array (fronts + 1,), first place of each front, and n.
+    parent : array (fronts,), parent of each front.
     """
     n1, n2 = unknown.shape
-    # nodes above and left of a corner; twice the columns of a ring, so that a box may lie across the seam
+    # nodes[i, j] is the number of unknown nodes in the first i rows and j columns, which gives the number in any box by
+    # four values. The columns of a ring are repeated, so that a box may extend across the seam.
     columns = 2 * n2 if ring else n2
     nodes = np.zeros((n1 + 1, columns + 1), np.int32)
     for i in range(n1):
@@ -103,12 +121,12 @@ def _dissected(unknown, ring):
                 in_row += unknown[i, j]
                 nodes[i + 1, start + j + 1] = nodes[i, start + j + 1] + in_row
     n = nodes[n1, n2]
-    # from the root to the leaves
+    # arrays are filled from the root to the leaves, and reversed at the end
     order = np.empty(n, np.int64)
     first = np.empty(n + 1, np.int64)
     parent = np.empty(n, np.int64)
     placed = fronts = 0
-    # rows and columns of boxes that wait, the front of the cut above, and whether they are a ring
+    # boxes still to be divided: first row, end of rows, first column, end of columns, parent, and whether it is a ring
     boxes = [(0, n1, 0, n2, -1, ring and n2 > 2)]
     while len(boxes) > 0:
         a, b, c, d, above, in_ring = boxes.pop()
@@ -150,9 +168,12 @@ def _dissected(unknown, ring):
 
 @inner()
 def _thinnest(nodes, a, b, c, d):
-    """Line of a box with the fewest nodes in its middle third, the one nearest to its middle, and its nodes.
+    """Find the line with the fewest nodes in the middle third of a box, and the number of its nodes.
 
-    a, b : first line and end of the lines that may be cut. c, d : those across them.
+    Of several such lines the one nearest to the middle is taken. Lines are rows, or columns if `nodes` is transposed.
+
+    a, b : first line and end of the lines of the box.
+    c, d : first position and end of the positions along the lines.
     """
     middle = (a + b) // 2
     best, fewest = middle, 1 << 60
@@ -168,18 +189,25 @@ def _thinnest(nodes, a, b, c, d):
 
 @compiled(**_fast)
 def _solved(first, parent, later, conductance):
-    """Conductance between inlet and outlet, and `_potentials`."""
+    """Eliminate all nodes; return the conductance between inlet and outlet, and both results of `_potentials`.
+
+    A front has p nodes and a border of q later places, to which its nodes are linked. The array `front` (p, p + q) has
+    the links from the nodes of the front to each other and to the border; `rest` (q, q) has the links within the border
+    that elimination creates. The rest is added to the parent of the front.
+    """
     n, fronts = len(later), parent.size
-    inverse = np.empty(n)
-    # of each front: its links at the time of elimination, and the places beyond it that they lead to
+    inverse = np.empty(
+        n
+    )  # for each node, 1 over the sum of its conductances at the time of its elimination
+    # for each front: its links at the time of elimination, and the places of its border
     rows: list[Array] = []
     borders: list[Indices] = []
-    # fronts that left links among places beyond them, and these
+    # fronts whose rest has not been added to their parent yet, and these rests
     waiting: list[int] = []
     left: list[Array] = []
-    seen = np.full(n + 2, -1)
+    seen = np.full(n + 2, -1)  # last front in whose border a place was found
     found = np.empty(n + 2, np.int64)
-    local = np.empty(n + 2, np.int64)
+    local = np.empty(n + 2, np.int64)  # column of each place in `front`
     places = np.empty(n + 2, np.int64)
     for f in range(fronts):
         start, end = first[f], first[f + 1]
@@ -199,10 +227,10 @@ def _solved(first, parent, later, conductance):
                     seen[b], found[q] = f, b
                     q += 1
             children += 1
-        own = found[:q].copy()
-        own.sort()
+        border_places = found[:q].copy()
+        border_places.sort()
         for k in range(q):
-            local[own[k]] = p + k
+            local[border_places[k]] = p + k
         front = np.zeros((p, p + q))
         rest = np.zeros((q, q))
         for a in range(start, end):
@@ -211,7 +239,7 @@ def _solved(first, parent, later, conductance):
                     break
                 front[a - start, local[later[a, k]]] += conductance[a, k]
         for _ in range(children):
-            # both number their places in the same order
+            # places are in rising order in both fronts, so that links remain in the upper triangle
             block, border = left.pop(), borders[waiting.pop()]
             for i in range(border.size):
                 places[i] = local[border[i]]
@@ -225,7 +253,7 @@ def _solved(first, parent, later, conductance):
                         rest[here - p, places[j] - p] += block[i, j]
         _eliminate_front(front, rest, inverse[start:end])
         rows.append(front)
-        borders.append(own)
+        borders.append(border_places)
         waiting.append(f)
         left.append(rest)
     between = 0.0
@@ -237,7 +265,10 @@ def _solved(first, parent, later, conductance):
 
 @inner(**_fast)
 def _eliminate_front(front, rest, inverse):
-    """Eliminate the nodes of a front, its rows; links to later nodes only, also within its border."""
+    """Eliminate the nodes of a front, and add the new links within its border to `rest`.
+
+    Only links to later places are stored, that is, the upper triangles of both arrays.
+    """
     p, q = inverse.size, len(rest)
     for i in range(p):
         total = 0.0
@@ -253,7 +284,7 @@ def _eliminate_front(front, rest, inverse):
         later = front[:, p:].copy()
         rest += np.dot((later * inverse.reshape(p, 1)).T, later)
         return
-    for i in range(0, p, 2):  # two nodes at once
+    for i in range(0, p, 2):  # two nodes at a time, which is faster
         after = min(i + 1, p - 1)
         second = inverse[after] if i + 1 < p else 0.0
         for j in range(q):
@@ -265,9 +296,10 @@ def _eliminate_front(front, rest, inverse):
 
 @inner(**_fast)
 def _potentials(first, rows, borders, inverse):
-    """Potentials at all places of a unit drop from inlet to outlet, and of one from outlet to inlet.
+    """Compute the potentials at all places, v for 1 at the inlet and w for 1 at the outlet, with 0 at the other end.
 
-    That of a node is the mean of those of its neighbours at the time it was eliminated.
+    In reverse order of elimination, the potential of a node is the weighted mean of the potentials of the neighbours
+    that it had when it was eliminated.
     """
     n = inverse.size
     v = np.zeros(n + 2)

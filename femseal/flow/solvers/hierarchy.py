@@ -1,16 +1,23 @@
-"""The levels of multigrid on a structured grid, from the conductances of the finest one.
+"""Build the multigrid levels of a structured grid from the conductances of the finest grid (black box multigrid).
 
-A level is the operator of a grid, with the fields that a multigrid cycle needs there. It is set up in double precision
-and kept in single: a cycle is a preconditioner, and starts from zero, so that its rounding errors are relative to the
-correction. Fields have a border of one node, with zeros at ends and closed sides and with copies of the other side
-around a ring. They have the sign of a conductance: `right` (i, j)–(i, j + 1), `below` (i, j)–(i + 1, j); the finest
-level has five points, coarser ones nine: `below_right` (i, j)–(i + 1, j + 1), `below_left` (i, j)–(i + 1, j − 1).
-A node between coarse ones takes the mean of them that its own conductances would give it; coarse operators are
-Galerkin's. Source: Dendy, J. Comput. Phys. 48, 1982, 366 (black box multigrid).
+A level consists of the operator of a grid and the fields that a multigrid cycle needs on this grid. Levels are computed
+in double precision and stored in single precision. This is sufficient, because the cycle is a preconditioner.
 
-Of the coarsest level the nodes are eliminated one after another, row by row. The ends are one node, at potential 0.
-Nothing is subtracted, see `elimination`: that of a band needs no order of its own, and takes a small part of the time
-of a solution as long as the level is small.
+All fields have a border of one node. It contains zeros at the ends and at closed sides, and copies of the opposite side
+if the columns form a ring. The operator is stored by its diagonal, `centre`, and by conductances:
+
+- `right` between the nodes (i, j) and (i, j + 1),
+- `below` between (i, j) and (i + 1, j),
+- on coarse levels, whose operator has nine points, also `below_right` between (i, j) and (i + 1, j + 1), and
+  `below_left` between (i, j) and (i + 1, j − 1).
+
+The operator of the finest level has five points. Coarse node (I, J) is fine node (2I − 1, 2J − 1). The other fine nodes
+are interpolated with weights that follow from their conductances. Coarse operators are Galerkin products PᵀAP with this
+interpolation P. Source: Dendy, J. Comput. Phys. 48, 1982, 366.
+
+On the coarsest level the nodes are eliminated one after another, row by row, without subtractions, as in `elimination`.
+Both ends are a single node with the potential 0. The banded elimination needs no further ordering, and takes a small
+part of the time of a solution as long as the level is small.
 """
 
 from __future__ import annotations
@@ -22,23 +29,30 @@ import numpy as np
 from ...base import Indices, Singles
 from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
 
-#: Nodes of an axis at which coarsening ends.
+#: Coarsening ends if an axis has at most this number of nodes.
 FEWEST = 4
-#: Coarsening also ends where so small a fraction of the nodes is left, if these are no more than so many: they are
-#: eliminated in less time than the iterations take that bays and channels of the coarser grids do.
+#: Coarsening also ends if a level has at most this fraction of the open nodes of the finest level, and at most this
+#: number of them. Eliminating them takes less time than the additional iterations that coarser levels would cause,
+#: because coarser grids do not resolve dead ends and channels.
 _ELIMINATED, _MOST_ELIMINATED = 1 / 40, 20000
-#: Largest inverse of a centre; single precision ends at 3e38.
+#: Largest stored inverse of a diagonal entry; the largest number in single precision is 3e38.
 _MOST_INVERSE = 1e30
-#: What the centre has beyond all conductances is taken for a rounding error below this fraction.
+#: The difference between a diagonal entry and the sum of its conductances, which is the conductance to the ends, counts
+#: as a rounding error below this fraction of the diagonal entry.
 _ROUNDING = 1e-13
 
 
 class Level(NamedTuple):
-    """Fields of a level, each with a border.
+    """Fields of a level, each with a border of one node.
 
-    links : right, below, below right and below left; the last two (1, 1) of five points. inverse : of the centres, 0
-    where there are no conductances. b : right side of a cycle. x : what it has after the first sweep. r : the residual,
-    and in the end the solution. weights (…, 3, 3) : of the nodes of the next level at those of this one.
+    links : conductances `right`, `below`, `below_right` and `below_left`; the last two have the shape (1, 1) on the
+        finest level, which has five points.
+    inverse : inverse of the diagonal; 0 at nodes without conductances.
+    b : right-hand side of a cycle.
+    x : approximate solution during a cycle.
+    r : residual during a cycle, and solution at its end.
+    weights : interpolation weights (…, …, 3, 3) of each node of the next coarser level at the 3 × 3 nodes of this level
+        around it.
     """
 
     links: tuple[Singles, Singles, Singles, Singles]
@@ -50,10 +64,12 @@ class Level(NamedTuple):
 
 
 class Coarsest(NamedTuple):
-    """The eliminated level.
+    """The coarsest level, whose nodes are eliminated.
 
-    number (n1, n2) : of each node, in the order of elimination. band (n, width) : links of each node to the next ones
-    at the time it was eliminated. inverse (n,) : 1 over their sum, or 0.
+    number : array (n1, n2), position of each node in the order of elimination.
+    band : array (≥ n, width), conductances between each node and the next `width` nodes when it was eliminated.
+    inverse : array (n,), 1 over the sum of these conductances, including the conductance to the ends; 0 if there are
+        none.
     """
 
     number: Indices
@@ -63,9 +79,9 @@ class Coarsest(NamedTuple):
 
 @compiled()
 def _numbered(n1, n2, ring):
-    """Numbers of the nodes along the shorter axis first, and the most by which those of two linked nodes differ.
+    """Number the nodes along the shorter axis first, and return the largest difference of the numbers of linked nodes.
 
-    Around a ring both sides are numbered alternately.
+    In a ring, columns are numbered alternately from both sides of the seam, so that neighbours have similar numbers.
     """
     number = np.empty((n1, n2), np.int64)
     for j in range(n2):
@@ -80,13 +96,13 @@ def _numbered(n1, n2, ring):
 
 @compiled(**REORDERED)
 def eliminated(operator, ring):
-    """`Coarsest` of an operator, see `hierarchy`."""
+    """Eliminate all nodes of an operator, given by its diagonal and conductances; return the `Coarsest` level."""
     centre = operator[0]
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
     number, width = _numbered(n1, n2, ring)
     n = n1 * n2
-    # rows without nodes at the end, so that no loop needs to stop before them
+    # `width` empty rows at the end, so that no loop has to check whether it goes beyond the last node
     band = np.zeros((n + width, width), np.float32)
     ends = np.zeros(n + width, np.float32)
     inverse = np.zeros(n, np.float32)
@@ -127,7 +143,7 @@ def eliminated(operator, ring):
 
 @compiled(**REORDERED)
 def solve_coarsest(coarsest, b, ring, x):
-    """Write x of the level from its right-hand side b, both with a border."""
+    """Solve the coarsest level for the right-hand side b, and write the solution x; both have a border."""
     number, band, inverse = coarsest
     n1, n2 = number.shape
     n, width = inverse.size, band.shape[1]
@@ -154,13 +170,13 @@ def solve_coarsest(coarsest, b, ring, x):
 
 @inner(**REORDERED)
 def close_ring(row):
-    """Copy the ends of a row to the borders beyond the other side."""
+    """Set the border of a row to the values at its opposite side."""
     row[0], row[-1] = row[-2], row[1]
 
 
 @by_rows(**REORDERED)
 def _links(first, end, centre, right, below, along, across, ring):
-    """Write centres and conductances of some rows of a stencil."""
+    """Compute the diagonal and the conductances of a five-point operator in the rows `first` to `end` − 1."""
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
     for i in range(first, end):
@@ -178,20 +194,21 @@ def _links(first, end, centre, right, below, along, across, ring):
 
 @inner(**REORDERED)
 def _share(part, whole):
-    """part / whole, or 0 if either is not > 0."""
+    """Return part / whole, or 0 unless both are positive."""
     return part / whole if part > 0.0 and whole > 0.0 else 0.0
 
 
 @by_rows(**REORDERED)
 def _along_rows(first, end, w, operator, nine, ring):
-    """Write the weight w of each coarse node, at (2I − 1, 2J − 1), at itself and beside it in some coarse rows."""
+    """Compute the weights w of coarse nodes in their own row: at the node itself (1) and at the nodes beside it."""
     centre, right, below, below_right, below_left = operator
     n2 = centre.shape[1] - 2
     m2 = w.shape[1] - 2
     for i in range(2 * first - 1, 2 * end - 1, 2):
         for j in range(1, m2 + 1):
             w[(i + 1) // 2, j, 1, 1] = 1.0
-        # links above and below are added to those along the row, or left out
+        # The value of a node between two coarse nodes follows from its links along the row. Diagonal links are added to
+        # these, and links directly above and below are left out.
         for j in range(2, n2 + 1, 2):
             west = right[i, j - 1]
             east = right[i, j]
@@ -209,7 +226,7 @@ def _along_rows(first, end, w, operator, nine, ring):
 
 @by_rows(**REORDERED)
 def _between_rows(first, end, w, operator, nine, ring):
-    """Write the weights of coarse nodes in the rows after some coarse rows, once those of `_along_rows` are there."""
+    """Compute the weights of coarse nodes in the fine rows between coarse rows; `_along_rows` must have run before."""
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
@@ -254,7 +271,7 @@ def _between_rows(first, end, w, operator, nine, ring):
 
 @inner(**REORDERED)
 def _round(w, i, a):
-    """Copy weights of a row around a ring."""
+    """Set the border of coarse row i of a ring, for the weights at fine row a of each node."""
     m2 = w.shape[1] - 2
     for b in range(3):
         w[i, 0, a, b], w[i, m2 + 1, a, b] = w[i, m2, a, b], w[i, 1, a, b]
@@ -262,12 +279,17 @@ def _round(w, i, a):
 
 @by_rows(**REORDERED)
 def _galerkin(first, end, w, operator, nine, ring, to):
-    """PᵀAP: write centres and conductances of some rows of the next level, in the order of these."""
+    """Compute the Galerkin product PᵀAP for some rows of the next level.
+
+    to : array (5, …, …), diagonal and the four kinds of conductances of the next level.
+    """
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
     m2 = w.shape[1] - 2
-    row = np.empty((5, 5))  # of A P_I at the fine nodes around a coarse one
+    row = np.empty(
+        (5, 5)
+    )  # A times the interpolation of one coarse node, at the 5 × 5 fine nodes around it
     out = np.empty(5)
     for ci in range(first, end):
         for cj in range(1, m2 + 1):
@@ -294,11 +316,11 @@ def _galerkin(first, end, w, operator, nine, ring, to):
                         row[a, b + 2] -= below_left[i - 1, j + 1] * v
                         row[a + 2, b] -= below_left[i, j] * v
                         row[a + 2, b + 2] -= below_right[i, j] * v
-            # with itself and the coarse nodes at the right, below, below right and below left
+            # entries with the node itself and the coarse nodes at the right, below, below right and below left
             for k in range(5):
                 di = (0, 0, 1, 1, 1)[k]
                 dj = (0, 1, 0, 1, -1)[k]
-                # the last and the first coarse node of an odd ring are neighbours on the finer one
+                # in a ring with an odd number of columns, the last and the first coarse node are adjacent fine nodes
                 seam = (dj == 1 and cj == m2) or (dj == -1 and cj == 1)
                 shift = dj if seam and n2 % 2 else 2 * dj
                 s = 0.0
@@ -321,7 +343,7 @@ def _galerkin(first, end, w, operator, nine, ring, to):
 
 @leader(**REORDERED)
 def hierarchy(along, across, ring):
-    """The levels of a stencil, and the last one eliminated."""
+    """Build the levels of a stencil, and eliminate the nodes of the coarsest one."""
     fine = np.zeros((3, along.shape[0] + 1, along.shape[1] + 2))
     _links(fine[0], fine[1], fine[2], along, across, ring)
     return levels_of(fine, ring)
@@ -329,7 +351,10 @@ def hierarchy(along, across, ring):
 
 @leader(**REORDERED)
 def levels_of(fine, ring):
-    """`hierarchy` of an operator of five points: its centres, right and lower conductances, with a border."""
+    """Build the levels of a five-point operator, given by its diagonal and its `right` and `below` conductances.
+
+    fine : array (3, n1 + 2, n2 + 2), these fields with a border.
+    """
     none = np.zeros((1, 1))
     operator = fine[0], fine[1], fine[2], none, none
     levels: list[Level] = []
@@ -359,14 +384,16 @@ def levels_of(fine, ring):
 
 @leader(**REORDERED)
 def coarser(n1, n2):
-    """Shape of the next level with the border."""
+    """Return the shape of the next coarser level, including the border, from the shape of a level."""
     return (n1 + 1) // 2 + 1, (n2 + 1) // 2 + 1
 
 
 @by_rows(**REORDERED)
 def _store(first, end, inverse, links, operator):
-    """Write some rows of an operator to a level, Galerkin's negative conductances left out: a sweep with them might not
-    converge.
+    """Store some rows of an operator in the fields of a level.
+
+    The Galerkin product may have negative conductances, with which a sweep might diverge. They are set to 0, and the
+    diagonal is increased accordingly, so that the sums of the rows do not change.
     """
     centre, right, below, below_right, below_left = operator
     to_right, to_below, to_below_right, to_below_left = links

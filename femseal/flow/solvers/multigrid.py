@@ -1,8 +1,9 @@
-"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner.
+"""Solve the flow by conjugate gradients, preconditioned by multigrid on the structured grid.
 
-Potential, residual and operator are in double precision, the operator as differences; the cycle and the directions are
-in single precision, which the residual then follows to all digits. The cycle has one sweep of damped Jacobi before and
-one after the coarser grid. Threads share the rows of large levels.
+Potential and residual are stored in double precision, and the operator is applied to differences of the potential. The
+multigrid cycle and the search directions are in single precision; the residual is updated with exactly the directions
+that are used, so that this causes no error. The cycle has one sweep of damped Jacobi before and one after the coarser
+grid. The rows of large levels are divided between threads.
 """
 
 from __future__ import annotations
@@ -19,34 +20,35 @@ from ..error_bound import error_bound
 from ..grid import Stencil
 from .hierarchy import FEWEST, close_ring, coarser, hierarchy, solve_coarsest
 
-#: Largest level that no coarser one could follow, in nodes, for which multigrid pays; only slender grids have more.
+#: Largest number of nodes of the coarsest possible level for which multigrid is efficient. Slender grids have more.
 COARSEST_NODES = 128
-#: Part of Jacobi's correction that a sweep makes.
+#: Damping factor of the Jacobi sweeps.
 _DAMPING = np.float32(0.8)
-#: Part of the error allowed at which the estimate stops the iteration, as it is from below where the slowest part of
-#: the error has not been met: at first, and from `CHECKED` iterations on, where the error is then bounded.
+#: The iteration stops when the estimated error is below this fraction of the tolerance. The estimate is too small as
+#: long as the slowest error component has not appeared. The first fraction is used at first; the second one is used
+#: after `CHECKED` iterations, when the error is bounded in addition.
 _SHARE, _SHARE_CHECKED = 0.03, 0.3
-#: Iterations from which on the error of the rate is bounded by a flux that balances.
+#: Number of iterations from which on the error of the rate is bounded by means of a conserved flux.
 CHECKED = 12
-#: Smallest part of the error allowed that an iteration is asked for.
+#: Smallest fraction of the tolerance at which an iteration may be asked to stop.
 _LEAST_SHARE = 1e-9
-#: The slowest part of the error, as an eigenvalue of M⁻¹A, that may be there without the iteration having met it, at
-#: first and at last, where the estimate has to do. With ten times this at first, 2 in 10,000 random cells of extreme
-#: contrast erred by more than was told, as 3 of 1200 smooth gaps with 10 to 35 % in contact.
+#: Smallest eigenvalues of M⁻¹A that are allowed for in the error estimate although the iteration has not found them:
+#: after few iterations, and in the limit of many iterations. With ten times the first value, the error exceeded the
+#: estimate in 2 of 10,000 random cells of extreme contrast, and in 3 of 1200 smooth gaps with 10 to 35 % in contact.
 _SLOWEST = 2e-4, 1e-7
-#: Largest correction left at a node, relative to the error allowed in the norm of the energy; that norm hardly has a
-#: fraction of nodes that only narrow links connect with the others.
+#: Largest remaining correction at a node, relative to the tolerance in the energy norm. This is a separate condition,
+#: because nodes that are only connected by narrow links hardly contribute to the energy norm.
 _LARGEST = 100.0
-#: No nodes are hidden.
+#: Flags for the case that no nodes are hidden.
 _NONE = np.zeros((0, 0), np.bool_)
-#: Nodes from which threads share the work.
+#: Number of nodes from which on the work is divided between threads.
 _LARGE = 2**18
-#: Iterations after which the number still needed is extrapolated.
+#: Number of iterations after which the total number of iterations is extrapolated.
 _FORESEEN = 10
 
 
 def coarsest_nodes(n1: int, n2: int) -> int:
-    """Nodes of the coarsest possible level for n1 × n2 unknowns; many if the network is slender."""
+    """Return the number of nodes of the coarsest possible level for n1 × n2 unknowns; it is large for slender grids."""
     n1, n2 = n1 + 2, n2 + 2
     while min(n1, n2) - 2 > FEWEST:
         n1, n2 = coarser(n1, n2)
@@ -61,33 +63,33 @@ def solve_multigrid(
     field_rtol: float | None = None,
     checked: int = CHECKED,
 ) -> tuple[Array, int, float]:
-    """Solve for the potential φ of all nodes for a unit drop.
+    """Solve for the potential φ of all nodes for a unit potential drop.
 
     Parameters
     ----------
-    stencil : every coupled node must be connected to both ends.
-    rtol : relative error of the rate Σ c (Δφ)² allowed.
-    limit : of iterations.
-    hidden : inner nodes (n1 − 1, n2) whose potential need not be right, none unless given.
-    field_rtol : if the potential itself has to be right, its error allowed in the norm of the energy; M⁻¹r, an estimate
-        of the error itself, may be 100 times that at any node not hidden.
-    checked : iterations from which on the error is bounded.
+    stencil : conductances of the links. Each node with open links must be connected to both ends.
+    rtol : largest relative error of the rate Σ c (Δφ)².
+    limit : largest number of iterations.
+    hidden : flags (n1 − 1, n2) of inner nodes whose potential need not be accurate; by default there are none.
+    field_rtol : largest relative error of φ in the energy norm, if φ itself has to be accurate. At each node that is
+        not hidden, the estimate M⁻¹r of the error must then also be less than 10 times this number.
+    checked : number of iterations from which on the error is bounded.
 
     Returns
     -------
-    φ (n1 + 1, n2), iterations, and the error of φ in the norm of the energy.
+    Potential φ (n1 + 1, n2), number of iterations, and error of φ in the energy norm.
 
     Raises
     ------
-    NotConverged : as soon as the extrapolated number of iterations exceeds `limit`.
+    NotConverged : the number of iterations, or an extrapolation of it, exceeds `limit`.
 
     Notes
     -----
-    The rate of φ exceeds the true one by the square of the error e of φ in the norm of the energy, eᵀAe <= rᵀM⁻¹r/θ,
-    with the lowest eigenvalue θ of M⁻¹A, which is taken from the coefficients of the iteration (Lanczos). An iteration
-    that ends early is given a margin for what it has not met yet. After `checked` iterations the error is bounded
-    instead, and the iteration goes on where the bound is too large. Inlet and outlet flow, which err by the first
-    order, have to differ by less than thrice the square root of the error allowed. The coarsest level is eliminated.
+    The relative error of the rate is the square of the error e of φ in the energy norm. It satisfies eᵀAe ≤ rᵀM⁻¹r/θ
+    with the smallest eigenvalue θ of M⁻¹A, which is estimated from the coefficients of the iteration (Lanczos). If the
+    iteration ends early, θ is reduced to allow for error components that have not appeared yet. After `checked`
+    iterations the error is bounded rigorously instead, and the iteration is continued if the bound is too large. Inlet
+    and outlet flow have a first-order error. They must agree to within three times the square root of the tolerance.
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     along, across, ring = stencil.along, stencil.across, stencil.ring2
@@ -112,7 +114,7 @@ def solve_multigrid(
 
 
 class _Asked(NamedTuple):
-    """Errors allowed to the rate and to the field, and other arguments of `solve_multigrid`."""
+    """Arguments of `solve_multigrid`; `field` is `field_rtol`, or infinite if only the rate has to be accurate."""
 
     rtol: float
     field: float
@@ -123,10 +125,13 @@ class _Asked(NamedTuple):
 
 @leader(**REORDERED)
 def _iterated(network, drop, asked):
-    """Potential, iterations, error in the norm of the energy, and whether it is what was asked.
+    """Perform the iteration of `solve_multigrid`.
 
-    network : conductances along and across, and whether the columns form a ring. drop : of the potential from row to
-    row at first.
+    network : conductances `along` and `across` of the stencil, and whether the columns form a ring.
+    drop : array (n1,), potential drop between adjacent rows for the initial potential.
+    asked : arguments of `solve_multigrid`.
+
+    Returns the potential, the number of iterations, the error in the energy norm, and whether the tolerance is reached.
     """
     levels, coarsest = hierarchy(network[0], network[1], network[2])
     b, z = levels[0].b, levels[0].r
@@ -166,13 +171,13 @@ def _iterated(network, drop, asked):
             break
         step = rz / curvature
         history[1, iteration], history[2, iteration] = step, ratio
-        # far from the limits of single precision, however small the residual is
+        # scale the right-hand side of the cycle, so that a small residual is within the range of single precision
         scale = np.sqrt(rz)
         _advance(x, (r, b, p), network, (step, scale), sums)
         unbalanced = max(abs(sums[0].sum()), abs(sums[1].sum()))
         iteration += 1
     if not done and asked.field == np.inf:
-        # where the iteration stands still at the limit of rounding, its error may be small enough
+        # if rounding errors have stopped the iteration, its error may still be small enough
         error = np.sqrt(error_bound(along, network[1], x, 1.0 - x, asked.hidden))
         done = error**2 <= asked.rtol
     return x, iteration, error, done
@@ -184,11 +189,13 @@ _at_once = compiled(**REORDERED)(_iterated)
 
 @leader(**REORDERED)
 def _judged(iteration, state, history, share, asked):
-    """Error in the norm of the energy, and whether it is what was asked, or more iterations than allowed are needed.
+    """Estimate the error in the energy norm, and decide whether the iteration has converged or is hopeless.
 
-    state : rᵀM⁻¹r, largest correction, difference of inlet and outlet flow, and rate. history (3, limit + 1) : rᵀM⁻¹r
-    of each iteration, and steps and ratios of those before. share : part of the error allowed at which an iteration
-    stops whose error is then bounded.
+    state : rᵀM⁻¹r, largest correction, difference between inlet and outlet flow, and rate.
+    history : array (3, limit + 1), rᵀM⁻¹r of each iteration, and step lengths and ratios of the iterations before.
+    share : fraction of the tolerance at which the iteration stops if the error is then bounded.
+
+    Returns the error, whether the iteration has converged, and whether it would need more than `limit` iterations.
     """
     rz, largest, unbalanced, rate = state
     rtol, field, limit = asked.rtol, asked.field, asked.limit
@@ -197,7 +204,7 @@ def _judged(iteration, state, history, share, asked):
     history[0, iteration] = rz
     error = np.inf
     if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
-        # where the error is bounded, the bound decides
+        # if the error is bounded afterwards, no allowance for unseen error components is needed
         slowest = _slowest(history[1, :iteration], history[2, :iteration]) if early else 1.0
         error = np.sqrt(rz / rate / slowest)
         if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
@@ -213,9 +220,12 @@ def _judged(iteration, state, history, share, asked):
 
 @compiled(**REORDERED)
 def _slowest(steps, ratios):
-    """Return the slowest part of the error that may be there, from the lowest eigenvalue of M⁻¹A on the space searched.
+    """Estimate the smallest eigenvalue of M⁻¹A, with an allowance for eigenvalues that have not appeared yet.
 
-    That is found within a factor of two. Slower parts may be there that have not been met.
+    The smallest eigenvalue in the Krylov space, the smallest Ritz value, is found within a factor of two from the
+    tridiagonal matrix of the Lanczos process.
+
+    steps, ratios : step lengths and ratios of the conjugate gradients.
     """
     n = steps.size
     diagonal = np.ones(max(n, 1))
@@ -223,7 +233,7 @@ def _slowest(steps, ratios):
         diagonal[i] = 1.0 / steps[i] + (ratios[i] / steps[i - 1] if i > 0 else 0.0)
     lowest = diagonal.min()
     for _ in range(100):
-        # LDLᵀ of the tridiagonal matrix minus the value; no pivot is negative below the lowest eigenvalue
+        # factorise T − lowest · I as LDLᵀ: all pivots are positive if the value is below the smallest eigenvalue
         pivot = diagonal[0] - lowest
         for i in range(1, n):
             if not pivot > 0.0:
@@ -238,7 +248,7 @@ def _slowest(steps, ratios):
 
 @leader(**REORDERED)
 def cycle(levels, coarsest, ring):
-    """One V-cycle: r of the finest level from its b."""
+    """Perform one V-cycle, which computes `r` of the finest level from its right-hand side `b`."""
     for k in range(len(levels) - 1):
         here, after = levels[k], levels[k + 1]
         _begin(here.x, here.b, here.inverse, ring)
@@ -253,7 +263,7 @@ def cycle(levels, coarsest, ring):
 
 @by_rows(**REORDERED)
 def _begin(first, end, x, b, inverse, ring):
-    """Write the first sweep of damped Jacobi, from zero, of some rows."""
+    """Perform the first sweep of damped Jacobi, which begins with zero, on some rows."""
     for i in range(first, end):
         for j in range(1, b.shape[1] - 1):
             x[i, j] = _DAMPING * b[i, j] * inverse[i, j]
@@ -263,7 +273,11 @@ def _begin(first, end, x, b, inverse, ring):
 
 @by_rows(**REORDERED)
 def _sweep(first, end, r, level, down, ring):
-    """Write the residual of `_begin`, or on the way up what a sweep of damped Jacobi makes of x, of some rows."""
+    """Compute, for some rows, the residual after `_begin` if `down`; otherwise perform a sweep of damped Jacobi.
+
+    After `_begin` x = ω b/a with the damping ω and the diagonal a. The diagonal part of the residual is therefore
+    b − a x = (1 − ω) b.
+    """
     rights, belows, below_rights, below_lefts = level.links
     x = level.x
     for i in range(first, end):
@@ -291,7 +305,7 @@ def _sweep(first, end, r, level, down, ring):
 
 @by_rows(**REORDERED)
 def _restrict(first, end, b, r, w):
-    """Pᵀ r at some rows of the coarser grid."""
+    """Restrict the residual: compute Pᵀ r for some rows of the coarser grid."""
     for ci in range(first, end):
         i = 2 * ci - 1
         for cj in range(1, b.shape[1] - 1):
@@ -306,9 +320,10 @@ def _restrict(first, end, b, r, w):
 
 @by_rows(**REORDERED)
 def _prolong(first, end, x, coarse, w, ring):
-    """x += P coarse at some rows of the finer grid."""
+    """Add the interpolated correction to x: compute x += P coarse for some rows of the finer grid."""
     for i in range(first, end):
-        for half in range(1 + (i + 1) % 2):  # between two coarse rows there is a part of both
+        # a fine row in a coarse row (odd i) has one contribution; a row between two coarse rows has one from each
+        for half in range(1 + (i + 1) % 2):
             ci = (i + 1) // 2 + half
             a = 1 if i % 2 else 2 - 2 * half
             for cj in range(1, coarse.shape[1] - 1):
@@ -321,10 +336,11 @@ def _prolong(first, end, x, coarse, w, ring):
 
 @inner(**REORDERED)
 def _flow_out(network, p, i, beside, y):
-    """Write A p of row i, of p with a border of one node that is 0 at the ends: from differences.
+    """Compute row i of A p from differences of p, and write it to y.
 
-    beside : room for the flow from each node of the row to the next one. Loops over few arrays become vector
-    instructions: they take a third of the time of one over all.
+    p has a border of one node, which is 0 at the ends. The flow from each node of the row to the next one is stored in
+    the work array `beside`. Separate loops over few arrays compile to vector instructions and take a third of the time
+    of a single loop.
     """
     along, across, ring = network
     n2 = along.shape[1]
@@ -344,7 +360,7 @@ def _flow_out(network, p, i, beside, y):
 
 @by_rows(**REORDERED)
 def _turn(first, end, p, z, scale, beta):
-    """p = scale z + β p on some rows."""
+    """Compute the next search direction p = scale z + β p on some rows."""
     for i in range(first, end):
         for j in range(1, p.shape[1] - 1):
             p[i, j] = scale * z[i, j] + beta * p[i, j]
@@ -352,7 +368,7 @@ def _turn(first, end, p, z, scale, beta):
 
 @by_rows(**REORDERED)
 def _curvature(first, end, p, network, sums):
-    """Write p·A p of some rows."""
+    """Compute the contributions of some rows to p·A p."""
     n2 = p.shape[1] - 2
     y = np.empty(n2 + 2)
     beside = np.empty(n2 + 1)
@@ -366,10 +382,10 @@ def _curvature(first, end, p, network, sums):
 
 @by_rows(**REORDERED)
 def _advance(first, end, x, others, network, steps, sums):
-    """x += step p, r −= step A p, b = r / scale on some rows, and the sums of r and of r x of each.
+    """Compute x += step p, r −= step A p and b = r / scale on some rows, and the sums of r and of r x for each row.
 
-    Those of all rows are what inlet and outlet flow and the rate differ by. A p is found again, as memory limits large
-    faces.
+    Their totals over all rows are the differences between inlet flow, outlet flow and rate. A p is computed again, to
+    save memory on large faces.
     """
     r, b, p = others
     step, scale = steps
@@ -393,7 +409,10 @@ def _advance(first, end, x, others, network, steps, sums):
 
 @by_rows(**REORDERED)
 def _product(first, end, z, r, field, hidden, sums):
-    """Write r·z of some rows; where the field is wanted also their largest |z| at nodes that are not hidden."""
+    """Compute the contributions of some rows to r·z; if the field has to be accurate, also the largest |z| of each row.
+
+    Hidden nodes are ignored in |z|.
+    """
     for i in range(first, end):
         total = largest = 0.0
         for j in range(1, z.shape[1] - 1):
@@ -407,9 +426,11 @@ def _product(first, end, z, r, field, hidden, sums):
 
 @by_rows(**{**REORDERED, "fastmath": False})
 def _start(first, end, x, r, b, along, potential, inverse):
-    """x of the least energy among potentials that are constant along rows, and its residual r, also as b.
+    """Set the initial potential x and its residual r, which is also stored as b.
 
-    potential : its drop from row to row, and what is left of it.
+    The initial potential is constant along each row, and has the lowest energy of all such potentials.
+
+    potential : its drop between adjacent rows, and its value in each row.
     """
     drop, rest = potential
     n2 = along.shape[1]
