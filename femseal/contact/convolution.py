@@ -2,10 +2,9 @@
 
 A product has three stages:
 
-1. All rows are transformed. On mirror axes the points are put into another order before, on free axes zeros are
-   appended.
-2. A block of columns at a time, while it is in the cache: the columns are transformed, the waves are multiplied with
-   the symbol, and the columns are transformed back.
+1. All rows are transformed. Before this, the points of mirror axes are reordered, and zeros are appended to free axes.
+2. Columns are processed in blocks that fit in the cache: they are transformed, multiplied with the symbol, and
+   transformed back.
 3. All rows are transformed back.
 
 A mirror axis only needs the transform of its N points in the order 0, 2, 4 … 5, 3, 1. The cosine coefficients k and
@@ -17,10 +16,10 @@ the points. If their first axis is free, it is never padded as a whole: with m p
 the even waves are the transform of the points, and the odd waves that of the points times exp(−iπk/m). Columns of large
 grids are copied to a block, whereas columns of small grids are transformed from strided memory.
 
-FFTW makes its plans with FFTW_ESTIMATE and without wisdom. It then chooses by a rule and not by measured times, so that
-all processes have the same plans and the same bits. With these plans, whole solutions of 256² to 1024² points take 0.9
-to 1.03 times as long on periodic axes, and 0.8 to 0.95 times as long on mirror axes, as with plans from measured times.
-Smaller periodic grids are slower: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128².
+FFTW plans are made with FFTW_ESTIMATE and without wisdom. FFTW then chooses plans by fixed rules instead of measured
+times, so that all processes have the same plans and give identical results. Compared with plans from measured times,
+contact solutions on 256² to 1024² points take 0.9 to 1.03 times as long on periodic axes, and 0.8 to 0.95 times as long
+on mirror axes. On smaller periodic grids they are slower: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128².
 """
 
 from __future__ import annotations
@@ -66,8 +65,10 @@ _PLANNING = threading.RLock()
 class Axis(NamedTuple):
     """One axis of a grid.
 
-    points : number of points. length : length of the transform. order : order in which the points are transformed
-    (points,). is_mirror : whether the axis continues by its mirror image.
+    points : number of points.
+    length : length of the transform.
+    order : array (points,), order in which the points are transformed.
+    is_mirror : whether the axis is continued by its mirror image.
     """
 
     points: int
@@ -89,7 +90,7 @@ class Axis(NamedTuple):
 
 
 class Convolution:
-    """The product displacement = K pressure of two arrays that it owns, in stages whose parts are shared by threads.
+    """Computation of the displacement K p from the pressure p, both in arrays of this object, on several threads.
 
     Parameters
     ----------
@@ -188,9 +189,9 @@ class Convolution:
 
 
 class Rows:
-    """Transforms of the rows on a periodic second axis, whose points are transformed as they are.
+    """Transforms of the rows if the second axis is periodic, so that the points need not be reordered or padded.
 
-    waves : waves of all rows of the grid, followed by those of rows of zeros.
+    waves : waves of all rows of the grid, followed by the waves of rows of zeros if the first axis is padded.
     """
 
     def __init__(self, product: Convolution, waves: Any, axis2: Axis) -> None:
@@ -200,7 +201,7 @@ class Rows:
         self.length = axis2.length
 
     def calls(self, planned: Planned) -> tuple[list[list[Call]], list[list[Call]]]:
-        """List the calls of the transforms and of their inverses, each as a list for every part of the rows."""
+        """Return the calls for the transforms and for the inverse transforms, each with one list for each part."""
         forward_parts, backward_parts = [], []
         n1 = len(self.target)
         rows_of_part = max(ROW_POINTS / self.length, n1 / ROW_PARTS)
@@ -222,9 +223,10 @@ class Rows:
 
 
 class LaidOutRows(Rows):
-    """Transforms of rows whose points are first put into another order, on a mirror axis, or padded, on a free one.
+    """Transforms of rows whose points are first reordered (mirror axis) or padded with zeros (free axis).
 
-    order1 : order of the rows, which also changes on small grids. is_mirror : whether the order of points changes.
+    order1 : order of the rows, which is also changed on small grids if the first axis is a mirror.
+    is_mirror : whether points are reordered along any of the two axes.
     """
 
     def __init__(
@@ -245,11 +247,11 @@ class LaidOutRows(Rows):
         self.orders = order1, axis2.order
 
     def before(self, first: int, end: int) -> list[Call]:
-        """List the call that writes the points in order, followed by zeros."""
+        """List the call that copies the points in the order of the transform, followed by zeros."""
         return [partial(lay, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
-        """List the call that writes the displacement in the order of the points, if the order has changed."""
+        """List the call that copies the displacement back to the order of the points, if the order was changed."""
         if self.displacement is None:
             return []
         return [partial(take, self.target, self.displacement, *self.orders, first, end)]
@@ -258,8 +260,9 @@ class LaidOutRows(Rows):
 class StridedColumns:
     """Transforms of the columns of small grids, from strided memory to a block in the cache and back.
 
-    waves : waves of the rows (>= n1, waves). weights : see `weights_of`. transforms : number of transforms along the
-    first axis, 1 or 2.
+    waves : array (>= n1, waves), transforms of the rows.
+    weights : see `weights_of`.
+    transforms : number of transforms along the first axis, 1 or 2.
     """
 
     #: Number of blocks that have to fit in the cache together.
@@ -286,11 +289,12 @@ class StridedColumns:
         return self.length
 
     def calls(self, planned: Planned, threads: int) -> list[list[Call]]:
-        """List, for each thread, the calls that turn columns of waves of pressure into those of displacement."""
+        """Return, for each thread, the calls that compute waves of the displacement from waves of the pressure."""
         n_columns = self.waves.shape[1]
         kind = self.waves.dtype
         column_bytes = self.transforms * self.length * kind.itemsize
-        # a block and its copy fit in the cache; with fewer columns, or with 16 long ones, copies take thrice the time
+        # A block and its copy fit in the cache. With fewer columns, or with 16 long ones, copying would take three
+        # times as long.
         width = BLOCK_BYTES // (column_bytes * self.blocks)
         if width >= n_columns:
             width = n_columns
@@ -311,7 +315,7 @@ class StridedColumns:
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """List the calls for some columns; `first` is the number of the first one."""
+        """List the calls for some columns; `first` is the number of the first of them."""
         n_columns = columns.shape[1]
         waves = block[:n_columns, : self.length].T
         forward, backward = planned(columns, waves, columns, axis=0)
@@ -324,7 +328,7 @@ class StridedColumns:
         return self.mixing_response(block, first, count)
 
     def mixing_response(self, block: Any, first: int, count: int) -> Call:
-        """Make the call for mirror axes, whose waves k and N − k mix, or for two transforms of the first axis."""
+        """Make the call for mirror axes, where K combines the waves k and N − k, or for two transforms per column."""
         is_twisted = self.transforms > 1
         return partial(
             respond, block, self.length, first, count, self.weights, is_twisted, *self.turns
@@ -363,12 +367,15 @@ class CopiedColumns(StridedColumns):
 
 
 def padded_length(n: int) -> int:
-    """Find the even length to which a free axis of n points is padded, for a cyclic convolution without overlap."""
+    """Return the even length to which a free axis of n points is padded, so that a cyclic convolution does not overlap.
+
+    It is at least 2 n and has small prime factors, for which the transform is fast.
+    """
     return 2 * int(next_fast_len(n, real=True)) if n > 1 else 1
 
 
 def row_length(waves: int, itemsize: int) -> int:
-    """Find the length of a row of waves in memory, in waves; between long rows some cache lines are unused."""
+    """Return the length of a row of waves in memory, in waves; long rows are followed by some unused cache lines."""
     lines = math.ceil(waves * itemsize / LINE)
     if lines <= _LINES:
         return waves
@@ -462,7 +469,7 @@ def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> 
 
 
 def whole_columns(weights: Array, n: int) -> Array:
-    """Write out the weights (1, columns, n // 2 + 1) of all n waves of a column, of which k and n − k are equal."""
+    """Extend weights (1, columns, n // 2 + 1) to all n waves of a column; k and n − k have the same weight."""
     k = np.arange(n)
     return np.ascontiguousarray(weights[:, :, np.minimum(k, n - k)])
 
@@ -483,7 +490,7 @@ def multiply(block, weights):
 
 @compiled(fastmath={"contract", "nnan", "nsz"})
 def respond(block, n, first, count, weights, twisted, turn1, turn2):
-    """Turn the waves of pressure in a block into waves of displacement.
+    """Replace the waves of the pressure in a block by the waves of the displacement.
 
     Cosine coefficients C and waves V are related by C(k) = ē V(k) + e V(N − k), with e = exp(iπk/2N), and by
     2 V(k) = e (C(k) − i C(N − k)). Multiplying C with a symbol S(k) therefore changes V to
@@ -545,7 +552,7 @@ def respond(block, n, first, count, weights, twisted, turn1, turn2):
 
 
 def order_of(n: int, mirror: bool) -> Indices:
-    """List the points of an axis in the order in which they are transformed: 0, 2, 4 … 5, 3, 1 for a mirror."""
+    """Return the order in which the points of an axis are transformed; for a mirror axis it is 0, 2, 4 … 5, 3, 1."""
     points = np.arange(n)
     if not mirror:
         return points
@@ -554,7 +561,7 @@ def order_of(n: int, mirror: bool) -> Indices:
 
 @contracted
 def lay(points, staged, order1, order2, first, end):
-    """Write the points of the rows `first` to `end` in the order of the transform, followed by zeros."""
+    """Copy the points of the rows `first` to `end` − 1 in the order of the transform, followed by zeros."""
     n2 = order2.size
     for i in range(first, end):
         row = points[order1[i]]
@@ -565,7 +572,7 @@ def lay(points, staged, order1, order2, first, end):
 
 @contracted
 def take(staged, points, order1, order2, first, end):
-    """Write the points back in their own order, as the inverse of `lay`; both arrays may be in the same memory."""
+    """Copy points back to their original order, the inverse of `lay`; both arrays may share their memory."""
     former = np.empty(order2.size, staged.dtype)
     for i in range(first, end):
         former[:] = staged[i, : order2.size]
@@ -576,7 +583,7 @@ def take(staged, points, order1, order2, first, end):
 
 @contracted
 def gather(columns, block, twist, order):
-    """Copy columns to the rows of a block and append zeros; with a twist, also copy the twisted columns behind them."""
+    """Copy columns to the rows of a block, and append zeros; with a twist, also copy the columns times the twist."""
     n1, count = columns.shape
     width = block.shape[0] // 2
     for i in range(n1):
@@ -594,7 +601,7 @@ def gather(columns, block, twist, order):
 
 @contracted
 def scatter(columns, block, twist, order):
-    """Copy the rows of a block to columns; with a twist, add the rows with the twist removed."""
+    """Copy the rows of a block back to columns; with a twist, add the second half of the rows times conj(twist)."""
     n1, count = columns.shape
     width = block.shape[0] // 2
     for i in range(n1):

@@ -1,22 +1,24 @@
-"""Compile the loops of conjugate gradients on the free points, with a preconditioner M of 3 × 3 points.
+"""Compile the loops of conjugate gradients on the free points, with a 3 × 3 stencil as preconditioner M.
 
-`active_sets` calls `restart`, `turn` and `step`. They consist of loops over the points `first` to `end` of a list. The
-arrays p, v, state, near, near_p, near_v, free and place are those of `projection`.
+`active_sets` calls `restart`, `turn` and `step`. They consist of loops over the points `first` to `end` − 1 of a list.
+The arrays p, v, state, near, near_p, near_v, free and place are described in `projection`.
 
 Arrays of the free points, in the order of the list `free`
 ----------------------------------------------------------
-r, w, d : residual, preconditioned residual and direction.
+r, w, d : residual, preconditioned residual and search direction.
 ones : M1, the preconditioner applied to a vector of ones.
-soft : compliance a = 1/h of a point that yields and hardens [m/Pa], 0 of an elastic one.
-scale : s = 1/√(1 + a m), where m is the middle weight of the stencil. A point that yields is softer by a, and the
-    preconditioner is s M s.
+soft : compliance a = 1/h [m/Pa] of a point that yields and hardens, and 0 for an elastic point.
+scale : factor s = 1/√(1 + a m), where m is the middle weight of the stencil. It takes into account that hardening adds
+    the compliance a to a point. The preconditioner is s M s.
 
 Other arrays
 ------------
-response : Kd of the points near contact, in the order of the list `near`.
-dense : values at all points of the grid, 0 where a point is not free: what the stencil is applied to, or d.
-weights : the stencil of the preconditioner (3, 3).
-rows, columns : row and column that each row and column of the padded grid stands for, −1 outside a free axis.
+response : Kd at the points near contact, in the order of the list `near`.
+dense : values at all points of the grid, 0 at points that are not free. It contains either the values to which the
+    stencil is applied, or the direction d.
+weights : stencil of the preconditioner (3, 3).
+rows, columns : for each row and column of the grid with a border of one point, the row or column with the same values;
+    −1 beyond the end of a free axis.
 """
 
 import numpy as np
@@ -29,7 +31,7 @@ def restart(
     hardness, slope, state, dense, near_p, near_v, free, place, r, ones, soft,
     scale, weights, rows, columns, n_free, delta,
 ):  # fmt: skip
-    """Compute the residual r = δ − v − a (p − H) and M1 on the free points, for the first direction; return Σ M1."""
+    """Prepare the first direction: compute r = δ − v − a (p − H) and M1 on the free points; return Σ M1."""
     lay_ones(n_free, slope, state, dense, free, soft, scale, weights)
     total_ones = preconditioned(n_free, ones, dense, free, scale, weights, rows, columns)
     total = first_residual(n_free, delta, hardness, near_p, near_v, free, place, r, soft)
@@ -39,7 +41,7 @@ def restart(
 
 @fast_loop
 def lay_ones(first, end, slope, state, dense, free, soft, scale, weights):
-    """Set compliance and scale of some free points, and write the values to `dense` from which M1 is computed."""
+    """Compute compliance a and factor s of some free points, and set `dense` to s, for the computation of M1."""
     for k in range(first, end):
         i = free[k]
         soft[k] = 1.0 / value_at(slope, i) if state[i] == 3 else 0.0
@@ -49,7 +51,7 @@ def lay_ones(first, end, slope, state, dense, free, soft, scale, weights):
 
 @fast_loop
 def first_residual(first, end, delta, hardness, near_p, near_v, free, place, r, soft):
-    """Compute r of some free points; return its sum."""
+    """Compute the residuals of some free points, and return their sum."""
     total = 0.0
     for k in range(first, end):
         j = place[k]
@@ -62,7 +64,7 @@ def first_residual(first, end, delta, hardness, near_p, near_v, free, place, r, 
 
 @fast_loop
 def preconditioned(first, end, out, dense, free, scale, weights, rows, columns):
-    """Apply s M to `dense` at some free points, into `out`; return the sum."""
+    """Apply s M to `dense` at some free points, write the result to `out`, and return its sum."""
     listed = free[first:end]
     scale = scale[first:end]
     out = out[first:end]
@@ -76,9 +78,11 @@ def preconditioned(first, end, out, dense, free, scale, weights, rows, columns):
 
 @fast_leader
 def turn(dense, free, r, w, d, ones, scale, weights, rows, columns, n_free, former, total_ones):
-    """Compute the next direction d = w + (w·r / former) d, with w = M r minus the multiple of M1 that makes Σ w = 0.
+    """Compute the next direction d = w + (w·r / former) d.
 
-    Returns w·r. If it is not > 0, there is no direction.
+    w is M r minus a multiple of M1 such that Σ w = 0, so that steps do not change the load.
+
+    Returns w·r. If it is not positive, no direction is computed.
     """
     total = preconditioned(n_free, w, dense, free, scale, weights, rows, columns)
     wr = level(n_free, total / total_ones, r, w, ones)
@@ -89,7 +93,7 @@ def turn(dense, free, r, w, d, ones, scale, weights, rows, columns, n_free, form
 
 @fast_loop
 def level(first, end, factor, r, w, ones):
-    """Subtract a multiple of M1 from w at some free points; return w·r."""
+    """Subtract `factor` times M1 from w at some free points, and return their contribution to w·r."""
     r, w, ones = r[first:end], w[first:end], ones[first:end]
     wr = 0.0
     for k in range(end - first):
@@ -100,7 +104,7 @@ def level(first, end, factor, r, w, ones):
 
 @fast_loop
 def direct(first, end, beta, dense, free, w, d):
-    """Set d = w + beta d at some free points, and in `dense`."""
+    """Compute d = w + beta d at some free points, and copy it to `dense`."""
     free, w, d = free[first:end], w[first:end], d[first:end]
     for k in range(end - first):
         d[k] = w[k] + beta * d[k] if beta > 0.0 else w[k]
@@ -112,10 +116,11 @@ def step(
     kd, compliance, dense, near, near_p, near_v, free, place, r, d, soft, scale, response,
     n_near, n_free, wr,
 ):  # fmt: skip
-    """Make a step of conjugate gradients: p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
+    """Perform a step of conjugate gradients: p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
-    kd : product of the direction with K of a unit modulus (n1, >= n2), so that Kd is `compliance` times it. Returns
-    d·Kd, d·d, and whether the step was made; it is not made unless d·(Kd + a d) > 0.
+    kd : array (n1, >= n2), product of the direction with K for a unit modulus. Kd is `compliance` times this product.
+
+    Returns d·Kd, d·d, and whether the step was performed, which requires d·(Kd + a d) > 0.
     """
     gather(n_near, kd, compliance, dense.size // kd.shape[0], near, response)
     curvature, length, stiff = curvatures(n_free, place, d, soft, response)
@@ -129,10 +134,10 @@ def step(
 
 @fast_loop
 def gather(first, end, kd, compliance, columns, near, response):
-    """Copy Kd of some points near contact from the grid, whose rows have `columns` points, to their list.
+    """Copy Kd at some points near contact from the grid to a list.
 
-    The rows of `kd` are longer than those of the grid. The list rises, so that no division is needed to find the row of
-    a point.
+    The rows of the grid have `columns` points; the rows of `kd` may be longer. Because the indices in the list
+    increase, the row of a point is found without a division.
     """
     listed = near[first:end]
     out = response[first:end]
@@ -150,7 +155,7 @@ def gather(first, end, kd, compliance, columns, near, response):
 
 @fast_loop
 def curvatures(first, end, place, d, soft, response):
-    """Compute d·Kd, d·d and d·(Kd + a d) of some free points."""
+    """Compute the contributions of some free points to d·Kd, d·d and d·(Kd + a d)."""
     place, d, soft = place[first:end], d[first:end], soft[first:end]
     curvature = 0.0
     length = 0.0
@@ -164,7 +169,7 @@ def curvatures(first, end, place, d, soft, response):
 
 @fast_loop
 def advance(first, end, alpha, near_p, place, r, d, soft, response):
-    """Compute p += α d and r −= α (Kd + a d) at some free points; return Σ r."""
+    """Update p and r of some free points, p += α d and r −= α (Kd + a d); return the sum of r."""
     place, r, d, soft = place[first:end], r[first:end], d[first:end], soft[first:end]
     total = 0.0
     for k in range(end - first):
@@ -177,7 +182,7 @@ def advance(first, end, alpha, near_p, place, r, d, soft, response):
 
 @fast_loop
 def advance_gap(first, end, alpha, near_v, response):
-    """Compute v += α Kd at some points near contact."""
+    """Update v += α Kd at some points near contact."""
     v, kd = near_v[first:end], response[first:end]
     for j in range(end - first):
         v[j] += alpha * kd[j]
@@ -185,9 +190,9 @@ def advance_gap(first, end, alpha, near_v, response):
 
 @fast_loop
 def spread_residual(first, end, mean, dense, free, r, scale):
-    """Subtract the mean from the residuals of some free points, and write the scaled residuals to `dense`.
+    """Subtract the mean from the residuals of some free points, and write the residuals times s to `dense`.
 
-    The mean differs from 0 only because the load has a rounding error.
+    Without rounding errors, the mean of the residuals would be 0 after the first step.
     """
     free, r, scale = free[first:end], r[first:end], scale[first:end]
     for k in range(end - first):
@@ -197,7 +202,7 @@ def spread_residual(first, end, mean, dense, free, r, scale):
 
 @fast
 def apply_stencil(listed, dense, out, weights, rows, columns):
-    """Apply the stencil to `dense` at the listed points, into `out`."""
+    """Apply the 3 × 3 stencil to `dense` at the listed points, and write the result to `out`."""
     n1 = rows.size - 2
     n2 = columns.size - 2
     for k in range(listed.size):

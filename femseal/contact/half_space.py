@@ -1,7 +1,7 @@
-"""Describe the elastic half-space: its boundaries, the symbol of its compliance, and the displacement under a pressure.
+"""Describe the elastic half-space: its boundaries, the symbol of its compliance, and displacements due to pressures.
 
 The symbol of the compliance K is the array of its eigenvalues, which are real. E* is the contact modulus, q a wave
-vector [rad/m], Δ the spacing of pixels, K₀ a modified Bessel function, and Ki₁(x) = ∫ₓ^∞ K₀ the Bickley function.
+vector [rad/m], Δ the length of a pixel, K₀ a modified Bessel function, and Ki₁(x) = ∫ₓ^∞ K₀ the Bickley function.
 Sources: Johnson, Contact Mechanics, 1985, ch. 3 and 13; Love, Phil. Trans. R. Soc. A 228, 1929, 377 (pixel under
 constant pressure); Liu, Wang & Liu, Wear 243, 2000, 101 (free boundaries by FFT).
 """
@@ -29,19 +29,19 @@ from .layered import (
 )
 
 BOUNDARIES = ("periodic", "mirror", "free")
-#: Number of values of the kernel of one free axis that are computed at a time.
+#: Number of kernel values that are computed at a time for a single free axis, to limit the memory.
 _STRIP_VALUES = 2**20
-#: Argument from which on Ki₁ is below 1e-17.
+#: Argument above which Ki₁ is smaller than 1e-17.
 _LARGEST_ARGUMENT = 38.0
 
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """An elastic half-space under pressures on a grid of pixels, with the displacement u = K p.
+    """An elastic half-space with pressures p and displacements u = K p on a grid of pixels.
 
-    On periodic axes the waves of the displacement are û = 2 p̂/(E*|q|), and the mean displacement is arbitrary. A
-    mirror axis continues by its mirror image, which is exactly a cosine transform on the same points. On free axes the
-    pressure is 0 outside the grid, and constant on each pixel.
+    On periodic axes the Fourier coefficients of the displacement are û = 2 p̂/(E*|q|), and the mean displacement is
+    arbitrary. At the ends of a mirror axis the pressure is continued by its mirror image, so that a cosine transform on
+    the same points is exact. Beyond the ends of a free axis the pressure is 0; it is constant within each pixel.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class HalfSpace:
 
     @cached_property
     def _mean_spacing(self) -> float:
-        """Geometric mean [m] of the spacings along which there are several points."""
+        """Geometric mean of the pixel lengths [m], without an axis that has only one point."""
         spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1]
         if not spacings:
             spacings = [min(self.spacing)]
@@ -124,17 +124,18 @@ class HalfSpace:
 
     @cached_property
     def coarser(self) -> HalfSpace:
-        """The same area with about half of the points along each axis that has more than one."""
+        """Half-space of the same area on the next coarser grid, with about half as many points along each axis."""
         n1, n2 = self.shape
         d1, d2 = self.spacing
         spacing = (2 * d1 if n1 > 1 else d1, 2 * d2 if n2 > 1 else d2)
         return replace(self, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=spacing)
 
     def symbol(self) -> Array:
-        """Compute the eigenvalues of K [m/Pa], for waves of periodic and padded free axes and cosines of mirror axes.
+        """Compute the eigenvalues of K [m/Pa].
 
-        K has the same eigenvalue for a wave, for its conjugate, and for the wave with one wave number reversed. Half of
-        the waves is therefore enough along both axes, except for mirror axes, which need all cosines.
+        The eigenvectors are waves along periodic axes and padded free axes, and cosines along mirror axes. The
+        eigenvalue does not depend on the signs of the wave numbers. Only the waves with non-negative wave numbers are
+        therefore included; mirror axes have all cosines.
         """
         n1, n2 = self.shape
         d1, d2 = self.spacing
@@ -157,7 +158,7 @@ class HalfSpace:
         return np.divide(2.0, stiffness, out=symbol, where=wave > 0)
 
     def displacement(self, pressure: ArrayLike) -> Array:
-        """Compute the displacement u = K p (n1, n2) [m] under pressures p (n1, n2) [Pa]."""
+        """Compute the displacement u = K p (n1, n2) [m] due to pressures p (n1, n2) [Pa]."""
         p = validate.field("pressure", pressure, unit="Pa", shape=self.shape)
         product = Convolution(self.shape, self.boundary, self.symbol())
         product.pressure[:] = p
@@ -166,10 +167,10 @@ class HalfSpace:
 
 
 def wave_numbers(n: int, spacing: float, kind: str) -> Array:
-    """List |q| [rad/m] of the waves of one axis of n points, in the order of its transform.
+    """Return the wave numbers |q| [rad/m] of an axis with n points, in the order of its transform.
 
-    A periodic axis has the non-negative wave numbers of a real transform. A mirror axis has q = πk/(nΔ) of the cosine
-    transform, as a periodic axis of twice the length.
+    A periodic axis has the non-negative wave numbers of a real Fourier transform. A mirror axis has the wave numbers
+    πk/(nΔ) of a cosine transform, like a periodic axis of twice the length.
     """
     if kind == "mirror":
         return np.pi / (n * spacing) * np.arange(n, dtype=float)
@@ -177,15 +178,15 @@ def wave_numbers(n: int, spacing: float, kind: str) -> Array:
 
 
 def _love(x: Array, y: Array) -> Array:
-    """Compute the antiderivative of 1/√(x² + y²) in both coordinates, which are not 0 at the corners of pixels."""
+    """Integrate 1/√(x² + y²) over both coordinates (indefinite integral); x and y must not be 0."""
     return x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))
 
 
 def free_symbol(shape: Shape, spacing: Pair, modulus: float | Bodies) -> Array:
     """Compute the eigenvalues [m/Pa] for two free axes.
 
-    They are the transform of Love's displacement around a pixel under constant pressure, and for coated bodies of the
-    smooth difference from it.
+    They are the Fourier transform of Love's solution, the displacement around a pixel under constant pressure. For
+    coated bodies, the smooth difference from this solution is added.
     """
     length1, length2 = (padded_length(n) for n in shape)
     d1, d2 = spacing
@@ -200,7 +201,10 @@ def free_symbol(shape: Shape, spacing: Pair, modulus: float | Bodies) -> Array:
 
 
 def _even_transform(half: Array, length: int) -> Array:
-    """Transform rows that are even about 0, and whose first half is given; the result is the first half too."""
+    """Compute the real Fourier transform of rows that are even about 0, from the first half of each row.
+
+    The result is the first half of the transform.
+    """
     n_missing = length - half.shape[1]
     whole = np.concatenate((half, half[:, n_missing:0:-1]), axis=1)
     return rfft(whole, axis=1).real
@@ -233,13 +237,14 @@ def bickley_1(x: Array) -> Array:
 def strip_symbol(
     n_free: int, d_free: float, q: Array, d_other: float, modulus: float | Bodies
 ) -> Array:
-    """Compute the eigenvalues [m/Pa] for one free axis, while the other axis is periodic or a mirror.
+    """Compute the eigenvalues [m/Pa] for one free axis and another axis that is periodic or a mirror.
 
-    The response to a wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it. For q = 0 it is the logarithm
-    of plane strain, whose constant is arbitrary. Because the pressure is constant on each pixel, every q comes with its
-    aliases q + 2πm/Δ; their sum is Love's solution summed over all periodic images, to rounding. Aliases decay
-    exponentially with the distance, and their sum at distance 0 is an alternating series with a closed form. For coated
-    bodies the smooth difference from the half-space is added.
+    The displacement due to a line load that varies as a wave q along the other axis decays as (2/πE*) K₀(|q||x|) with
+    the distance x along the free axis. For q = 0 it is the logarithmic solution of plane strain, whose constant is
+    arbitrary. Because the pressure is constant on each pixel, each wave q is accompanied by its aliases q + 2πm/Δ. The
+    sum over all aliases is equal to the sum of Love's solution over all periodic images. Aliases decay exponentially
+    with the distance; at the distance 0 their sum is an alternating series with a closed form. For coated bodies, the
+    smooth difference from the solution for a half-space is added.
 
     Parameters
     ----------
@@ -275,10 +280,13 @@ def strip_symbol(
 
 
 def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> Array:
-    """Compute half of the transform of the kernel of a free axis for some waves q, see `strip_symbol`.
+    """Compute the first half of the transform of the kernel of a free axis for some waves q, see `strip_symbol`.
 
-    n, length, d : points, padded length and spacing of the free axis. The kernel is even about 0. Offsets beyond n − 1
-    have no effect on the result.
+    The kernel is even about 0. Its values at offsets of more than n − 1 pixels do not matter.
+
+    n, length, d : number of points, padded length, and pixel length [m] of the free axis.
+    q : wave numbers of the other axis [rad/m].
+    d_other : pixel length of the other axis [m].
     """
     kernel = np.zeros((q.size, length // 2 + 1))  # (wave, offset)
     is_wave = q > 0
@@ -301,9 +309,10 @@ def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> A
 
 
 def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
-    """Add weight · ∫ K₀(q|t|) dt over the pixels at 0, d, 2d, … to the waves (waves, pixels).
+    """Add weight · ∫ K₀(q|t|) dt over the pixels at 0, d, 2d, … to the kernels of the waves (wave, pixel).
 
-    For the pixel at 0, the integral over the rest of the line is subtracted instead; the caller adds the whole line.
+    For the pixel at 0, the integral over the rest of the line is subtracted instead; the caller adds the integral over
+    the whole line.
     """
     n_near = min(waves.shape[1], int(_LARGEST_ARGUMENT / (q.min(initial=np.inf) * d) + 0.5) + 1)
     edges = (np.arange(n_near) + 0.5) * d
@@ -328,10 +337,10 @@ def stiffness_stencil(half_space: HalfSpace) -> Array:
     inverse = np.zeros(q.shape)
     is_wave = q > 0
     inverse[is_wave] = modulus_of_waves(half_space.modulus, q[is_wave]) * q[is_wave] / 2
-    # weights of a point and of its neighbours at +1; those at −1 are the same
+    # weights at the offsets 0 and +1 along both axes; the weights at −1 are the same
     quarter = np.fft.ifft2(inverse).real[:2, :2]
-    # the symbol of 3 × 3 weights is linear in the cosine of the wave along each axis, w₀ + 2 w₁ cos, so that its
-    # extremes are where the cosines are 1 or −1
+    # The symbol of the stencil is linear in the cosine along each axis, w₀ + 2 w₁ cos. Its smallest and largest values
+    # therefore occur where the cosines are 1 or −1.
     at_cosines = np.array([[1, 2], [1, -2]])
     symbol = at_cosines @ quarter @ at_cosines.T
     if symbol.min() <= 1e-3 * symbol.max():

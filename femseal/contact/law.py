@@ -1,12 +1,12 @@
-"""Define contact laws: the pressure that a point of the surface can carry, and the deformation that remains.
+"""Define contact laws: the pressure that a point of the surface can carry, and the plastic deformation that remains.
 
-Symbols: p contact pressure, u plastic deformation, H(u) pressure at which a point with u yields, h = dH/du hardening
-modulus, g raw gap (negative where the bodies overlap), c a stiffness [Pa/m].
+Symbols: p contact pressure, u plastic deformation, H(u) pressure at which a point with the plastic deformation u
+yields, h = dH/du hardening modulus, g raw gap (negative where the bodies would overlap), c a stiffness [Pa/m].
 
-Contact is elastic while 0 < p < H(u). When a point yields, p = H(u) and u grows. A law is the curve H(u); a new law is
-a class with this curve. The solver uses straight lines only, the tangents of the curve. In the energy, a law that
-rises is a convex term; for a straight line it is ½⟨(p − H)₊, (p − H)₊⟩/h (for perfect plasticity see Sahlin et al.,
-Proc. IMechE J 224, 2010, 335).
+The contact of a point is elastic while 0 < p < H(u). When the point yields, p = H(u), and u increases. A contact law is
+defined by the curve H(u), and each law is a class with such a curve. The solver only uses straight lines, the tangents
+of the curve. A curve that rises contributes a convex term to the energy; for a straight line this term is
+½⟨(p − H)₊, (p − H)₊⟩/h. For perfect plasticity see Sahlin et al., Proc. IMechE J 224, 2010, 335.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ from ..base import Array, InputError, Shape, reals, to_text
 from ..store.code import NoDigest
 from ..store.digests import digest
 
-#: Most Newton steps, or halvings, of a projection onto a curved law.
+#: Largest number of steps of Newton's method, or of bisection, for the projection on a curved law.
 _NEWTON_STEPS = 60
-#: Steepest slope of a softening law, relative to the stiffness, that Newton's method uses.
+#: Steepest negative slope, relative to the stiffness, with which Newton's method is used for a softening law.
 _STEEPEST = 0.8
 #: Depths at which the laws of two bodies are compared [m].
 _COMPARED_DEPTHS = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
 
 
 class ContactLaw:
-    """Base of all contact laws. A new law defines `yield_pressure` and `hardening_modulus`.
+    """Base class of all contact laws. A law has to define `yield_pressure` and `hardening_modulus`.
 
-    A law should be a frozen dataclass (with `eq=False`) whose fields are its parameters, because they make its key.
+    A law should be a frozen dataclass (with `eq=False`). Its fields are its parameters, from which its key is computed.
     """
 
     @property
     def linear(self) -> bool:
-        """Whether H(u) is a straight line at every point. One solution is enough then; a curve needs several."""
+        """Whether H(u) is a straight line at each point. A curved law needs several solutions instead of one."""
         return False
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """Compute H(u) [Pa] at a plastic deformation u [m]: one number, or one for each point (n1, n2)."""
+        """Compute H(u) [Pa] at a plastic deformation u [m], as a number or an array (n1, n2)."""
         raise NotImplementedError
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute dH/du [Pa/m] at a plastic deformation u [m]: one number, or one for each point (n1, n2)."""
+        """Compute dH/du [Pa/m] at a plastic deformation u [m], as a number or an array (n1, n2)."""
         raise NotImplementedError
 
     @property
@@ -62,7 +62,7 @@ class ContactLaw:
 
     @property
     def is_perfect(self) -> bool:
-        """Whether points neither harden nor soften, so that the law contains no length."""
+        """Whether points neither harden nor soften, so that the law has no characteristic length."""
         return self.linear and not np.any(self.hardening_modulus() > 0)
 
     @property
@@ -72,30 +72,30 @@ class ContactLaw:
 
     @property
     def is_uniform(self) -> bool:
-        """Whether all points follow one curve."""
+        """Whether the curve H(u) is the same for all points."""
         return np.size(self.yield_pressure()) == 1 and np.size(self.hardening_modulus()) == 1
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
-        """Make the law H(u + deformation) of points with a plastic deformation (n1, n2) [m] from an earlier load."""
+        """Return the law H(u + deformation) of points that already have a plastic deformation (n1, n2) [m]."""
         if self.is_perfect:
             return self
         return _ChangedLaw(self, earlier_deformation=reals(deformation))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
-        """Make the law H(u) − p_f of the contact pressure alone, under a fluid pressure p_f [Pa]."""
+        """Return the law H(u) − p_f, which limits the contact pressure at points under the fluid pressure p_f [Pa]."""
         return _ChangedLaw(self, fluid_pressure=reals(fluid_pressure))
 
     def times(self, factor: float) -> ContactLaw:
-        """Make the law factor · H(u) of a metal that is harder by a factor."""
+        """Return the law factor · H(u), for a metal whose hardness is larger by this factor."""
         return _ChangedLaw(self, factor=factor)
 
     def admissible(self, pressure: Array, gap: Array, stiffness: float) -> tuple[Array, Array]:
         """Project a pressure on the law.
 
-        The projection y of the trial pressure z = p − c g fulfils z = y + c u, with y = H(u) where the point yields. It
-        minimises ½(y − z)² + c ψ(y), where ψ is the energy of the law. If the law falls steeply, there are several
-        solutions: a point that has passed the steep part stays at its overlap, because its neighbours have taken over
-        what it no longer carries.
+        The projection y of the trial pressure z = p − c g satisfies z = y + c u, with y = H(u) at points that yield. It
+        minimises ½(y − z)² + c ψ(y), where ψ is the energy of the law. If the law softens steeply, there may be several
+        solutions. A point that has passed the steep part then keeps its overlap, because the load that it no longer
+        carries has moved to its neighbours.
 
         Parameters
         ----------
@@ -111,7 +111,7 @@ class ContactLaw:
         pressure : array (n1, n2)
             Admissible pressure y >= 0 [Pa].
         deformation : array (n1, n2)
-            Its plastic deformation u [m].
+            Plastic deformation u [m].
         """
         trial = pressure - stiffness * gap
         u = self._deformation(trial, stiffness)
@@ -123,15 +123,16 @@ class ContactLaw:
         yield_pressure = self.yield_pressure(overlap)
         is_nearer = np.abs(pressure - yield_pressure) < np.abs(pressure - y)
         has_passed = (slope < 0) & (overlap > 0) & ((overlap > u) | is_nearer)
-        # Newton's method needs a slope that is not near 0
+        # the sum of both slopes must not be close to 0, because Newton's method divides by it
         total_slope = np.maximum(slope, -_STEEPEST * stiffness) + stiffness
         u_at_overlap = np.maximum(overlap + (pressure - yield_pressure) / total_slope, 0.0)
         return np.where(has_passed, yield_pressure, y), np.where(has_passed, u_at_overlap, u)
 
     def _deformation(self, trial: Array, stiffness: float) -> Array:
-        """Solve H(u) + c u = z for u >= 0 by Newton's method between bounds, with halving; u is 0 where z < H(0).
+        """Solve H(u) + c u = z for u >= 0 by Newton's method within a bracket, with bisection; u = 0 where z < H(0).
 
-        trial : trial pressure z (n1, n2) [Pa]. stiffness : c [Pa/m].
+        trial : array (n1, n2), trial pressure z [Pa].
+        stiffness : stiffness c [Pa/m].
         """
         u = np.zeros(np.shape(trial))
         low = u
@@ -153,19 +154,19 @@ class ContactLaw:
         return u
 
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
-        """Find the straight line that touches the law at a plastic deformation [m]; a horizontal one if it softens.
+        """Compute the tangent of the curve H(u) at a plastic deformation; a horizontal line where the law softens.
 
         Parameters
         ----------
         shape : pair of int
-            Points of the grid.
+            Numbers of points of the grid.
         deformation : float or array (n1, n2)
             Plastic deformation u [m].
 
         Raises
         ------
         InputError
-            The law has arrays of another shape, or a yield pressure that is not > 0.
+            The parameters of the law are arrays of another shape, or a yield pressure is not > 0.
         """
         slope = np.maximum(self.hardening_modulus(deformation), 0.0)
         hardness = self.yield_pressure(deformation) - slope * reals(deformation)
@@ -180,10 +181,12 @@ class ContactLaw:
         return YieldLine(hardness, slope)
 
     def key(self) -> str:
-        """Make a text that is the same for laws with the same parameters and code, and for no others."""
+        """Return a text that is equal for two laws if and only if their parameters and their code are equal."""
         try:
             return digest(self)
-        except NoDigest:  # for example an object of C code; the law equals only itself then
+        except (
+            NoDigest
+        ):  # for example because of an object from C code; the law is then only equal to itself
             return f"{type(self).__qualname__} {id(self)}"
 
     def __str__(self) -> str:
@@ -198,17 +201,17 @@ class ContactLaw:
 
 @dataclass(frozen=True, eq=False)
 class LinearHardening(ContactLaw):
-    """Law of points that harden linearly as they yield: H(u) = H + h u.
+    """Contact law of points that harden linearly with their plastic deformation: H(u) = H + h u.
 
     After unloading, the hardness of a point remains H + h u. Reloading up to the peak is elastic unless points yield
-    again, and beyond the peak it follows first loading.
+    again. Beyond the peak, the curve of first loading is continued.
 
     Parameters
     ----------
     hardness : float or array (n1, n2)
         Hardness H > 0 at which yield begins [Pa].
     slope : float or array (n1, n2)
-        Hardening modulus h >= 0 [Pa/m]; 0 is perfectly plastic.
+        Hardening modulus h >= 0 [Pa/m]; 0 for perfect plasticity.
 
     Raises
     ------
@@ -253,7 +256,7 @@ class LinearHardening(ContactLaw):
 
     @cached_property
     def _uniform_line(self) -> YieldLine:
-        """The straight line of a uniform law, which is checked once."""
+        """Straight line of a uniform law, which is stored so that it is only checked once."""
         return super().tangent((1, 1))
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
@@ -271,7 +274,7 @@ class LinearHardening(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class PerfectlyPlastic(LinearHardening):
-    """Law of points that carry at most their hardness: H(u) = H.
+    """Contact law of points whose pressure is limited by a constant hardness: H(u) = H.
 
     Parameters
     ----------
@@ -300,7 +303,13 @@ class PerfectlyPlastic(LinearHardening):
 
 @dataclass(frozen=True, eq=False)
 class _ChangedLaw(ContactLaw):
-    """The law factor · H(u + u₀) − p_f, for an earlier deformation u₀, a harder metal, or a fluid pressure p_f."""
+    """Contact law factor · H(u + u₀) − p_f, made from another law.
+
+    law : original law H(u).
+    earlier_deformation : plastic deformation u₀ [m] from an earlier load.
+    fluid_pressure : pressure p_f [Pa] of a fluid between the surfaces.
+    factor : factor on the hardness.
+    """
 
     law: ContactLaw
     earlier_deformation: float | Array = 0.0
@@ -309,7 +318,7 @@ class _ChangedLaw(ContactLaw):
 
     @property
     def linear(self) -> bool:
-        """Whether the law that is changed is a straight line."""
+        """Whether the original law is a straight line."""
         return self.law.linear
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
@@ -324,7 +333,7 @@ class _ChangedLaw(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Capacity of the law that is changed, times the factor, less the mean fluid pressure [Pa]."""
+        """Capacity of the original law times the factor, minus the mean fluid pressure [Pa]."""
         return self.factor * self.law.capacity - float(np.mean(self.fluid_pressure))
 
     def __str__(self) -> str:
@@ -333,12 +342,14 @@ class _ChangedLaw(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class SofterOf(ContactLaw):
-    """Law of two bodies of which the softer one yields at each depth: H(u) = min(H₁(u), H₂(u)).
+    """Contact law of two bodies, of which the softer one yields at each depth: H(u) = min(H₁(u), H₂(u)).
+
+    Use `softer_of`, which only makes this law if the curves of both bodies cross.
 
     Parameters
     ----------
     first, second : ContactLaw
-        Laws of the two bodies, each the same for all points. `softer_of` makes this law if their curves cross.
+        Laws of the two bodies, which must be the same for all points.
     """
 
     first: ContactLaw
@@ -346,7 +357,7 @@ class SofterOf(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """The lower of both capacities [Pa]."""
+        """Capacity of the softer body [Pa]."""
         return min(self.first.capacity, self.second.capacity)
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
@@ -369,9 +380,9 @@ class SofterOf(ContactLaw):
 
 
 def softer_of(first: ContactLaw, second: ContactLaw | None = None) -> ContactLaw:
-    """Find the law of the softer of two bodies; it is `SofterOf` both if their curves cross.
+    """Return the law of the softer of two bodies, or the law `SofterOf` both if their curves cross.
 
-    first, second : laws that are the same for all points; None is a rigid body.
+    first, second : laws that are the same for all points; None for a rigid second body.
     """
     if second is None:
         return first
@@ -387,7 +398,7 @@ def softer_of(first: ContactLaw, second: ContactLaw | None = None) -> ContactLaw
 
 @dataclass(frozen=True, eq=False)
 class YieldLine:
-    """A straight law, which is all that the solver knows: H(u) = hardness + slope u at every point.
+    """Linear law H(u) = hardness + slope u of each point, which is the only kind of law that the solver uses.
 
     Parameters
     ----------
@@ -414,7 +425,7 @@ class YieldLine:
 
     @cached_property
     def capacity(self) -> float:
-        """Largest mean pressure that the points carry [Pa]."""
+        """Largest mean pressure that the points can carry [Pa]."""
         return inf if self.hardens else self.mean_hardness
 
     @cached_property
@@ -426,7 +437,10 @@ class YieldLine:
 
 
 def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
-    """Return a law as it is, or make the perfectly plastic law of a hardness [Pa], a number or an array (n1, n2)."""
+    """Return a contact law unchanged, or make the perfectly plastic law for a hardness [Pa].
+
+    hardness : a law, a number, or an array (n1, n2).
+    """
     if isinstance(hardness, ContactLaw):
         return hardness
     if isinstance(hardness, float):
@@ -436,14 +450,14 @@ def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
 
 @lru_cache(maxsize=64)
 def _law_of_number(hardness: float) -> PerfectlyPlastic:
-    """Make the perfectly plastic law of a number, which is checked once."""
+    """Make the perfectly plastic law for a number; the same number is only checked once."""
     return PerfectlyPlastic(hardness)
 
 
 def _checked_numbers(
     name: str, value: Any, unit: str, *, allow_zero: bool = False
 ) -> float | Array:
-    """Return a number or an array of numbers > 0, or finite numbers >= 0 with `allow_zero`; else raise InputError."""
+    """Check that a value is a number > 0 or an array of such numbers; with `allow_zero`, finite numbers >= 0."""
     expected = f"a number or an array (n1, n2) [{unit}]"
     try:
         if isinstance(value, (str, bytes)):

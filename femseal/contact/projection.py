@@ -1,21 +1,22 @@
-"""Compile the loops of the contact solver that find the points near contact and project them on the law.
+"""Compile the loops of the contact solver that find the points near contact and project their pressure on the law.
 
-`active_sets` calls `list_near`, `look` and `project` between two products with K. Their arguments are first the arrays,
-then the values that change from call to call. They consist of loops over the points `first` to `end` of a list. On
-small grids each of the three is compiled as a whole. On large grids Python calls their loops, whose parts are shared by
-threads.
+`active_sets` calls `list_near`, `look` and `project` between two products with K. Their first arguments are arrays, and
+the last ones are values that change from call to call. The functions consist of loops over the points `first` to
+`end` − 1 of a list. For small grids each of the three functions is compiled as a whole. For large grids the functions
+run in Python and call compiled loops, whose parts are divided between threads.
 
-The state of a point is 0 out of contact (p = 0), 1 if elastic (0 < p < H), 2 if perfectly plastic (p = H), and 3 if it
-yields and hardens (p = H + h u, h > 0). Points with an odd state are free: their pressure is unknown.
+The state of a point is 0 out of contact (p = 0), 1 if it is elastic (0 < p < H), 2 if it is perfectly plastic (p = H),
+and 3 if it yields and hardens (p = H + h u, h > 0). Points with an odd state are free: their pressure is unknown.
 
-Arrays that several loops share
--------------------------------
-p, v, state : pressure [Pa], v = Kp + h₁ [m] and state of every point of the grid, (n,), (n1, >= n2) and (n,).
+Arrays of several loops
+-----------------------
+p, v, state : pressure [Pa] (n,), v = Kp + h₁ [m] (n1, >= n2), and state (n,) of each point of the grid.
 near : indices of the points near contact.
 near_p, near_v, trial : p, v and x = p − c v of the points near contact, in the order of `near`.
 free : indices of the free points.
-place : positions of the free points in the list `near`.
-hardness, slope : H [Pa] and h [Pa/m] of the law, one value for all points (1,) or one for each (n,).
+place : position of each free point in the list `near`.
+hardness, slope : hardness H [Pa] and hardening modulus h [Pa/m], with one value for all points (1,) or one for each
+    point (n,).
 """
 
 from typing import Any, NamedTuple
@@ -24,21 +25,21 @@ import numpy as np
 
 from ..base.compiled import by_items, compiled, leader, number, over, parts, summed
 
-#: All functions are inlined, because a called one may be compiled differently in another process, which would change
-#: the last digits.
+#: All functions are inlined. A function that is called may be compiled differently in another process, which would
+#: change the last digits of results.
 _EXACT: dict[str, Any] = {"forceinline": True}
 _FAST: dict[str, Any] = {
     "forceinline": True,
     "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"},
 }
 exact, fast = compiled(**_EXACT), compiled(**_FAST)
-#: Decorators of loops over some points of a list; the values of all parts of the list are summed.
+#: Decorators of loops over a part of a list; the returned values of all parts are added up.
 exact_loop, fast_loop = by_items(summed, **_EXACT), by_items(summed, **_FAST)
 #: Decorators of functions that consist of such loops.
 exact_leader, fast_leader = leader(**_EXACT), leader(**_FAST)
-#: Number of points of a grid in a part for which one thread makes a list.
+#: Approximate number of grid points from which one thread makes a list at a time.
 PART = 2**19
-#: Most steps of Newton's method for δ.
+#: Largest number of steps of Newton's method for δ.
 ROOT_STEPS = 200
 
 
@@ -47,11 +48,17 @@ def list_near(
     gap0, offset, hardness, slope, p, v, state, near, near_p, near_v, free, place,
     factor, weight, reach, first, end,
 ):  # fmt: skip
-    """Set v to factor · v + weight · (h₁ − offset) on the rows `first` to `end`, and list the points near contact.
+    """Compute v = factor · v + weight · (h₁ − offset) in rows `first` to `end` − 1, and list the points near contact.
 
-    These are in contact or have v below `reach`. Returns their number, that of the free points, the energy ½⟨p, Kp⟩ +
-    ⟨p, h₁⟩ + ½ Σ (p − H)²/h, in which the last sum is over the points that harden, Σ p, and the sum of v over the
-    listed points.
+    A point is near contact if it is in contact or if v is below the threshold `reach`.
+
+    Returns
+    -------
+    n_near : number of points near contact.
+    n_free : number of free points.
+    energy : energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ½ Σ (p − H)²/h, where the last sum is over the points that harden.
+    load : sum of p.
+    total : sum of v over the points near contact.
     """
     energy = 0.0
     load = 0.0
@@ -89,7 +96,7 @@ def list_near(
 
 
 class _PartLists(NamedTuple):
-    """Lists of the points in one part of a grid, see the docstring of this module."""
+    """Lists of points for one part of a grid; see the docstring of this module for the meaning of the lists."""
 
     near: Any
     near_p: Any
@@ -106,9 +113,9 @@ class _PartLists(NamedTuple):
 
 
 def list_near_in_parts(*arguments):
-    """Do what `list_near` does, with threads that share the parts of the grid.
+    """Perform `list_near` on several threads, each of which lists the points of some parts of the grid.
 
-    Only some parts are listed at a time, so that their lists need little memory.
+    Only a few parts are processed at a time, so that their lists need little memory.
     """
     *problem, near, near_p, near_v, free, place, factor, weight, reach, _first, n_rows = arguments
     columns = problem[0].size // n_rows
@@ -140,10 +147,11 @@ def list_near_in_parts(*arguments):
 
 @exact_leader
 def look(hardness, slope, state, near, near_p, near_v, trial, load, n_near, c, delta):
-    """Find the approach δ that carries the load, and the distance of the pressure from its projection on the law.
+    """Compute the approach δ, and the difference between the pressure and its projection on the law.
 
-    The projection of x + cδ, with x = p − c v, is y(δ), and δ follows from Σ y = load. Returns δ, whether the points
-    near contact can carry the load, and the four values of `compare`.
+    The projection of x + cδ, with x = p − c v, is y(δ). The approach follows from Σ y = load.
+
+    Returns δ, whether the points near contact can carry the load, and the four values of `compare`.
     """
     find_trial(n_near, c, near_p, near_v, trial)
     delta, carried = root(trial, n_near, hardness, slope, c, near, c, load, delta)
@@ -161,7 +169,7 @@ def find_trial(first, end, c, near_p, near_v, trial):
 def compare(first, end, c, delta, hardness, slope, state, near, near_p, trial):
     """Compare the pressure of some points near contact with its projection y.
 
-    Returns ‖p − y‖² and ‖y‖², and the number and ‖p − y‖² of those points whose state is another one in y.
+    Returns ‖p − y‖² and ‖y‖²; the number of points whose state would change if p were y; and ‖p − y‖² of these points.
     """
     listed = near[first:end]
     x = trial[first:end]
@@ -189,15 +197,15 @@ def compare(first, end, c, delta, hardness, slope, state, near, near_p, trial):
 
 @exact
 def value_at(values, i):
-    """Look up the value of point i in an array with one value for all points (1,) or one for each (n,)."""
+    """Return the value of point i from an array with one value for all points (1,) or one for each point (n,)."""
     return values[i if values.size > 1 else 0]
 
 
 @exact
 def law_at(i, hardness, slope, c):
-    """Look up the hardness of point i, and compute t = h/(h + c).
+    """Return the hardness of point i, and t = h/(h + c).
 
-    Above the hardness, the projected pressure rises by the fraction t of the trial pressure.
+    Above the hardness, the projected pressure increases with the trial pressure by the fraction t.
     """
     h = value_at(slope, i)
     return value_at(hardness, i), h / (h + c) if h > 0.0 else 0.0
@@ -205,7 +213,10 @@ def law_at(i, hardness, slope, c):
 
 @exact
 def projected(z, h, t):
-    """Project a trial pressure z on the law: z between 0 and H, and H + t (z − H) above; return the state too."""
+    """Project a trial pressure z on the law; return the projected pressure and the state of the point.
+
+    The projection is 0 for z < 0, z for z between 0 and H, and H + t (z − H) above.
+    """
     y = min(max(z, 0.0), h)
     s = (y > 0.0) + (y >= h)
     if t > 0.0 and s == 2:
@@ -215,10 +226,12 @@ def projected(z, h, t):
 
 @exact_leader
 def root(x, n, hardness, slope, c_law, listed, c, load, start):
-    """Find δ with Σ y(x + cδ) = load on a list of n points; return δ, and whether they can carry the load.
+    """Solve Σ y(x + cδ) = load for δ on a list of n points.
 
-    y is the projection on the law with t = h/(h + c_law). The sum is monotone and piecewise linear in δ, so that it is
-    solved by Newton's method within a bracket, beginning from `start`.
+    y is the projection on the law with t = h/(h + c_law). The sum is a monotone and piecewise linear function of δ. The
+    equation is solved by Newton's method within a bracket, beginning with `start`.
+
+    Returns δ, and whether the points can carry the load.
     """
     sums = capacity(n, x, hardness, slope, c_law, listed, load)
     delta, low, top, carried = bracket(*sums, c, load, start)
@@ -231,17 +244,21 @@ def root(x, n, hardness, slope, c_law, listed, c, load, start):
 
 
 def _bounds(values: list[Any]) -> Any:
-    """Combine the values of `capacity` of several parts: maxima of the first two values, sums of the others."""
+    """Combine the values of `capacity` for all parts: maxima of the first two values, and sums of the others."""
     highest, full, total, rise = zip(*values, strict=True)
     return max(highest), max(full), sum(total), sum(rise)
 
 
 @by_items(_bounds, **_EXACT)
 def capacity(first, end, x, hardness, slope, c_law, listed, load):
-    """Compute what `bracket` needs from some points.
+    """Compute the arguments of `bracket` from some points.
 
-    Returns the highest x, below which δ makes all pressures 0; the highest min(H, load) − x, above which δ brings every
-    point to its hardness or a single one to the load; Σ H, which the points can carry without hardening; and Σ t.
+    Returns
+    -------
+    highest : largest x. If cδ < −highest, all pressures are 0.
+    full : largest min(H, load) − x. If cδ > full, each point is at its hardness or carries more than the load alone.
+    total : sum of H, which is the load that the points can carry without hardening.
+    rise : sum of t, by which the load increases with cδ once all points harden.
     """
     x, listed = x[first:end], listed[first:end]
     highest = -np.inf
@@ -262,9 +279,9 @@ def capacity(first, end, x, hardness, slope, c_law, listed, load):
 
 @exact
 def bracket(highest, full, capacity, rise, c, load, start):
-    """Find a first δ, a lower and an upper bound of δ, and whether the points can carry the load.
+    """Return a first δ, a lower and an upper bound of δ, and whether the points can carry the load.
 
-    The bounds are equal if δ has been found already. The first four arguments are the values of `capacity`.
+    If the bounds are equal, δ is the solution. The first four arguments are the values of `capacity`.
     """
     if capacity <= load:
         if rise == 0.0:
@@ -278,7 +295,7 @@ def bracket(highest, full, capacity, rise, c, load, start):
 
 @exact
 def refine(delta, low, top, total, slopes, c, load):
-    """Find the next δ and its bounds from the sums of `carry`; the bounds are equal if δ has been found."""
+    """Compute the next δ and its bounds from the sums of `carry`; if the bounds are equal, δ is the solution."""
     excess = total - load
     if abs(excess) <= 1e-14 * load:
         return delta, delta, delta
@@ -296,9 +313,9 @@ def refine(delta, low, top, total, slopes, c, load):
 
 @fast_loop
 def carry(first, end, x, shift, hardness, slope, c_law, listed):
-    """Compute Σ y(x + shift) of some points, and its derivative.
+    """Compute Σ y(x + shift) over some points, and its derivative with respect to `shift`.
 
-    If no point hardens, the derivative is the number of points between the bounds.
+    If no point hardens, the derivative is the number of points with 0 < y < H.
     """
     x, listed = x[first:end], listed[first:end]
     total = 0.0
@@ -328,11 +345,13 @@ def project(
     hardness, slope, p, state, dense, near, near_p, trial, free, response, load,
     n_near, n_free, c, delta, keep,
 ):  # fmt: skip
-    """Project x + cδ on the law, for the pressure and state of every point near contact, and correct the load.
+    """Set pressure and state of each point near contact to the projection of x + cδ on the law.
 
-    With `keep`, points that remain free in the same state keep the pressure from conjugate gradients. The load that
-    the others do not carry is then put on the free points, by a uniform shift within their bounds. The memory of
-    `response` is used for the pressures of the free points. Returns the number of free points.
+    With `keep`, points that remain free in the same state keep their pressure from the conjugate gradients. A uniform
+    pressure is then added to the free points, within their bounds, so that all points together carry the load. The
+    array `response` is used as memory for the pressures of the free points.
+
+    Returns the number of free points.
     """
     clear(n_free, free, dense)
     n_free, carried = assign(n_near, c, delta, keep, hardness, slope, p, state, near, near_p, trial)
@@ -346,14 +365,17 @@ def project(
 
 @exact_loop
 def clear(first, end, free, dense):
-    """Set `dense` to 0 at some points that were free."""
+    """Set `dense` to 0 at some points of the previous list of free points."""
     for i in free[first:end]:
         dense[i] = 0.0
 
 
 @exact_loop
 def assign(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, trial):
-    """Set pressure and state of some points near contact; return the number of free ones, and what the others carry."""
+    """Set pressure and state of some points near contact, see `project`.
+
+    Returns the number of free points, and the load that the other points carry.
+    """
     listed = near[first:end]
     x = trial[first:end]
     former = near_p[first:end]
@@ -377,7 +399,7 @@ def assign(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, 
 
 @exact
 def list_free(n_near, state, near, trial, free, pressure):
-    """List the free points among those near contact, with the pressures that `assign` gave them."""
+    """List the free points among the points near contact, with the pressures that `assign` has stored in `trial`."""
     k = 0
     for j in range(n_near):
         i = near[j]
@@ -389,7 +411,7 @@ def list_free(n_near, state, near, trial, free, pressure):
 
 @exact_loop
 def shift(first, end, c, uniform, hardness, slope, p, free, pressure):
-    """Add a uniform pressure to some free points, but not beyond their bounds."""
+    """Add a uniform pressure to some free points, and limit the result to their bounds."""
     for k in range(first, end):
         i = free[k]
         h, t = law_at(i, hardness, slope, c)
@@ -399,10 +421,11 @@ def shift(first, end, c, uniform, hardness, slope, p, free, pressure):
 
 @exact
 def gap_and_deformation(first, end, p, v, delta, c, hardness, slope, gap, deformation, plastic):
-    """Compute the deformed gap, the plastic deformation u, and which points are plastic, on the rows `first` to `end`.
+    """Compute gap, plastic deformation u and flags of plastic points in the rows `first` to `end` − 1.
 
-    u = (p − H − c g)/(h + c) is the plastic deformation of the projection of p − c g; it is −g if h = 0. This form has
-    a small error for all h: for large h the pressure p determines u, for small h the raw gap g does.
+    u = (p − H − c g)/(h + c) is the plastic deformation of the projection of p − c g, with the raw gap g; for h = 0 it
+    is −g. The error of this formula is small for all h, because u follows from the pressure p if h is large, and from
+    the raw gap g if h is small.
     """
     columns = p.size // v.shape[0]
     for row in range(first, end):

@@ -1,12 +1,12 @@
-"""Solve the contact under a load: from coarse grids to the given one, by projected active sets on each.
+"""Solve the contact under a load on nested grids, from a coarse one to the given one, by projected active sets.
 
 Symbols: p pressure, H hardness, h₁ undeformed gap, K compliance of the half-space, v = Kp + h₁, δ approach,
 g = v − δ raw gap, E* contact modulus, u plastic deformation. The problem is the convex programme
 
     min ½⟨p, Kp⟩ + ⟨p, h₁⟩,  0 ≤ p ≤ H,  mean p = p̄.
 
-A law that hardens, p ≤ H + h u, has the term ½⟨(p − H)₊, (p − H)₊⟩/h in place of the upper bound. Curved laws are
-solved by a sequence of contacts with their tangents.
+For a law that hardens, p ≤ H + h u, the term ½⟨(p − H)₊, (p − H)₊⟩/h replaces the upper bound. A contact with a curved
+law is solved as a sequence of contacts with tangents of the law.
 """
 
 from __future__ import annotations
@@ -27,21 +27,23 @@ from .law import ContactLaw, YieldLine, contact_law
 from .projection import gap_and_deformation
 from .workspace import Problem, Workspace, coarsened, workspace
 
-#: Residual to reach on coarse grids.
+#: Target residual on coarse grids.
 _COARSE_RTOL = 1e-2
-#: Most iterations on coarse grids, and on the given grid.
+#: Largest number of iterations on each coarse grid, and on the given grid.
 _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
-#: Largest number of points along the longer side of the coarsest grid. On a finer grid, a few steps could not carry a
-#: pressure from one end of a long strip to the other.
+#: Largest number of points along the longer side of the coarsest grid. On a finer grid, a few steps could not
+#: redistribute the pressure from one end of a long strip to the other.
 _COARSEST = 48
-#: Relative error of the load that is accepted.
+#: Largest accepted relative error of the load.
 _LOAD_TOLERANCE = 1e-9
-#: Number of contacts with tangents of a curved law after which the solution is given up.
+#: Largest number of contacts with tangents of a curved law.
 _MOST_TANGENTS = 100
-#: Fraction of the yield pressure by which a steep tangent is followed back; the tangent is used from that depth on.
+#: A steep tangent begins at the depth at which its pressure has fallen by this fraction of the yield pressure, compared
+#: with the point at which it touches the curve.
 _FROM_DEPTH = 0.5
-#: Stiffness of a tangent that cannot carry the load otherwise, as a fraction of that of the half-space.
+#: Smallest slope of tangents, as a fraction of the stiffness of the half-space, if they could not carry the load
+#: otherwise.
 _SMALL_STIFFNESS = 0.1
 
 
@@ -78,10 +80,11 @@ class Contact(Shown):
 
     @property
     def area_fraction_corrected(self) -> float:
-        """Fraction in contact, corrected for the error of the pixels at the edge of contact.
+        """Contact fraction, corrected for the discretisation error at the edges of contact patches.
 
-        A pixel that is partly in contact counts as a whole one. This adds (π − 1 + ln 2)/24 of a pixel for each side of
-        a pixel between contact and gap (Yastrebov, Anciaux & Molinari, Tribol. Int. 114, 2017, 161).
+        A pixel that is only partly in contact counts as a pixel in contact. For each side of a pixel between contact
+        and gap, this overestimates the contact by (π − 1 + ln 2)/24 of a pixel (Yastrebov, Anciaux & Molinari, Tribol.
+        Int. 114, 2017, 161).
         """
         in_contact = self.pressure > 0
         n_sides = 0
@@ -113,7 +116,7 @@ class Contact(Shown):
 
     @property
     def raw_gap(self) -> Array:
-        """Gap with the elastic but without the plastic displacement [m]; negative at plastic points."""
+        """Gap due to elastic displacements only [m], without plastic deformation; negative at plastic points."""
         return self.gap - self.plastic_deformation
 
 
@@ -128,7 +131,7 @@ def solve_contact(
     rtol: float = 1e-6,
     threads: int | None = None,
 ) -> Contact:
-    """Find the pressure and the gap of an elastic-plastic half-space that a load presses on a rough surface.
+    """Compute pressure and gap of an elastic-plastic half-space that is pressed on a rough surface by a load.
 
     Parameters
     ----------
@@ -143,7 +146,7 @@ def solve_contact(
     hardness : float, array (n1, n2) or ContactLaw
         Hardness H [Pa] of perfect plasticity, infinite for an elastic body; or a law such as `LinearHardening`.
     deformation : array (n1, n2), optional
-        Plastic deformation >= 0 [m] that an earlier load has left. That of the result includes it.
+        Plastic deformation >= 0 [m] due to an earlier load. The plastic deformation of the result includes it.
     fluid_pressure : float or array (n1, n2)
         Pressure p_f of a fluid between the surfaces [Pa], above that of the surroundings. The traction t = p + p_f is
         then at least p_f and at most H, so that h₁ + K p_f, p̄ − mean p_f and H − p_f replace h₁, p̄ and H. A uniform
@@ -152,8 +155,8 @@ def solve_contact(
         Complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, with c = πE*/(4Δ) and the geometric mean Δ
         of the spacings along which there are points. For other laws, the projection on the law replaces clip.
     threads : int, optional
-        Number of threads that share the work on grids of 512² points or more. Unless given, all that the run has left
-        free, or 1 without a run. Results are the same bits for any number.
+        Number of threads that share the work on grids of 512² points or more. Default: the threads that the current run
+        leaves free, or one thread if there is no run. The number of threads does not change the results.
 
     Returns
     -------
@@ -214,7 +217,7 @@ def _as_dry_contact(
     pressure: float,
     fluid_pressure: ArrayLike,
 ) -> tuple[Array, ContactLaw, float]:
-    """Replace a contact with a fluid between the surfaces by an equivalent one without.
+    """Convert a contact with a fluid between the surfaces to an equivalent contact without a fluid.
 
     Returns
     -------
@@ -268,9 +271,12 @@ def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
 
 
 class _Level(NamedTuple):
-    """A contact problem on one of the nested grids, whose input has been checked.
+    """A contact problem on one of the nested grids, with checked input.
 
-    gap0 : undeformed gap (n1, n2) [m]. line : straight law. load : nominal pressure [Pa].
+    gap0 : array (n1, n2), undeformed gap [m].
+    half_space : half-space on this grid.
+    line : linear contact law.
+    load : nominal pressure [Pa].
     """
 
     gap0: Array
@@ -279,7 +285,7 @@ class _Level(NamedTuple):
     load: float
 
     def coarser(self) -> _Level:
-        """Make the problem with about half of the points along each axis that has more than one."""
+        """Make the problem on the next coarser grid, with about half as many points along each axis."""
         hardness, slope = (
             coarsened(values) if values.size > 1 else values
             for values in (self.line.hardness, self.line.slope)
@@ -292,7 +298,7 @@ class _Level(NamedTuple):
         return _Level(coarsened(self.gap0), self.half_space.coarser, line, load)
 
     def on_grid(self, offset: float) -> Problem:
-        """Make the problem for the solver of one grid, with heights that are measured from an offset [m]."""
+        """Make the problem for the solver on a single grid; heights are measured from `offset` [m]."""
         return Problem(
             gap0=self.gap0.ravel(),
             offset=offset,
@@ -302,7 +308,10 @@ class _Level(NamedTuple):
         )
 
     def first_guess(self) -> Array:
-        """Guess the pressure: the load on as many of the highest points as carry it at H, or at 0.1 E*."""
+        """Guess the pressure: distribute the load uniformly on the highest points.
+
+        The number of these points is chosen so that their pressure is the hardness or 0.1 E*, whichever is smaller.
+        """
         soft = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
         gap0 = self.gap0
         n_carrying = min(gap0.size, int(self.load / soft * gap0.size))
@@ -312,8 +321,8 @@ class _Level(NamedTuple):
 
 
 def _solve_straight_law(level: _Level, rtol: float) -> Contact:
-    """Solve a contact whose law is a straight line, from coarse grids to the given one."""
-    # the small heights of the points in contact keep all their digits if heights are measured from the highest point
+    """Solve a contact with a linear law, from the coarsest grid to the given one."""
+    # heights are measured from the highest point, so that rounding errors are small for points in contact
     offset = float(level.gap0.min())
     if level.load == 0:
         return _uniform_contact(level, offset, 0.0)
@@ -329,7 +338,7 @@ def _solve_straight_law(level: _Level, rtol: float) -> Contact:
         grid.start(start, coarse.line.limit)
         solve_active_sets(grid, coarse.on_grid(offset), _COARSE_RTOL, _COARSE_ITERATIONS)
         start = grid.pressure
-        del grid, coarse  # their memory is free before the next grid needs some
+        del grid, coarse  # release their memory before the next grid is created
     grid = workspace(level.half_space)
     grid.start(start, level.line.limit)
     solution = solve_active_sets(grid, level.on_grid(offset), rtol, _MAX_ITERATIONS)
@@ -338,7 +347,7 @@ def _solve_straight_law(level: _Level, rtol: float) -> Contact:
 
 
 def _uniform_contact(level: _Level, offset: float, pressure: float | Array) -> Contact:
-    """Make the contact without load, or the one in which all points are in contact at a known pressure [Pa]."""
+    """Make the result for a contact without load, or with all points in contact at a known pressure [Pa]."""
     grid = workspace(level.half_space)
     grid.pressure[:] = pressure
     v = grid.displacement()
@@ -348,7 +357,7 @@ def _uniform_contact(level: _Level, offset: float, pressure: float | Array) -> C
 
 
 def _check_solution(level: _Level, carried: float, solution: Solution, rtol: float) -> None:
-    """Raise NotConverged if the carried mean pressure [Pa] or the residual is not what was asked for."""
+    """Raise NotConverged if the residual is above `rtol`, or if the carried mean pressure [Pa] is not the load."""
     if not abs(carried - level.load) <= _LOAD_TOLERANCE * level.load:
         raise NotConverged(
             f"contact: the solution carries {carried / level.load:.6g} times the given load; try another grid",
@@ -363,7 +372,7 @@ def _check_solution(level: _Level, carried: float, solution: Solution, rtol: flo
 
 
 def _make_contact(level: _Level, grid: Workspace, offset: float, solution: Solution) -> Contact:
-    """Compute gap and plastic deformation from the solution in the memory of a grid."""
+    """Make the result from the solution that is stored in the workspace of a grid."""
     v = grid.arrays.v
     pressure = grid.pressure.copy() if grid.is_kept else grid.pressure
     grid.release()
@@ -400,11 +409,12 @@ def _make_contact(level: _Level, grid: Workspace, offset: float, solution: Solut
 
 
 def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
-    """Solve a contact with a curved law by contacts with its tangents.
+    """Solve a contact with a curved law as a sequence of contacts with tangents of the law.
 
-    Each tangent touches the law at the deformation u that the former contact gives. A tangent that is so steep that no
-    pressure is left at u = 0 is used from a depth on, by which the gap of its contact is larger. If the law softens and
-    u turns back, only half the change is made; otherwise u could go back and forth between two tangents for ever.
+    Each tangent touches the curve at the deformation u of the previous contact. A steep tangent would have a negative
+    pressure at u = 0. It is therefore only used from a certain depth on, and the gap of its contact is increased by
+    this depth. If the law softens and the change of u has reversed its sign, only half of the change is made, because u
+    could otherwise oscillate between two tangents.
 
     Raises
     ------
@@ -423,7 +433,7 @@ def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
         depth = np.maximum(u - _FROM_DEPTH * law.yield_pressure(u) / slope, 0.0)
         line = law.after(depth).tangent(shape, u - depth)
         if level.load >= line.capacity * (1 - 1e-9):
-            # the curve carries the load further on
+            # the curve can carry the load at a larger deformation: use a tangent that rises
             slope = np.maximum(line.slope, _SMALL_STIFFNESS * stiffness)
             line = replace(line, slope=slope)
         tangent_level = level._replace(gap0=level.gap0 + depth, line=line)
@@ -451,7 +461,7 @@ def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
 
 
 def _with_gap(contact: Contact, raw_gap: Array, is_plastic: Flags) -> Contact:
-    """Replace gap and plastic deformation of a contact by those that follow from a raw gap (n1, n2) [m]."""
+    """Return a contact with gap and plastic deformation computed from another raw gap (n1, n2) [m]."""
     return replace(
         contact,
         gap=np.maximum(raw_gap, 0.0),

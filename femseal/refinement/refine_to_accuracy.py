@@ -217,7 +217,7 @@ class _Refinement(NamedTuple):
     """
 
     setting: str
-    value: float
+    value: Any
     text: str
     is_allowed: bool
 
