@@ -445,9 +445,8 @@ def solve_for_pressure(
         Pressures [Pa], inf where no pressure has the potential.
     """
     p = start
-    with np.errstate(
-        all="ignore"
-    ):  # the iteration diverges to inf if no pressure has the potential
+    # the iteration diverges to inf if no pressure has the potential
+    with np.errstate(all="ignore"):
         for _ in range(100):
             step = (potentials - potential(p)) / slope(p)
             p = p + step

@@ -194,9 +194,8 @@ def _from_folder(run: Results, name: str, step: int) -> _PixelField | None:
     if array is None:
         return None
     field = by_array_name[array]
-    shape = tuple(
-        count - 1 for count in image.dimensions[:2]
-    )  # VTK counts the corners of the pixels
+    # VTK counts the corners of the pixels
+    shape = tuple(count - 1 for count in image.dimensions[:2])
     values = np.asarray(image.cell_data[array].reshape(shape, order="F"), np.float64)
     return _PixelField(field, values / field.scale, tuple(image.spacing[:2]))
 
@@ -287,9 +286,8 @@ def _in_window(values: xarray.DataArray, window: Window) -> xarray.DataArray:
     pixel, _corner = _pixel_and_corner(values)
     sides = np.multiply(values.shape, pixel)
     part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
-    low, high = (
-        np.reshape(window, (2, 2)).T / sides
-    )  # both along (x1, x2), as fractions of the sides
+    # ends of the window along (x1, x2), as fractions of the sides
+    low, high = np.reshape(window, (2, 2)).T / sides
     is_inside = (low >= -_ROUNDING).all() and (high <= 1 + _ROUNDING).all()
     if not part.size or not is_inside:
         expected = (

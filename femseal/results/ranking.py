@@ -1,4 +1,4 @@
-"""Rank several runs by their leakage, and say which of them their 95 % intervals cannot tell apart."""
+"""Rank several runs by their leakage, and find runs whose order is uncertain because their intervals overlap."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..base import Array
 
 
 class RankRange(NamedTuple):
-    """Best and worst rank that the interval of a run allows, from 1 for the least leakage."""
+    """Best and worst rank that a run can have within its 95 % interval; rank 1 has the smallest leakage."""
 
     best: int
     worst: int
@@ -23,20 +23,20 @@ class RankRange(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Runs ranked at one load.
+    """Ranking of several runs by their leakage at one load.
 
     Attributes
     ----------
     load : str
-        The load as text.
+        Text of the load.
     names : sequence of str
-        Names of the runs for people.
+        Labels of the runs.
     leakage : array
-        Size of the leakage (run,), in one unit; NaN if it is not known.
+        Absolute value of the leakage of each run, (run,), all in the same unit; NaN if it is unknown.
     lower, upper : array
-        Ends of the 95 % interval (run,); the leakage itself of a run without an interval.
+        Ends of the 95 % interval of each run, (run,). Both are equal to the leakage if a run has no interval.
     has_intervals : bool
-        Whether all runs have an interval.
+        True if all runs have an interval.
     """
 
     load: str
@@ -47,7 +47,7 @@ class Ranking:
     has_intervals: bool
 
     def ranks(self) -> list[RankRange | None]:
-        """Return the ranks that the interval of each run allows; None for a run whose leakage is not known."""
+        """Return the ranks that each run can have within its 95 % interval, None if its leakage is unknown."""
         known = np.isfinite(self.leakage)
         ranks: list[RankRange | None] = []
         for run in range(len(self.leakage)):
@@ -61,35 +61,40 @@ class Ranking:
 
     @property
     def best(self) -> int | None:
-        """The run that leaks least as computed; None if no leakage is known."""
+        """Index of the run with the smallest computed leakage, None if no leakage is known."""
         if not np.isfinite(self.leakage).any():
             return None
         return int(np.nanargmin(self.leakage))
 
     def sentence(self) -> str:
-        """Say which run leaks least, and which runs cannot be told apart from it."""
+        """Say which run leaks least, and which runs have intervals that overlap with its interval."""
         best = self.best
         if best is None or np.isfinite(self.leakage).sum() < 2:
             return ""
         subject = f"At {self.load}, {self.names[best]} leaks least as computed"
         if not self.has_intervals:
             return f"{subject}; without error budgets it is not known whether the runs differ."
-        reaches = self.lower <= self.upper[best]
-        alike = [
+        is_known = np.isfinite(self.leakage)
+        overlaps = self.lower <= self.upper[best]
+        overlapping = [
             name
             for run, name in enumerate(self.names)
-            if run != best and np.isfinite(self.leakage[run]) and reaches[run]
+            if run != best and is_known[run] and overlaps[run]
         ]
-        if not alike:
+        if not overlapping:
             return f"{subject}, and also with the whole 95 % intervals."
+        others = _listed(overlapping)
         return (
-            f"{subject}. Its 95 % interval overlaps with that of {_listed(alike)}: they cannot be told apart by it. "
+            f"{subject}. Its 95 % interval overlaps with that of {others}: they cannot be told apart by it. "
             "Errors that the runs share, such as those of one surface, make the order more certain than that."
         )
 
 
-def _listed(names: list[str], most: int = 5) -> str:
-    """List names; of many, the first ones and how many more there are."""
-    if len(names) > most:
-        return f"{', '.join(names[:most])} and {len(names) - most} more"
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+def _listed(names: list[str], largest_count: int = 5) -> str:
+    """Join names to a text; if there are many, name the first ones and the number of the others."""
+    if len(names) > largest_count:
+        first_names = ", ".join(names[:largest_count])
+        return f"{first_names} and {len(names) - largest_count} more"
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,4 +1,4 @@
-"""Pictures of a run by name, for notebooks: `results.plot()`, `results.plot.cells()`, `results.plot.seal(step=3)`."""
+"""Draw the pictures of a run by name, for example `results.plot.cells()` or `results.plot.seal(step=3)`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class RunPictures:
     Parameters
     ----------
     results : Results
-        The run.
+        Results of the run.
     """
 
     def __init__(self, results: Any) -> None:
@@ -25,7 +25,7 @@ class RunPictures:
         return room("plots").picture(self._results, **options)
 
     def leakage(self) -> Any:
-        """Draw the leakage against the load, with its interval and the leakage classes."""
+        """Draw the leakage against the load, with its 95 % interval and the limits of the leakage classes."""
         return self._shown("leakage_figure", self._results)
 
     def test(self) -> Any:
@@ -40,26 +40,26 @@ class RunPictures:
         return self._shown("leak_test_figure", self._results)
 
     def cells(self) -> Any:
-        """Draw the permeability of the cells over their mean gap and over their pressure."""
+        """Draw the permeability of the cells against their mean gap and their contact pressure."""
         return self._shown("cells_figure", self._results)
 
     def seal(self, step: int | None = None) -> Any:
-        """Draw contact, fluid pressure and permeability over the seal.
+        """Draw contact pressure, gap and fluid pressure over the seal at one load.
 
         Parameters
         ----------
         step : int, optional
-            Number of the load step; one with a leakage that counts unless given.
+            Index of the load step; by default the step with the highest load that still leaks.
         """
         return self._shown("seal_figure", self._results, step)
 
     def realisation(self, step: int | None = None) -> Any:
-        """Draw the realisation whose leakage is nearest to the median, beside its surface.
+        """Draw the realisation whose leakage is nearest to the median.
 
         Parameters
         ----------
         step : int, optional
-            Number of the load step; one with a leakage that counts unless given.
+            Index of the load step; by default the step with the highest load that still leaks.
 
         Raises
         ------
@@ -78,7 +78,7 @@ class RunPictures:
         return f"<pictures of a run: plot(), {', '.join(f'plot.{name}()' for name in names)}>"
 
     def _shown(self, name: str, *arguments: Any) -> Any:
-        """Draw a picture of `femseal.plots` and show it."""
+        """Draw a picture by a function of `femseal.plots`, given by its name, and show it."""
         plots = room("plots")
         return plots.shown(getattr(plots, name)(*arguments))
 
