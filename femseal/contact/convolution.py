@@ -437,10 +437,20 @@ def _run_calls(calls: Sequence[Call]) -> None:
 def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> Array:
     """Compute the weights with which `respond` multiplies the waves.
 
-    Without a mirror axis they are the symbol, transposed. If an axis is a mirror, there are four arrays: the halves of
-    sums and differences of the symbol at k and N − k. The second and the fourth have differences along the first axis,
-    the third and the fourth along the second axis. The cosine coefficient N of N points is always 0; its symbol is
-    chosen so that the difference vanishes.
+    Without a mirror axis, there is one array of weights, the transposed symbol. With a mirror axis, there are four
+    arrays, which are made from half the sum and half the difference of the symbol at k and at N − k:
+
+    ===== ================ =================
+    array along first axis along second axis
+    ===== ================ =================
+    0     half sum         half sum
+    1     half difference  half sum
+    2     half sum         half difference
+    3     half difference  half difference
+    ===== ================ =================
+
+    Along an axis that is no mirror, the symbol itself replaces the sum, and 0 the difference. The cosine coefficient N
+    of N points is always 0; its symbol is chosen so that the difference vanishes.
 
     Parameters
     ----------
@@ -449,7 +459,7 @@ def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> 
     mirror1, mirror2 : bool
         Whether the first and the second axis are mirrors.
     transforms : int
-        Number of transforms along the first axis. Of two, the one of the even waves comes first.
+        Number of transforms along the first axis. If there are two, the even waves come before the odd waves.
 
     Returns
     -------

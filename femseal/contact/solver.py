@@ -293,7 +293,8 @@ class _Level(NamedTuple):
         line = YieldLine(hardness, slope)
         load = self.load
         if np.isfinite(line.capacity):
-            # means over a coarse grid count an odd last row twice; all grids carry the same fraction of their capacity
+            # The mean hardness of the coarse grid may differ, because an odd last row is counted twice. The load is
+            # scaled, so that all grids carry the same fraction of their capacity.
             load *= line.capacity / self.line.capacity
         return _Level(coarsened(self.gap0), self.half_space.coarser, line, load)
 

@@ -129,8 +129,9 @@ class Rectangles:
         lower = 0.0
         if below.percolates:
             pressure = np.nan_to_num(below.potential)
-            balanced = 1 - energy_gap(centres, pressure, 1 - pressure)
-            lower = max(0.0, centres.energy(pressure) * balanced)
+            # the energy of the potential exceeds the exact one by at most this fraction
+            largest_error = energy_gap(centres, pressure, 1 - pressure)
+            lower = max(0.0, centres.energy(pressure) * (1 - largest_error))
         return replace(
             flow,
             lower=min(lower, value) * (1 - _ROUNDING),

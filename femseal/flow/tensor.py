@@ -118,8 +118,10 @@ def _solved(
     roots[np.unique(label, return_index=True)[1]] = True
     unknown = np.flatnonzero(carrying.ravel() & ~roots)
     matrix = stencil.to_csr()[unknown][:, unknown]
-    drop, correction = mean_drop, np.zeros((size, 2))
-    error, before = np.inf, np.full((2, 2), np.nan)
+    drop = mean_drop
+    correction = np.zeros((size, 2))
+    error = np.inf
+    before = np.full((2, 2), np.nan)  # energies of the previous solution
     for rtol in _RTOLS:
         outflow = c[:, None] * drop
         load = [np.bincount(start, q, size) - np.bincount(end, q, size) for q in outflow.T]
@@ -137,8 +139,8 @@ def _solved(
             a[:, closed] = 0.0
         largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
         # the flux has the relative error of the pressure, the energy only the square of it
-        off = np.fmin(np.abs(tensor - flux), np.abs(tensor - before))
-        error = float((off / np.where(largest > 0, largest, 1.0)).max())
+        deviation = np.fmin(np.abs(tensor - flux), np.abs(tensor - before))
+        error = float((deviation / np.where(largest > 0, largest, 1.0)).max())
         before = tensor
         if error <= MAX_IMBALANCE:
             break

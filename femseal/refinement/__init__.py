@@ -1,1 +1,1 @@
-"""Coarser and finer versions of a case: refinement to a wanted accuracy."""
+"""Refine the numerical settings of a case until its leakage has the required accuracy."""

@@ -355,31 +355,32 @@ def levels_of(fine, ring):
 
     fine : array (3, n1 + 2, n2 + 2), these fields with a border.
     """
-    none = np.zeros((1, 1))
+    none = np.zeros((1, 1))  # a five-point operator has no diagonal links
     operator = fine[0], fine[1], fine[2], none, none
     levels: list[Level] = []
-    fewest = 0.0
+    fewest = 0.0  # number of open nodes at which coarsening ends
     while True:
         n1, n2 = operator[0].shape
-        corners = np.zeros((2, n1, n2) if levels else (2, 1, 1), np.float32)
-        f = np.zeros((6, n1, n2), np.float32)
-        links = f[0], f[1], corners[0], corners[1]
-        _store(f[2], links, operator)
-        count = np.count_nonzero(f[2])
+        diagonal_links = np.zeros((2, n1, n2) if levels else (2, 1, 1), np.float32)
+        fields = np.zeros((6, n1, n2), np.float32)
+        links = fields[0], fields[1], diagonal_links[0], diagonal_links[1]
+        inverse = fields[2]
+        _store(inverse, links, operator)
+        open_nodes = np.count_nonzero(inverse)
         if not levels:
-            fewest = min(_ELIMINATED * count, _MOST_ELIMINATED)
-        ends = min(n1, n2) - 2 <= FEWEST or count <= fewest
-        m1, m2 = (0, 0) if ends else coarser(n1, n2)
+            fewest = min(_ELIMINATED * open_nodes, _MOST_ELIMINATED)
+        is_coarsest = min(n1, n2) - 2 <= FEWEST or open_nodes <= fewest
+        m1, m2 = (0, 0) if is_coarsest else coarser(n1, n2)
         weights = np.zeros((m1, m2, 3, 3), np.float32)
-        nine = len(levels) > 0
-        levels.append(Level(links, f[2], f[3], f[4], f[5], weights))
-        if ends:
+        nine = len(levels) > 0  # whether the operator has nine points
+        levels.append(Level(links, inverse, fields[3], fields[4], fields[5], weights))
+        if is_coarsest:
             return levels, eliminated(operator, ring)
-        to = np.zeros((5, m1, m2))
+        coarse = np.zeros((5, m1, m2))
         _along_rows(weights, operator, nine, ring)
         _between_rows(weights, operator, nine, ring)
-        _galerkin(weights, operator, nine, ring, to)
-        operator = to[0], to[1], to[2], to[3], to[4]
+        _galerkin(weights, operator, nine, ring, coarse)
+        operator = coarse[0], coarse[1], coarse[2], coarse[3], coarse[4]
 
 
 @leader(**REORDERED)

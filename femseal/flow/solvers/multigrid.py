@@ -382,10 +382,11 @@ def _curvature(first, end, p, network, sums):
 
 @by_rows(**REORDERED)
 def _advance(first, end, x, others, network, steps, sums):
-    """Compute x += step p, r −= step A p and b = r / scale on some rows, and the sums of r and of r x for each row.
+    """Perform the step x += step p, r −= step A p on some rows, and compute b = r / scale.
 
-    Their totals over all rows are the differences between inlet flow, outlet flow and rate. A p is computed again, to
-    save memory on large faces.
+    The sums of r and of r x of each row are written to `sums`. Over all rows, they are the difference between inlet and
+    outlet flow, and the difference between this flow and the rate. A p is computed here again instead of being stored,
+    because memory limits the size of faces.
     """
     r, b, p = others
     step, scale = steps
