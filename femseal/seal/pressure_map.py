@@ -1,7 +1,8 @@
-"""Contact pressure over a seal from outside, as fractions of the nominal one: where bolts, waviness or a flange press.
+"""Maps of the contact pressure over a seal, which depends on bolts, waviness and the bending of a flange.
 
-A map gives values at points of a seal; `PressedSeal.fractions` divides them by their mean over the area, so that a map
-is a shape which every nominal pressure scales. A map is a frozen dataclass with `at`.
+A map gives values at points of a seal in any unit. `PressedSeal.fractions` divides them by their mean over the seal, so
+that the map describes the distribution only, and the nominal pressure its level. A map is a frozen dataclass with the
+method `at`.
 """
 
 from __future__ import annotations
@@ -17,23 +18,28 @@ from numpy.typing import ArrayLike
 from ..base import Array, Indices, InputError, Pair, counted, to_text, validate
 from .plane import in_space, plane_points, polygon_areas
 
-#: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
-#: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
+#: A Delaunay triangle is taken for a gap in the field, such as the hole of a ring, if its longest side is this many
+#: times the median. For points on rings, this removes all triangles in the hole except a few at its rim.
 GAP = 4.0
-#: A point so far outside a triangle, in fractions of its heights, takes its values: chords cut the arcs of a ring.
+#: A point outside of the triangles is extrapolated up to this fraction of the height of a triangle, because straight
+#: edges cut off the arcs of a ring.
 OUTSIDE = 0.1
-#: Rounding of coordinates, as fractions of a strip of a profile or of a radius.
+#: Allowed rounding error of a coordinate, as a fraction of a section of a profile or of a radius.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Coordinates of a seal, from the plane in which its parts lie.
+    """Coordinates of a seal: x1 and x2 of a strip, or radius and angle of a ring or mesh.
 
-    size : sides of a strip along x1 and x2 [m]; None of seals around a centre.
-    centre : of other seals [m].
-    ends : distance from the inlet along x1, or radius, at the inlet and at the outlet [m]; None where they are no lines
-        of one value.
+    Attributes
+    ----------
+    size : tuple of two float or None
+        Sizes of a strip along x1 and x2 [m]; None for other seals.
+    centre : tuple of two float
+        Centre of polar coordinates [m].
+    ends : tuple of two float or None
+        Values of x1 or of the radius at the inlet and at the outlet [m]; None if these are not constant, as on a mesh.
     """
 
     size: Pair | None = None
@@ -42,15 +48,15 @@ class Frame:
 
     @classmethod
     def of_strip(cls, size: Pair) -> Frame:
-        """A strip of sides [m], inlet at x1 = 0."""
+        """Return the coordinates of a strip of the given size [m], with the inlet at x1 = 0."""
         return cls(size=size, ends=(0.0, size[0]))
 
     def across(self, points: Array) -> Array:
-        """x1 on a strip, else the radius (n,) [m]."""
+        """Return x1 on a strip, or the radius on other seals (n,) [m]."""
         return points[:, 0] if self.size else np.hypot(*(points - self.centre).T)
 
     def angle(self, points: Array) -> Array:
-        """Once around the seal (n,) [rad]: 2π x2/L2 on a strip, else the polar angle."""
+        """Return the polar angle (n,) [rad]. On a strip it is 2π x2/L2, as if the strip were bent to a ring."""
         if self.size:
             return 2 * pi * points[:, 1] / self.size[1]
         x, y = (points - self.centre).T
@@ -61,9 +67,24 @@ class PressureMap(Protocol):
     """Interface of the maps."""
 
     def at(self, points: Array, frame: Frame) -> Array:
-        """Values (n,) >= 0 at points (n, 2) [m] of a seal, in any unit.
+        """Evaluate the map at points of a seal.
 
-        Raises InputError: the map does not cover the points.
+        Parameters
+        ----------
+        points : array, (n, 2)
+            Points in the plane of the seal [m].
+        frame : Frame
+            Coordinates of the seal.
+
+        Returns
+        -------
+        array, (n,)
+            Values >= 0 in any unit.
+
+        Raises
+        ------
+        InputError
+            The map does not cover the points.
         """
         ...
 
@@ -73,23 +94,27 @@ class Uniform:
     """The nominal pressure everywhere."""
 
     def at(self, points: Array, frame: Frame) -> Array:
-        """Ones."""
+        """Return the value 1 at each point."""
         return np.ones(len(points))
 
 
 @dataclass(frozen=True)
 class Profile:
-    """Pressure from the inlet to the outlet.
+    """Pressure that varies between inlet and outlet only.
 
     Parameters
     ----------
-    fractions : numbers >= 0 in any unit, the first at the inlet.
-    positions : where they are, rising [m]: x1 of a strip, from its inlet; radius of a ring or a mesh, whatever its
-        inlet. Between them the pressure is linear. Without them the numbers are those of strips of equal breadth.
+    fractions : tuple of float
+        Values >= 0 in any unit.
+    positions : tuple of float
+        Increasing positions of the values [m], between which the pressure is linear: x1 of a strip, counted from the
+        inlet, or the radius of a ring or mesh. Without positions, the seal is divided into sections of equal breadth
+        with one value each, of which the first is that at the inlet.
 
     Raises
     ------
-    InputError : bad numbers, or positions that do not rise or are not as many.
+    InputError
+        A number is invalid, or the positions do not increase or have another number than the values.
     """
 
     fractions: tuple[float, ...]
@@ -101,8 +126,13 @@ class Profile:
         object.__setattr__(self, "positions", positions)
 
     def at(self, points: Array, frame: Frame) -> Array:
-        """Linear between positions; else that of the strip, at an edge the mean of both."""
-        values, across = np.array(self.fractions), frame.across(points)
+        """Return the values (n,) at points (n, 2) [m] of a seal.
+
+        They are linear between positions. Without positions they are constant in each section, and the mean of both
+        sections on their common edge.
+        """
+        values = np.array(self.fractions)
+        across = frame.across(points)
         if self.positions:
             low, high = self.positions[0], self.positions[-1]
             least, most = float(across.min()), float(across.max())
@@ -115,26 +145,33 @@ class Profile:
             return np.interp(across, self.positions, values)
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")
-        first, last = frame.ends
-        strip = (across - first) / (last - first) * values.size
-        sides = np.floor([strip - _ROUNDING, strip + _ROUNDING]).astype(int)
-        return values[np.clip(sides, 0, values.size - 1)].mean(axis=0)
+        inlet, outlet = frame.ends
+        section = (across - inlet) / (outlet - inlet) * values.size
+        # the sections on both sides of a point, which differ only on an edge; axes: (side, point)
+        both_sides = np.floor([section - _ROUNDING, section + _ROUNDING]).astype(int)
+        return values[np.clip(both_sides, 0, values.size - 1)].mean(axis=0)
 
 
 @dataclass(frozen=True)
 class AngleTable:
-    """Pressure around the seal, linear between the angles and periodic, such as under bolts or of a wavy flange.
+    """Pressure that varies around the seal only, for example under bolts or due to a wavy flange.
+
+    The pressure is linear between the angles and periodic.
 
     Parameters
     ----------
-    fractions : numbers >= 0 in any unit.
-    angles : where they are, rising from >= 0 to below one period [rad]; equally spaced from 0 unless given. On a strip
-        2π is its length.
-    repeat : the number of periods around the seal.
+    fractions : tuple of float
+        Values >= 0 in any unit.
+    angles : tuple of float
+        Increasing angles of the values [rad], from 0 to less than one period. By default they are equally spaced and
+        begin at 0. An angle of 2π corresponds to the length of a strip.
+    repeat : int
+        Number of periods around the seal.
 
     Raises
     ------
-    InputError : bad numbers, or angles that do not rise, are not as many or reach beyond the period.
+    InputError
+        A number is invalid, or the angles do not increase, exceed the period or have another number than the values.
     """
 
     fractions: tuple[float, ...]
@@ -154,7 +191,7 @@ class AngleTable:
             )
 
     def at(self, points: Array, frame: Frame) -> Array:
-        """Linear and periodic."""
+        """Interpolate the values (n,) at points (n, 2) [m] of a seal."""
         period = 2 * pi / self.repeat
         angles = self.angles or np.arange(len(self.fractions)) * (period / len(self.fractions))
         return np.interp(frame.angle(points) % period, angles, self.fractions, period=period)
@@ -162,10 +199,18 @@ class AngleTable:
 
 @dataclass(frozen=True, eq=False)
 class PressureField:
-    """A field in the plane of the seal, such as a flange calculation gives, linear on triangles; see `of`.
+    """Pressure field in the plane of the seal, such as the result of a flange calculation; `of` makes one.
 
-    points : x1 and x2 of a strip, else in the plane of the seal (m, 2) [m]. triangles : between them (t, 3).
-    pressure : of the points (m,) [Pa].
+    The pressure is linear on each triangle.
+
+    Attributes
+    ----------
+    points : array, (m, 2)
+        Coordinates [m]: x1 and x2 on a strip, x and y in the plane of other seals.
+    triangles : array of int, (t, 3)
+        Numbers of the points at the corners of each triangle.
+    pressure : array, (m,)
+        Pressure at the points [Pa].
     """
 
     points: Array = field(repr=False)
@@ -176,29 +221,43 @@ class PressureField:
     def of(
         cls, points: ArrayLike, pressure: ArrayLike, triangles: ArrayLike | None = None
     ) -> PressureField:
-        """Check and take a field.
+        """Make a pressure field from values at points.
 
         Parameters
         ----------
-        points : (m, 2) [m].
-        pressure : (m,) >= 0 [Pa].
-        triangles : corners (t, 3); those of Delaunay unless given, without those so long that they are gaps.
+        points : array, (m, 2)
+            Coordinates [m].
+        pressure : array, (m,)
+            Pressure at the points, >= 0 [Pa].
+        triangles : array of int, (t, 3), optional
+            Corners of triangles. By default the points are connected by Delaunay triangulation, without the long
+            triangles that span gaps.
 
         Raises
         ------
-        InputError : numbers that are not finite, negative pressures, points on a line.
+        InputError
+            A number is not finite, a pressure is negative, or all points lie on a line.
         """
-        found = plane_points("points", points)
-        corners = _delaunay(found) if triangles is None else np.array(triangles, dtype=np.int64)
-        size = np.ptp(found, axis=0).max()
-        corners = corners[np.abs(polygon_areas(found[corners])) > 1e-12 * size**2]
+        checked_points = plane_points("points", points)
+        if triangles is None:
+            corners = _delaunay_without_gaps(checked_points)
+        else:
+            corners = np.array(triangles, dtype=np.int64)
+        size = np.ptp(checked_points, axis=0).max()
+        areas = np.abs(polygon_areas(checked_points[corners]))
+        corners = corners[areas > 1e-12 * size**2]
         if not len(corners):
-            raise InputError("points", f"{len(found)} points on a line", "some in a plane")
-        return cls(found, corners, _pressures(pressure, len(found)))
+            given = f"{len(checked_points)} points on a line"
+            raise InputError("points", given, "some in a plane")
+        return cls(checked_points, corners, _pressures(pressure, len(checked_points)))
 
     def at(self, points: Array, frame: Frame) -> Array:
-        """Linear on the triangle around each point [Pa]; just outside of all, that of the nearest triangle."""
-        triangle, weights = self._around(points)
+        """Interpolate the pressure (n,) [Pa] at points (n, 2) [m].
+
+        A point slightly outside of all triangles takes the pressure at the edge of the nearest triangle.
+        """
+        triangle, weights = self._barycentric(points)
+        # a negative weight is the distance from an edge, as a fraction of the height of the triangle
         uncovered = np.flatnonzero(weights.min(axis=1) < -OUTSIDE)
         if uncovered.size:
             ends = zip("xy", self.points.min(axis=0), self.points.max(axis=0), strict=True)
@@ -210,41 +269,56 @@ class PressureField:
         inside /= inside.sum(axis=1, keepdims=True)
         return (inside * self.pressure[self.triangles[triangle]]).sum(axis=1)
 
-    def _around(self, patches: Array) -> tuple[Indices, Array]:
-        """Triangle around each patch, or nearest to it, and the place in it by its three weights."""
+    def _barycentric(self, points: Array) -> tuple[Indices, Array]:
+        """Find the triangle that contains each point (n, 2), or the nearest one, and the barycentric coordinates in it.
+
+        Returns the numbers of the triangles (n,) and the coordinates (n, 3), which are the weights of the corners.
+        """
         import pyvista
 
-        points, corners = in_space(self.points), self.triangles.astype(int)
-        surface = pyvista.PolyData.from_regular_faces(points, corners)
-        triangle = np.atleast_1d(surface.find_closest_cell(in_space(patches)))
-        first, *others = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
-        ways = np.stack([other - first for other in others], axis=-1)
-        weights = np.linalg.solve(ways, (patches - first)[..., None])[..., 0]
+        corners = self.triangles.astype(int)
+        surface = pyvista.PolyData.from_regular_faces(in_space(self.points), corners)
+        triangle = np.atleast_1d(surface.find_closest_cell(in_space(points)))
+        origin, second, third = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
+        edges = np.stack([second - origin, third - origin], axis=-1)  # columns of a matrix
+        weights = np.linalg.solve(edges, (points - origin)[..., None])[..., 0]
         return triangle, np.column_stack([1 - weights.sum(axis=1), weights])
 
 
-def _delaunay(points: Array) -> Indices:
-    """Corners of the triangles between points but those that are gaps; none where the points lie on a line."""
+def _delaunay_without_gaps(points: Array) -> Indices:
+    """Return the Delaunay triangles (t, 3) between points, without those that span gaps; none if all lie on a line."""
     from scipy.spatial import Delaunay, QhullError
 
     try:
-        # the size of the whole does not matter to what lies on a line
+        # Qhull has absolute tolerances, so points are scaled to the size 1
         size = np.ptp(points, axis=0).max() or 1.0
         corners = Delaunay((points - points.mean(axis=0)) / size).simplices
     except QhullError:
         return np.empty((0, 3), np.int64)
-    ways = points[corners] - np.roll(points[corners], 1, axis=1)
-    sides = np.linalg.norm(ways, axis=2).max(axis=1)
-    return np.asarray(corners[sides <= GAP * np.median(sides)], np.int64)
+    edges = points[corners] - np.roll(points[corners], 1, axis=1)  # (triangle, edge, 2)
+    longest_edge = np.linalg.norm(edges, axis=2).max(axis=1)
+    is_gap = longest_edge > GAP * np.median(longest_edge)
+    return np.asarray(corners[~is_gap], np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class MapsAtLoads:
-    """Maps at several nominal pressures: between them the fractions are linear in the pressure, beyond constant.
+    """Maps for several nominal pressures, for example of a flange that bends with the load.
 
-    On unloading the fractions are those of the nominal pressure there, as where a flange bends elastically.
+    Between the given nominal pressures the fractions are interpolated linearly, and beyond them they are constant. They
+    depend on the present nominal pressure only, also on unloading, as for a flange that bends elastically.
 
-    Raises InputError: no map, or pressures that do not rise or are not as many.
+    Parameters
+    ----------
+    pressures : tuple of float
+        Increasing nominal pressures [Pa].
+    maps : tuple of PressureMap
+        Map at each of these pressures.
+
+    Raises
+    ------
+    InputError
+        There is no map, or the pressures do not increase or have another number than the maps.
     """
 
     pressures: tuple[float, ...]
@@ -263,68 +337,91 @@ class MapsAtLoads:
         object.__setattr__(self, "pressures", pressures)
 
 
-#: What fractions can be taken from.
+#: Everything that `PressedSeal.fractions` accepts.
 AnyMap = PressureMap | MapsAtLoads
 
 
 def is_uniform(pressure_map: Any) -> bool:
-    """Whether the nominal pressure acts everywhere."""
+    """Return True if the nominal pressure acts everywhere."""
     return isinstance(pressure_map, Uniform)
 
 
 @dataclass(frozen=True, eq=False)
 class PressedSeal:
-    """A seal for maps: its frame, and the corners of the parts of its area (n, corners, 2) [m]."""
+    """A seal on which pressure maps are evaluated.
+
+    Attributes
+    ----------
+    frame : Frame
+        Coordinates of the seal.
+    outlines : array, (n, corners, 2)
+        Corners of the elements that cover the seal [m].
+    """
 
     frame: Frame
     outlines: Array = field(repr=False)
 
     @property
     def centres(self) -> Array:
-        """Middles of the parts (n, 2) [m]."""
+        """Centres of the elements (n, 2) [m]."""
         return self.outlines.mean(axis=1)
 
     @property
     def areas(self) -> Array:
-        """Areas of the parts (n,) [m²]."""
+        """Areas of the elements (n,) [m²]."""
         return np.abs(polygon_areas(self.outlines))
 
     def mean(self, pressure_map: PressureMap) -> float:
-        """Mean of a map over the area, in the unit of the map."""
+        """Return the mean of a map over the seal, in the unit of the map."""
         return float(np.average(pressure_map.at(self.centres, self.frame), weights=self.areas))
 
     def fractions(self, pressure_map: AnyMap, points: Array, nominal: ArrayLike) -> Array:
-        """Contact pressure at points as fractions of the nominal one (steps, n); their mean over the area is 1.
+        """Return the contact pressure at points of the seal over the nominal pressure.
 
         Parameters
         ----------
-        points : (n, 2) [m]. nominal : nominal pressure of every step (steps,) [Pa].
+        pressure_map : PressureMap or MapsAtLoads
+            Map of the pressure.
+        points : array, (n, 2)
+            Points in the plane of the seal [m].
+        nominal : array, (steps,)
+            Nominal pressure of each load step [Pa].
+
+        Returns
+        -------
+        array, (steps, n)
+            Fractions, whose mean over the seal is 1.
 
         Raises
         ------
-        InputError : the map does not cover the seal, or is 0 all over it.
+        InputError
+            The map does not cover the seal, or is 0 everywhere.
         """
         loads = np.atleast_1d(np.asarray(nominal, float))
         maps = pressure_map.maps if isinstance(pressure_map, MapsAtLoads) else (pressure_map,)
-        known = np.array([self._mean_one(one, points) for one in maps])
-        if not isinstance(pressure_map, MapsAtLoads) or len(known) == 1:
-            return np.broadcast_to(known[0], (loads.size, len(points)))
+        tabulated = np.array([self._normalised(single_map, points) for single_map in maps])
+        if not isinstance(pressure_map, MapsAtLoads) or len(tabulated) == 1:
+            return np.broadcast_to(tabulated[0], (loads.size, len(points)))
+        # linear interpolation between the maps below and above each load
         knots = pressure_map.pressures
-        place = np.interp(loads, knots, np.arange(len(knots)))
-        below = np.minimum(place.astype(int), len(knots) - 2)
-        weight = (place - below)[:, None]
-        return (1 - weight) * known[below] + weight * known[below + 1]
+        position = np.interp(loads, knots, np.arange(len(knots)))  # fractional number of the map
+        below = np.minimum(position.astype(int), len(knots) - 2)
+        weight = (position - below)[:, None]
+        return (1 - weight) * tabulated[below] + weight * tabulated[below + 1]
 
-    def _mean_one(self, pressure_map: PressureMap, points: Array) -> Array:
-        over_area, values = (pressure_map.at(where, self.frame) for where in (self.centres, points))
-        if not over_area.max() > 0:
+    def _normalised(self, pressure_map: PressureMap, points: Array) -> Array:
+        """Return the values (n,) of a map at points (n, 2) over the mean of the map over the seal."""
+        over_area = pressure_map.at(self.centres, self.frame)
+        values = pressure_map.at(points, self.frame)
+        highest = over_area.max()
+        if not highest > 0:
             raise InputError("map", "a pressure that is 0 all over the seal", "one > 0 somewhere")
-        highest = over_area.max()  # a map of one value has no rounding
+        # division by the highest value first makes the fractions of a uniform map exactly 1
         return values / highest / np.average(over_area / highest, weights=self.areas)
 
 
 def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[float, ...]:
-    """Numbers of a list; InputError where it is none."""
+    """Check a list of numbers and return it as a tuple; raise InputError if it is not a list."""
     try:
         return tuple(validate.number(name, v, **limits) for v in values)
     except TypeError:
@@ -332,6 +429,7 @@ def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[floa
 
 
 def _fractions(values: Any) -> tuple[float, ...]:
+    """Check that numbers are >= 0 and not all 0, and return them as a tuple."""
     fractions = _numbers("fractions", values, "a list of numbers >= 0", inclusive=True)
     if not fractions or not max(fractions) > 0:
         raise InputError("fractions", values, "a list of numbers >= 0, not all of them 0")
@@ -339,7 +437,7 @@ def _fractions(values: Any) -> tuple[float, ...]:
 
 
 def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
-    """Rising numbers, as many as `count`, or none; InputError of anything else."""
+    """Check that there are `count` increasing numbers, or none, and return them as a tuple."""
     numbers = _numbers(name, values, f"a list of numbers {unit}", above=-np.inf)
     if numbers and len(numbers) != count:
         raise InputError(name, counted(len(numbers), "number"), f"{count}, one for each value")
@@ -349,7 +447,7 @@ def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
 
 
 def _pressures(values: ArrayLike, count: int) -> Array:
-    """Contact pressures >= 0, one for each point; InputError of anything else."""
+    """Check that there are `count` finite contact pressures >= 0, and return them as an array."""
     pressure = np.array(values, dtype=float)
     if pressure.shape != (count,):
         raise InputError("pressure", f"shape {pressure.shape}", f"{(count,)}, one for each point")

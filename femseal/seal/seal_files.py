@@ -1,7 +1,8 @@
-"""A mesh of a seal from a file, with its named boundaries, and fields of contact pressure.
+"""Read the mesh of a seal with its named boundaries, and fields of contact pressure, from files.
 
-meshio reads the mesh; names come from cell sets (Abaqus and others) or from physical groups (gmsh). Facets are
-matched by their two end vertices. A field is that of a mesh such as .vtu, or of points in a text with columns.
+meshio reads the mesh. The names of boundaries come from cell sets (Abaqus and others) or from physical groups (gmsh);
+a line of a file belongs to the facet of the mesh with the same two vertices. A field is read from a mesh file such as
+.vtu, or from a text file with columns.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+from collections.abc import Iterable
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,14 +25,14 @@ from .pressure_map import PressureField
 if TYPE_CHECKING:
     from skfem import Mesh
 
-#: Classes of scikit-fem for the cells of files.
+#: Mesh class of scikit-fem for each type of cells in files.
 _KINDS = {"triangle": "MeshTri1", "quad": "MeshQuad1"}
 _SECOND_ORDER = ("triangle6", "quad8", "quad9")
-#: Arrays of cells whose numbers name boundaries, such as those that meshio keeps in a .vtu.
+#: Names of cell data that contain the number of a boundary for each line, for example in a .vtu written by meshio.
 _TAGS = ("gmsh:physical", "medit:ref", "boundary")
-#: Memory that reading takes at least, in sizes of the file.
+#: Smallest ratio of the memory needed for reading a mesh to the size of its file.
 _READING_FACTOR = 4
-#: Suffix of files of gmsh, and what is to be done there where its physical groups are not in them.
+#: Suffix of gmsh files, and advice for files without the necessary physical groups.
 _GMSH = ".msh"
 _PHYSICAL_SURFACE = (
     "in gmsh, which writes what is in physical groups alone, put the surface into one beside its boundaries: "
@@ -40,7 +42,7 @@ _SAVE_GROUPS = (
     "a file of gmsh with its physical groups: switch 'Save all elements' off (Mesh.SaveAll = 0), which leaves them "
     "out, put the surface into a physical group too, and save again"
 )
-#: How a mesh gets names of its boundaries.
+#: Advice on how to give names to the boundaries of a mesh.
 NAME_BOUNDARIES = (
     'name them: in gmsh by physical groups of curves, Physical Curve("inlet") = {1, 2}, beside one of the surface, '
     "with Mesh.SaveAll = 0; in other programs by sets of line elements"
@@ -48,17 +50,29 @@ NAME_BOUNDARIES = (
 
 
 def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
-    """Mesh of linear triangles or quadrilaterals with `boundaries` by name.
+    """Read a mesh of linear triangles or quadrilaterals with named boundaries.
 
-    path : a file that meshio reads.
-    unit : of its coordinates [m].
+    The elements keep the order of the file. Nodes that belong to no element are omitted. A physical group without a
+    name takes its number as name; the same holds for lines in a .vtu file, which are numbered by their cell data
+    "gmsh:physical" or "boundary".
 
-    Elements keep the order of the file (blocks of one kind one after the other); nodes that no element uses
-    are left out. A physical group without a name is called by its number, and so is one of lines in a .vtu, by the
-    array "gmsh:physical" or "boundary" of its cells.
+    Parameters
+    ----------
+    path : str or PathLike
+        File in a format that meshio can read.
+    unit : float
+        Unit of the coordinates in the file [m].
 
-    Raises InputError: no such file, not readable, no cells, cells of several kinds or of the second order, or not in a
-    plane of constant z.
+    Returns
+    -------
+    Mesh
+        scikit-fem mesh with its `boundaries`, in metres.
+
+    Raises
+    ------
+    InputError
+        The file does not exist or cannot be read, its elements are of several types or of second order, or they do
+        not lie in a plane of constant z.
     """
     import skfem
 
@@ -79,27 +93,36 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     if groups and not any(_has_tag(data, tag) for tag in groups.values()):
         given = f"'{file}', none of whose lines is in its physical groups {', '.join(groups)}"
         raise InputError("path", given, _SAVE_GROUPS)
-    points = _plane(file, data, cells, 1e-9) * unit
+    points = _plane_points_of(file, data, cells, 1e-9) * unit
+    # keep only the nodes of elements, and renumber them
     used, renumbered = np.unique(cells, return_inverse=True)
-    cells = renumbered.reshape(cells.shape)
-    arrays = (np.ascontiguousarray(of.T) for of in (points[used], cells))
-    mesh = getattr(skfem, _KINDS[kind])(*arrays)
-    vertex = np.full(len(points), -1)
+    elements = renumbered.reshape(cells.shape)
+    mesh_class = getattr(skfem, _KINDS[kind])
+    mesh = mesh_class(np.ascontiguousarray(points[used].T), np.ascontiguousarray(elements.T))
+    vertex = np.full(len(points), -1)  # vertex of each node of the file, −1 if it was omitted
     vertex[used] = np.arange(used.size)
-    boundaries = {
-        name: facets
-        for name, lines in _named_lines(data).items()
-        if (facets := _facets_of(mesh, vertex[lines])).size
-    }
+    boundaries = {}
+    for name, lines in _named_lines(data).items():
+        facets = _facets_with_ends(mesh, vertex[lines])
+        if facets.size:
+            boundaries[name] = facets
     return mesh.with_boundaries(boundaries)
 
 
 def read_field(path: str | PathLike[str], name: str) -> tuple[Array, Array]:
-    """Places (n, 2) and values (n,) or (n, components) of a field at the points or the cells of a mesh file.
+    """Read a field that is given at the points or in the cells of a mesh file.
 
-    Places are in the unit of the file; those of cells are the means of their nodes.
+    Returns
+    -------
+    positions : array, (n, 2)
+        Coordinates in the unit of the file. The position of a cell is the mean of its nodes.
+    values : array, (n,) or (n, components)
+        Values of the field.
 
-    Raises InputError: no such file, not readable, or no such field.
+    Raises
+    ------
+    InputError
+        The file does not exist, cannot be read, or has no field of this name.
     """
     file = Path(fspath(path))
     data = read_data(file)
@@ -113,12 +136,12 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[Array, Array]:
 
 
 def _fields(data: Any) -> str:
-    """Names of the fields of a mesh."""
+    """List the names of all fields in a mesh file, for a message."""
     return ", ".join(map(repr, (*data.point_data, *data.cell_data))) or "none"
 
 
-def _plane(file: Path, data: Any, cells: Any, rtol: float) -> Array:
-    """Points (n, 2) of a mesh whose cells lie in a plane of constant z; else InputError."""
+def _plane_points_of(file: Path, data: Any, cells: Any, rtol: float) -> Array:
+    """Return the points (n, 2) of a mesh file; raise InputError if its cells do not lie in a plane of constant z."""
     points = np.asarray(data.points, dtype=float)
     used = points[np.ravel(cells)]
     if used.shape[1] > 2 and np.ptp(used[:, 2]) > rtol * np.ptp(used, axis=0).max():
@@ -127,16 +150,21 @@ def _plane(file: Path, data: Any, cells: Any, rtol: float) -> Array:
 
 
 def _check_size(file: Path, factor: float, what: str) -> None:
-    """Raise InputError if a file is not there, or does not fit into memory."""
+    """Raise InputError if a file does not exist, or if `factor` times its size does not fit into free memory."""
     if not file.is_file():
         raise InputError("path", f"'{file}'", f"an existing {what}")
-    if factor * (length := file.stat().st_size) > (free := free_memory()):
+    size = file.stat().st_size
+    free = free_memory()
+    if factor * size > free:
         allowed = f"a {what} that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise InputError("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
+        raise InputError("path", f"'{file}' of {size / 1e9:.3g} GB", allowed)
 
 
 def read_data(file: Path) -> Any:
-    """Contents of a mesh file, in silence, if it is there and fits into memory; InputError with what meshio says."""
+    """Read a mesh file by meshio, without the text that meshio prints.
+
+    Raises InputError with the message of meshio if the file cannot be read or does not fit into memory.
+    """
     import meshio
 
     _check_size(file, _READING_FACTOR, "mesh file")
@@ -163,26 +191,27 @@ def read_data(file: Path) -> Any:
 
 
 def _has_tag(data: Any, tag: int) -> bool:
-    """Whether lines of a mesh carry the number of a physical group."""
-    of_lines = data.cell_data_dict.get(_TAGS[0], {}).get("line", [])
-    return bool(np.any(np.asarray(of_lines) == tag))
+    """Return True if any line of a mesh has the number of a physical group."""
+    line_tags = data.cell_data_dict.get(_TAGS[0], {}).get("line", [])
+    return bool(np.any(np.asarray(line_tags) == tag))
 
 
 def _named_lines(data: Any) -> dict[str, Indices]:
-    """End vertices (m, 2) of the line cells of every name."""
-    named = {
-        name: [
-            block.data[np.asarray(chosen, int)]
-            for block, chosen in zip(data.cells, members, strict=True)
-            if block.type == "line" and chosen is not None
+    """Return the end nodes (m, 2) of the lines that belong to each name, from cell sets and from numbers of lines."""
+    named: dict[str, list[Indices]] = {}
+    for name, members in data.cell_sets.items():
+        if name.startswith("gmsh:"):
+            continue
+        # a cell set lists cell numbers for each block of cells
+        named[name] = [
+            block.data[np.asarray(numbers, int)]
+            for block, numbers in zip(data.cells, members, strict=True)
+            if block.type == "line" and numbers is not None
         ]
-        for name, members in data.cell_sets.items()
-        if not name.startswith("gmsh:")
-    }
-    # a tag counts within its dimension: a surface may have the number of a line
+    # tags are unique within a dimension only: a surface may have the same number as a line
     names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if dimension == 1}
-    found: Any = next((data.cell_data_dict[key] for key in _TAGS if key in data.cell_data), {})
-    tags = found.get("line", [])
+    tag_keys = [key for key in _TAGS if key in data.cell_data]
+    tags = data.cell_data_dict[tag_keys[0]].get("line", []) if tag_keys else []
     for tag in np.unique(tags).tolist():
         name = names.get(tag, str(tag))
         if not named.get(name):
@@ -190,42 +219,54 @@ def _named_lines(data: Any) -> dict[str, Indices]:
     return {name: np.vstack(parts) for name, parts in named.items() if parts}
 
 
-def _facets_of(mesh: Mesh, ends: Indices) -> Indices:
-    """Facets of the mesh with the given end vertices; lines that are no facet are left out."""
+def _facets_with_ends(mesh: Mesh, ends: Indices) -> Indices:
+    """Return the facets whose vertices are a given pair (m, 2); pairs that are not a facet are ignored."""
     n = mesh.nvertices
-    facets = np.sort(mesh.facets, axis=0)
-    key = facets[0].astype(np.int64) * n + facets[1]
+    # one number for each pair of vertices, whatever their order
+    facet_ends = np.sort(mesh.facets, axis=0)
+    facet_key = facet_ends[0].astype(np.int64) * n + facet_ends[1]
     ends = np.sort(ends[(ends >= 0).all(axis=1)], axis=1)
-    return np.flatnonzero(np.isin(key, ends[:, 0] * n + ends[:, 1]))
+    wanted_key = ends[:, 0] * n + ends[:, 1]
+    return np.flatnonzero(np.isin(facet_key, wanted_key))
 
 
-#: Cells of a mesh that are taken, by their corners; quadrilaterals are cut in two.
+#: Corners of the triangles into which cells are divided; nodes on edges are ignored.
 _TRIANGLES = {
     **dict.fromkeys(("triangle", "triangle6"), ((0, 1, 2),)),
     **dict.fromkeys(("quad", "quad8", "quad9"), ((0, 1, 2), (0, 2, 3))),
 }
 TEXTS = (".csv", ".txt")
 _DELIMITERS = ",;\t"
-#: Memory that reading a field takes at least, in sizes of the file.
+#: Smallest ratio of the memory needed for reading a field to the size of its file.
 _FIELD_FACTOR = 8
 
 
 def read_pressure_field(
     path: str | PathLike[str], *, length_unit: str, pressure_unit: str, name: str = "pressure"
 ) -> PressureField:
-    """Field of contact pressure in the plane of a seal, from a file.
+    """Read a field of contact pressure in the plane of a seal from a file.
 
     Parameters
     ----------
-    path : a mesh of triangles or quadrilaterals that meshio reads, such as .vtu, in a plane of constant z, with `name`
-        among its data of points (linear on the corners of cells) or of cells (constant on them); or a .csv or .txt with
-        columns x, y and `name` under a line of these names, between commas, semicolons, tabs or blanks, whose points
-        are joined by triangles.
-    length_unit, pressure_unit : of the numbers in the file, such as "mm" and "MPa".
+    path : str or PathLike
+        Either a mesh file that meshio can read, such as .vtu, with triangles or quadrilaterals in a plane of constant
+        z, and point data (linear in each cell) or cell data (constant in each cell) called `name`. Or a .csv or .txt
+        file with columns x, y and `name`, named in the first line and separated by commas, semicolons, tabs or blanks;
+        its points are connected by triangles.
+    length_unit, pressure_unit : str
+        Units of the numbers in the file, such as "mm" and "MPa".
+    name : str
+        Name of the data or of the column with the pressure.
+
+    Returns
+    -------
+    PressureField
 
     Raises
     ------
-    InputError : no such file, not readable, no such data, numbers that are not finite, or negative pressures.
+    InputError
+        The file does not exist or cannot be read, there are no data of this name, a number is not finite, or a pressure
+        is negative.
     """
     file = Path(fspath(path))
     _check_size(file, _FIELD_FACTOR, "file with a field of pressure")
@@ -234,15 +275,32 @@ def read_pressure_field(
     if file.suffix.lower() in TEXTS:
         numbers = read_columns(file, ("x", "y", name))
         return PressureField.of(length * numbers[:, :2], unit * numbers[:, 2])
-    points, values, triangles = _of_mesh(file, name)
+    points, values, triangles = _read_triangles(file, name)
     return PressureField.of(length * points, unit * values, triangles)
 
 
 def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]]:
-    """Number, text and cells of the lines of a text but comments (#); between cells is what its first line has most of,
-    commas, semicolons, tabs or blanks.
+    """Read the lines of a text file with columns, without empty lines and comments (#).
 
-    Raises InputError: not readable, or empty.
+    The columns are separated by commas, semicolons or tabs, whichever is most frequent in the first line, or by blanks
+    if it contains none of these.
+
+    Parameters
+    ----------
+    file : Path
+        Text file in UTF-8.
+    what : str
+        Name of the input, for the message.
+
+    Returns
+    -------
+    list of (int, str, list of str)
+        Number, text and entries of each line.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or is empty.
     """
     try:
         with within_free_memory():
@@ -253,25 +311,26 @@ def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]
     lines = {n: line for n, line in lines.items() if line and line[0] != "#"}
     if not lines:
         raise InputError(what, f"'{file}', which is empty", "a text with columns")
-    first = next(iter(lines.values()))
-    mark = max(_DELIMITERS, key=first.count)
-    cells = (
-        csv.reader(lines.values(), delimiter=mark)
-        if mark in first
-        else map(str.split, lines.values())
-    )
-    return [(*line, row) for line, row in zip(lines.items(), cells, strict=False)]
+    first_line = next(iter(lines.values()))
+    delimiter = max(_DELIMITERS, key=first_line.count)
+    entries: Iterable[list[str]]
+    if delimiter in first_line:
+        entries = csv.reader(lines.values(), delimiter=delimiter)
+    else:
+        entries = map(str.split, lines.values())
+    return [(*line, row) for line, row in zip(lines.items(), entries, strict=False)]
 
 
 def columns_of(file: Path) -> list[str]:
-    """Names of the columns of a text, by its first line."""
-    return [column.strip() for column in text_rows(file)[0][2]]
+    """Return the names of the columns of a text file from its first line."""
+    _, _, head = text_rows(file)[0]
+    return [column.strip() for column in head]
 
 
 def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
-    """Numbers (n, columns) in the wanted columns of a text, whose first line names them.
+    """Read columns of numbers (n, columns) from a text file whose first line contains their names.
 
-    Raises InputError: not readable, a column that is missing or there twice, text in place of a number.
+    Raises InputError if the file cannot be read, a column is missing or occurs twice, or an entry is not a number.
     """
     (_, _, head), *rows = text_rows(file)
     names = [column.strip() for column in head]
@@ -279,11 +338,11 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
         given = f"'{file}' with the columns {', '.join(names)}"
         expected = f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
         raise InputError("path", given, expected)
-    patches = [names.index(column) for column in wanted]
+    columns = [names.index(column) for column in wanted]
     numbers = []
     for _, line, row in rows:
         try:
-            numbers.append([float(row[place]) for place in patches])
+            numbers.append([float(row[column]) for column in columns])
         except (ValueError, IndexError):
             allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
             given = f"'{file}' with the line '{shortened(line, 60)}'"
@@ -291,34 +350,39 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
     return np.reshape(numbers, (-1, len(wanted)))
 
 
-def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
-    """Points, values and triangles of a mesh; values of cells are at three points of their own for each triangle."""
+def _read_triangles(file: Path, name: str) -> tuple[Any, Any, Any]:
+    """Read the points (n, 2), their values (n,) and the triangles (t, 3) of a field in a mesh file.
+
+    For cell data, which jump from cell to cell, each triangle has three separate points with the value of its cell.
+    """
     data = read_data(file)
-    used = [
-        (n, block.data[:, list(part)])
+    # (number of the block of cells, corners of its triangles)
+    block_triangles = [
+        (n, block.data[:, list(corners)])
         for n, block in enumerate(data.cells)
-        for part in _TRIANGLES.get(block.type, ())
+        for corners in _TRIANGLES.get(block.type, ())
     ]
-    if not used:
-        found = ", ".join(dict.fromkeys(block.type for block in data.cells)) or "nothing"
+    if not block_triangles:
+        present = ", ".join(dict.fromkeys(block.type for block in data.cells)) or "nothing"
         expected = f"a mesh with cells of {', '.join(_TRIANGLES)}"
-        raise InputError("path", f"'{file}' with {found}", expected)
-    corners = np.concatenate([part for _, part in used])
-    points = _plane(file, data, corners, 1e-6)
+        raise InputError("path", f"'{file}' with {present}", expected)
+    triangles = np.concatenate([corners for _, corners in block_triangles])
+    points = _plane_points_of(file, data, triangles, 1e-6)
     if name in data.point_data:
-        vertices, renumbered = np.unique(corners, return_inverse=True)
+        vertices, renumbered = np.unique(triangles, return_inverse=True)
         values = _numbers(data.point_data[name], file, name)
-        return points[vertices], values[vertices], renumbered.reshape(corners.shape)
+        return points[vertices], values[vertices], renumbered.reshape(triangles.shape)
     if name in data.cell_data:
-        of_cells = [_numbers(data.cell_data[name][n], file, name) for n, _ in used]
-        own = np.arange(corners.size).reshape(-1, 3)
-        return points[corners.ravel()], np.repeat(np.concatenate(of_cells), 3), own
+        cell_values = [_numbers(data.cell_data[name][n], file, name) for n, _ in block_triangles]
+        values = np.repeat(np.concatenate(cell_values), 3)
+        separate = np.arange(triangles.size).reshape(-1, 3)
+        return points[triangles.ravel()], values, separate
     expected = f"the name of data of points or cells in '{file}': {_fields(data)}"
     raise InputError("name", repr(name), expected)
 
 
 def _numbers(values: Any, file: Path, name: str) -> Any:
-    """An array as one number for each point or cell, else InputError."""
+    """Return data as an array of one number for each point or cell; raise InputError if they are anything else."""
     array = np.asarray(values)
     if array.dtype.kind not in "iuf" or array.size != len(array):
         given = f"'{name}' in '{file}' with shape {array.shape}"
