@@ -1,6 +1,6 @@
-"""What a scene may choose by name; a file of its own, so that a case is read without the solvers."""
+"""Options of a scene that are chosen by name. They have their own file so that a case is read without the solvers."""
 
-#: Whether the fluid pressure acts on the surfaces, and liquid in closed pockets keeps its volume.
+#: Effect of the fluid pressure on the surfaces: it acts, it acts and trapped liquid keeps its volume, or it is ignored.
 FLUID_EFFECTS = ("acts", "trapped", "ignored")
-#: What carries the nominal pressure: contact and fluid together, or the contact alone.
+#: Whether contact and fluid together carry the nominal pressure, or the contact alone.
 NOMINALS = ("total", "contact")

@@ -1,14 +1,15 @@
-"""Contact under a fluid pressure that acts on the surfaces: the contact gives the gap, and the flow gives the pressure.
+"""Solve contact and flow together if the fluid pressure acts on the surfaces.
 
-The traction between the surfaces is t = p + p_f, with the contact pressure p and the fluid pressure p_f, below which it
-cannot fall. The contact under p_f starts from the gap h₁ + K p_f, and carries p̄ − mean p_f of the nominal pressure p̄
-(see `contact.solve_contact`). The flow through the gap that remains gives p_f. Both are solved in turn until the
-permeability no longer changes. A seal is open where no contact can carry the rest of p̄.
+The traction between the surfaces is t = p + p_f, the sum of contact pressure p >= 0 and fluid pressure p_f. The contact
+problem under a given p_f yields the gap; it is solved for the initial gap h₁ + K p_f and the load p̄ − mean(p_f), where
+p̄ is the nominal pressure (see `contact.solve_contact`). The flow problem in this gap yields p_f. Both problems are
+solved in turn until the permeability no longer changes. If no contact can balance p̄, the surfaces separate.
 
-p_f is counted from the pressure of the surroundings, which acts on the outside of the bodies too. In contact, and in
-pockets that no flow reaches, it obeys Δp_f = 0 between the pressures around, as in a film of uniform permeability.
+p_f is measured relative to the pressure of the surroundings, which acts on the outside of the bodies. In contact areas,
+and in pockets without flow, p_f is interpolated by Laplace's equation Δp_f = 0 from the pressures around them.
 
-Several measured patches are in contact each by itself, and the flow passes through all of them.
+If the surface consists of several measured patches, the contact of each patch is solved separately, and the flow
+through all of them together.
 
 Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 """
@@ -30,36 +31,50 @@ from ..fluids import Fluid
 from ..topography import Patches
 from .trapped_liquid import TrappedLiquid, liquid_in_pockets
 
-#: Relative change of the permeability at which the rounds end, and their largest number. Measured on self-affine and
-#: turned surfaces of 256² points with p̄/H from 0.02 to 0.2: two to five rounds for p_in/p̄ up to 0.3, and at most six up
-#: to 1. Pockets whose liquid lifts their rims take up to 25.
+#: The iteration of contact and flow stops at this relative change of the permeability, or after this number of rounds.
+#: Measured on self-affine and turned surfaces of 256² points with p̄/H from 0.02 to 0.2: two to five rounds for p_in/p̄
+#: up to 0.3, and at most six up to 1. Pockets whose liquid lifts their rims take up to 25 rounds.
 RTOL, MOST_ROUNDS = 1e-3, 60
-#: Mean fluid pressure over the nominal pressure below which it changes leakage by less than 0.5 % and is left out.
+#: The fluid pressure is ignored if its mean is below this fraction of the nominal pressure. It then changes the leakage
+#: by less than 0.5 %.
 LEAST_FRACTION = 1e-4
+#: Number of points at which a pressure profile is averaged.
 _POINTS = 201
-#: Part of the nominal pressure that the fluid carries at most in the first round; and part left to the contact at which
-#: the rounds end, and the load is sought at which the surfaces separate.
-_FIRST_CARRIED, _LEAST_ROOM = 0.9, 0.01
-#: Loads of the contact over the pressure of the inlet among which the least nominal pressure is sought; the factor from
-#: one load to the next above them; relative error of a load; share of the tolerance of the rounds under it.
-_LOADS, _STEP, _LOAD_RTOL, _SHARE = np.array([1e-4, 1e-2, 1e-1]), 3.0, 1e-4, 0.1
-#: Rounds after which a face that holds trapped liquid counts as closed, and after which its liquid only leaves.
-_CLOSED_ROUNDS, _RELEASE_ROUNDS = 4, 25
-#: The metal around a pocket flows under a liquid at its hardness. What would need more than this fraction escapes.
+#: Largest fraction of the nominal pressure that the fluid carries in the first round.
+_FIRST_CARRIED = 0.9
+#: If less than this fraction of the nominal pressure is left to the contact, the iteration stops, and the load at which
+#: the surfaces separate is determined instead.
+_LEAST_ROOM = 0.01
+#: Contact loads, as fractions of the inlet pressure, between which the smallest nominal pressure is bracketed.
+_LOADS = np.array([1e-4, 1e-2, 1e-1])
+#: Factor between successive contact loads in the search for an upper bracket, and relative error of the load found.
+_STEP, _LOAD_RTOL = 3.0, 1e-4
+#: Factor on the tolerance of the iteration within this search.
+_SHARE = 0.1
+#: Number of rounds without flow after which a surface with trapped liquid counts as closed.
+_CLOSED_ROUNDS = 4
+#: Number of rounds after which the pressure of trapped liquid may only fall, so that the iteration ends.
+_RELEASE_ROUNDS = 25
+#: Largest pressure of trapped liquid, as a fraction of the hardness. Excess liquid escapes, because the metal around a
+#: pocket yields if the pressure of the liquid reaches the hardness.
 _MOST_OF_HARDNESS = 0.9
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoupledContact(Contact):
-    """A contact under a fluid pressure that the flow through its gap gives.
+    """Solution of a contact in equilibrium with the fluid pressure of the flow through its gap.
 
     Attributes
     ----------
-    flow : through the gap; or the reason why there is none, where the surfaces separate (the gap is then that of first
-        touch) or the rounds do not converge (that of the last round).
-    carried : mean pressure that the fluid carries [Pa].
-    rounds : number of solutions of contact and flow.
-    trapped : liquid in pockets that keeps its volume; None where it does not.
+    flow : FaceFlow or Failed
+        Flow through the gap. `Failed` with the reason if the surfaces separate, in which case the gap is that of first
+        touch, or if the iteration did not converge, in which case it is the gap of the last round.
+    carried : float
+        Mean pressure that the fluid carries [Pa].
+    rounds : int
+        Number of solutions of contact and flow.
+    trapped : TrappedLiquid or None
+        Liquid that keeps its volume in closed pockets; None if trapped liquid is not considered.
     """
 
     flow: FaceFlow | Failed
@@ -70,16 +85,22 @@ class CoupledContact(Contact):
 
 @dataclass(frozen=True)
 class FluidPressure:
-    """A fluid between two pressures that act on the surfaces.
+    """Fluid whose pressure acts on the surfaces.
 
     Attributes
     ----------
-    fluid : with its viscosity and density.
-    inlet, outlet : its pressures [Pa].
-    nominal : what carries the nominal pressure: "total", contact and fluid together; or "contact", the contact alone.
-    settings : how the flow is solved.
-    surroundings : pressure around the seal [Pa], see `Scene`.
-    trapped : whether liquid in closed pockets keeps its volume.
+    fluid : Fluid
+        Fluid with its viscosity and density.
+    inlet, outlet : float
+        Fluid pressures at inlet and outlet [Pa].
+    nominal : "total" or "contact"
+        Whether the nominal pressure is carried by contact and fluid together, or by the contact alone.
+    settings : FlowSettings
+        Settings of the flow solver.
+    surroundings : float or None
+        Pressure around the seal [Pa], see `Scene`.
+    trapped : bool
+        Whether liquid in closed pockets keeps its volume.
     """
 
     fluid: Fluid
@@ -91,50 +112,49 @@ class FluidPressure:
     trapped: bool = False
 
     @property
-    def _around(self) -> float:
-        """Pressure of the surroundings [Pa], on the scale of the fluid's."""
-        return (
-            float(getattr(self.fluid, "outlet_pressure", 0.0))
-            if self.surroundings is None
-            else self.surroundings
-        )
+    def _ambient(self) -> float:
+        """Pressure of the surroundings [Pa], absolute for a gas like the pressure of the fluid."""
+        if self.surroundings is None:
+            return float(getattr(self.fluid, "outlet_pressure", 0.0))
+        return self.surroundings
 
     def above_surroundings(self, fraction: Any) -> Array:
-        """Compute the fluid pressure above that of the surroundings [Pa] at fractions of the drop of the potential."""
+        """Compute the fluid pressure relative to the surroundings [Pa] from the potential as a fraction of its drop."""
         pressure = pressure_between(self.fluid, self.inlet, self.outlet, fraction)
-        return np.asarray(pressure) - self._around
+        return np.asarray(pressure) - self._ambient
 
     @property
     def carried(self) -> float:
-        """Mean pressure above the surroundings if the potential falls linearly, as between separated surfaces [Pa]."""
+        """Mean fluid pressure [Pa] relative to the surroundings for a linear potential, as between separated surfaces."""
         return float(self.above_surroundings((np.arange(_POINTS) + 0.5) / _POINTS).mean())
 
     @property
     def mean(self) -> float:
-        """Mean pressure if the potential falls linearly [Pa]."""
-        return self.carried + self._around
+        """Mean fluid pressure for a linear potential [Pa]."""
+        return self.carried + self._ambient
 
     def relief(self, pressure: Any) -> Array:
-        """Compute by how much a fluid pressure reduces the contact pressure of a cell below the nominal one [Pa].
+        """Compute by how much the fluid pressure reduces the contact pressure of a cell [Pa].
 
-        A cell is in contact as without a fluid under the pressure p̄ − p_f, Terzaghi's effective stress. The coupled
-        solution tends to this as the seal becomes broad in comparison with the long waves of the surface.
+        The contact of a cell is that of dry surfaces under the effective pressure p̄ − p_f (Terzaghi's effective
+        stress). The coupled solution tends to this limit if the seal is broad compared with the long waves of the
+        surface.
 
-        pressure : of the fluid in the cell [Pa].
+        Parameters
+        ----------
+        pressure : float or array
+            Fluid pressure in the cell [Pa].
         """
-        return (
-            np.asarray(pressure, dtype=float)
-            - self._around
-            - (0.0 if self.nominal == "total" else self.carried)
-        )
+        carried_beside_contact = 0.0 if self.nominal == "total" else self.carried
+        return np.asarray(pressure, dtype=float) - self._ambient - carried_beside_contact
 
     def separates(self, pressure: float) -> bool:
-        """Tell whether the fluid between separated surfaces carries the whole nominal pressure [Pa]."""
+        """Return True if the fluid between separated surfaces carries the whole nominal pressure [Pa]."""
         return self.nominal == "total" and self.carried >= pressure
 
     @staticmethod
     def separation_text(carried: float) -> str:
-        """Say why separated surfaces have no leakage, from the mean pressure that the fluid carries [Pa]."""
+        """Explain that the surfaces separate because the fluid carries the given mean pressure [Pa]."""
         limit = to_text(carried, "Pa", 3)
         return f"open: the surfaces separate below {limit}, all of which the fluid carries"
 
@@ -150,20 +170,27 @@ class FluidPressure:
     ) -> Contact | CoupledContact:
         """Solve contact and flow in turn until the permeability no longer changes.
 
-        Where the fluid carries less than 1e-4 of the load and none is trapped, the contact is solved alone.
+        If the fluid carries less than 1e-4 of the load and no liquid is trapped, only the contact is solved.
 
         Parameters
         ----------
-        gap0 : gap of first touch, array (n1, n2) [m].
-        half_space : elastic body.
-        pressure : nominal pressure [Pa].
-        former : liquid in the pockets of the load before; None at the first load.
-        share : factor on the tolerance.
-        settings : other arguments of `solve_contact`.
+        gap0 : array, (n1, n2)
+            Gap of first touch [m].
+        half_space : HalfSpace
+            Elastic body.
+        pressure : float
+            Nominal pressure [Pa].
+        former : TrappedLiquid or None
+            Trapped liquid at the previous load; None at the first load.
+        share : float
+            Factor on the tolerance of the iteration.
+        settings : dict
+            Other arguments of `solve_contact`.
 
         Raises
         ------
-        NotConverged : a contact failed.
+        NotConverged
+            The contact solver failed.
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
@@ -195,14 +222,24 @@ class FluidPressure:
     def _first_pressure(
         self, shape: Shape, pressure: float, former: TrappedLiquid | None, most_trapped: float
     ) -> Array:
-        """Choose the fluid pressure (n1, n2) [Pa] of the first round: that of a potential that falls linearly.
+        """Choose the fluid pressure (n1, n2) [Pa] of the first round, that of a linear potential.
 
-        Where it would carry nearly the whole nominal pressure [Pa], it is reduced, and the contact carries the rest.
+        It is scaled down if it would carry nearly the whole nominal pressure, so that a part is left to the contact.
 
-        former : liquid in the pockets of the load before. most_trapped : most pressure of trapped liquid [Pa].
+        Parameters
+        ----------
+        shape : tuple of two int
+            Numbers of points.
+        pressure : float
+            Nominal pressure [Pa].
+        former : TrappedLiquid or None
+            Trapped liquid at the previous load.
+        most_trapped : float
+            Largest pressure of trapped liquid [Pa].
         """
         applied = self.even_drop(shape)
-        if former is not None:  # a load moves pockets as if they carried all of it
+        if former is not None:
+            # first guess for trapped liquid: its pressure rises as much as the nominal pressure
             applied = np.minimum(former.on(applied, pressure - former.load), most_trapped)
         carried = float(applied.mean())
         if self.nominal == "total" and carried > _FIRST_CARRIED * pressure:
@@ -210,7 +247,10 @@ class FluidPressure:
         return applied
 
     def _left_to_contact(self, pressure: float, applied: Array) -> float:
-        """Compute what a fluid pressure leaves of the nominal pressure to the contact [Pa]; inf if both add up."""
+        """Compute the part of the nominal pressure that the contact carries [Pa].
+
+        It is infinite if the nominal pressure is that of the contact alone, which the fluid cannot reduce.
+        """
         return pressure - float(applied.mean()) if self.nominal == "total" else np.inf
 
     def _round(
@@ -221,7 +261,7 @@ class FluidPressure:
         applied: Array,
         settings: Mapping[str, Any],
     ) -> _Round:
-        """Solve the contact under a fluid pressure (n1, n2) [Pa], and the flow through the gap that it leaves."""
+        """Solve the contact under the applied fluid pressure (n1, n2) [Pa], then the flow through the resulting gap."""
         load = pressure
         if self.nominal == "contact":
             load = max(pressure + float(applied.mean()), 0.0)
@@ -240,10 +280,20 @@ class FluidPressure:
         most: float,
         leaves: bool,
     ) -> _Round:
-        """Add the pressure of the liquid in pockets that no flow reaches to the result of a round.
+        """Add the pressure of trapped liquid, in pockets without flow, to the result of a round.
 
-        former : liquid in the pockets of the load before. most : most pressure of trapped liquid [Pa]. leaves : liquid
-        only leaves pockets, so that the rounds end.
+        Parameters
+        ----------
+        solved, previous : _Round
+            Results of this round and of the previous one, None in the first round.
+        former : TrappedLiquid or None
+            Trapped liquid at the previous load.
+        pressure : float
+            Nominal pressure [Pa].
+        most : float
+            Largest pressure of trapped liquid [Pa].
+        leaves : bool
+            Whether the pressure of trapped liquid may only fall, so that the iteration ends.
         """
         assert isinstance(solved.flow, FaceFlow)
         is_open = solved.contact.gap > 0
@@ -259,6 +309,7 @@ class FluidPressure:
             load=pressure,
             leaves=leaves,
         )
+        # NaN in contact areas is filled from the pressures around them, which needs at least one open point
         in_contact = np.nan if is_open.any() else solved.resulting
         resulting = harmonic_fill(np.where(is_open, trapped.on(solved.resulting), in_contact))
         rounds_before = 0 if previous is None else previous.closed_rounds
@@ -274,76 +325,96 @@ class FluidPressure:
     def _near_opening(
         self, gap0: Array, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
     ) -> CoupledContact:
-        """Solve the contact at a nominal pressure [Pa] near that at which the surfaces separate, or below it.
+        """Solve the contact at a nominal pressure [Pa] close to or below that at which the surfaces separate.
 
-        For every load of the contact there is a solution, and the load together with what the fluid carries is a
-        nominal pressure. The surfaces separate at the least of these. Above it there are two loads of the contact. The
-        higher one is taken, which belongs to a surface that is unloaded, or put under pressure, from a closed state.
-        Liquid in pockets is left out.
+        Here a given contact load always has a solution, and its sum with the pressure carried by the fluid is a nominal
+        pressure. This sum has a minimum, below which the surfaces separate. Above the minimum, two contact loads belong
+        to the same nominal pressure. The larger one is chosen, because it is reached from the closed state when the
+        load is reduced or the fluid pressure raised. Trapped liquid is ignored.
         """
         from scipy.optimize import brentq, minimize_scalar
 
-        known: dict[float, Any] = {}
-        alone = replace(self, nominal="contact", trapped=False)
+        solutions: dict[float, Any] = {}  # by contact load
+        with_contact_load = replace(self, nominal="contact", trapped=False)
 
-        def total(load: float) -> float:
-            if load not in known:
-                known[load] = alone.contact(
+        def nominal_pressure(load: float) -> float:
+            if load not in solutions:
+                solutions[load] = with_contact_load.contact(
                     gap0, half_space, pressure=load, share=_SHARE, **settings
                 )
-            return load + known[load].carried
+            return load + solutions[load].carried
 
         loads = (_LOADS * max(abs(self.inlet), abs(self.outlet))).tolist()
-        totals = [total(load) for load in loads]
-        n = int(np.argmin(totals))
-        least, opening = loads[n], totals[n]
+        nominal_pressures = [nominal_pressure(load) for load in loads]
+        n = int(np.argmin(nominal_pressures))
+        load_at_minimum, minimum = loads[n], nominal_pressures[n]
         if n > 0:
-            ends = np.log([loads[n - 1], loads[min(n + 1, len(loads) - 1)]])
+            bracket = np.log([loads[n - 1], loads[min(n + 1, len(loads) - 1)]])
             lowest = minimize_scalar(
-                lambda x: total(float(np.exp(x))),
-                bounds=ends,
+                lambda log_load: nominal_pressure(float(np.exp(log_load))),
+                bounds=bracket,
                 method="bounded",
                 options={"xatol": 0.3},
             )
-            least, opening = float(np.exp(lowest.x)), float(lowest.fun)
-        if pressure > opening:
-            above = least
-            while total(above) < pressure:
-                above *= _STEP
-            return known[
-                brentq(lambda load: total(load) - pressure, above / _STEP, above, rtol=_LOAD_RTOL)
-            ]
+            load_at_minimum, minimum = float(np.exp(lowest.x)), float(lowest.fun)
+        if pressure > minimum:
+            upper = load_at_minimum
+            while nominal_pressure(upper) < pressure:
+                upper *= _STEP
+            load = brentq(
+                lambda load: nominal_pressure(load) - pressure,
+                upper / _STEP,
+                upper,
+                rtol=_LOAD_RTOL,
+            )
+            return solutions[load]
+        # the surfaces separate: return the gap of first touch under the pressure of a linear potential
         even = self.even_drop(half_space.shape)
         contact = solve_contact(
             gap0, half_space, pressure=float(even.mean()), fluid_pressure=even, **settings
         )
-        rounds = sum(c.rounds for c in known.values())
-        flow = Failed(self.separation_text(opening))
+        rounds = sum(solution.rounds for solution in solutions.values())
+        flow = Failed(self.separation_text(minimum))
         return CoupledContact(**vars(contact), flow=flow, carried=pressure, rounds=rounds)
 
     def _pressure(self, flow: FaceFlow, former: Array) -> Array:
-        """Compute the pressure of a flow above the surroundings, also in contact (n1, n2) [Pa].
+        """Compute the fluid pressure of a flow relative to the surroundings (n1, n2) [Pa], also in contact areas.
 
-        Where the flow reaches no gap it is the former pressure.
+        If the flow does not reach any point, the former pressure is returned.
         """
-        found = harmonic_fill(self.above_surroundings(flow.potential))
-        return found if np.isfinite(found).all() else former
+        pressure = harmonic_fill(self.above_surroundings(flow.potential))
+        return pressure if np.isfinite(pressure).all() else former
 
     def even_drop(self, shape: Shape) -> Array:
-        """Compute the pressure above the surroundings (n1, n2) [Pa] of a potential that falls linearly along x1."""
+        """Compute the fluid pressure (n1, n2) [Pa] of a potential that falls linearly along x1.
+
+        It is relative to the surroundings.
+        """
         n1, n2 = shape
-        return np.repeat(
-            self.above_surroundings(1 - (np.arange(n1) + 0.5) / n1)[:, None], n2, axis=1
-        )
+        fraction = 1 - (np.arange(n1) + 0.5) / n1
+        return np.repeat(self.above_surroundings(fraction)[:, None], n2, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """A solution of the contact under a fluid pressure, and of the flow through its gap.
+    """Solutions of contact and flow in one round of the iteration.
 
-    applied : fluid pressure of the contact (n1, n2) [Pa]. resulting : that which the flow gives (n1, n2) [Pa].
-    trapped : liquid in pockets, None where none keeps its volume. closed_rounds : rounds in a row, this one included,
-    in which trapped liquid lies in a surface without flow. highest : highest pressure with trapped liquid so far [Pa].
+    Attributes
+    ----------
+    applied : array, (n1, n2)
+        Fluid pressure under which the contact was solved [Pa].
+    contact : Contact
+        Solution of the contact.
+    flow : FaceFlow or Failed
+        Flow through the gap of the contact.
+    resulting : array, (n1, n2)
+        Fluid pressure of this flow [Pa], with that of trapped liquid.
+    trapped : TrappedLiquid or None
+        Trapped liquid; None if it is not considered.
+    closed_rounds : int
+        Number of successive rounds, up to this one, in which a surface with trapped liquid had no flow.
+    highest : float
+        Highest fluid pressure in all rounds with trapped liquid so far [Pa].
     """
 
     applied: Array
@@ -355,7 +426,7 @@ class _Round:
     highest: float = 0.0
 
     def coupled_contact(self, rounds: int) -> CoupledContact:
-        """Return the contact with its flow, after so many rounds."""
+        """Return the contact with its flow as the result after the given number of rounds."""
         return CoupledContact(
             **vars(self.contact),
             flow=self.flow,
@@ -365,12 +436,19 @@ class _Round:
         )
 
     def change(self, previous: _Round | None, step: float, scale: float) -> float:
-        """Compute the relative change of the permeability since the previous round; inf in the first round.
+        """Compute the relative change of the permeability since the previous round; infinity in the first round.
 
-        Of closed surfaces it is the change of the fluid pressure over the highest pressure. Of surfaces that stay
-        closed over trapped liquid, it is that of the volumes of the liquid alone.
+        If the surface is closed, the change of the fluid pressure is used instead, relative to the highest pressure. If
+        it stays closed with trapped liquid, only the error of the liquid's volume counts.
 
-        step : part of the change of the fluid pressure that was taken. scale : pressure of the fluid's ends [Pa].
+        Parameters
+        ----------
+        previous : _Round or None
+            Previous round; None in the first one.
+        step : float
+            Fraction of the proposed change of fluid pressure that was applied.
+        scale : float
+            Larger one of the pressures at inlet and outlet [Pa].
         """
         if previous is None:
             return np.inf
@@ -394,25 +472,25 @@ class _Round:
 def _next_pressure(
     solved: _Round, previous: _Round | None, left_to_contact: float
 ) -> tuple[Array, float]:
-    """Choose the fluid pressure (n1, n2) [Pa] of the next round, and the part of the change that it takes.
+    """Choose the fluid pressure (n1, n2) [Pa] of the next round, and the fraction of the proposed change applied.
 
-    left_to_contact : nominal pressure that the contact carried [Pa]. Where the fluid would carry all of it, half of the
-    way to there is taken.
+    If the proposed fluid pressure would carry the whole load, the change is limited, so that half of the part
+    `left_to_contact` of the nominal pressure [Pa] remains.
     """
     proposed = _mixed_pressure(solved, previous)
     if solved.trapped is not None:
         proposed = solved.trapped.on(proposed)
-    more = float(proposed.mean()) - float(solved.applied.mean())
-    if more < left_to_contact:
+    increase = float(proposed.mean()) - float(solved.applied.mean())
+    if increase < left_to_contact:
         return proposed, 1.0
-    step = 0.5 * left_to_contact / more
+    step = 0.5 * left_to_contact / increase
     return solved.applied + step * (proposed - solved.applied), step
 
 
 def _mixed_pressure(solved: _Round, previous: _Round | None) -> Array:
-    """Mix the fluid pressures that the last two rounds gave: Anderson's mixing of depth one, over means of rows.
+    """Mix the resulting fluid pressures of the last two rounds, by Anderson mixing of depth one on means over rows.
 
-    Where every round overshoots the other way, as near closing, it takes part of both.
+    This damps oscillations, which occur near closing, where every round overshoots in the opposite direction.
     """
     if previous is None:
         return solved.resulting
@@ -437,55 +515,63 @@ def contact_of_patches(
     deformation: Array | None = None,
     **settings: Any,
 ) -> Contact:
-    """Solve the contact of each measured patch under the same pressure, and join their fields.
+    """Solve the contact of each measured patch under the same pressure, and join the results side by side.
 
-    Where a fluid pressure acts on the patches, the flow through the gap of all of them is solved at last.
+    If a fluid pressure acts on the patches, the flow through the joined gap is solved afterwards.
 
     Parameters
     ----------
-    gap0, half_space, hardness, deformation, settings : arguments of `solve`, for all patches side by side.
-    patches : the surface.
-    solve : solves the contact of one patch.
-    flow : how the flow through all patches is solved.
+    gap0, half_space, hardness, deformation, settings
+        Arguments of `solve`, for all patches side by side.
+    patches : Patches
+        The surface.
+    solve : callable
+        Solver for the contact of one patch.
+    flow : FlowSettings
+        Settings for the flow through all patches.
 
     Raises
     ------
-    InputError : the contact law differs from patch to patch.
-    NotConverged : a contact failed.
+    InputError
+        The contact law is not uniform.
+    NotConverged
+        The contact solver failed.
     """
     if not hardness.is_uniform:
         given = "a law that differs from patch to patch"
         raise InputError("hardness", given, "the same everywhere in several patches")
-    former: Iterable[Array | None]
+    former_deformations: Iterable[Array | None]
     if deformation is None:
-        former = [None] * len(patches.widths)
+        former_deformations = [None] * len(patches.widths)
     else:
-        former = patches.divided(deformation)
-    found = []
-    for gap, left in zip(patches.divided(gap0), former, strict=True):
+        former_deformations = patches.divided(deformation)
+    contacts = []
+    for gap, former in zip(patches.divided(gap0), former_deformations, strict=True):
         body = replace(half_space, shape=gap.shape)
-        # gaps are counted from the highest point of the patch
-        from_highest = np.ascontiguousarray(gap - gap.min())
-        found.append(solve(from_highest, body, hardness=hardness, deformation=left, **settings))
+        # the gap of first touch is 0 at the highest point of each patch
+        patch_gap = np.ascontiguousarray(gap - gap.min())
+        contact = solve(patch_gap, body, hardness=hardness, deformation=former, **settings)
+        contacts.append(contact)
     arrays = ("pressure", "gap", "plastic_deformation", "plastic")
     joined: dict[str, Any] = {
-        name: np.concatenate([getattr(c, name) for c in found], axis=1) for name in arrays
+        name: np.concatenate([getattr(c, name) for c in contacts], axis=1) for name in arrays
     }
     joined |= {
-        "approach": float(np.average([c.approach for c in found], weights=patches.widths)),
-        "residual": max(c.residual for c in found),
-        "iterations": max(c.iterations for c in found),
-        "fft_pairs": sum(c.fft_pairs for c in found),
+        "approach": float(np.average([c.approach for c in contacts], weights=patches.widths)),
+        "residual": max(c.residual for c in contacts),
+        "iterations": max(c.iterations for c in contacts),
+        "fft_pairs": sum(c.fft_pairs for c in contacts),
         "half_space": half_space,
     }
-    coupled = [c for c in found if isinstance(c, CoupledContact)]
+    coupled = [c for c in contacts if isinstance(c, CoupledContact)]
     if not coupled:
         return Contact(**joined)
+    carried = [getattr(c, "carried", 0.0) for c in contacts]
+    joined_flow = attempt(resolved_flow, joined["gap"], half_space.spacing, flow)
     failed = [c.flow for c in coupled if isinstance(c.flow, Failed)]
-    carried = [getattr(c, "carried", 0.0) for c in found]
     return CoupledContact(
         **joined,
-        flow=(*failed, attempt(resolved_flow, joined["gap"], half_space.spacing, flow))[0],
+        flow=failed[0] if failed else joined_flow,
         carried=float(np.average(carried, weights=patches.widths)),
         rounds=max(c.rounds for c in coupled),
     )
