@@ -125,7 +125,7 @@ class FluidPressure:
 
     @property
     def carried(self) -> float:
-        """Mean fluid pressure [Pa] relative to the surroundings for a linear potential, as between separated surfaces."""
+        """Mean fluid pressure relative to the surroundings [Pa] for a linear potential, as between separated faces."""
         return float(self.above_surroundings((np.arange(_POINTS) + 0.5) / _POINTS).mean())
 
     @property
