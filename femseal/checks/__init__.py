@@ -1,9 +1,9 @@
-"""Plausibility checks: what is not plausible in a scene and its leakage, and a quick estimate to compare it with.
+"""Plausibility checks of a scene and its leakage, and a quick estimate with which the leakage is compared.
 
-plausibility     a scene and its solution -> warnings; every study calls `result_warnings`
-quick_estimate   contact and leakage from the spectrum of the surface alone
-flow_limits      flow that the model does not describe: faster than sound, with inertia, gases that are not ideal
-form_effect      leakage of a measured patch with its curvature, without it, and without its longest waves
+plausibility     Warnings about a scene and its solution. Every study calls `result_warnings`.
+quick_estimate   Contact and leakage from the spectrum of the surface alone.
+flow_limits      Warnings about flow outside of the model: choked flow, inertia, gases that are not ideal.
+form_effect      Leakage of a measured patch with its curvature, without it, and without its longest waves.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Flow that the model does not describe: gases faster than sound, inertia, and gases that are not ideal."""
+"""Detect flow that the model does not describe: choked flow of gases, inertia, and gases that are not ideal."""
 
 from __future__ import annotations
 
@@ -13,38 +13,52 @@ from ..fluids import Fluid, IdealGas, leak_basis
 from ..named_fluids import ideal_gas_error, is_nearly_ideal
 from ..scene import Scene
 
-#: Pressure [Pa] above which every gas is noticeably not ideal, and one up to which gases do not condense at 20 °C.
+#: Above the first pressure [Pa] no gas is ideal to good accuracy; up to the second no common gas condenses at 20 °C.
 _IDEAL_UP_TO, _NO_GAS_CONDENSES_UP_TO = 20e5, 2e5
-#: Relative error of the leakage of an ideal gas at lower pressures that is not worth a warning.
+#: Relative error of the leakage of an ideal gas up to which there is no warning at lower pressures.
 _IDEAL_WITHIN = 0.05
-#: Flux of a choked nozzle over √(p ρ) at its inlet, √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4; 0.67 for κ = 1.3 and
-#: 0.73 for 5/3.
+#: Mass flux of a choked nozzle over √(p ρ) at its inlet, √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4. It is 0.67 for
+#: κ = 1.3 and 0.73 for 5/3.
 _CHOKED = 0.685
 
 
 def choked_flux(fluid: Fluid, pressure: float) -> float:
-    """Compute the mass flux that a nozzle lets through at most [kg/(m² s)]; inf of a liquid.
+    """Compute the largest mass flux through a nozzle [kg/(m² s)], which is infinite for a liquid.
 
-    It is √(pρ) at the inlet times a function of the ratio κ of specific heats alone, here that of air.
+    The flux is √(pρ) at the inlet times a function of the ratio κ of specific heats, for which that of air is taken.
 
-    pressure : of the gas at the inlet [Pa].
+    Parameters
+    ----------
+    fluid : Fluid
+        The fluid.
+    pressure : float
+        Pressure at the inlet [Pa].
     """
     basis = leak_basis(fluid, 1.0)
     if basis.pressure is None:
         return np.inf
-    real = getattr(fluid, "density_at", None)
-    density = float(real(pressure)) if real else basis.density * pressure / basis.pressure
+    density_at = getattr(fluid, "density_at", None)
+    if density_at:
+        density = float(density_at(pressure))
+    else:
+        density = basis.density * pressure / basis.pressure
     return _CHOKED * float(np.sqrt(pressure * density))
 
 
 def flow_warnings(scene: Scene, leakage: Array, mean_gap: Array) -> Iterator[str]:
-    """Warn of the step where a gas exceeds the choked flux most, and of that where inertia counts most.
+    """Warn if a gas flow would be choked, or if inertia is not negligible, at the load step where this is worst.
 
-    Inertia counts by the Reynolds number ρuh/η, which is the rate of mass per length over η, times gap over wave. The
-    wave is that of the rms height and slope, 2πSq/h′.
+    Inertia is measured by the reduced Reynolds number (ρuh/η)(h/λ). The first factor is the mass rate per length over
+    η. The wavelength λ is that of a sine wave with the rms height Sq and rms slope h′ of the surface, 2πSq/h′.
 
-    leakage : array (steps,) per length of seal [m²/s]. mean_gap : array (steps,) through which it passes [m]. Both are
-    NaN where unknown.
+    Parameters
+    ----------
+    scene : Scene
+        Surface and fluid.
+    leakage : array, (steps,)
+        Leakage per length of seal [m²/s], NaN where unknown.
+    mean_gap : array, (steps,)
+        Mean gap through which the fluid passes [m], NaN where unknown.
     """
     fluid, surface = scene.fluid, scene.surface
     pressure = max(scene.inlet_pressure, scene.outlet_pressure)
@@ -72,18 +86,25 @@ def flow_warnings(scene: Scene, leakage: Array, mean_gap: Array) -> Iterator[str
 
 
 def _viscosity(fluid: Any, pressure: float) -> float:
-    """Viscosity of a fluid at a pressure [Pa·s]; NaN where it has none."""
+    """Return the viscosity of a fluid at a pressure [Pa·s], or NaN if the fluid does not define one."""
     if hasattr(fluid, "viscosity_at"):
         return float(fluid.viscosity_at(pressure))
     return float(getattr(fluid, "viscosity", np.nan))
 
 
 def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
-    """Warn of an ideal gas at pressures at which the real one is not ideal.
+    """Warn if an ideal gas is used at pressures at which the real gas is not ideal.
 
-    Gases of the table are looked at from 20 bar on, all others from 2 bar on, as many of them condense.
+    Nearly ideal gases are checked above 20 bar, all others above 2 bar, because many of them condense.
 
-    key : of the fluid in a case. inlet, outlet : pressures [Pa].
+    Parameters
+    ----------
+    key : str
+        Key of the fluid in a case, for the message.
+    fluid : Fluid
+        The fluid.
+    inlet, outlet : float
+        Fluid pressures [Pa].
     """
     if not isinstance(fluid, IdealGas):
         return

@@ -1,4 +1,4 @@
-"""Plausibility of a scene and of its solution: numbers that are likely to be a mistake or outside the model."""
+"""Check the plausibility of a scene and its solution: numbers that are probably wrong or outside of the model."""
 
 from __future__ import annotations
 
@@ -12,24 +12,27 @@ from ..scene import Scene
 from .flow_limits import flow_warnings, gas_warnings
 from .quick_estimate import QuickEstimate
 
-#: Fraction of the hardness from which on the nominal pressure flattens most of the surface, where the hardness is no
-#: constant.
+#: Nominal pressures above this fraction of the hardness flatten most of the surface.
 _FLATTENING_FRACTION = 0.5
-#: Largest rms slope for which a surface is near to a half-space.
+#: Largest rms slope for which the half-space approximation is acceptable.
 _STEEP = 1.0
 
 
 def result_warnings(
     scene: Scene, leakage: Array, mean_gap: Array, estimate: QuickEstimate | None
 ) -> tuple[str, ...]:
-    """Check a scene and its solution, and return a sentence for everything that is not plausible.
+    """Check a scene and its solution, and return a warning for everything that is not plausible.
 
     Parameters
     ----------
-    scene : what was solved.
-    leakage : array (steps,) of the leakage per length of seal [m²/s], NaN where it is unknown.
-    mean_gap : array (steps,) of the mean gap that the fluid passes [m], NaN where it is unknown.
-    estimate : by the spectrum of the surface, see `estimate_scene`; None where the spectrum does not tell.
+    scene : Scene
+        The scene that was solved.
+    leakage : array, (steps,)
+        Leakage per length of seal [m²/s], NaN where it is unknown.
+    mean_gap : array, (steps,)
+        Mean gap through which the fluid passes [m], NaN where it is unknown.
+    estimate : QuickEstimate or None
+        Quick estimate from the spectrum of the surface, see `estimate_scene`; None if there is none.
     """
     texts = [*scene_warnings(scene)]
     if estimate is not None:
@@ -39,7 +42,7 @@ def result_warnings(
 
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
-    """Check a scene before it is solved, and return a sentence for everything that is not plausible."""
+    """Check a scene before it is solved, and return a warning for everything that is not plausible."""
     outlet, fluid = scene.outlet_pressure, scene.fluid
     return (
         *_modulus_warnings(scene),
@@ -52,9 +55,14 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
 
 
 def line_contact_warnings(scene: Scene, row_pressure: Array) -> tuple[str, ...]:
-    """Warn where the form of a seal presses so hard that the body below a line contact yields.
+    """Warn if the form of a seal leads to a line contact whose pressure makes the bulk of the body yield.
 
-    row_pressure : array (steps, rows) of the mean contact pressure of rows [Pa].
+    Parameters
+    ----------
+    scene : Scene
+        The scene that was solved.
+    row_pressure : array, (steps, rows)
+        Mean contact pressure of each row of pixels [Pa].
     """
     highest = float(row_pressure.max())
     limit = LINE_CONTACT_YIELD * scene.law.mean_hardness
@@ -68,6 +76,7 @@ def line_contact_warnings(scene: Scene, row_pressure: Array) -> tuple[str, ...]:
 
 
 def _modulus_warnings(scene: Scene) -> Iterator[str]:
+    """Warn if the contact modulus is not that of a metal."""
     low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
     if not low <= scene.modulus <= high:
         usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
@@ -78,7 +87,7 @@ def _modulus_warnings(scene: Scene) -> Iterator[str]:
 
 
 def _separation_warnings(scene: Scene) -> Iterator[str]:
-    """Warn of steps at which the fluid between separated surfaces carries all of the load."""
+    """Warn of load steps at which the fluid between separated surfaces carries the whole load."""
     steps, fluid = scene.steps, scene.acting_fluid
     separated = [steps[s] for s, _ in scene.separated_steps if steps[s].pressure > 0]
     if fluid is None or not separated:
@@ -93,6 +102,7 @@ def _separation_warnings(scene: Scene) -> Iterator[str]:
 
 
 def _vacuum_warnings(scene: Scene) -> Iterator[str]:
+    """Warn if a gas leaks into a vacuum, because air is more likely."""
     if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
         yield (
             "The outlet is a vacuum (0 Pa absolute). For leakage into air set fluid.outlet_pressure = '1 atm'; a case "
@@ -101,6 +111,7 @@ def _vacuum_warnings(scene: Scene) -> Iterator[str]:
 
 
 def _load_warnings(scene: Scene) -> Iterator[str]:
+    """Warn if the highest nominal pressure is so close to the hardness that most of the surface yields."""
     highest = max(step.pressure for step in scene.steps)
     hardness = scene.law.mean_hardness
     if isfinite(hardness) and highest > _FLATTENING_FRACTION * hardness:
@@ -112,6 +123,7 @@ def _load_warnings(scene: Scene) -> Iterator[str]:
 
 
 def _slope_warnings(scene: Scene) -> Iterator[str]:
+    """Warn if the surface is too steep for the half-space approximation."""
     slope = scene.surface.rms_slope
     if slope > _STEEP:
         yield (

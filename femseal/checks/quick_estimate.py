@@ -1,7 +1,7 @@
-"""Quick estimate of contact and leakage from the spectrum of a surface alone, by Persson's theory: nothing is solved.
+"""Estimate contact and leakage from the spectrum of a surface by Persson's theory, without a numerical solution.
 
-It forecasts a case, and a computed leakage that is far from it is not plausible. The leakage is that of two parallel
-plates as far apart as the critical junction, see `analytic.critical_junction`.
+The estimate is a forecast for a case, and a plausibility check of a computed leakage. The leakage is that of two
+parallel plates whose distance is the gap of the critical junction, see `analytic.critical_junction`.
 """
 
 from __future__ import annotations
@@ -17,31 +17,39 @@ from ..base import Array
 from ..scene import Scene
 from ..topography import Surface, Topography
 
-#: Groups of waves into which a spectrum is put together, and the part of the mean square slope that is rounding.
-_GROUPS, _ROUNDING = 64, 1e-12
-#: Contact fraction up to which the estimate has a known error, and factors within which half and 95 % of the estimates
-#: are there, measured on 100 scenes of `tests/benchmarks/quick_estimate.py`. Above it single constrictions decide.
-LIGHT_CONTACT, ERROR_FACTORS = 0.3, (2.2, 10.0)
-#: Times the factor at 95 % by which a leakage may differ from the estimate before it is not plausible.
+#: Number of bands into which a spectrum is divided.
+_BANDS = 64
+#: Bands with less than this fraction of the mean square slope contain rounding errors only.
+_ROUNDING = 1e-12
+#: The error of the estimate is known up to this contact fraction. At a higher one, single constrictions dominate.
+LIGHT_CONTACT = 0.3
+#: Half and 95 % of the estimates are right within these factors, measured on 100 scenes of
+#: `tests/benchmarks/quick_estimate.py`.
+ERROR_FACTORS = (2.2, 10.0)
+#: A leakage is not plausible if it differs from the estimate by more than this many times the factor for 95 %.
 _IMPLAUSIBLE = 10.0
-#: Part of the variance of the heights in a smooth profile along one axis from which on that profile decides where the
-#: surface touches. Self-affine surfaces without roll-off have up to 0.64, of 120 that were made. With a crown that has
-#: 0.6 of the variance, the estimate is wrong by factors of 3 to 12; with 0.76, of 7 to more than 300.
+#: Largest fraction of the variance of the heights that a smooth profile along one axis may have. Beyond it, the profile
+#: decides where the surfaces touch. In 120 self-affine surfaces without roll-off the fraction was at most 0.64. With a
+#: crown of fraction 0.6, the estimate is wrong by factors of 3 to 12; with 0.76, by 7 to more than 300.
 _FORM_DECIDES = 0.7
-#: Degree of the polynomial that is the profile.
+#: Degree of the polynomial that is fitted to a profile.
 _FORM_DEGREE = 4
 
 
 @dataclass(frozen=True, eq=False)
 class QuickEstimate:
-    """Contact and leakage at the loads of a surface, from its spectrum; arrays (loads,), NaN where unknown.
+    """Estimated contact and leakage of a surface at several loads. All values are NaN where unknown.
 
     Attributes
     ----------
-    area : contact fraction.
-    gap : narrowest gap along the widest path of the flow [m], 0 of a sealed surface.
-    mean_gap : [m].
-    leakage : of the seal per length [m²/s].
+    area : array, (loads,)
+        Contact fraction.
+    gap : array, (loads,)
+        Gap of the critical junction [m], 0 if the surface is sealed.
+    mean_gap : array, (loads,)
+        Mean gap [m].
+    leakage : array, (loads,)
+        Leakage per length of seal [m²/s].
     """
 
     area: Array
@@ -55,11 +63,16 @@ class QuickEstimate:
         return self.gap**3 / 12
 
     def leakage_warnings(self, leakage: Array, names: Sequence[str]) -> list[str]:
-        """Compare a computed leakage with the estimate, and warn of the load at which they differ most.
+        """Warn if a computed leakage differs too much from the estimate, at the load where the difference is largest.
 
-        Near closing, where few constrictions decide, nothing is compared.
+        Loads near closing, where few constrictions dominate, are not compared.
 
-        leakage : array (loads,) per length of seal [m²/s]. names : of the loads.
+        Parameters
+        ----------
+        leakage : array, (loads,)
+            Computed leakage per length of seal [m²/s].
+        names : sequence of str
+            Names of the load steps.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.abs(leakage / self.leakage)
@@ -89,7 +102,7 @@ class QuickEstimate:
 
 
 def first_to_last(values: Array) -> str:
-    """Write the first and the last known value as text, "" without any.
+    """Return the first and the last known value as text, or "" if no value is known.
 
     >>> first_to_last(np.array([nan, 0.123, 4.0]))
     '0.12 to 4'
@@ -102,48 +115,64 @@ def first_to_last(values: Array) -> str:
 def estimate_surface(
     surface: Surface, modulus: float, hardness: float, pressures: Sequence[float] | Array
 ) -> QuickEstimate:
-    """Estimate contact fraction and gaps of a surface without undefined points; its leakage is NaN.
+    """Estimate contact fraction and gaps of a surface. The leakage of the result is NaN.
 
-    Grooves along the seal close at less contact than isotropic roughness, and those along the leakage at more: by the
-    rms slopes s along x1 and x2 at 2s₂/(s₁ + s₂) times as much. Of several patches it is the mean.
+    Grooves along the seal close at a smaller contact fraction than isotropic roughness, and grooves in the direction of
+    the leakage at a larger one. The contact fraction of closing is multiplied by 2s₂/(s₁ + s₂) with the rms slopes s₁
+    and s₂ along x1 and x2. Several patches are averaged.
 
     Parameters
     ----------
-    surface : heights of the combined surfaces.
-    modulus : contact modulus E* [Pa].
-    hardness : H [Pa], inf for an elastic surface.
-    pressures : nominal pressures that the contact carries [Pa].
+    surface : Topography or Patches
+        Heights of the combined surfaces, without undefined points.
+    modulus : float
+        Contact modulus E* [Pa].
+    hardness : float
+        Hardness H [Pa], infinite for an elastic surface.
+    pressures : sequence of float or array, (loads,)
+        Nominal pressures that the contact carries [Pa].
     """
     patches = surface.patches
     junctions = np.full((len(patches), len(pressures), 3), nan)  # (patch, load, quantity)
     for n, patch in enumerate(patches):
-        waves, powers = _spectrum(patch)
-        if not waves.size:
+        wave_numbers, mean_squares = _spectrum_in_bands(patch)
+        if not wave_numbers.size:
             continue
         slopes = patch.rms_slopes
         closing = CLOSING_AREA * 2 * slopes[1] / sum(slopes)
         for load, pressure in enumerate(pressures):
             if pressure > 0:
                 junctions[n, load] = critical_junction(
-                    pressure, modulus, waves, powers, hardness=hardness, closing=closing
+                    pressure,
+                    modulus,
+                    wave_numbers,
+                    mean_squares,
+                    hardness=hardness,
+                    closing=closing,
                 )
     widths = [patch.shape[1] for patch in patches]
     area, _, mean_gap = np.average(junctions, axis=0, weights=widths).T
+    # permeabilities add up, which are proportional to the third power of the gap
     gap = np.cbrt(np.average(junctions[..., 1] ** 3, axis=0, weights=widths))
     return QuickEstimate(area, gap, mean_gap, np.full(len(pressures), nan))
 
 
 def estimate_scene(scene: Scene, unit_leakage: float | None = None) -> QuickEstimate | None:
-    """Estimate contact and leakage at the load steps of a scene, all of whose surface is pressed evenly.
+    """Estimate contact and leakage at the load steps of a scene, for a uniform nominal pressure.
 
     Parameters
     ----------
-    scene : surface, loads and fluid. Steps of an unloading are unknown.
-    unit_leakage : leakage per length of the seal if its permeability were 1 m³ everywhere [1/(m s)]; that of the
-        surface itself unless given.
+    scene : Scene
+        Surface, loads and fluid. Results at unloading steps are NaN.
+    unit_leakage : float, optional
+        Leakage per seal length and permeability of the seal [1/(m s)], by default that of a seal as broad as the
+        surface.
 
-    Returns None where the spectrum does not tell: of spirals, of surfaces whose form decides where they touch, and
-    where contact is unknown at all loads.
+    Returns
+    -------
+    QuickEstimate or None
+        None if no estimate is possible: for a spiral, for a surface whose form decides where it touches, and if the
+        contact is unknown at all loads.
     """
     if scene.flow.spiral is not None or any(map(_has_form, scene.surface.patches)):
         return None
@@ -160,7 +189,7 @@ def estimate_scene(scene: Scene, unit_leakage: float | None = None) -> QuickEsti
 
 
 def _has_form(patch: Topography) -> bool:
-    """Tell whether a smooth profile along one axis has most of the variance of the heights, as of a crowned seat."""
+    """Return True if a smooth profile along one axis, such as a crown, has most of the variance of the heights."""
     heights = patch.heights - patch.heights.mean()
     variance = heights.var()
     for axis in (0, 1):
@@ -174,11 +203,20 @@ def _has_form(patch: Topography) -> bool:
     return False
 
 
-def _spectrum(patch: Topography) -> tuple[Array, Array]:
-    """Group the waves of a patch: wavenumbers [rad/m] and mean square heights [m²], with the rms slope of the patch."""
+def _spectrum_in_bands(patch: Topography) -> tuple[Array, Array]:
+    """Divide the radial spectrum of a patch into logarithmic bands.
+
+    Returns a representative wave number [rad/m] and the mean square height [m²] of each band. The mean square heights
+    are scaled so that the bands have the rms slope of the patch.
+    """
     q, density = patch.radial_psd()
-    first = np.unique(np.geomspace(1, q.size, _GROUPS).astype(int)) - 1
-    power, slope2 = (np.add.reduceat(density * q**n, first) for n in (1, 3))
-    counts = slope2 > _ROUNDING * slope2.sum()
-    power, slope2 = power[counts], slope2[counts]
-    return np.sqrt(slope2 / power), power * patch.rms_slope**2 / slope2.sum()
+    starts = np.unique(np.geomspace(1, q.size, _BANDS).astype(int)) - 1
+    # moments of the isotropic spectrum up to a constant factor: ∫ C q dq is the mean square height, ∫ C q³ dq that of
+    # the slope
+    height_moment = np.add.reduceat(density * q**1, starts)
+    slope_moment = np.add.reduceat(density * q**3, starts)
+    is_significant = slope_moment > _ROUNDING * slope_moment.sum()
+    height_moment, slope_moment = height_moment[is_significant], slope_moment[is_significant]
+    wave_number = np.sqrt(slope_moment / height_moment)
+    mean_square_height = height_moment * patch.rms_slope**2 / slope_moment.sum()
+    return wave_number, mean_square_height

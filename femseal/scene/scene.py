@@ -1,4 +1,4 @@
-"""The input of all studies: a rough face under load, and the fluid that it seals."""
+"""Input of all studies: a rough surface under load, and the fluid that it seals."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -40,24 +40,37 @@ class Scene:
 
     Parameters
     ----------
-    surface : heights of the combined surfaces; high points touch first. A list of maps is `topography.Patches`, several
-        measured patches of the surface: each is in contact by itself, and the fluid flows through all of them.
-    modulus : contact modulus E* [Pa].
-    hardness : H [Pa] of perfect plasticity, inf for an elastic surface; or a contact law, such as `LinearHardening`.
-    fluid : the fluid that leaks.
-    inlet_pressure, outlet_pressure : of the fluid at both ends of x1 [Pa]; the highest inlet pressure where the layout
-        gives each inlet its own.
-    boundary : contact boundary of the whole surface along x1 and x2, see `HalfSpace`.
-    loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
-    rtol : residual of each contact, see `contact.solve_contact`.
-    layout : shape of stochastic seals, see `seal.layouts`; the surface itself is a strip.
-    solver : of all flow, in cells and over the seal; see `flow.cell_permeability`.
-    fluid_pressure : "acts": the fluid pressure acts on the surfaces, see `scene.fluid_coupling`; "trapped": besides,
-        liquid in closed pockets keeps its volume, see `scene.trapped_liquid`; "ignored": the surfaces are in contact as
-        without a fluid.
-    nominal : what carries the nominal pressures where the fluid pressure acts: "total", contact and fluid together; or
-        "contact", the contact alone.
-    surroundings : pressure around the seal [Pa]; unless given, 1 atm for a gas and 0 for a liquid.
+    surface : Topography, Patches, or list of Topography
+        Heights of the combined surfaces; high points touch first. A list of maps is converted to `Patches`. The contact
+        of each patch is solved separately, and the flow through all of them together.
+    modulus : float
+        Contact modulus E* [Pa].
+    hardness : float, array or ContactLaw
+        Hardness H of perfect plasticity [Pa], infinite for an elastic surface, or a contact law such as
+        `LinearHardening`.
+    fluid : Fluid
+        The fluid that leaks.
+    inlet_pressure, outlet_pressure : float
+        Fluid pressures at inlet and outlet [Pa].
+    loading, unload_from, unloading : tuple of float
+        Nominal pressures of the load cycle [Pa], see `LoadProgramme.of`.
+    boundary : tuple of two str
+        Contact boundary of the whole surface along x1 and x2, see `HalfSpace`.
+    rtol : float
+        Relative residual at which the contact solver stops, see `contact.solve_contact`.
+    layout : Layout
+        Shape of stochastic seals, see `seal.layouts`. The surface itself is always a strip.
+    solver : str
+        Flow solver for cells and seals, see `flow.cell_permeability`.
+    fluid_pressure : "acts", "trapped" or "ignored"
+        With "acts" the fluid pressure acts on the surfaces (see `scene.fluid_coupling`). With "trapped", liquid in
+        closed pockets also keeps its volume (see `scene.trapped_liquid`). With "ignored", contact is that of dry
+        surfaces.
+    nominal : "total" or "contact"
+        Whether contact and fluid together carry the nominal pressure, or the contact alone. It matters only if the
+        fluid pressure acts.
+    surroundings : float or None
+        Pressure around the seal [Pa], by default 1 atm for a gas and 0 for a liquid.
 
     Examples
     --------
@@ -86,7 +99,7 @@ class Scene:
     surroundings: float | None = None
 
     def __post_init__(self) -> None:
-        """Check that parts of the scene go together, see the class."""
+        """Check that the parameters are valid and consistent."""
         if not isinstance(self.surface, Topography | Patches):
             object.__setattr__(self, "surface", Patches(self.surface))
         for name, choices in (("fluid_pressure", FLUID_EFFECTS), ("nominal", NOMINALS)):
@@ -135,27 +148,28 @@ class Scene:
 
     @property
     def is_dry(self) -> bool:
-        """Whether the surfaces are in contact as without a fluid."""
+        """True if the fluid pressure does not act on the surfaces."""
         return self.fluid_pressure == "ignored"
 
     @property
     def traps_liquid(self) -> bool:
-        """Whether liquid in closed pockets keeps its volume."""
+        """True if liquid in closed pockets keeps its volume."""
         return self.fluid_pressure == "trapped"
 
     def dry(self, **changes: Any) -> Self:
-        """Return the scene without the effect of the fluid on the contact, and with other changes."""
+        """Return a copy of the scene in which the fluid pressure does not act on the surfaces, with further changes."""
         return replace(self, fluid_pressure="ignored", **changes)
 
     @property
     def acting_fluid(self) -> FluidPressure | None:
-        """Fluid whose pressure acts on the surfaces; None where it does not, or not enough to change the leakage."""
-        # the viscosity of a liquid does not change how its pressure falls: contacts are those of all viscosities
-        own = self.fluid
-        if isinstance(own, Liquid) and own.pressure_viscosity == 0:
-            own = Liquid(1.0, bulk_modulus=own.bulk_modulus)
+        """Fluid pressure that acts on the surfaces; None if it does not act or is too small to change the leakage."""
+        # The pressure distribution in a liquid does not depend on a constant viscosity. With a viscosity of 1, stored
+        # contact states can be used for liquids of all viscosities.
+        acting = self.fluid
+        if isinstance(acting, Liquid) and acting.pressure_viscosity == 0:
+            acting = Liquid(1.0, bulk_modulus=acting.bulk_modulus)
         fluid = FluidPressure(
-            own,
+            acting,
             self.inlet_pressure,
             self.outlet_pressure,
             self.nominal,
@@ -168,33 +182,36 @@ class Scene:
 
     @property
     def fluid_effect(self) -> str:
-        """What the fluid pressure does to the contact, as text."""
+        """Sentence that describes the effect of the fluid pressure on the contact."""
         if self.is_dry:
             return "its pressure on the surfaces is ignored"
-        if (fluid := self.acting_fluid) is None:
+        fluid = self.acting_fluid
+        if fluid is None:
             return "it carries less than 0.01 % of every load: that changes leakage by less than 0.5 %, and is left out"
         carried = to_text(abs(fluid.carried), "Pa", 3)
         if fluid.carried < 0:
             return f"it pulls the surfaces together with a mean pressure of {carried}"
-        given = "with the contact" if self.nominal == "total" else "besides the contact's"
-        least = min((p for p in self.steps.pressures if p > 0), default=np.inf)
-        most = f", up to {fluid.carried / least:.2g} of the load"
-        stays = "; liquid in closed pockets keeps its volume" if fluid.trapped else ""
-        return f"it pushes the surfaces apart, and carries about {carried} {given}{most}{stays}"
+        in_addition = "with the contact" if self.nominal == "total" else "besides the contact's"
+        smallest_load = min((p for p in self.steps.pressures if p > 0), default=np.inf)
+        largest_fraction = f", up to {fluid.carried / smallest_load:.2g} of the load"
+        trapped = "; liquid in closed pockets keeps its volume" if fluid.trapped else ""
+        return f"it pushes the surfaces apart, and carries about {carried} {in_addition}{largest_fraction}{trapped}"
 
     @property
     def separated_steps(self) -> tuple[tuple[int, str], ...]:
-        """Numbers of the steps at which the fluid between separated surfaces carries the whole load, and what it means.
+        """Load steps at which the fluid between separated surfaces would carry the whole load.
 
-        Cells at tabulated pressures are open there. The contact of a whole surface may hold the fluid back, see
-        `scene.fluid_coupling`.
+        Each is given by its number and an explanation. Cells at tabulated pressures are open there. The whole surface
+        may still be closed, because its contact can keep the fluid out, see `scene.fluid_coupling`.
         """
-        if (fluid := self.acting_fluid) is None:
+        fluid = self.acting_fluid
+        if fluid is None:
             return ()
+        explanation = fluid.separation_text(fluid.carried)
         return tuple(
-            (s, fluid.separation_text(fluid.carried))
-            for s, p in enumerate(self.steps.pressures)
-            if fluid.separates(p)
+            (number, explanation)
+            for number, pressure in enumerate(self.steps.pressures)
+            if fluid.separates(pressure)
         )
 
     def contact_states(
@@ -205,16 +222,20 @@ class Scene:
         memory: float | None = None,
         mapper: Mapper,
     ) -> Iterator[Any]:
-        """Solve the contact of the whole surface at every step, with the fluid pressure where it acts.
+        """Solve the contact of the whole surface at each load step, and yield a result for each of them.
 
-        See `contact.load_states`.
+        The fluid pressure is included if it acts on the surfaces. See `contact.load_states`.
 
         Parameters
         ----------
-        take : makes the result of a step from its `LoadState`.
-        steps : load programme; that of the scene unless given.
-        memory : that a step takes [byte]; estimated unless given.
-        mapper : computes a stage for many items.
+        take : callable
+            Function that computes the result of a step from its `LoadState`.
+        steps : LoadProgramme, optional
+            Load programme, by default that of the scene.
+        memory : float, optional
+            Memory that a step needs [byte], estimated by default.
+        mapper : Mapper
+            Execution of the items, serial or in parallel.
         """
         gap0 = self.surface.heights.max() - self.surface.heights
         fluid = self.acting_fluid
@@ -236,38 +257,43 @@ class Scene:
 
     @property
     def flow(self) -> FlowSettings:
-        """How the flow through surfaces and their cells is solved."""
+        """Settings for the flow through the surface and its cells."""
         drop = PressureDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
         return FlowSettings(self.solver, drop, getattr(self.layout, "spiral", None))
 
     def check_spiral(self) -> None:
-        """Raise InputError if the lead of a spiral does not suit the surface, whose flow cannot follow its grooves."""
-        if (spiral := self.flow.spiral) is not None:
+        """Raise InputError if the grid of the surface cannot represent the lead of a spiral."""
+        spiral = self.flow.spiral
+        if spiral is not None:
             spiral.seam(self.surface.shape, self.surface.spacing)
 
     def entry_pressures(self, gaps: Iterable[Floats]) -> Array | None:
-        """Compute the capillary entry pressure of the critical constriction of the gap at every step [Pa].
+        """Compute the capillary entry pressure of the critical constriction at each load step.
 
-        Below this pressure the liquid does not enter; it is inf where the gap is closed. None for fluids that wet the
-        surfaces.
+        A liquid that does not wet the surfaces leaks only above this pressure.
 
-        gaps : of every step, arrays (n1, n2) [m].
+        Parameters
+        ----------
+        gaps : iterable of arrays, (n1, n2)
+            Gap at each load step [m].
+
+        Returns
+        -------
+        array, (steps,), or None
+            Entry pressure [Pa], infinite if the gap is closed. None for a fluid that wets the surfaces.
         """
         if np.isnan(capillary_entry_pressure(self.fluid, 1.0)):
             return None
-        found = (
-            critical_constriction(np.maximum(gap, 0.0), self.surface.spacing, sides="periodic")
-            for gap in gaps
-        )
-        return np.array(
-            [capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found]
-        )
+        entry_pressures = []
+        for gap in gaps:
+            open_gap = np.maximum(gap, 0.0)
+            junction = critical_constriction(open_gap, self.surface.spacing, sides="periodic")
+            narrowest_gap = 0.0 if junction is None else junction.gap
+            entry_pressures.append(capillary_entry_pressure(self.fluid, narrowest_gap))
+        return np.array(entry_pressures)
 
     def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5) -> Leakage:
-        """Solve the leakage of a seal between the fluid pressures of the scene, see `seal_leakage`.
-
-        Raises NotConverged: the linear solver failed.
-        """
+        """Compute the leakage of a seal between the fluid pressures of the scene, see `seal_leakage`."""
         return seal_leakage(
             seal,
             permeability,
@@ -280,17 +306,17 @@ class Scene:
 
     @property
     def unit_leakage(self) -> float:
-        """Leakage per length of a surface whose permeability is 1 m³ [1/(m s)]."""
+        """Leakage per seal length and permeability, for a seal as broad as the surface [1/(m s)]."""
         return FluidState.of(self).drop / self.surface.size[0]
 
     def pressure_at(self, potential: Floats) -> Array:
-        """Compute the fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
+        """Convert a potential, scaled to 0 at the outlet and 1 at the inlet, to the fluid pressure [Pa]."""
         return pressure_between(self.fluid, self.inlet_pressure, self.outlet_pressure, potential)
 
 
 @dataclass(frozen=True)
 class FluidState:
-    """A fluid with its pressures at the inlet and at the outlet [Pa], absolute for a gas."""
+    """A fluid with its pressures at inlet and outlet [Pa], which are absolute for a gas."""
 
     fluid: Fluid
     inlet_pressure: float
@@ -298,11 +324,11 @@ class FluidState:
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
-        """Take the fluid of a scene."""
+        """Return the fluid of a scene and its pressures."""
         return cls(scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
 
     def in_scene(self, scene: Scene) -> Scene:
-        """Return a scene with this fluid instead of its own."""
+        """Return a copy of a scene with this fluid and these pressures."""
         return replace(
             scene,
             fluid=self.fluid,
@@ -312,17 +338,20 @@ class FluidState:
 
     @property
     def pressure_drop(self) -> float:
-        """Size of the difference of both pressures [Pa]."""
+        """Absolute value of the difference between inlet and outlet pressure [Pa]."""
         return abs(self.inlet_pressure - self.outlet_pressure)
 
     @property
     def law(self) -> FlowLaw:
-        """Permeability of a gap for the fluid."""
+        """Flow law that gives the permeability of a gap for this fluid."""
         return law_of(self.fluid)
 
     @property
     def drop(self) -> float:
-        """Drop of the potential over the reference density: volume rate for a conductance of 1 m³ [1/s]."""
+        """Drop of the potential over the reference density [1/s].
+
+        Multiplied by the conductance of a seal [m³] it is the volume rate.
+        """
         inlet, outlet = (
             float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure)
         )
