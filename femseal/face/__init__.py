@@ -1,1 +1,1 @@
-"""A face under its loads, cut into cells: the permeability of each, along any path of the pressure."""
+"""Surface in its contact states, cut into cells, and the permeability of each cell for any load path."""

@@ -21,21 +21,23 @@ from ..flow.spiral import spiral_flow
 from ..topography.patches import divided
 
 Result = TypeVar("Result")
-#: Relative error at which the iteration ends of flows that depend on the pressure. The slip factor of a gas is known to
-#: 0.9 %.
+#: Relative tolerance of the iteration for a permeability that depends on the fluid pressure. For comparison, the slip
+#: factor of a gas is known to 0.9 %.
 PRESSURE_RTOL = 1e-4
-#: Points of the largest surface whose flow is solved as a whole. With its contact it takes 9 GB.
+#: Largest number of points of a surface whose flow is solved as a whole. Together with its contact it takes 9 GB.
 LARGEST_FLOW = 2**26
 
 
 @dataclass(frozen=True)
 class Failed:
-    """The outcome of a solution that failed, in the place of its result. The other solutions of the ensemble go on.
+    """Placeholder for the result of a solver that failed, so that the other solutions of an ensemble can continue.
 
-    Parameters
+    Attributes
     ----------
-    reason : message of the error.
-    permeability, per_length : NaN, where other results have theirs.
+    reason : str
+        Message of the error.
+    permeability, per_length : float
+        NaN in place of the values of a result.
     """
 
     reason: str
@@ -57,10 +59,14 @@ class SolveCounts:
 
     Parameters
     ----------
-    systems : name of each solver, and how many systems it solved.
-    worst_imbalance : largest relative difference of inlet and outlet flow of all systems.
-    solved : number of cells with an open path, whose flow a linear solver solved.
-    closed : number of cells without an open path, whose flow is 0.
+    systems : tuple of (str, int)
+        Name of each solver, and the number of systems that it solved.
+    worst_imbalance : float
+        Largest relative difference between inlet and outlet flow in all systems.
+    solved : int
+        Number of cells with an open path, whose flow was computed by a linear solver.
+    closed : int
+        Number of cells without an open path, whose flow is 0.
 
     >>> SolveCounts((("elimination", 2),), 1e-15) + SolveCounts((("amg", 1), ("elimination", 1)), 1e-9, solved=2)
     SolveCounts(systems=(('amg', 1), ('elimination', 3)), worst_imbalance=1e-09, solved=2, closed=0)
@@ -93,15 +99,21 @@ class SolveCounts:
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """How the flow through a surface and its cells is solved, see `cell_permeability`, and of which fluid.
+    """Settings for the flow through a surface and its cells.
 
     Parameters
     ----------
-    solver : of the linear systems.
-    drop : fluid, and its pressures at both ends.
-    spiral : how the grooves of a whole surface wind, see `femseal.flow.spiral`; None of rings.
+    solver : str
+        Linear solver, see `cell_permeability`.
+    drop : PressureDrop
+        Fluid with its pressures at inlet and outlet.
+    spiral : Spiral or None
+        Spiral grooves of the whole surface, see `femseal.flow.spiral`; None if its grooves are closed rings.
 
-    Raises InputError: an unknown solver.
+    Raises
+    ------
+    InputError
+        The solver is unknown.
     """
 
     solver: str = "auto"
@@ -118,12 +130,14 @@ _PLAIN = FlowSettings()
 
 @dataclass(frozen=True, eq=False)
 class CellPermeabilities:
-    """Permeability of a cell.
+    """Permeability of a cell along one axis.
 
-    Parameters
+    Attributes
     ----------
-    k : at every pressure of the fluid, array (pressures,), m³.
-    counts : the one flow, counted as solved or closed.
+    k : array, (pressures,)
+        Permeability at each fluid pressure [m³].
+    counts : SolveCounts
+        Number of systems. The cell counts once as solved or closed, also with several fluid pressures.
     """
 
     k: Array
@@ -137,19 +151,29 @@ def cell_permeabilities(
     settings: FlowSettings = _PLAIN,
     core: tuple[int, int] | None = None,
 ) -> CellPermeabilities:
-    """Solve the permeability along an axis of a cell with closed sides, at every pressure of the fluid.
+    """Compute the permeability along one axis of a cell with closed sides, at each fluid pressure.
 
     Parameters
     ----------
-    gap : array (n1, n2), m.
-    spacing : of the points, m.
-    axis : direction of the flow, 0 or 1.
-    settings : how the flow is solved.
-    core : part of the cell across the flow whose permeability is wanted, see `cell_flow`; None for all of it.
+    gap : array, (n1, n2)
+        Gap [m].
+    spacing : tuple of two float
+        Point spacing [m].
+    axis : int
+        Direction of the flow, 0 or 1.
+    settings : FlowSettings
+        Fluid and solver.
+    core : tuple of two int, optional
+        Range of points across the flow whose permeability is computed, see `cell_flow`; by default the whole cell.
 
-    Raises NotConverged: the linear solver failed.
+    Raises
+    ------
+    NotConverged
+        The linear solver failed.
     """
-    drop, k, solvers = settings.drop, np.zeros(settings.drop.pressures.size), []
+    drop = settings.drop
+    k = np.zeros(drop.pressures.size)
+    solvers = []
     for n, p in enumerate(drop.pressures):
         equivalent = drop.law.equivalent_gap(gap, p)
         cell = cell_flow(
@@ -169,11 +193,14 @@ def cell_permeabilities(
 class FaceFlow:
     """Flow along x1 through a whole surface.
 
-    Parameters
+    Attributes
     ----------
-    permeability : for the drop of the viscous potential, m³.
-    solvers : numbers of systems by solver.
-    potential : between 1 at the inlet and 0 at the outlet, array (n1, n2); NaN in contact and in pockets.
+    permeability : float
+        Permeability with respect to the drop of the potential of viscous flow [m³].
+    solvers : SolveCounts
+        Numbers of systems by solver.
+    potential : array, (n1, n2)
+        Potential, scaled to 1 at the inlet and 0 at the outlet; NaN in contact and in pockets.
     """
 
     permeability: float
@@ -187,19 +214,26 @@ def resolved_flow(
     settings: FlowSettings = _PLAIN,
     sides: str = "periodic",
 ) -> FaceFlow:
-    """Solve the flow along x1 through the gap of a whole surface.
+    """Compute the flow along x1 through the gap of a whole surface.
 
-    A surface of more than `LARGEST_FLOW` points is solved in parts along x2, each continued periodically by itself.
-    Where the settings have a spiral, its grooves carry fluid past closed lands.
+    A surface of more than `LARGEST_FLOW` points is divided along x2 into parts, each of which is treated as periodic.
+    If the settings contain a spiral, fluid also flows along its grooves past lands that are closed.
 
     Parameters
     ----------
-    gap : array (n1, n2), m.
-    spacing : of the points, m.
-    settings : how the flow is solved.
-    sides : "periodic" where the surface continues along x2, "mirror" where nothing flows across its sides.
+    gap : array, (n1, n2)
+        Gap [m].
+    spacing : tuple of two float
+        Point spacing [m].
+    settings : FlowSettings
+        Fluid, solver and spiral.
+    sides : "periodic" or "mirror"
+        "periodic" if the surface is periodic along x2, "mirror" if there is no flow across its sides.
 
-    Raises NotConverged: see `cell_permeability` and `PressureDrop.solve_face`.
+    Raises
+    ------
+    NotConverged
+        See `cell_permeability` and `PressureDrop.solve_face`.
     """
     if gap.size > LARGEST_FLOW:
         parts = np.array_split(gap, -(-gap.size // LARGEST_FLOW), axis=1)
@@ -228,26 +262,37 @@ def resolved_flow(
 
 
 def flow_sides(boundary: str) -> str:
-    """Return the kind of sides of a flow along which the surface has a boundary: "mirror" (closed) unless periodic."""
+    """Return the sides of the flow at a contact boundary: "periodic" if it is periodic, otherwise "mirror"."""
     return "periodic" if boundary == "periodic" else "mirror"
 
 
 def permeability_along_x2(
     gap: Floats, widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, sides: str
 ) -> float:
-    """Solve the flow along x2 through a whole surface; of several measured patches through each by itself.
+    """Compute the permeability of a whole surface along x2, separately for each measured patch.
 
     Parameters
     ----------
-    gap : (n1, n2) [m].
-    widths : points of each measured patch along x2.
-    spacing : of the points [m].
-    settings : how the flow is solved.
-    sides : of the surface along x1, see `resolved_flow`.
+    gap : array, (n1, n2)
+        Gap [m].
+    widths : tuple of int
+        Number of points of each measured patch along x2.
+    spacing : tuple of two float
+        Point spacing [m].
+    settings : FlowSettings
+        Fluid and solver.
+    sides : "periodic" or "mirror"
+        Sides of the flow, which are the ends of x1, see `resolved_flow`.
 
-    Returns the permeability [m³], the mean over the patches weighted with their widths.
+    Returns
+    -------
+    float
+        Mean permeability of the patches, weighted by their widths [m³].
 
-    Raises NotConverged: see `resolved_flow`.
+    Raises
+    ------
+    NotConverged
+        See `resolved_flow`.
     """
     patches = divided(gap, widths)
     values = [
@@ -263,14 +308,18 @@ def drop_fractions(
     potential: Floats,
     settings: FlowSettings,
 ) -> Array:
-    """Return the fraction of the dissipation at each pixel (n1, n2); NaN where nothing flows.
+    """Compute the fraction of the total dissipation in each pixel (n1, n2); NaN if there is no flow.
 
     Parameters
     ----------
-    gap : array (n1, n2), m.
-    spacing : of the points, m.
-    potential : see `FaceFlow`.
-    settings : how the flow was solved.
+    gap : array, (n1, n2)
+        Gap [m].
+    spacing : tuple of two float
+        Point spacing [m].
+    potential : array, (n1, n2)
+        Potential of the flow, see `FaceFlow`.
+    settings : FlowSettings
+        Settings with which the flow was computed.
     """
     drop = settings.drop
     pressure: Array | float = 0.0
@@ -279,7 +328,7 @@ def drop_fractions(
         pressure = pressure_between(drop.fluid, drop.inlet, drop.outlet, known)
         pressure = np.maximum(pressure, drop.least_pressure)
     equivalent = drop.law.equivalent_gap(gap, pressure)
-    # grooves that wind leave the last column for another row of the first one
+    # with a spiral, the grooves of the last column continue in other rows of the first one, so there is no seam
     dissipation = pixel_dissipation(equivalent, spacing, potential, seam=settings.spiral is None)
     total = dissipation.sum()
     return dissipation / total if total > 0 else np.full(dissipation.shape, np.nan)

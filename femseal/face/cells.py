@@ -1,8 +1,8 @@
-"""Cut a surface into cells: rectangles of its contact, each with two permeabilities between closed sides.
+"""Cut a surface in contact into rectangular cells, and compute the permeability of each cell along both axes.
 
-A cell lies in the contact of the whole surface, whose long waves hold its valleys open; pressed by itself, a cell of a
-few waves would flatten them. Closed sides cut off detours, so that the cells in their own order leak less than the
-surface. A correction factor for each axis in every state makes up for that.
+The contact is solved for the whole surface, because its long waves keep the valleys of a cell open; a single cell under
+load would be flattened. The flow through a cell is solved with closed sides, which exclude detours, so that the cells
+in order leak less than the surface. A correction factor for each axis and state compensates for this.
 """
 
 from __future__ import annotations
@@ -20,45 +20,50 @@ from ..loads import LoadProgramme
 from ..topography import Surface
 from .cell_flow import Failed, FlowSettings, SolveCounts, attempt, cell_permeabilities
 
-#: Cells along the shorter side of a surface where they are put together at random, and where they stay in order. There,
-#: two cells keep the channels that cross from row to row. Measured in docs/evidence/drawn_seals.md.
+#: Default number of cells along the shorter side of a surface, for cells at random and for rows of cells in order. In
+#: order, two larger cells preserve the channels that cross from row to row, see docs/evidence/drawn_seals.md.
 CELLS, CELLS_IN_ORDER = 4, 2
-#: Fewest points of a cell along a side.
+#: Smallest number of points along a side of a cell.
 FEWEST_POINTS = 8
-#: Overlap of a cell with each neighbour beside the flow, as a fraction of the cell. Channels that leave the cell and
-#: come back are kept; only the flux in the cell itself counts, see `flow.core_flux`.
+#: Overlap of a cell with each neighbour across the flow, as a fraction of the cell. Channels that leave the cell and
+#: return are then open, but only the flux inside the cell itself counts, see `flow.core_flux`.
 OVERLAP = 0.125
-#: Largest correction factor, and largest ratio of the leakage of a seal to that of the surface where cells stay in
-#: order. Beyond these limits both would be those of single constrictions.
+#: Largest correction factor, and largest ratio of the leakage of a seal with rows in order to that of the surface.
+#: Larger values would be due to single constrictions.
 MOST_FACTOR, MOST_RATIO = 3.0, 2.0
 
 
 def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
-    """Return the usual numbers of about square cells along x1 and x2: four on the shorter side of a patch.
+    """Return the default numbers of nearly square cells along x1 and x2.
 
-    in_order : whether cells stay in order, because the seal is as broad as the surface; then two.
+    There are four cells along the shorter side of a patch, or two if `in_order`, which means that the seal is as broad
+    as the surface and rows of cells keep their order.
     """
-    widths = surface.widths
-    (d1, d2), n1 = surface.spacing, surface.shape[0]
-    side = min(n1 * d1, min(widths) * d2) / (CELLS_IN_ORDER if in_order else CELLS)
+    d1, d2 = surface.spacing
+    n1 = surface.shape[0]
+    shorter_side = min(n1 * d1, min(surface.widths) * d2)
+    side = shorter_side / (CELLS_IN_ORDER if in_order else CELLS)
     m1 = max(1, min(round(n1 * d1 / side), n1 // FEWEST_POINTS))
-    return m1, sum(
-        max(1, min(round(width * d2 / side), width // FEWEST_POINTS)) for width in widths
-    )
+    m2 = 0
+    for width in surface.widths:
+        m2 += max(1, min(round(width * d2 / side), width // FEWEST_POINTS))
+    return m1, m2
 
 
-#: How a surface continues along x1 and x2, as of a `HalfSpace`.
+#: Boundary of a surface along x1 and x2, as of a `HalfSpace`.
 Boundary = tuple[str, str]
 
 
 @dataclass(frozen=True, eq=False)
 class WidenedCell:
-    """A cell with parts of its neighbours on both sides of the flow.
+    """A cell with overlaps into its neighbours on both sides of the flow.
 
-    Parameters
+    Attributes
     ----------
-    field : values at its points, array (n1, n2).
-    core : first number of the points across the flow that belong to the cell itself, and the number after the last one.
+    field : array, (n1, n2)
+        Values at the points of the cell and its overlaps.
+    core : tuple of two int
+        Range of points across the flow that belong to the cell itself; the end is exclusive.
     """
 
     field: NDArray[Any]
@@ -67,13 +72,16 @@ class WidenedCell:
 
 @dataclass(frozen=True)
 class Cut:
-    """The lines between points at which a surface is cut into cells.
+    """Division of a surface into a grid of cells.
 
-    Parameters
+    Attributes
     ----------
-    rows, columns : number of the first point of each cell along x1 and x2, and the number of all points.
-    place : number of the measured patch of every column of cells, from 0.
-    spacing : of the points, m.
+    rows, columns : tuple of int
+        Index of the first point of each cell along x1 and x2, and at the end the number of points.
+    place : tuple of int
+        Number of the measured patch to which each column of cells belongs, from 0.
+    spacing : tuple of two float
+        Point spacing [m].
     """
 
     rows: tuple[int, ...]
@@ -83,27 +91,29 @@ class Cut:
 
     @classmethod
     def of(cls, surface: Surface, cells: Shape) -> Cut:
-        """Cut a surface into cells along x1 and x2; several patches are cut separately.
+        """Cut a surface into the given numbers of cells along x1 and x2. No cell extends over two measured patches.
 
-        Raises InputError: cells of fewer than 8 points a side; fewer columns than patches.
+        Raises InputError if a cell would have fewer than 8 points along a side, or if there are more patches than
+        columns of cells.
         """
-        widths, (m1, m2) = surface.widths, validate.grid("cells", cells)
+        widths = surface.widths
+        m1, m2 = validate.grid("cells", cells)
         if m2 < len(widths):
             raise InputError("cells", cells, f"along x2 from {len(widths)}, one for each patch")
-        of_patch = _shares(widths, min(m2, sum(widths)))
-        sides = [(surface.shape[0], m1), *zip(widths, of_patch, strict=True)]
-        if any(n // m < FEWEST_POINTS for n, m in sides if m > 1):
+        columns_of_patches = _shares(widths, min(m2, sum(widths)))
+        # (number of points, number of cells) of each division
+        divisions = [(surface.shape[0], m1), *zip(widths, columns_of_patches, strict=True)]
+        if any(n // m < FEWEST_POINTS for n, m in divisions if m > 1):
             given = "{} × {} of {} × {} points".format(m1, m2, *surface.shape)
             raise InputError(
                 "cells", given, f"cells of at least {FEWEST_POINTS} × {FEWEST_POINTS} points"
             )
         columns, place = [0], []
-        for number, (width, count) in enumerate(zip(widths, of_patch, strict=True)):
+        for number, (width, count) in enumerate(zip(widths, columns_of_patches, strict=True)):
             columns += _lines(columns[-1], width, count)[1:]
             place += [number] * count
-        return cls(
-            tuple(_lines(0, surface.shape[0], m1)), tuple(columns), tuple(place), surface.spacing
-        )
+        rows = _lines(0, surface.shape[0], m1)
+        return cls(tuple(rows), tuple(columns), tuple(place), surface.spacing)
 
     @property
     def shape(self) -> Shape:
@@ -112,38 +122,51 @@ class Cut:
 
     @property
     def size(self) -> Pair:
-        """Mean sides of the cells [m]."""
+        """Mean side lengths of the cells along x1 and x2 [m]."""
         (m1, m2), (d1, d2) = self.shape, self.spacing
         return self.rows[-1] * d1 / m1, self.columns[-1] * d2 / m2
 
     @property
     def centres(self) -> tuple[Array, Array]:
         """Coordinates x1 and x2 of the centres of the cells [m]."""
-        rows, columns = (
-            np.array(of) * d for of, d in zip((self.rows, self.columns), self.spacing, strict=True)
-        )
-        return (rows[:-1] + rows[1:]) / 2, (columns[:-1] + columns[1:]) / 2
+        x1 = np.array(self.rows) * self.spacing[0]
+        x2 = np.array(self.columns) * self.spacing[1]
+        return (x1[:-1] + x1[1:]) / 2, (x2[:-1] + x2[1:]) / 2
 
     @property
     def patch_columns(self) -> list[slice]:
-        """Columns of cells of every measured patch."""
+        """Range of columns of cells for each measured patch."""
         numbers = np.array(self.place)
         ends = [*np.flatnonzero(np.diff(numbers)) + 1, len(numbers)]
         return [slice(int(a), int(b)) for a, b in pairwise([0, *ends])]
 
     def split(self, fields: NDArray[Any]) -> list[NDArray[Any]]:
-        """Cut fields (…, n1, n2) into cells, row by row."""
+        """Cut fields (…, n1, n2) into a list of cells, row by row."""
         return [
-            fields[..., a:b, c:d] for a, b in pairwise(self.rows) for c, d in pairwise(self.columns)
+            fields[..., top:bottom, left:right]
+            for top, bottom in pairwise(self.rows)
+            for left, right in pairwise(self.columns)
         ]
 
     def widened(
         self, field: NDArray[Any], axis: int, boundary: Boundary = ("free", "periodic")
     ) -> list[WidenedCell]:
-        """Cut a field (n1, n2) into cells that overlap with their neighbours beside the flow along an axis, row by row.
+        """Cut a field into cells that overlap with their neighbours across the flow.
 
-        boundary : how the surface continues along x1, and each measured patch along x2: "periodic", as its "mirror"
-            image, or not at all ("free"), so that the overlap ends there.
+        Parameters
+        ----------
+        field : array, (n1, n2)
+            Values at the points of the surface.
+        axis : int
+            Direction of the flow, 0 or 1.
+        boundary : tuple of two str
+            Continuation of the surface along x1, and of each measured patch along x2: "periodic", "mirror" for its
+            mirror image, or "free" if the overlap ends at the border.
+
+        Returns
+        -------
+        list of WidenedCell
+            Cells, row by row.
         """
         cells = []
         for rows in pairwise(self.rows):
@@ -158,7 +181,7 @@ class Cut:
         return cells
 
     def _place(self, column: int) -> tuple[int, int]:
-        """Return the first point, and the one after the last, of the measured patch of a column of cells."""
+        """Return the range of points along x2 of the measured patch to which a column of cells belongs."""
         first = self.place.index(self.place[column])
         return self.columns[first], self.columns[first + self.place.count(self.place[column])]
 
@@ -172,7 +195,7 @@ class Cut:
 
 
 def _shares(widths: Sequence[int], columns: int) -> list[int]:
-    """Distribute columns over patches in proportion to their widths; those left over go to the largest remainders."""
+    """Distribute columns over patches in proportion to their widths, by the method of the largest remainders."""
     wanted = np.array(widths) * (columns / sum(widths))
     shares = np.maximum(wanted.astype(int), 1)
     while shares.sum() != columns:
@@ -186,49 +209,66 @@ def _shares(widths: Sequence[int], columns: int) -> list[int]:
 def _overlapping(
     cell: tuple[int, int], patch: tuple[int, int], boundary: str
 ) -> tuple[Indices, tuple[int, int]]:
-    """Find the points across the flow of a cell with its overlaps, and which of them are its core.
+    """Find the points across the flow of a cell with its overlaps, and the range of them that is its core.
 
     Parameters
     ----------
-    cell, patch : first point, and the one after the last, of the cell and of the measured patch that it belongs to.
-    boundary : how the patch continues, see `Cut.widened`.
+    cell, patch : tuple of two int
+        Range of points of the cell, and of the measured patch to which it belongs; the ends are exclusive.
+    boundary : str
+        Continuation of the patch, see `Cut.widened`.
     """
     first, end = patch
-    overlap = round(OVERLAP * (cell[1] - cell[0]))
-    points = np.arange(cell[0] - overlap, cell[1] + overlap) - first
     size = end - first
+    overlap = round(OVERLAP * (cell[1] - cell[0]))
+    points = np.arange(cell[0] - overlap, cell[1] + overlap) - first  # relative to the patch
+    overlap_before = overlap
     if boundary == "periodic":
         inside = points % size
     elif boundary == "mirror":
+        # two sizes are a period of the surface with its mirror image
         image = points % (2 * size)
         inside = np.minimum(image, 2 * size - 1 - image)
     else:
         inside = points[(points >= 0) & (points < size)]
-    before = int((points[:overlap] >= 0).sum()) if boundary == "free" else overlap
-    return inside + first, (before, before + cell[1] - cell[0])
+        overlap_before = int((points[:overlap] >= 0).sum())
+    return inside + first, (overlap_before, overlap_before + cell[1] - cell[0])
 
 
 def _lines(first: int, points: int, count: int) -> list[int]:
-    """Return the numbers of points at which so many points are cut into equal parts, to a point."""
+    """Divide a range of points into `count` parts of equal size, up to rounding, and return their `count` + 1 ends."""
     return [first + round(n * points / count) for n in range(count + 1)]
 
 
 @dataclass(frozen=True, eq=False)
 class CellState:
-    """The cells of a surface in one state.
+    """Cells of a surface in one contact state.
 
-    Parameters
+    Attributes
     ----------
-    k : permeability at each pressure of the fluid, along x1 and x2, array (pressures, 2, m1, m2), m³.
-    pressure, mean_gap, contact_fraction, plastic_fraction : means over the cells, arrays (m1, m2), Pa, m, 1, 1.
-    drop_fraction : fraction of the dissipation in each cell, array (m1, m2); NaN where nothing flows.
-    rows : mean pressure of the rows of points, array (n1,), Pa.
-    counts : numbers of flows through cells that were solved, or known without solving.
-    failures : reasons of NaN.
-    face, patches : permeability of the whole surface, and of its patches, m³.
-    surface_k2 : permeability of the whole surface along x2, m³, mean over its patches; NaN if it was not solved.
-    failed : why the flow through the whole surface is unknown; "" if it is known.
-    carriers : number of blocks that effectively carry the flow through the whole surface, see `participation_number`.
+    k : array, (pressures, 2, m1, m2)
+        Permeability of each cell along x1 and x2 at each fluid pressure [m³], NaN if a solver failed.
+    pressure, mean_gap, contact_fraction, plastic_fraction : arrays, (m1, m2)
+        Contact pressure [Pa], gap [m], contact fraction and fraction of points at the hardness, averaged over each
+        cell.
+    drop_fraction : array, (m1, m2)
+        Fraction of the dissipation in each cell; NaN if there is no flow.
+    rows : array, (n1,)
+        Mean contact pressure of each row of points [Pa].
+    counts : SolveCounts
+        Numbers of cells whose flow was solved, or is 0 because they are closed.
+    failures : tuple of str
+        Reasons for values of NaN.
+    face : float
+        Permeability of the whole surface along x1 [m³].
+    surface_k2 : float
+        Permeability of the whole surface along x2, the mean over its patches [m³]; NaN if it was not computed.
+    patches : array, (patches,), or None
+        Permeability of each patch along x1 [m³].
+    failed : str
+        Reason why the flow through the whole surface is unknown, "" if it is known.
+    carriers : float
+        Number of blocks that effectively carry the flow through the whole surface, see `participation_number`.
     """
 
     k: Array
@@ -257,30 +297,38 @@ class CellState:
         fractions: Floats | float = np.nan,
         boundary: Boundary = ("free", "periodic"),
     ) -> CellState:
-        """Cut gap and contact pressure of a surface into cells, and solve the flow through each.
+        """Cut gap and contact pressure of a surface into cells, and compute the flow through each cell.
 
         Parameters
         ----------
-        gap, pressure : arrays (n1, n2), m and Pa.
-        cut : of the surface into cells.
-        flow : how the flow is solved.
-        plastic : whether a point is at the hardness, array (n1, n2); its mean is NaN without it.
-        fractions : of the pressure drop at every point, array (n1, n2); its sum is NaN without it.
-        boundary : how the surface continues, see `Cut.widened`.
+        gap, pressure : arrays, (n1, n2)
+            Gap [m] and contact pressure [Pa] of the surface.
+        cut : Cut
+            Division of the surface into cells.
+        flow : FlowSettings
+            Fluid and solver.
+        plastic : array of bool, (n1, n2), optional
+            Whether each point is at the hardness. By default the plastic fraction of the cells is NaN.
+        fractions : array, (n1, n2), optional
+            Fraction of the dissipation at each point. By default the fraction of each cell is NaN.
+        boundary : tuple of two str
+            Continuation of the surface, see `Cut.widened`.
         """
         k = np.full((flow.drop.pressures.size, 2, *cut.shape), np.nan)
         counts, failures = [], []
         for axis in (0, 1):
             cells = cut.widened(gap, axis, boundary)
-            for place, cell in zip(np.ndindex(*cut.shape), cells, strict=True):
+            for index, cell in zip(np.ndindex(*cut.shape), cells, strict=True):
                 if not np.isfinite(cell.field).all():
                     continue
-                wide = np.array(cell.field, float)
-                solution = attempt(cell_permeabilities, wide, cut.spacing, axis, flow, cell.core)
+                cell_gap = np.array(cell.field, float)
+                solution = attempt(
+                    cell_permeabilities, cell_gap, cut.spacing, axis, flow, cell.core
+                )
                 if isinstance(solution, Failed):
-                    failures.append(f"cell {place}, x{axis + 1}: {solution.reason}")
+                    failures.append(f"cell {index}, x{axis + 1}: {solution.reason}")
                     continue
-                k[:, axis, *place] = solution.k
+                k[:, axis, *index] = solution.k
                 counts.append(solution.counts)
         return cls(
             k=k,
@@ -296,20 +344,25 @@ class CellState:
 
 
 def factors(face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FACTOR) -> Array:
-    """Compute the correction factor of one axis in every state, by which the cells leak what the surface leaks.
+    """Compute the correction factor of each state with which the cells in order leak what the surface leaks along an axis.
 
-    Where the surface or its cells are sealed, or unknown, the factor is that of the nearest state of the same branch
-    that has one; it is 1 without any. It is limited to `most` times larger or smaller than 1: near closing it is that
-    of single constrictions, which no other seal repeats.
+    If the surface or its cells are sealed or unknown in a state, the factor of the nearest state in the same branch of
+    the load cycle is taken, or 1 if no state has a factor. The factor is limited, because near closing it is that of
+    single constrictions, which other seals do not have.
 
     Parameters
     ----------
-    face, own : leakage or permeability of the surface along the axis, and of its cells in their own order, arrays
-        (steps,).
-    steps : the load programme.
-    most : limit of the factor.
+    face, own : arrays, (steps,)
+        Leakage or permeability along the axis of the surface, and of its cells in order.
+    steps : LoadProgramme
+        Load programme.
+    most : float
+        Largest factor; the smallest one is 1/`most`.
 
-    Returns an array (steps,).
+    Returns
+    -------
+    array, (steps,)
+        Correction factors.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(face / own)
@@ -318,6 +371,7 @@ def factors(face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FA
         known = np.flatnonzero(np.isfinite(logs[branch]))
         if known.size:
             position = np.arange(len(branch))
-            nearest = known[np.abs(position[:, None] - known).argmin(axis=1)]
+            distance = np.abs(position[:, None] - known)  # (state, state with a factor)
+            nearest = known[distance.argmin(axis=1)]
             log_factor[branch] = logs[branch[nearest]]
     return np.exp(np.clip(log_factor, -np.log(most), np.log(most)))

@@ -1,9 +1,9 @@
 """Interpolate the permeability of a cell at any pressure of any load cycle between tabulated pressures.
 
-ln k is interpolated monotonically (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238) in the cube root of
-the pressure, in which it is nearly straight from first touch to closing. Unloading curves are interpolated between the
-tabulated peaks, at equal fractions of the pressure at which the cell opens again, so that every unloading curve starts
-on the loading curve. Below the lowest peak it tends to the loading curve, as without yielding.
+ln k is interpolated monotonically (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238) over the cube root of
+the pressure, because it is a nearly linear function of it from first touch to closing. Unloading curves are
+interpolated between tabulated peaks at equal fractions of the reopening pressure, so that each unloading curve begins
+on the loading curve. Below the lowest peak they tend to the loading curve, as without plastic deformation.
 """
 
 from __future__ import annotations
@@ -18,22 +18,23 @@ from ..loads import LoadProgramme
 
 
 class LogCurve:
-    """ln k as a function of a rising x.
+    """Interpolated ln k as a function of an increasing x.
 
-    Where k falls to 0 the curve ends, halfway between the open and the closed state.
+    The curve ends at `end`, in the middle between the last open and the first closed point.
     """
 
     def __init__(self, x: Array, k: Array) -> None:
-        """Take values k at rising x; the curve ends where k is 0 for the first time."""
+        """Interpolate values k (n,) at increasing x (n,) up to the first point at which k is 0."""
         n_open = int(np.argmin(np.append(k > 0, False)))
+        # mean of the last open and the first closed point; infinite if there is no such point
         self.end = float(np.r_[-np.inf, x, np.inf][n_open : n_open + 2].mean())
         self._x, self._log_k = x[:n_open], np.log(k[:n_open])
         self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
 
     def __call__(self, x: Array) -> Array:
-        """Evaluate ln k at x; it is −inf where the cell is closed.
+        """Evaluate ln k at x, which is −inf if the cell is closed.
 
-        Below the first point the curve is constant. Beyond the last open point it keeps its last slope until it ends.
+        Below the first point the curve is constant. Beyond the last open point it is continued linearly up to its end.
         """
         x = np.asarray(x, float)
         if not self._x.size:
@@ -51,20 +52,22 @@ class CellCurves:
 
     Parameters
     ----------
-    steps : tabulated pressures, whose unloadings stop at equal fractions of their peaks.
-    k : at every tabulated pressure, array (steps,), m³. Where it is NaN, the curves are interpolated from the states
-        beside it. Without any state on loading, or on unloading where there should be some, k is NaN there.
+    steps : LoadProgramme
+        Tabulated pressures. All unloadings have steps at the same fractions of their peaks.
+    k : array, (steps,)
+        Permeability at each tabulated pressure [m³]. States with NaN are omitted from the curves. Without any known
+        state on loading or on unloading, the permeability there is NaN.
     """
 
     def __init__(self, steps: LoadProgramme, k: Array) -> None:
-        """Sort the tabulated states into curves."""
+        """Divide the tabulated states into a loading curve and one unloading curve for each peak."""
         known = np.isfinite(k)
         on_loading = steps.on_loading & known
         self._pressure, self._k = steps.pressures[on_loading], k[on_loading]
         peaks = []
         self._unloading = []
         for branch in steps.branches[1:]:
-            down = branch[known[branch]][::-1]
+            down = branch[known[branch]][::-1]  # from low to high pressure
             peak = steps[branch[0]].unloaded_from
             if down.size and on_loading.any():
                 fractions = np.append(steps.pressures[down] / peak, 1.0)
@@ -86,10 +89,25 @@ class CellCurves:
         return np.exp(self.loading(np.cbrt(pressure)))
 
     def unloaded(self, pressure: Array, peak: Array) -> Array:
-        """Evaluate k on unloading from any peaks to any pressures below them, both above 0 [m³]."""
+        """Evaluate k on unloading from any peaks to lower pressures, both > 0 [Pa].
+
+        The result is interpolated between the tabulated peaks below and above each peak. It lies between the value at
+        the peak and the loading curve.
+
+        Parameters
+        ----------
+        pressure, peak : arrays, (n,)
+            Pressures on unloading, and the peaks from which the cell is unloaded [Pa].
+
+        Returns
+        -------
+        array, (n,)
+            Permeability [m³].
+        """
         if not self._peaks.size:
             return np.full(np.shape(pressure), np.nan) if self._unloads else self.loaded(pressure)
         fraction = np.clip(pressure / peak, 0.0, 1.0)
+        # knot 0 is the loading curve, knot m the m-th tabulated peak; interpolate between `upper` − 1 and `upper`
         knots = np.r_[0.0, self._peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
         # a peak below the closing pressure leaves the cell open; above it the reopening fraction falls from 1
@@ -102,38 +120,45 @@ class CellCurves:
         )
         x = np.cbrt(knots)
         weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
-        inside = np.clip(relative, 0, 1)
-        value, top, released = (
-            _between(weight, self._at(upper - 1, at, peak), self._at(upper, at, peak))
-            for at in (inside, np.ones_like(inside), np.zeros_like(inside))
-        )
+        inside = np.clip(relative, 0, 1)  # pressure over the reopening pressure
+
+        def interpolate(relative_pressure: Array) -> Array:
+            below = self._at(upper - 1, relative_pressure, peak)
+            above = self._at(upper, relative_pressure, peak)
+            return _between(weight, below, above)
+
+        value = interpolate(inside)
+        top = interpolate(np.ones_like(inside))  # at the reopening pressure
+        released = interpolate(np.zeros_like(inside))  # without pressure
         ceiling = self.loading(np.cbrt(pressure))
         floor = self.loading(np.cbrt(peak))
-        # From a peak at which the cell is open, k starts at its value on loading. The mean of two tabulated peaks
-        # misses this value, less so the more the cell has been released; below all peaks it misses by the same
-        # everywhere.
+        # If the cell is open at its peak, the unloading curve must begin at k on loading. The interpolated curve misses
+        # this value by `missed`. The correction decreases to 0 as the cell is released; between the loading curve and
+        # the lowest peak it is constant.
         is_open = np.isfinite(floor) & np.isfinite(top)
         missed = floor[is_open] - top[is_open]
-        mean = value[is_open] - top[is_open]
-        whole = np.maximum(released[is_open] - top[is_open], missed)
-        left = 1 - np.divide(
-            mean, whole, out=np.zeros_like(mean), where=(whole > 0) & (upper[is_open] > 1)
-        )
-        value[is_open] += missed * left
+        rise = value[is_open] - top[is_open]
+        total_rise = np.maximum(released[is_open] - top[is_open], missed)
+        has_rise = (total_rise > 0) & (upper[is_open] > 1)
+        released_part = np.divide(rise, total_rise, out=np.zeros_like(rise), where=has_rise)
+        value[is_open] += missed * (1 - released_part)
         value = np.clip(value, np.minimum(floor, ceiling), ceiling)
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
 
     def _at(self, knot: Indices, inside: Array, peak: Array) -> Array:
-        """Evaluate ln k of the tabulated peak `knot`, at fractions of its reopening pressure; knot 0 is loading."""
-        out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), max(self.loading.end, 0.0)))
-        for m, curve in enumerate(self._unloading):
-            chosen = knot == m + 1
-            if chosen.any():
-                out[chosen] = curve(inside[chosen] * _reopening(curve))
-        return out
+        """Evaluate ln k (n,) on the curve of each knot (n,), at fractions `inside` (n,) of its reopening pressure.
+
+        Knot 0 is the loading curve, for which the smaller one of the peak and the closing pressure is taken.
+        """
+        log_k = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), max(self.loading.end, 0.0)))
+        for number, curve in enumerate(self._unloading, start=1):
+            is_on_curve = knot == number
+            if is_on_curve.any():
+                log_k[is_on_curve] = curve(inside[is_on_curve] * _reopening(curve))
+        return log_k
 
     def along(self, paths: Array, steps: LoadProgramme) -> Array:
-        """Evaluate k (steps, paths) [m³] along paths of the pressure of a cell (steps, paths) [Pa]."""
+        """Evaluate k (steps, paths) [m³] for load paths, which are pressures of the cell at each step [Pa]."""
         peak = local_peaks(paths, steps)
         # at its own peak a cell is on the loading curve, even where the seal is being unloaded
         down = paths < peak
@@ -143,15 +168,12 @@ class CellCurves:
 
 
 def _reopening(unloading: LogCurve) -> float:
-    """Return the fraction of the peak below which a cell is open on unloading; 0 if it never is."""
+    """Return the reopening pressure of a cell on unloading as a fraction of the peak; 0 if it stays closed."""
     return min(max(unloading.end, 0.0), 1.0)
 
 
 def _between(weight: Array, a: Array, b: Array) -> Array:
-    """Interpolate ln k: (1 − weight) a + weight b.
-
-    A curve that is never open, −inf, takes the shape of the other one.
-    """
+    """Interpolate ln k linearly, (1 − weight) a + weight b. If one value is −inf (closed), return the other one."""
     closed_a = np.isneginf(a)
     closed_b = np.isneginf(b)
     weight = np.where(closed_a, 1.0, np.where(closed_b, 0.0, weight))
@@ -160,13 +182,14 @@ def _between(weight: Array, a: Array, b: Array) -> Array:
 
 
 def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
-    """Return the highest pressure that a cell has had up to each step on its way there (steps, paths) [Pa].
+    """Return the highest pressure that a cell has had at or before each step (steps, paths) [Pa].
 
-    The way to an unloading step is the loading up to its peak and the unloading from there. Where the pressure of a
-    cell falls while that of the seal rises, or the other way round, its own peak is not at the peak of the seal.
+    The history of an unloading step is the loading up to its peak and the unloading from there. A cell can have its
+    highest pressure at another step than the seal, if its pressure decreases while that of the seal increases.
     """
     highest = paths.copy()
     for branch in steps.branches:
-        way = np.union1d(branch, steps.peak_indices[branch])
-        highest[way] = np.maximum.accumulate(highest[way], axis=0)
+        # for unloading, begin with the step at the peak
+        history = np.union1d(branch, steps.peak_indices[branch])
+        highest[history] = np.maximum.accumulate(highest[history], axis=0)
     return highest

@@ -1,8 +1,9 @@
-"""How much of a surface carries its flow in one contact state. The less of it does, the less one patch tells of others.
+"""Measure how the flow through a surface is concentrated in one contact state.
 
-Near closing, the flow passes a few constrictions. How many there are is a property of the state itself, whatever other
-loads are solved. It is described by the participation number N = (Σd)²/Σd² of the dissipation d over blocks of one
-short wave (Bell & Dean, Discuss. Faraday Soc. 50, 1970, 55, for the number of sites that a state occupies).
+Near closing, the flow passes through a few constrictions, so that one measured patch says little about others. The
+number of blocks that carry the flow is measured by the participation number N = (Σd)²/Σd² of the dissipation d in
+blocks of one short wave. Source: Bell & Dean, Discuss. Faraday Soc. 50, 1970, 55, for the number of sites that a
+vibrational state occupies.
 """
 
 from __future__ import annotations
@@ -20,12 +21,16 @@ _FLAT_BLOCK = 8
 
 
 def participation_number(dissipation: Floats, blocks: Shape) -> float:
-    """Count the blocks that effectively carry the flow: (Σd)²/Σd² of the dissipation d of the blocks.
+    """Compute the participation number, the effective number of blocks that carry the flow.
 
-    It is the number of all blocks in a uniform flow, and 1 where all is dissipated in one of them; NaN without flow.
+    It is the number of all blocks for a uniform flow, 1 if all energy is dissipated in one block, and NaN without flow.
 
-    dissipation : of every pixel (n1, n2), up to a factor, NaN where nothing flows. blocks : numbers of blocks along x1
-    and x2, see `blocks_of_one_wave`.
+    Parameters
+    ----------
+    dissipation : array, (n1, n2)
+        Dissipation in each pixel, up to a constant factor; NaN where nothing flows.
+    blocks : tuple of two int
+        Numbers of blocks along x1 and x2, see `blocks_of_one_wave`.
 
     >>> participation_number(np.ones((8, 16)), (2, 4))
     8.0
@@ -38,10 +43,9 @@ def participation_number(dissipation: Floats, blocks: Shape) -> float:
 
 
 def blocks_of_one_wave(surface: Surface) -> Shape:
-    """Numbers of blocks along x1 and x2 into which a surface is cut, each about one of its short waves long and broad.
+    """Return the numbers of blocks along x1 and x2 for which a block is about as large as one short wave.
 
-    That wave is the shortest of those that hold 95 % of the mean square slope. It is a property of the surface and not
-    of its pixels.
+    The short wave is a property of the surface and does not depend on the pixel size, see `short_wave`.
     """
     wave = short_wave(surface)
     m1, m2 = (max(1, round(length / wave)) for length in surface.size)
@@ -50,12 +54,15 @@ def blocks_of_one_wave(surface: Surface) -> Shape:
 
 
 def short_wave(surface: Surface) -> float:
-    """Find the shortest of the waves that hold 95 % of the mean square slope [m]; the median of several patches."""
+    """Return the wavelength [m] for which longer waves contain 95 % of the mean square slope.
+
+    With several patches, it is the median over the patches.
+    """
     return float(np.median([_short_wave(patch) for patch in surface.patches]))
 
 
 def _short_wave(patch: Topography) -> float:
-    """Find the short wave of a single map [m]."""
+    """Return the short wave of a single map [m], see `short_wave`."""
     q1, q2 = wavenumber_grids(patch.shape, patch.spacing, patch.periodic)
     squared = q1**2 + q2**2
     heights = patch.heights - patch.heights.mean()
@@ -63,6 +70,7 @@ def _short_wave(patch: Topography) -> float:
     total = float(slope.sum())
     if not total > 0:
         return _FLAT_BLOCK * max(patch.spacing)
+    # accumulate the mean square slope from the longest wave to the shortest
     order = np.argsort(squared, axis=None)
     last = int(np.searchsorted(np.cumsum(slope[order]), _SLOPE_FRACTION * total))
     last = min(last, order.size - 1)

@@ -95,7 +95,7 @@ UNKNOWN = Instrument()
 def _shortest_followed_wave(flat: Topography, axis: int, radius: float) -> float:
     """Return the shortest wave [m] of the profiles along an axis that a tip follows; 0 if it follows all of them.
 
-    radius : of the tip [m].
+    radius : radius of the tip [m].
     """
     q, density = flat.psd(axis)
     # mean square curvature of the waves up to each wave number (waves,)
@@ -109,7 +109,7 @@ def _shortest_followed_wave(flat: Topography, axis: int, radius: float) -> float
 
 @dataclass(frozen=True, eq=False)
 class Repair:
-    """Describe what was repaired in a map.
+    """Describe the repairs made to a map.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def repair(
     topography : Topography
         The repaired map.
     repair : Repair
-        What was repaired.
+        Description of the repairs.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def repair(
 
 
 def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float:
-    """Return the largest fraction of the highest or lowest points that are others if spikes are kept.
+    """Return the largest fraction of the highest or lowest points that would change if spikes were kept.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ class Conditioning(Labelled):
 
     @property
     def kept_slope(self) -> float:
-        """Rms slope of the map, over that with the removed waves (except noise) and with the unseen ones."""
+        """Ratio of the rms slope to that which includes removed waves (except noise) and unseen waves."""
         total = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
         if not total:
             return 1.0
@@ -331,7 +331,7 @@ def condition(
     shape : tuple of two int, optional
         Number of points of the final grid. Default: as measured.
     instrument : Instrument
-        What is known about the instrument.
+        Limits of the instrument, if they are known.
     shortest_wavelength : float, optional
         Former name of `shortest_wave`.
 
@@ -398,7 +398,7 @@ def smooth(
     flat : Topography or Patches
         The repaired map.
     form : Form
-        The form that was subtracted; of several patches that of the first.
+        Form that was subtracted; with several patches, that of the first one.
     parts : sequence of tuples of Topography and Repair
         The results of `repair` for all maps from which the map was made.
     shortest_wave, shape, instrument

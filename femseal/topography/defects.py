@@ -91,7 +91,7 @@ def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True,
 
     The normal equations need only the moments Σ uⁱ vʲ and Σ z uⁱ vʲ, which are two matrix products, so that no design
     matrix of the size of the map is needed. A term that the points do not determine, as in a map of a single row, is 0
-    (solution of least norm).
+    (minimum-norm solution).
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
 
 
 def _stands_alone(group: Flags, flat: NDArray, median: NDArray) -> bool:
-    """Return whether no point next to a group deviates more than half as much as the tip of the group.
+    """Return True if no point next to a group deviates more than half as much as the tip of the group.
 
     group : points of the group in a window. flat, median : heights and their medians in this window [m].
     """

@@ -115,7 +115,7 @@ def _mark_numbers(
 ) -> tuple[NDArray, list[str]]:
     """Replace numbers by NaN; return the heights and a note for each number that was found.
 
-    source : who says that the numbers mark undefined points.
+    source : origin of the statement that the numbers mark undefined points.
     """
     notes = []
     for number in numbers:

@@ -39,9 +39,9 @@ class Patches(Plotted):
 
     The operations act on each patch separately. Any other operation can be applied to the elements of `patches`.
 
-    Patches of different size or resolution are made alike: they are cut about their middle to the width of the
-    narrowest, and resampled to the coarsest pixel size, within half a pixel. Of each length along x2 a whole number of
-    eighths of the shortest length is kept.
+    Patches of different size or resolution are made alike: they are cut symmetrically to the width of the
+    narrowest, and resampled to the coarsest pixel size, within half a pixel. Along x2 each patch is cut to a multiple
+    of one eighth of the shortest length.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Patches(Plotted):
 
     @property
     def size(self) -> Pair:
-        """Sides of all patches side by side along x1 and x2 [m]."""
+        """Size of all patches side by side along x1 and x2 [m]."""
         return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
 
     @property
@@ -150,7 +150,7 @@ class Patches(Plotted):
         return float(np.average(values, weights=self.widths))
 
     def divided(self, values: NDArray) -> list[NDArray]:
-        """Divide values (…, n1, n2) at the points of all patches side by side into those of each patch."""
+        """Split values (…, n1, n2) at the points of all patches into a list of arrays, one for each patch."""
         return divided(values, self.widths)
 
     def check_waves(self) -> None:
@@ -245,7 +245,7 @@ def check_single_patch(name: str, surface: object) -> None:
 
 
 def divided(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
-    """Divide values (…, n1, n2) of patches side by side along the last axis into those of each patch.
+    """Split values (…, n1, n2) of patches side by side along the last axis into a list of arrays, one for each patch.
 
     widths : number of points of each patch along x2.
     """
@@ -287,7 +287,7 @@ def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None
     values : array, (patches,)
         A length of each patch [m].
     most : float
-        Largest ratio to the median, or its inverse.
+        Largest allowed ratio of a value to the median, or of the median to a value.
     expected : str
         What is expected of the patches, for the message.
     """

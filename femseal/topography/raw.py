@@ -34,7 +34,7 @@ class Raw:
     no_data : tuple of float
         Numbers that mark undefined points according to the header of the file.
     unclear : str
-        What the file says about its unit or pixel that cannot be read, for messages.
+        Text of the file about its unit or pixel size that could not be read, for messages.
     notes : tuple of str
         Sentences on how the file was understood, where this is not obvious.
     """
@@ -52,7 +52,7 @@ class Raw:
 
 @dataclass(frozen=True)
 class Reading:
-    """Hold what the caller says about a file of heights, see `read_topography`."""
+    """Hold the arguments with which the caller describes a file of heights, see `read_topography`."""
 
     size: Lengths | None = None
     spacing: Lengths | None = None

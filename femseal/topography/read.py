@@ -245,7 +245,7 @@ def _pixel_size(of_file: Pair | None, given: Reading, shape: tuple[int, ...]) ->
 
 
 def _notes_on_overrides(raw: Raw, given: Reading, height_unit: float | None) -> Iterator[str]:
-    """Say where a unit or size of the caller differs from that of the file, or replaces an unclear one."""
+    """Report where a unit or size given by the caller differs from that of the file, or replaces an unclear one."""
     if given.height_unit is not None and height_unit is not None:
         file_unit = raw.height_unit
         if file_unit is None and raw.unclear and raw.needs_unit:
@@ -311,7 +311,7 @@ def _pixel_errors(
 ) -> list[InputError]:
     """Return an error if the pixel size is unknown or not positive.
 
-    unclear : what the file says about it that cannot be read.
+    unclear : text of the file about the unit that could not be read.
     """
     if pixel is None:
         hint = f"; it says {unclear}" if unclear else ""
@@ -328,7 +328,7 @@ def _pixel_errors(
 def _unknown_unit(path: Path, unclear: str) -> InputError:
     """Make an InputError about a file without a unit of height.
 
-    unclear : what the file says about it that cannot be read.
+    unclear : text of the file about the unit that could not be read.
     """
     given = "no unit of height in the file"
     if unclear:

@@ -34,7 +34,7 @@ class Seat:
 
     @property
     def load_factor(self) -> float:
-        """Force normal to the faces, over the load that is given."""
+        """Ratio of the force normal to the faces to the given load."""
         return 1.0
 
     def __post_init__(self) -> None:
@@ -227,7 +227,7 @@ class BallOnCone(Seat):
 
     @property
     def load_factor(self) -> float:
-        """Force normal to the cone over the axial load, 1/sin(angle)."""
+        """Ratio of the force normal to the cone to the axial load, 1/sin(angle)."""
         return float(1 / np.sin(self.angle))
 
     def depth(self, x: Array, breadth: float) -> Array:

@@ -48,7 +48,7 @@ _SHOWN_LINES, _SHOWN_CHARACTERS = 3, 50
 
 @dataclass
 class Header:
-    """Hold what the header of a text says. A value is None or empty if the header does not say it.
+    """Hold the content of the header of a text file. A value is None or empty if it is not in the header.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _two_lengths(
 ) -> tuple[float, float] | None:
     """Return two lengths [m] by their meanings; None unless the header has both with a unit.
 
-    lateral_unit : unit of numbers without one [m], None if the header does not say it.
+    lateral_unit : unit of numbers without one [m], None if it is not in the header.
     """
     length1 = _parse_length(entries.get(first, ""), lateral_unit)
     length2 = _parse_length(entries.get(second, ""), lateral_unit)

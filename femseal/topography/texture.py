@@ -220,7 +220,7 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
 
 
 def _fit(bins: _Bins) -> PowerLaw | None:
-    """Fit the power law whose exponent has the least standard error; None where no power law holds.
+    """Fit the power law whose exponent has the smallest standard error; return None if no power law holds.
 
     Tried are all ranges of bins, and a plateau of the longest waves with a power law behind it. A law with a plateau
     may have the larger error, as the end of the plateau is a third unknown.
@@ -242,12 +242,12 @@ def _fit(bins: _Bins) -> PowerLaw | None:
 
 
 def _fit_straight(bins: _Bins) -> PowerLaw | None:
-    """Fit a power law to all bins; None where it does not hold."""
+    """Fit a power law to all bins; return None if it does not hold."""
     return _fit_from(bins, float(bins.x[0]), has_plateau=False)
 
 
 def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
-    """Fit a plateau and a power law behind it to all bins; None where it does not hold.
+    """Fit a plateau followed by a power law to all bins; return None if the law does not hold.
 
     The plateau ends where the weighted sum of squared deviations is least.
     """
@@ -268,7 +268,7 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
 
 
 def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None:
-    """Fit y = level + slope · max(x − bend, 0) by weighted least squares; None where no power law holds.
+    """Fit y = level + slope · max(x − bend, 0) by weighted least squares; return None if no power law holds.
 
     The error of the slope includes that of the bend where there is a plateau, and is enlarged where the deviations are
     larger than the weights let expect.

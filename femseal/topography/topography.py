@@ -89,7 +89,7 @@ def half_spectrum(z: NDArray, periodic: Periodic) -> NDArray[Any]:
 def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArray]:
     """Return the multiplicities of the rows (n1,) and columns (n2,) of a `half_spectrum`.
 
-    A coefficient stands for as many waves as the product of both says.
+    The number of waves that a coefficient represents is the product of both.
     """
     _, wrapped = _mirrored_and_periodic_axes(periodic)
     rows, columns = np.ones(shape[0]), np.ones(shape[1])

@@ -50,7 +50,7 @@ class Continuation:
     seed: tuple[int, ...]
 
     def added_to(self, face: Surface, realisation: int = 0, *, factor: float = 1.0) -> Surface:
-        """Add these waves to a surface, as far as its pixels can carry them.
+        """Add these waves to a surface, as far as its pixels can resolve them.
 
         The same seed and realisation give the same waves on every grid. Along an axis that is not periodic the waves
         are symmetric about both borders, as the map is.
@@ -60,7 +60,7 @@ class Continuation:
         face : Topography or Patches
             The surface.
         realisation : int
-            Number of the realisation. All except the first also draw the exponent of the power law within its error.
+            Number of the realisation. All except the first (0) also have a random exponent of the power law, within its error.
         factor : float
             Factor of the heights of the waves.
         """
@@ -200,7 +200,7 @@ def continue_spectrum(
     rng : int or sequence of int
         Seed of the phases.
     realisation : int
-        Number of the realisation. All except the first also draw the exponent of the power law within its error.
+        Number of the realisation. All except the first (0) also have a random exponent of the power law, within its error.
 
     Returns
     -------
