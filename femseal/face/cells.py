@@ -344,7 +344,7 @@ class CellState:
 
 
 def factors(face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FACTOR) -> Array:
-    """Compute the correction factor of each state with which the cells in order leak what the surface leaks along an axis.
+    """Compute the correction factor of each state for one axis, so that the cells in order leak what the surface leaks.
 
     If the surface or its cells are sealed or unknown in a state, the factor of the nearest state in the same branch of
     the load cycle is taken, or 1 if no state has a factor. The factor is limited, because near closing it is that of

@@ -150,7 +150,9 @@ class CellCurves:
 
         Knot 0 is the loading curve, for which the smaller one of the peak and the closing pressure is taken.
         """
-        log_k = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), max(self.loading.end, 0.0)))
+        log_k = self.loading(
+            np.cbrt(inside) * np.minimum(np.cbrt(peak), max(self.loading.end, 0.0))
+        )
         for number, curve in enumerate(self._unloading, start=1):
             is_on_curve = knot == number
             if is_on_curve.any():

@@ -1,4 +1,4 @@
-"""From a case to the input of the studies: its faces made, read and conditioned, its sizes checked."""
+"""Prepare the input of the studies from a case: make or read its faces, condition them, and check sizes."""
 
 from typing import TYPE_CHECKING
 

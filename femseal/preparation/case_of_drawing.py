@@ -1,4 +1,4 @@
-"""Write a case from what a drawing and a specification state: roughness, marks, diameters, material, force and fluid.
+"""Write a case from the values of a drawing: roughness, marks, diameters, material, force and fluid.
 
 The generated surface has the Ra or Rz of the drawing: its heights are scaled after it was generated once. How large it
 is follows from a measurement (docs/evidence/drawing.md): as broad as the seal, so that cells stay in order, and
@@ -58,7 +58,7 @@ _USUAL_PRESSURE = 0.3
 
 
 class Question(NamedTuple):
-    """What a drawing or a specification states: the text of a question, and what is assumed without an answer.
+    """A question about a drawing or specification, and the assumption that is made without an answer.
 
     assumed : a text, or "" if the answer must be given or follows from others.
     """
@@ -92,22 +92,22 @@ _LAYS = ("circular", "radial", "spiral")
 
 @dataclass(frozen=True)
 class Drawing:
-    """What a drawing and a specification state, lengths in m, pressures in Pa and forces in N.
+    """Values from a drawing and a specification, with lengths in m, pressures in Pa and forces in N.
 
     Attributes
     ----------
     ra, rz : float or None
-        Roughness; one of them is given.
+        Roughness Ra or Rz [m]; one of them is given.
     process, lay : str
         One of `_PROCESSES`, and one of `_LAYS`.
     pitch : float
         Feed per turn, or mean spacing of the marks.
     inner_diameter, outer_diameter : float
-        Of the contact area.
+        Diameters of the contact area [m].
     metal : str
-        Of the softer face, a name of `METALS`.
+        Metal of the softer face, a name of `METALS`.
     hardness, force : float
-        Of the softer face, and highest force of the assembly.
+        Hardness of the softer face [Pa], and highest force of the assembly [N].
     fluid, inlet, outlet : str
         Fluid and its pressures, as the case file has them.
     limit : str
@@ -240,14 +240,14 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
 
 
 def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
-    """Return a choice in lower case; InputError if it is none of the choices."""
+    """Return a choice in lower case; raise InputError if it is not one of the choices."""
     if text.lower() not in choices:
         raise InputError(name, shown(text), f"one of {', '.join(choices)}")
     return text.lower()
 
 
 def _positive(name: str, text: str, unit: str) -> float:
-    """Convert a text to SI; InputError unless it is above 0."""
+    """Convert a text to an SI value; raise InputError unless it is > 0."""
     option = f"--{name.replace('_', '-')}"
     value = to_si(text, unit, option)
     if not value > 0:
@@ -324,7 +324,7 @@ def _face_keys(drawing: Drawing, scale: float) -> dict[str, Any]:
 
 
 def case_of_drawing(drawing: Drawing) -> str:
-    """Write the text of a case from a drawing, which runs as it is.
+    """Write the text of a case from a drawing. The case can be run without changes.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Compare a generated surface with what a drawing says of it: Ra and Rz across the marks."""
+"""Compare Ra and Rz of a generated surface across its marks with the values of a drawing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TOLERANCE = 0.1
 
 
 def drawing_text(case: Case, surface: Surface) -> str:
-    """Return Ra, Rz, Sq and rms slope of a surface that was generated, "" of any other."""
+    """Return Ra, Rz, Sq and rms slope of a generated surface as text, or "" for any other surface."""
     roughness = _roughness(case, surface)
     if roughness is None:
         return ""

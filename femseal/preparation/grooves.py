@@ -59,7 +59,7 @@ def groove_warnings(case: Case, surface: Surface) -> Iterator[str]:
 
 
 def groove_pitch(surface: Surface) -> float | None:
-    """Find the distance of equally spaced grooves along x2 [m]; None where the surface has none.
+    """Find the distance of equally spaced grooves along x2 [m]; return None if the surface has none.
 
     Of several patches it is the mean of their distances, None where one of them has no such grooves.
     """

@@ -1,4 +1,4 @@
-"""Keys of a case in place of the names of arguments, in errors of the functions that are called with its values."""
+"""Replace names of arguments by keys of a case in errors of functions that are called with values of a case."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ SURFACE_KEYS = {
 
 
 def keys_of_table(table: str, names: str) -> dict[str, str]:
-    """Map names of arguments, separated by blanks, to the keys of that name in a table.
+    """Map names of arguments, separated by blanks, to keys with the same name in a table.
 
     >>> keys_of_table("stochastic", "length breadth")
     {'length': 'stochastic.length', 'breadth': 'stochastic.breadth'}
@@ -44,7 +44,7 @@ MAP_KEYS = keys_of_table("load", "map") | keys_of_table(
 
 @contextmanager
 def errors_with_keys(keys: dict[str, str], table: str = "") -> Iterator[None]:
-    """Raise an InputError with keys of a case instead of names of arguments, inside a table if that is given."""
+    """Raise an InputError that names keys of a case, in a table if that is given, in place of arguments."""
     try:
         yield
     except InputError as error:

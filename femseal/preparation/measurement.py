@@ -18,7 +18,7 @@ _FORM_LOADS = 4
 
 
 def is_measured(case: Case, surface: Surface) -> bool:
-    """Tell whether a surface that is not flat was measured, at least one of its faces."""
+    """Return True if the surface is not flat and at least one of its faces was measured."""
     return bool(surface.rms_slope) and any(isinstance(table, FileFace) for table in case.face)
 
 
@@ -37,7 +37,7 @@ def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
 
 
 def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) -> Iterator[str]:
-    """Warn where the filter removes much of the measured slope, and where it keeps much noise."""
+    """Warn if the filter removes much of the measured slope, or if it keeps much noise."""
     if case.surface.continue_spectrum is not None:
         return
     measured = to_text(conditioning.shortest_measured, "m", 3)

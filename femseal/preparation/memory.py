@@ -1,4 +1,4 @@
-"""Sizes of a case against the free memory, before anything is made."""
+"""Check the sizes of a case against the free memory, before anything is made."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,7 +31,7 @@ def refuse_impossible_sizes() -> Iterator[None]:
 
 
 def check_memory(key: str, given: object, needed: float) -> None:
-    """Raise InputError, which names a key and its value, if so many bytes are not free."""
+    """Raise InputError for a key and its value if the needed memory [byte] is not free."""
     free = free_memory()
     if needed > free:
         expected = (

@@ -1,4 +1,4 @@
-"""From a case to the input of the studies: its scene, the cells of its surface, and how seals are sampled.
+"""Prepare the input of the studies from a case: its scene, cells and sampling.
 
 Sizes of a case are checked against the free memory before anything is made. Neither contact nor flow is solved.
 """
@@ -50,24 +50,24 @@ from .surface import condition_surface
 
 @dataclass(frozen=True)
 class Prepared:
-    """Input of the studies, made from a case, and how its surface was made.
+    """Input of the studies that was prepared from a case, with the history of its surface.
 
     Attributes
     ----------
     scene : surface, loads and fluid.
-    cells : number of cells along x1 and x2; None where the surface is not cut.
-    sampling : options of the stochastic seals; None without.
-    conditioning : how the surface was repaired and filtered.
-    overlap : of two measured faces; None of one.
-    continuation : of the spectrum of the surface; None without.
+    cells : numbers of cells along x1 and x2; None if the surface is not cut.
+    sampling : options of the stochastic seals; None without a stochastic study.
+    conditioning : report on the repair and filtering of the surface.
+    overlap : overlap of two measured faces; None for a single face.
+    continuation : continuation of the spectrum of the surface; None if it is not continued.
     methods : names of the studies to be run.
-    seat : the form of the seat as text; "" where it is flat.
-    form : the forms of seal and seat with their errors; None of flat ones.
+    seat : form of the seat as text, "" if it is flat.
+    form : forms of seal and seat with their errors; None if both are flat.
     longest_waves : the longest waves of a measured patch, and how many of them it has; None of generated surfaces.
     form_pressures : nominal pressures at which the effect of the form of a measured patch is to be solved [Pa]; none
         where the case says what is form.
-    flatness : of the seal [m]; None where it is not given.
-    warnings : what is not plausible in the case, one sentence each.
+    flatness : flatness of the seal [m]; None if it is not given.
+    warnings : one sentence for each thing in the case that is not plausible.
     """
 
     scene: Scene
@@ -87,7 +87,7 @@ class Prepared:
     def longer_waves(self, surface: Surface, mapper: Mapper) -> Array | None:
         """Compute how waves longer than the patch change ln(leakage), see `budget.longer_waves`.
 
-        None where no longer waves are to be expected.
+        None if no longer waves are expected.
 
         surface : of the scene, also on fewer points.
         """
@@ -106,7 +106,7 @@ class Prepared:
         )
 
     def estimate(self) -> QuickEstimate | None:
-        """Estimate contact and leakage by the spectrum of the surface alone, see `checks.estimate_scene`.
+        """Estimate contact and leakage from the spectrum of the surface alone, see `checks.estimate_scene`.
 
         None where a form, a map of the pressure or a spiral decides. Of a solved study, its result has the estimate.
         """
@@ -136,13 +136,13 @@ class Prepared:
 
     @property
     def solved_studies(self) -> list[Study]:
-        """Studies that are solved: the result of two scales includes that of the deterministic study."""
+        """Studies that are solved. The two-scale result includes that of the deterministic study."""
         is_included = "two-scale" in self.methods
         return [s for s in self.studies if not (is_included and s.name == "deterministic")]
 
     @property
     def answer(self) -> Study:
-        """Study whose leakage is the answer: the last one, which is farthest from the surface itself."""
+        """Study whose leakage is the result of the run. It is the last one, which is closest to the whole seal."""
         return self.studies[-1]
 
     def options(self, study: Study) -> StudyOptions:
@@ -151,10 +151,10 @@ class Prepared:
         return StudyOptions(self.cells, self.sampling, knows_face=not is_first)
 
     def with_realisations(self, count: int) -> Prepared:
-        """Return the input with this number of realisations, where there are any.
+        """Return a copy of the input with this number of realisations, if it has a stochastic study.
 
-        Two solutions have the same realisations if they have as many. A number that is left to the scatter of the
-        leakage would differ between fluids, surfaces and laws.
+        Two solutions with the same number of realisations have the same realisations. A number that depends on the
+        scatter of the leakage would differ between fluids, surfaces and laws.
         """
         if self.sampling is None:
             return self
@@ -168,21 +168,21 @@ class Prepared:
 
     @property
     def points_divide_by(self) -> Shape:
-        """Numbers along x1 and x2 of which those of the points are multiples: numbers of the cells of blocks."""
+        """Numbers of cells of the blocks along x1 and x2; the numbers of points must be multiples of them."""
         return self.cells if self.cells is not None and "blocks" in self.methods else (1, 1)
 
     @property
     def cut_and_tiles(self) -> tuple[Cut, SealTiles]:
-        """Cut of the surface into cells, and tiles of the stochastic seal."""
+        """Division of the surface into cells, and tiles of the stochastic seal."""
         assert self.sampling is not None
         return laid_out(self.scene.surface, self.scene.layout, self.cells, self.sampling)
 
     def replaced(self, **changes: Any) -> Prepared:
-        """Return the input with other attributes."""
+        """Return a copy of the input with other attributes."""
         return replace(self, **changes)
 
     def changed(self, change: ModelChange) -> Prepared:
-        """Return the input with a change of the model."""
+        """Return a copy of the input with a changed model."""
         sampling = self.sampling
         if change.forms and sampling is not None:
             sampling = replace(sampling, form=change.forms)
@@ -200,7 +200,7 @@ class Prepared:
 
     @property
     def chosen(self) -> dict[str, Any]:
-        """What is computed and how, as plain data, whether the case gives it or leaves it to the program."""
+        """All settings of the run as plain data, including defaults chosen by the program."""
         scene = self.scene
         choices: dict[str, Any] = {
             "methods": sorted(self.methods),
@@ -216,7 +216,7 @@ class Prepared:
 
     @property
     def surface_report(self) -> dict[str, Any]:
-        """How the surface was repaired and conditioned, as plain data."""
+        """Repairs and conditioning of the surface, as plain data."""
         report = asdict(self.conditioning)
         if self.overlap is not None:
             report["overlap"] = asdict(self.overlap)
@@ -303,7 +303,7 @@ def _test_fluid_warnings(case: Case) -> Iterator[str]:
 def _form_tolerance(
     case: Case, sampling: Sampling | None, seat: Seat | None
 ) -> FormTolerance | None:
-    """Gather the forms of seal and seat with their errors; None of flat ones."""
+    """Collect the forms of seal and seat with their errors; return None if both are flat."""
     if sampling is not None and sampling.form:
         tolerances = [table.tolerance for table in case.seal.form or ()]
         if seat is not None:
@@ -314,11 +314,11 @@ def _form_tolerance(
 
 @dataclass(frozen=True)
 class _Seal:
-    """The seal that loads act on.
+    """Area of the seal on which the loads act.
 
     Attributes
     ----------
-    sampling : options of the stochastic seals; None without.
+    sampling : options of the stochastic seals; None without a stochastic study.
     size : breadth and length of the seal [m].
     has_form_beside : whether the form of a seat is that of the whole seal, which gives the pressure of its tiles. In a
         seal that keeps its cells in the rows of the surface, the form is added to the heights of the surface.
@@ -376,7 +376,7 @@ def _add_seat(case: Case, seat: Seat | None, surface: Surface, has_form_beside: 
 def _make_scene(
     case: Case, surface: Surface, layout: Layout, pressures: dict[str, tuple[float, ...]]
 ) -> Scene:
-    """Put the surface between its solids, under nominal pressures, with its fluid."""
+    """Make the scene from the surface, the solids, the nominal pressures and the fluid."""
     fluid = case.fluid
     return Scene(
         surface=surface,
@@ -401,7 +401,7 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
 
     Raises InputError: a force without a length of the seal, or more pressure than the surface can carry.
 
-    area : that carries the loads [m²]. length : of the seal [m].
+    area : area that carries the loads [m²]. length : length of the seal [m].
     """
     stochastic = case.stochastic if "stochastic" in case.methods else None
     has_length = stochastic is not None and (

@@ -1,4 +1,4 @@
-"""The surface of a case: its faces are made or read, repaired, added up, filtered, and resampled to its grid."""
+"""Prepare the surface of a case: make or read its faces, repair and add them, filter and resample the sum."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ RepairedMap = tuple[Topography, Repair]
 
 @dataclass(frozen=True, eq=False)
 class ConditionedSurface:
-    """The surface that a case is solved with.
+    """Surface with which a case is solved.
 
     Attributes
     ----------
     surface : filtered and resampled to the grid of the case.
-    conditioning : how it was repaired and filtered.
-    overlap : of two faces; None of one.
-    continuation : of its spectrum beyond the measured waves; None without.
+    conditioning : report on its repair and filtering.
+    overlap : overlap of two faces; None for a single face.
+    continuation : continuation of its spectrum beyond the measured waves; None if it is not continued.
     cells : numbers of cells along x1 and x2; None where the methods need none, or as many as suit the seals.
     """
 
@@ -136,16 +136,16 @@ def _check_cells(surface: Surface, cells: Shape, shortest_wave: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _RepairedFaces:
-    """The faces of a case, repaired and added up.
+    """Faces of a case after repair, and their sum.
 
     Attributes
     ----------
-    surface : their level sum, of all patches.
-    first_repair : of the first patch of the sum.
+    surface : sum of the faces without its form, with all patches.
+    first_repair : repair of the first patch of the sum.
     maps : all maps that were measured or generated, each repaired by itself.
-    overlap : of the first patches of two faces; None of one face.
-    instrument : that sees what the instruments of all maps see.
-    notes : how files were understood.
+    overlap : overlap of the first patches of two faces; None for a single face.
+    instrument : instrument with the limits of the worst instrument of all maps.
+    notes : sentences on how the files were understood.
     """
 
     surface: Surface
@@ -157,9 +157,10 @@ class _RepairedFaces:
 
 
 def _repair_faces(case: Case) -> _RepairedFaces:
-    """Make or read the maps of every face, repair each, and add up those of two faces.
+    """Make or read the maps of each face, repair them, and add the maps of two faces.
 
-    Patch n of one face lies on patch n of the other. A face of fewer patches is taken again from its first one.
+    Patch n of one face is in contact with patch n of the other. If a face has fewer patches, its patches are used
+    again from the first one.
     """
     # every face has its own random stream, which does not depend on later draws of the studies
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
@@ -226,7 +227,7 @@ def _treatment(case: Case, spikes: float, is_measured: bool) -> dict[str, Any]:
 def _joint_instrument(
     instruments: Sequence[Instrument], level_maps: Sequence[Topography]
 ) -> Instrument:
-    """Describe an instrument that sees what all instruments see of their maps."""
+    """Return an instrument with the limits of the worst instrument of several maps."""
     seen = [
         instrument.shortest_wave(level)
         for instrument, level in zip(instruments, level_maps, strict=True)
@@ -269,7 +270,7 @@ def default_points(level: Surface, shortest_wave: float | None, instrument: Inst
     ----------
     level : surface without undefined points.
     shortest_wave : wavelength of the filter [m], which decides if it is given.
-    instrument : that measured the surface.
+    instrument : instrument with which the surface was measured.
     """
     own_wave = resolved_wave(level.size, level.shape)
     wave = shortest_wave
@@ -289,7 +290,7 @@ def default_points(level: Surface, shortest_wave: float | None, instrument: Inst
 def _choose_cells(
     case: Case, patch: Topography, points: Shape, shortest_wave: float
 ) -> Shape | None:
-    """Choose the numbers of cells along both axes of a patch; None where the methods need none.
+    """Choose the numbers of cells along both axes of a patch; return None if no method needs cells.
 
     Unless the case gives them, they are those of blocks, those that suit stochastic seals, or those with eight
     shortest waves or more along a side.

@@ -1,4 +1,4 @@
-"""Survey of a measured surface before a run: its description, what a run does to it, and a case to start from.
+"""Survey a measured surface before a run: describe it, condition it as a run does, and write a first case.
 
 No surface is refused. One that a run refuses is described as far as possible, with the reason.
 """
@@ -71,16 +71,16 @@ _SHOWN_LINES = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "sh
 
 @dataclass(frozen=True)
 class _SurveyedSurface:
-    """What is known of a surface.
+    """Results of the survey of a surface.
 
     Attributes
     ----------
     report : description of the surface as measured.
-    conditioning : what a run does to it; None where a run refuses it.
-    waves : its longest waves; None of flat surfaces.
-    form_effect : what its form does to the leakage; None of flat surfaces.
-    quick_estimate : contact and gaps by its spectrum, as text.
-    reasons : for which a run refuses it.
+    conditioning : report on the conditioning as in a run; None if a run would refuse the surface.
+    waves : longest waves of the surface; None for a flat surface.
+    form_effect : effect of its form on the leakage; None for a flat surface.
+    quick_estimate : estimate of contact and gaps from its spectrum, as text.
+    reasons : reasons for which a run would refuse the surface.
     """
 
     report: SurfaceReport
@@ -92,13 +92,13 @@ class _SurveyedSurface:
 
     @property
     def warnings(self) -> list[str]:
-        """What matters of its longest waves and of its form, one sentence each."""
+        """Warnings about the longest waves and the form of the surface."""
         texts = [] if self.waves is None else list(self.waves.warnings)
         return texts + ([] if self.form_effect is None else self.form_effect.warnings)
 
     @property
     def remarks(self) -> list[str]:
-        """What there is to say about its longest waves, its form, contact and leakage."""
+        """Description of the longest waves, the form, the contact and the leakage, as text."""
         texts = []
         if self.waves is not None:
             texts += self.waves.warnings or [str(self.waves)]
@@ -193,7 +193,7 @@ def survey_surface(
     face : as read.
     wave : wavelength of the filter [m]; None lets the program choose it.
     treatment : arguments `detrend`, `spikes` and `max_undefined` of `topography.repair`.
-    instrument : that measured the surface.
+    instrument : instrument with which the surface was measured.
     """
     reasons: list[str] = []
     try:
@@ -240,7 +240,7 @@ def _indented(report: object) -> list[str]:
 
 
 def advice(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
-    """Say what the numbers of a surface suggest: to remove noise, to look at spikes, to turn the map."""
+    """Give advice based on the parameters of a surface: remove noise, inspect spikes, or turn the map."""
     texts = list(conditioning.spike_warnings)
     if report.shortest_wave > conditioning.shortest_wave * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
@@ -269,7 +269,7 @@ def case_of_face(
     Parameters
     ----------
     path : file of the surface.
-    folder : of the case, to which the path in the case is relative.
+    folder : folder of the case, to which paths in the case are relative.
     spacing, height_unit : pixel, with its unit, and unit of the heights, where the file does not say them.
 
     Raises

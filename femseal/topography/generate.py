@@ -48,7 +48,8 @@ def self_affine(
     hurst : float
         Hurst exponent H in (0, 1].
     rms_slope, rms_height : float
-        Rms slope [-] or rms height [m]. Exactly one of the two must be given. The surface has this value up to rounding errors.
+        Rms slope [-] or rms height [m]. Exactly one of the two must be given. The surface has this value
+        up to rounding errors.
     roll_off : float, optional
         Wavelength above which the spectrum is constant [m]. Default: the larger side.
     cut_off : float, optional

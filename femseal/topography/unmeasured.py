@@ -60,7 +60,8 @@ class Continuation:
         face : Topography or Patches
             The surface.
         realisation : int
-            Number of the realisation. All except the first (0) also have a random exponent of the power law, within its error.
+            Number of the realisation. All except the first (0) also have a random exponent of the power law, within
+            its error.
         factor : float
             Factor of the heights of the waves.
         """
@@ -200,7 +201,8 @@ def continue_spectrum(
     rng : int or sequence of int
         Seed of the phases.
     realisation : int
-        Number of the realisation. All except the first (0) also have a random exponent of the power law, within its error.
+        Number of the realisation. All except the first (0) also have a random exponent of the power law, within its
+        error.
 
     Returns
     -------
