@@ -193,6 +193,32 @@ def report(
 
 
 @app.command()
+def view(
+    folder: Folder,
+    step: Annotated[
+        int | None,
+        option("Number of the load step, from 0 as in the table.", "the highest that leaks"),
+    ] = None,
+    field: Annotated[
+        str | None, option('"gap", "contact_pressure" or "fluid_pressure".', "all three")
+    ] = None,
+    seal: Annotated[
+        bool, flag("--seal", "Show the realisation of the seal, not the pixels of the surface.")
+    ] = False,
+    picture: Annotated[
+        Path | None, option("Picture to write (.png).", "a window opens", "-o", "--output")
+    ] = None,
+) -> None:
+    """Open the fields of a run in a window, with inlet, outlet and a scale bar."""
+    from .plots.view import view_run
+    from .results import open_results
+
+    view_run(open_results(folder), step=step, field=field, seal=seal, picture=picture)
+    if picture is not None:
+        typer.echo(picture)
+
+
+@app.command()
 def export(
     folder: Folder,
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz or .vti.")],

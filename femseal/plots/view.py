@@ -1,0 +1,274 @@
+"""Open the fields of a run in a window of pyvista, with inlet, outlet and a scale bar.
+
+Lengths in the window are in µm; x1, the direction of the leakage, points to the right, and x2 upwards.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..base import AnyPath, Array, InputError, to_text
+from ..results.load_steps import load_names
+from ..results.pixel_fields import stored_steps
+from ..results.results import Results
+from .maps import default_step
+
+if TYPE_CHECKING:
+    import pyvista
+
+
+class _ShownField(NamedTuple):
+    """A field that can be shown: its name over the pixels and over the tiles, its heading, unit [SI] and colours."""
+
+    pixels: str
+    tiles: str
+    heading: str
+    unit: float
+    colours: str
+
+
+#: Fields by the name of the option, in the order of the panels.
+FIELDS = {
+    "contact_pressure": _ShownField(
+        "contact_pressure", "drawn_contact_pressure", "contact pressure [MPa]", 1e6, "inferno"
+    ),
+    "gap": _ShownField("gap", "", "gap [µm]", 1e-6, "viridis"),
+    "fluid_pressure": _ShownField(
+        "fluid_pressure", "drawn_fluid_pressure", "fluid pressure [MPa]", 1e6, "cividis"
+    ),
+}
+#: Length of the scale bar over the longer side of the picture, at most.
+_BAR = 0.25
+#: Size of the window per panel, and height [pixel].
+_PANEL_SIZE = 560, 760
+
+
+def view_run(
+    results: Results,
+    *,
+    step: int | None = None,
+    field: str | None = None,
+    seal: bool = False,
+    picture: AnyPath | None = None,
+) -> pyvista.Plotter:
+    """Show the fields of a run at one load step, side by side.
+
+    Parameters
+    ----------
+    results : Results
+        Results with fields over the pixels, or with a realisation of the seal.
+    step : int, optional
+        Number of the load step; the highest load that leaks unless given.
+    field : str, optional
+        One of `FIELDS`; all of them unless given.
+    seal : bool
+        Whether the tiles of the realisation nearest to the median are shown, instead of the pixels of the surface.
+    picture : path, optional
+        File to write (.png) instead of opening a window.
+
+    Returns
+    -------
+    pyvista.Plotter
+        The closed window.
+
+    Raises
+    ------
+    InputError
+        The results have no such field or step, or the picture cannot be written.
+    """
+    data = results.dataset
+    if field is not None and field not in FIELDS:
+        raise InputError("field", f"'{field}'", f"one of {', '.join(FIELDS)}")
+    number = default_step(data) if step is None else step
+    if not 0 <= number < data.sizes["step"]:
+        raise InputError("step", number, f"a number from 0 to {data.sizes['step'] - 1}")
+    if picture is not None and Path(picture).suffix.lower() != ".png":
+        raise InputError("output", f"'{picture}'", "a file .png")
+    if picture is not None and not os.environ.get("DISPLAY"):
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    names = [field] if field is not None else list(FIELDS)
+    meshes = seal_meshes(results, number, names) if seal else surface_meshes(results, number, names)
+    ends = ends_of_seal(results) if seal else None
+    plotter = _window(meshes, load_names(data)[number], ends, off_screen=picture is not None)
+    if picture is None:
+        plotter.show()
+    else:
+        plotter.screenshot(str(picture))
+    plotter.close()
+    return plotter
+
+
+def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]:
+    """Make an image of each field over the pixels of the surface, with lengths in µm."""
+    import pyvista
+
+    stored = stored_steps(results)
+    if step not in stored:
+        expected = "a run with output.fields = true, or --seal for a realisation of the seal"
+        if stored:
+            expected = f"one of the steps {', '.join(map(str, stored))}"
+        raise InputError("step", f"{step}, whose fields are not stored", expected)
+    meshes = {}
+    for name in names:
+        shown = FIELDS[name]
+        values = results.pixels(shown.pixels, step)
+        spacing = [float(np.diff(values[axis].values[:2])[0]) * 1e6 for axis in ("x1", "x2")]
+        image = pyvista.ImageData(
+            dimensions=(values.shape[0] + 1, values.shape[1] + 1, 1), spacing=(*spacing, 1.0)
+        )
+        image.cell_data[shown.heading] = _shown_values(values.values, name).ravel(order="F")
+        meshes[name] = image
+    return meshes
+
+
+def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]:
+    """Make a mesh of the tiles of the realisation for each field, with lengths in µm."""
+    import pyvista
+
+    data = results.dataset
+    if "drawn_corners" not in data:
+        raise InputError("seal", "results without a realisation", "a stochastic run")
+    corners = data["drawn_corners"].values  # (tile, corner, axis) [m]
+    points = np.zeros((corners.shape[0] * corners.shape[1], 3))
+    points[:, :2] = 1e6 * corners.reshape(-1, 2)
+    count = corners.shape[1]
+    indices = np.arange(len(points)).reshape(-1, count)
+    faces = np.insert(indices, 0, count, axis=1).ravel()
+    meshes = {}
+    for name in names:
+        shown = FIELDS[name]
+        if shown.tiles not in data:
+            continue
+        mesh = pyvista.PolyData(points, faces)
+        values = np.asarray(data[shown.tiles].values)
+        mesh.cell_data[shown.heading] = _shown_values(values[step], name).ravel()
+        meshes[name] = mesh
+    if not meshes:
+        raise InputError("field", ", ".join(names), "contact_pressure or fluid_pressure of a seal")
+    return meshes
+
+
+def _shown_values(values: Array, name: str) -> Array:
+    """Return values in the unit of the panel; points in contact have no gap."""
+    shown = np.asarray(values, float) / FIELDS[name].unit
+    return np.where(shown > 0, shown, np.nan) if name == "gap" else shown
+
+
+def _window(
+    meshes: dict[str, Any], load: str, ends: Array | None, off_screen: bool
+) -> pyvista.Plotter:
+    """Put a panel for each field beside each other, with the same camera.
+
+    ends : positions of the labels "inlet" and "outlet" (2, 3) [µm]; at both sides of the mesh along x1 if None.
+    """
+    import pyvista
+
+    width, height = _PANEL_SIZE
+    plotter = pyvista.Plotter(
+        shape=(1, len(meshes)), off_screen=off_screen, window_size=(width * len(meshes), height)
+    )
+    for column, (name, mesh) in enumerate(meshes.items()):
+        shown = FIELDS[name]
+        plotter.subplot(0, column)
+        plotter.set_background("white")
+        bar = {"title": shown.heading, "color": "black", "fmt": "%.3g", "vertical": False}
+        values = np.asarray(mesh.cell_data[shown.heading])
+        is_empty = not np.isfinite(values).any()
+        if is_empty:
+            mesh.clear_data()
+        plotter.add_mesh(
+            mesh,
+            scalars=None if is_empty else shown.heading,
+            color="lightgrey" if is_empty else None,
+            cmap=None if is_empty else shown.colours,
+            nan_color="lightgrey",
+            lighting=False,
+            show_scalar_bar=not is_empty,
+            scalar_bar_args=None if is_empty else bar,
+        )
+        _mark_ends(plotter, ends if ends is not None else _sides(mesh.bounds))
+        _add_scale_bar(plotter, mesh.bounds)
+        plotter.view_xy()
+        plotter.enable_parallel_projection()
+        plotter.camera.zoom(0.85)
+    plotter.subplot(0, 0)
+    plotter.add_text(load, font_size=11, color="black", position="upper_left")
+    plotter.link_views()
+    return plotter
+
+
+def _sides(bounds: Any) -> Array:
+    """Return the positions beside x1 = 0 and beside the other end of the leakage (2, 3) [µm]."""
+    x_low, x_high, y_low, y_high = bounds[:4]
+    middle = (y_low + y_high) / 2
+    offset = 0.06 * max(x_high - x_low, y_high - y_low)
+    return np.array([[x_low - offset, middle, 0.0], [x_high + offset, middle, 0.0]])
+
+
+def ends_of_seal(results: Results) -> Array | None:
+    """Return the tiles with the highest and the lowest fluid pressure (2, 3) [µm], where the fluid enters and leaves.
+
+    None for a strip, whose inlet and outlet are its sides, and without a known fluid pressure.
+    """
+    data = results.dataset
+    if str(data.attrs.get("seal", "")).startswith("a strip") or "drawn_fluid_pressure" not in data:
+        return None
+    pressure = np.asarray(data["drawn_fluid_pressure"].values)  # (step, tile)
+    flowing = np.flatnonzero(np.isfinite(pressure).any(axis=1))
+    if not flowing.size:
+        return None
+    first = pressure[flowing[0]].ravel()
+    middles = data["drawn_corners"].values.mean(axis=1)
+    ends = np.zeros((2, 3))
+    ends[:, :2] = 1e6 * middles[[int(np.nanargmax(first)), int(np.nanargmin(first))]]
+    return ends
+
+
+def _mark_ends(plotter: pyvista.Plotter, ends: Array) -> None:
+    """Write "inlet" and "outlet" at two positions (2, 3) [µm]."""
+    plotter.add_point_labels(
+        ends,
+        ["inlet", "outlet"],
+        font_size=14,
+        text_color="black",
+        shape=None,
+        show_points=False,
+        always_visible=True,
+        justification_horizontal="center",
+    )
+
+
+def _add_scale_bar(plotter: pyvista.Plotter, bounds: Any) -> None:
+    """Draw a line of a round length below the picture, with its length."""
+    import pyvista
+
+    x_low, x_high, y_low, y_high = bounds[:4]
+    length = round_length(_BAR * max(x_high - x_low, y_high - y_low))
+    below = y_low - 0.06 * (y_high - y_low)
+    line = pyvista.Line((x_low, below, 0.0), (x_low + length, below, 0.0))
+    plotter.add_mesh(line, color="black", line_width=4)
+    plotter.add_point_labels(
+        np.array([[x_low + length / 2, below - 0.04 * (y_high - y_low), 0.0]]),
+        [to_text(length * 1e-6, "m", 3)],
+        font_size=14,
+        text_color="black",
+        shape=None,
+        show_points=False,
+        always_visible=True,
+        justification_horizontal="center",
+    )
+
+
+def round_length(longest: float) -> float:
+    """Return the largest of 1, 2 or 5 times a power of ten that is not above a length.
+
+    >>> round_length(96.0), round_length(0.7), round_length(20.0)
+    (50.0, 0.5, 20.0)
+    """
+    power = 10.0 ** np.floor(np.log10(longest))
+    factor = max(factor for factor in (1, 2, 5) if factor * power <= longest * (1 + 1e-9))
+    return float(factor * power)
