@@ -6,6 +6,7 @@ Lengths in the window are in µm; x1, the direction of the leakage, points to th
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -88,7 +89,12 @@ def view_run(
         raise InputError("step", number, f"a number from 0 to {data.sizes['step'] - 1}")
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise InputError("output", f"'{picture}'", "a file .png")
-    if picture is not None and not os.environ.get("DISPLAY"):
+    has_display = sys.platform != "linux" or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    if picture is None and not has_display:
+        raise InputError("display", "none", "one, or a picture: -o view.png")
+    if not has_display:
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     names = [field] if field is not None else list(FIELDS)
     meshes = seal_meshes(results, number, names) if seal else surface_meshes(results, number, names)
