@@ -76,7 +76,7 @@ def test_fields_of_the_window_are_those_of_the_results(folder):
         ({"field": "height"}, "field"),
         ({"step": 99}, "step"),
         ({"picture": "view.gif"}, "output"),
-        ({"field": "gap", "seal": True}, "field"),
+        ({"field": "gap", "seal": True, "picture": "view.png"}, "field"),
     ],
 )
 def test_what_cannot_be_shown_is_refused(folder, options, what):
