@@ -222,29 +222,39 @@ class RunComparison(Plotted):
 
     @property
     def ranking(self) -> Ranking | None:
-        """The runs ranked at the highest common load on loading at which two of them leak, or else at the highest one.
+        """Ranking of the runs by their leakage at a load on loading that all runs have in common.
 
-        None if the runs have no load of the loading in common.
+        It is the highest load at which at least two runs leak, or else the highest common load. The ranking is None if
+        the runs have no such load in common.
         """
         loading = [step for step in self.common_steps if step.unloaded_from is None]
         if not loading:
             return None
-        rankings = [self._ranking_at(step) for step in sorted(loading, key=_pressure, reverse=True)]
-        return next((r for r in rankings if (r.leakage > 0).sum() > 1), rankings[0])
+        highest_first = sorted(loading, key=_pressure, reverse=True)
+        rankings = [self._ranking_at(step) for step in highest_first]
+        for ranking in rankings:
+            leaking_runs = int((ranking.leakage > 0).sum())
+            if leaking_runs > 1:
+                return ranking
+        return rankings[0]
 
     def _ranking_at(self, step: LoadStep) -> Ranking:
-        """Rank the runs at a load step that all of them have."""
-        leakage, lower, upper = (np.full(len(self.runs), np.nan) for _ in range(3))
+        """Rank the runs by their leakage at a load step that all of them have."""
+        leakage = np.full(len(self.runs), np.nan)  # (run,)
+        lower = leakage.copy()
+        upper = leakage.copy()
         has_intervals = True
         for run, results in enumerate(self.runs):
-            number = results.steps.index(step)
-            leakage[run] = lower[run] = upper[run] = abs(self.leakage(run)[number])
+            index = results.steps.index(step)
+            leakage[run] = abs(self.leakage(run)[index])
             ends = self.interval(run)
             if ends is None:
                 has_intervals = False
+                lower[run] = leakage[run]
+                upper[run] = leakage[run]
             else:
-                lower[run], upper[run] = (abs(end[number]) for end in ends)
-        # an unknown end excludes nothing
+                lower[run], upper[run] = (abs(end[index]) for end in ends)
+        # an unknown end does not bound the leakage
         lower = np.nan_to_num(lower, nan=0.0, posinf=np.inf)
         upper = np.nan_to_num(upper, nan=np.inf, posinf=np.inf)
         load = to_text(step.pressure, "Pa", 3)
@@ -376,6 +386,7 @@ def _common_unit(runs: Sequence[Results]) -> LeakUnit:
 
 
 def _pressure(step: LoadStep) -> float:
+    """Return the pressure of a step, by which steps are sorted."""
     return step.pressure
 
 
