@@ -82,7 +82,7 @@ def checked_modulus(modulus: object) -> float | Bodies:
 
 
 def surface_modulus(modulus: float | Bodies) -> float:
-    """Return the contact modulus E* [Pa] of waves that are much shorter than the coatings are thick.
+    """Return the contact modulus E* [Pa] for waves much shorter than the thickness of the coatings.
 
     Parameters
     ----------
@@ -116,13 +116,13 @@ def modulus_of_waves(modulus: float | Bodies, q: Array) -> Array:
 
 
 def scaled(modulus: Bodies, factor: float) -> Bodies:
-    """Multiply the Young's moduli of two bodies by a factor, and forget what they yield at."""
+    """Multiply the Young's moduli of two bodies by a factor; the yield stresses are left out."""
     a, b = modulus
     return _scaled_body(a, factor), _scaled_body(b, factor)
 
 
 def layer_factor(body: Coated, t: Array) -> Array:
-    """Compute S(t): compliance of a coated body over that of a half-space of its layer's material.
+    """Compute S(t), the ratio of the compliance of a coated body to that of a half-space of the layer's material.
 
     Parameters
     ----------
@@ -155,12 +155,13 @@ def layer_factor(body: Coated, t: Array) -> Array:
 
 
 def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodies: Bodies) -> Array:
-    """Compute by how much coated bodies displace a strip more than half-spaces of their layers' materials.
+    """Compute the difference between the displacements of coated bodies and of half-spaces of the layers' materials.
 
-    It is the kernel of `half_space.strip_symbol`, before its transform. A wave q > 0 along the other axis has the
-    kernel (1/2π) ∫ 2(S − 1)/(E₁* |q|) exp(i q₁ x) dq₁ along the free axis, averaged over pixels. The integrand is
-    smooth, so that the trapezoidal rule, a Fourier transform, converges exponentially. The wave q = 0 is a sum of
-    logarithms, one for each exponential of S − 1.
+    This is the contribution of the coatings to the kernel of `half_space.strip_symbol`, for one free axis, before the
+    Fourier transform. For a wave q > 0 along the other axis it is (1/2π) ∫ 2(S − 1)/(E₁* |q|) exp(i q₁ x) dq₁ along
+    the free axis, averaged over pixels. Because the integrand is smooth, the trapezoidal rule converges exponentially;
+    it is computed as a Fourier transform. For q = 0 the kernel is a sum of logarithms, one for each of the exponentials
+    to which S − 1 is fitted.
 
     Parameters
     ----------
@@ -187,7 +188,7 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
         kernel[q == 0] += _plane_strain_difference(n_free, d_free, body)
         first = 0
         while first < rising.size:
-            # waves of about one length have about one distance over which they decay
+            # waves of similar lengths decay over similar distances and are computed together
             last = int(np.searchsorted(q[rising], 2 * q[rising[first]], side="right"))
             group = rising[first:last]
             kernel[group] += _wave_difference(n_free, d_free, q[group], d_other, body)
@@ -196,12 +197,12 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
 
 
 def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
-    """Compute by how much coated bodies are displaced more than half-spaces of their layers' materials.
+    """Compute the same difference between displacements as `strip_difference`, but for two free axes.
 
     Parameters
     ----------
     edges1, edges2 : array (n1 + 1,), array (n2 + 1,)
-        Edges of the pixels along both axes [m]; the pressure is at their middles, the displacement at the origin.
+        Edges of the pixels along both axes [m]. The displacement is computed at the origin.
     bodies : pair of bodies
         The two bodies.
 
@@ -233,7 +234,7 @@ def _surface(body: Solid | Coated) -> Solid:
 
 
 def _coated(bodies: Bodies) -> list[Coated]:
-    """Return the coated ones of two bodies."""
+    """Return those of two bodies that are coated."""
     return [body for body in bodies if isinstance(body, Coated)]
 
 
@@ -251,7 +252,7 @@ def _scaled_body(body: Solid | Coated | None, factor: float) -> Solid | Coated |
 
 
 def _without_length(body: Coated) -> Coated:
-    """Return a body with the same S(t): a layer 1 m thick, whose Young's modulus is 1 Pa."""
+    """Return a body with the same S(t), whose layer has a thickness of 1 m and a Young's modulus of 1 Pa."""
     layer = Solid(1.0, body.layer.poisson)
     if body.substrate is None:
         return Coated(None, layer, 1.0)
@@ -295,7 +296,7 @@ def _exponentials(body: Coated) -> tuple[Array, Array]:
 
 
 def _long_wave_factor(body: Coated) -> float:
-    """Return S(0): the compliance of the substrate over that of the layer."""
+    """Return S(0), the ratio of the compliance of the substrate to that of the layer."""
     if body.substrate is None:
         return 0.0
     return body.layer.plane_modulus / body.substrate.plane_modulus
