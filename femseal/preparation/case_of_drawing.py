@@ -267,7 +267,7 @@ def _hardness(text: str) -> float:
 
 
 class _SurfaceSize(NamedTuple):
-    """Points and sides [m] of the generated surface, and breadth of the seal [m] if it is broader, else None."""
+    """Numbers of points and size [m] of a generated surface, and breadth [m] of a seal that is broader, else None."""
 
     points: tuple[int, int]
     better_points: tuple[int, int]
@@ -276,7 +276,7 @@ class _SurfaceSize(NamedTuple):
 
 
 def _surface_size(drawing: Drawing) -> _SurfaceSize:
-    """Choose the size of the generated surface and its points, for the first answer and for a better one."""
+    """Choose the size of the generated surface, and its numbers of points for a first and for a refined result."""
     across = drawing.breadth / drawing.pitch
     breadth = None
     if across > MOST_ACROSS:
@@ -299,7 +299,7 @@ def _fast_length(points: float) -> int:
 
 
 def _face_keys(drawing: Drawing, scale: float) -> dict[str, Any]:
-    """Return the keys of [face] that describe its heights, before scaling with a scale of 1."""
+    """Return the keys of [face] that describe its heights, multiplied by `scale`."""
     height = drawing.rz or _RZ_OVER_RA * (drawing.ra or 0.0)
 
     def length(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Grooves of a surface around the seal: rings, or the spiral that a lathe cuts."""
+"""Find grooves of a surface that run around the seal, as closed rings or as the spiral that a lathe cuts."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,11 +12,11 @@ from ..seal.lay import Lay
 from ..seal.layouts import AnnularLayout, Layout, RectangularLayout
 from ..topography import Surface, Topography
 
-#: Fraction of the variance of the heights that their means along x2 keep where grooves run along x2.
+#: A surface has grooves along x2 if the mean profile has at least this fraction of the variance of the heights.
 _GROOVED = 0.5
-#: Fraction of the power of these means near the wavelength of the grooves where grooves are equally far apart.
+#: The grooves are equally spaced if waves near their wavelength have this fraction of the power of the mean profile.
 _EVENLY_SPACED = 0.3
-#: Grooves that a surface has at least.
+#: Smallest number of grooves on a surface.
 _LEAST_GROOVES = 3
 
 
@@ -61,7 +61,7 @@ def groove_warnings(case: Case, surface: Surface) -> Iterator[str]:
 def groove_pitch(surface: Surface) -> float | None:
     """Find the distance of equally spaced grooves along x2 [m]; return None if the surface has none.
 
-    Of several patches it is the mean of their distances, None where one of them has no such grooves.
+    With several patches it is the mean of their distances, or None if one of them has no such grooves.
     """
     if not isinstance(surface, Topography):
         pitches = [groove_pitch(patch) for patch in surface.patches]
@@ -72,19 +72,20 @@ def groove_pitch(surface: Surface) -> float | None:
         return None
     n = np.arange(profile.size)
     level = profile - np.polyval(np.polyfit(n, profile, 2), n)
-    power = np.abs(np.fft.rfft(level)) ** 2  # by the number of waves on the profile
+    power = np.abs(np.fft.rfft(level)) ** 2  # the index is the number of waves on the profile
     power[:_LEAST_GROOVES] = 0.0
     strongest = int(power.argmax())
     waves = np.arange(strongest - 1, min(strongest + 2, power.size))
     near = power[waves]
     if not near.sum() > _EVENLY_SPACED * power.sum() > 0:
         return None
+    # the weighted mean of neighbouring waves resolves distances that do not divide the size of the surface
     mean_waves = float(near @ waves) / float(near.sum())
     return surface.size[0] / mean_waves
 
 
 def _circumference(case: Case) -> float | None:
-    """Length around the seal [m]; None of a surface by itself."""
+    """Return the length around the seal [m], or None if only the surface itself is solved."""
     if isinstance(case.layout, AnnularLayout):
         return case.layout.circumference
     return None if case.stochastic is None else case.stochastic.length

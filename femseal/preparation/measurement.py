@@ -1,4 +1,4 @@
-"""What is to be checked of a measured surface: waves that the filter removes, noise that it keeps, and its form."""
+"""Check a measured surface: waves that the filter removes, noise that it keeps, and the form of the surface."""
 
 from collections.abc import Iterator
 
@@ -8,12 +8,12 @@ from ..case.faces import FileFace
 from ..studies import Scene
 from ..topography import Conditioning, Surface, resolving_shape
 
-#: Fraction of the rms slope from which on a warning says that the filter removes it. Measured: with 49 % of it removed
-#: a turned surface leaks 10 to 700 times less.
+#: A warning is given if the filter removes more than this fraction of the rms slope. With 49 % of it removed, a turned
+#: surface leaked 10 to 700 times less.
 _LOST_SLOPE = 0.1
-#: Fraction of the rms slope from which on a warning says that it is noise.
+#: A warning is given if more than this fraction of the rms slope is noise.
 _NOISE_SLOPE = 0.25
-#: Loads at which the effect of the form is solved.
+#: Largest number of loads at which the effect of the form is computed.
 _FORM_LOADS = 4
 
 
@@ -23,10 +23,10 @@ def is_measured(case: Case, surface: Surface) -> bool:
 
 
 def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
-    """Choose the nominal pressures at which the effect of the form of a measured patch is to be solved [Pa].
+    """Choose the nominal pressures at which the effect of the form of a measured patch is computed [Pa].
 
-    These are up to four of those on loading. There are none where the case says what is form: by `detrend`, by the
-    form of a seat, or by that of the whole seal.
+    They are up to four of the pressures on loading. There are none if the case defines the form, by `detrend`, by a
+    seat, or by the form of the whole seal.
     """
     loads = [pressure for pressure in scene.steps.loading if pressure > 0]
     has_form = case.seat.kind != "flat" or bool(case.seal.form)

@@ -63,9 +63,9 @@ class Prepared:
     methods : names of the studies to be run.
     seat : form of the seat as text, "" if it is flat.
     form : forms of seal and seat with their errors; None if both are flat.
-    longest_waves : the longest waves of a measured patch, and how many of them it has; None of generated surfaces.
-    form_pressures : nominal pressures at which the effect of the form of a measured patch is to be solved [Pa]; none
-        where the case says what is form.
+    longest_waves : longest waves of a measured patch and their number; None for a generated surface.
+    form_pressures : nominal pressures at which the effect of the form of a measured patch is computed [Pa]; empty if
+        the case defines the form.
     flatness : flatness of the seal [m]; None if it is not given.
     warnings : one sentence for each thing in the case that is not plausible.
     """
@@ -87,9 +87,14 @@ class Prepared:
     def longer_waves(self, surface: Surface, mapper: Mapper) -> Array | None:
         """Compute how waves longer than the patch change ln(leakage), see `budget.longer_waves`.
 
-        None if no longer waves are expected.
+        Returns None if no longer waves are expected.
 
-        surface : of the scene, also on fewer points.
+        Parameters
+        ----------
+        surface : Topography or Patches
+            Surface of the scene, possibly on a coarser grid.
+        mapper : Mapper
+            Execution of the items, serial or in parallel.
         """
         sampling = self.sampling
         if sampling is None or (self.longest_waves is None and self.flatness is None):
@@ -108,7 +113,8 @@ class Prepared:
     def estimate(self) -> QuickEstimate | None:
         """Estimate contact and leakage from the spectrum of the surface alone, see `checks.estimate_scene`.
 
-        None where a form, a map of the pressure or a spiral decides. Of a solved study, its result has the estimate.
+        Returns None if a form, a pressure map or a spiral dominates. After a study has been solved, the estimate is
+        part of its result.
         """
         if self.sampling is None:
             return estimate_scene(self.scene)
@@ -120,7 +126,7 @@ class Prepared:
     def solve_form_effect(self) -> FormEffect | None:
         """Solve contact and flow of a measured patch with and without its form, see `checks.solve_form_effect`.
 
-        None where the case says what is form, and for surfaces that were not measured.
+        Returns None if the case defines the form, and for a surface that was not measured.
         """
         if not self.form_pressures:
             return None
@@ -162,7 +168,7 @@ class Prepared:
 
     @property
     def least_points(self) -> Shape:
-        """Fewest points of the surface along x1 and x2 that the cells of stochastic seals need."""
+        """Smallest numbers of points along x1 and x2 with which the cells of stochastic seals can be made."""
         m1, m2 = self.cells if self.cells is not None and "stochastic" in self.methods else (1, 1)
         return FEWEST_POINTS * m1, FEWEST_POINTS * m2
 
@@ -232,7 +238,8 @@ def prepare(case: Case) -> Prepared:
 
     Raises
     ------
-    InputError : a face cannot be read or used, or cells or seals do not suit it.
+    InputError
+        A face cannot be read or used, or cells or seals do not fit its size.
     """
     with refuse_impossible_sizes(), errors_with_keys(SCENE_KEYS):
         conditioned = condition_surface(case)
@@ -330,7 +337,7 @@ class _Seal:
 
 
 def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | None) -> _Seal:
-    """Determine the size of the seal, and whether its cells stay in the rows of the surface."""
+    """Determine the size of the seal, and whether its rows of tiles take cells from the same rows of the surface."""
     table = case.stochastic if "stochastic" in case.methods else None
     if table is None:
         return _Seal(None, surface.size, False)
@@ -355,10 +362,10 @@ def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | N
 
 
 def _add_seat(case: Case, seat: Seat | None, surface: Surface, has_form_beside: bool) -> Surface:
-    """Add the form of a seat to the heights of the surface, unless the seal has it beside the surface.
+    """Add the form of a seat to the heights of the surface, unless it is the form of the whole seal.
 
-    Raises InputError: a form that is too steep, or narrower than the surface; a form beside the surface with a method
-    that solves the surface as a whole.
+    Raises InputError if the form is too steep or narrower than the surface, or if it is the form of the whole seal and
+    the case has a method that solves the surface itself.
     """
     if seat is None:
         return surface
@@ -399,9 +406,16 @@ def _make_scene(
 def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tuple[float, ...]]:
     """Convert the loads of a case to nominal pressures [Pa].
 
-    Raises InputError: a force without a length of the seal, or more pressure than the surface can carry.
+    Raises InputError if a force is given for a seal without a length, or if the surface cannot carry the pressure.
 
-    area : area that carries the loads [m²]. length : length of the seal [m].
+    Parameters
+    ----------
+    case : Case
+        The case.
+    area : float
+        Area that carries the loads [m²].
+    length : float
+        Length of the seal [m].
     """
     stochastic = case.stochastic if "stochastic" in case.methods else None
     has_length = stochastic is not None and (
@@ -422,7 +436,7 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
 
 @dataclass(frozen=True)
 class _PressedSeal:
-    """Options of the stochastic seals with what presses them, numbers of cells, and what is not plausible."""
+    """Options of the stochastic seals with their forms or pressure map, numbers of cells, and warnings."""
 
     sampling: Sampling
     cells: Shape
@@ -437,9 +451,9 @@ def _press_seal(
     size: Pair,
     forms: tuple[SealForm, ...],
 ) -> _PressedSeal:
-    """Add the forms of the seal to the sampling, or else its map of the pressure, and check them.
+    """Add the forms of the seal to the sampling, or its pressure map if it has no form, and check them.
 
-    size : breadth and length of the seal [m].
+    The size of the seal is its breadth and length [m].
     """
     with errors_with_keys(MAP_KEYS):
         if forms:

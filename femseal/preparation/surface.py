@@ -209,7 +209,7 @@ def _repaired_faces(
     instrument: Instrument,
     notes: list[str],
 ) -> _RepairedFaces:
-    """Put patches side by side."""
+    """Put repaired patches side by side, and collect the results of the repair."""
     surface: Surface = patches[0][0]
     if len(patches) > 1:
         surface = Patches([level for level, _ in patches])
@@ -217,7 +217,10 @@ def _repaired_faces(
 
 
 def _treatment(case: Case, spikes: float, is_measured: bool) -> dict[str, Any]:
-    """Arguments of `topography.repair`. A generated surface is level, and detrending would change its waves."""
+    """Return the arguments of `topography.repair`.
+
+    Only the mean of a generated surface is subtracted, because it has no tilt, and detrending would change its waves.
+    """
     detrend = case.surface.detrend
     if detrend is None and not is_measured:
         detrend = 0
@@ -237,10 +240,10 @@ def _joint_instrument(
 
 
 def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
-    """Choose the points of the grid of all patches side by side.
+    """Choose the numbers of grid points of all patches side by side.
 
-    They are those of the case, which are given for one patch; those of a generated face; or those that the shortest
-    measured wave needs.
+    A case gives the numbers for one patch. Without them, a generated face keeps its points, and a measured face has as
+    many as are needed to resolve its shortest measured wave.
     """
     cut_off, points = case.surface.continue_spectrum, case.surface.points
     if points is not None:
@@ -262,15 +265,18 @@ def over_all_patches(surface: Surface, counts: Shape) -> Shape:
 
 
 def default_points(level: Surface, shortest_wave: float | None, instrument: Instrument) -> Shape:
-    """Choose the points on which a measured surface is solved, see `topography.resolving_shape`.
+    """Choose the numbers of grid points for a measured surface, see `topography.resolving_shape`.
 
-    The surface keeps its own pixels where the waves of 8 of them and longer ones have nearly all of its slope.
+    The surface keeps its pixels if waves of at least 8 pixels contain nearly all of its slope.
 
     Parameters
     ----------
-    level : surface without undefined points.
-    shortest_wave : wavelength of the filter [m], which decides if it is given.
-    instrument : instrument with which the surface was measured.
+    level : Topography or Patches
+        Surface without undefined points.
+    shortest_wave : float or None
+        Wavelength of the filter [m], which determines the grid if it is given.
+    instrument : Instrument
+        Instrument with which the surface was measured.
     """
     own_wave = resolved_wave(level.size, level.shape)
     wave = shortest_wave
@@ -292,8 +298,8 @@ def _choose_cells(
 ) -> Shape | None:
     """Choose the numbers of cells along both axes of a patch; return None if no method needs cells.
 
-    Unless the case gives them, they are those of blocks, those that suit stochastic seals, or those with eight
-    shortest waves or more along a side.
+    If the case does not give them, they follow from the blocks, from the stochastic seals, or from a cell size of at
+    least eight shortest waves.
     """
     table, stochastic = case.cells or CellsTable(), case.stochastic
     if case.methods == {"deterministic"}:

@@ -1,6 +1,6 @@
 """Survey a measured surface before a run: describe it, condition it as a run does, and write a first case.
 
-No surface is refused. One that a run refuses is described as far as possible, with the reason.
+No surface is refused. If a run would refuse a surface, it is described as far as possible, with the reason.
 """
 
 import os
@@ -118,17 +118,21 @@ def survey(
     channel: str = "0",
     **reading: Any,
 ) -> list[str]:
-    """Describe the surface in a file in lines of text, and draw it.
+    """Describe the surface in a file by lines of text, and draw a picture of it.
 
     Parameters
     ----------
-    path, channel, reading : as `read_topography` takes them, lengths as text with their unit.
-    picture : file to write, .png, .pdf or .svg; None draws nothing.
-    spikes, detrend, shortest_wave, max_undefined : keys of the table [surface] of a case.
+    path, channel, reading
+        Arguments of `read_topography`, with lengths as text with a unit.
+    picture : Path or None
+        Picture to write, .png, .pdf or .svg; None for no picture.
+    spikes, detrend, shortest_wave, max_undefined
+        Values of these keys in the table [surface] of a case.
 
     Raises
     ------
-    InputError : an argument cannot be used, or the file has no heights; no picture is written then.
+    InputError
+        An argument is invalid, or the file contains no heights. No picture is written in this case.
     """
     if picture is not None and (
         picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()
