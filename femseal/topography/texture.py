@@ -193,9 +193,9 @@ class _Bins:
 def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Topography) -> _Bins:
     """Average a radial density, less the level `floor` of white noise, in bins where it is above that level.
 
-    A ring of radius q and width w contains A q w/2π wave vectors of a map of area A, and half as many independent
-    waves, as a wave and its conjugate are one. The density of a wave of a Gaussian surface is exponentially
-    distributed, so that the mean of n independent ones scatters by 1/√n of itself.
+    For a map of area A, a ring of radius q and width w contains A q w/2π wave vectors, and half as many independent
+    waves, because a wave and its conjugate are the same wave. The spectral density of a wave of a Gaussian surface is
+    exponentially distributed, so that the mean over n independent waves has a relative standard deviation of 1/√n.
     """
     is_used = density > floor
     q = q[is_used]
@@ -208,13 +208,14 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
     )
     waves = prod(topography.size) * q * width / (2 * pi)
     number = np.floor(np.log10(q / q[0]) * _BINS_PER_DECADE + SLACK).astype(int)
-    count = np.bincount(number, waves)
+    count = np.bincount(number, waves)  # wave vectors in each bin
     is_full = count > 0
     count = count[is_full]
     x = np.bincount(number, waves * np.log10(q))[is_full] / count
     flattened = np.bincount(number, waves * signal * q**_FLATTENING)[is_full] / count
     y = np.log10(flattened) - _FLATTENING * x
     noise = floor / 10**y
+    # variance by the count/2 independent waves, and by the error of the noise level
     relative_variance = 2 / count * (1 + noise) ** 2 + (_NOISE_ERROR * noise) ** 2
     return _Bins(x, y, relative_variance / log(10) ** 2)
 
@@ -222,8 +223,8 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
 def _fit(bins: _Bins) -> PowerLaw | None:
     """Fit the power law whose exponent has the smallest standard error; return None if no power law holds.
 
-    Tried are all ranges of bins, and a plateau of the longest waves with a power law behind it. A law with a plateau
-    may have the larger error, as the end of the plateau is a third unknown.
+    All ranges of bins are tried, without a plateau and, from the longest waves on, with a plateau before the power law.
+    A law with a plateau is accepted with a somewhat larger error, because the end of the plateau is a third unknown.
     """
     straight = [
         _fit_straight(bins.part(first, last))
@@ -249,7 +250,7 @@ def _fit_straight(bins: _Bins) -> PowerLaw | None:
 def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
     """Fit a plateau followed by a power law to all bins; return None if the law does not hold.
 
-    The plateau ends where the weighted sum of squared deviations is least.
+    The end of the plateau is the one with the smallest weighted sum of squared deviations.
     """
     x, weight = bins.x, bins.weight
     bends = np.arange(
@@ -259,7 +260,7 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
     bends = bends[bins_behind >= _LEAST_BINS]
     if not bends.size:
         return None
-    # for each bend, the sum of squares that the best y = level + slope · fall explains
+    # for each bend, the sum of squares that is explained by the best fit y = level + slope · fall
     fall = np.maximum(x - bends[:, None], 0.0)  # (bend, bin)
     fall -= (fall @ weight / weight.sum())[:, None]
     deviation = bins.y - bins.y @ weight / weight.sum()
@@ -270,8 +271,8 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
 def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None:
     """Fit y = level + slope · max(x − bend, 0) by weighted least squares; return None if no power law holds.
 
-    The error of the slope includes that of the bend where there is a plateau, and is enlarged where the deviations are
-    larger than the weights let expect.
+    With a plateau, the error of the slope includes that of the bend. The error is increased if the deviations are
+    larger than expected from the variances.
     """
     fall = np.maximum(bins.x - bend, 0.0)
     weight = bins.weight
@@ -280,11 +281,12 @@ def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None
     deviation = level + slope * fall - bins.y
     hurst = -1 - slope / 2
     if has_plateau:
+        # derivative of the fit with respect to the position of the bend
         by_bend = np.where(fall > 0, -slope, 0.0)
         design = np.vstack([design, by_bend])
     freedom = fall.size - len(design)
-    beyond_waves = np.maximum(deviation**2 - bins.variance, 0.0)
-    holds = sqrt(np.mean(beyond_waves)) <= _SCATTER and 0 < hurst <= _LARGEST_HURST
+    unexplained = np.maximum(deviation**2 - bins.variance, 0.0)  # beyond the scatter of the waves
+    holds = sqrt(np.mean(unexplained)) <= _SCATTER and 0 < hurst <= _LARGEST_HURST
     if freedom < 1 or not holds:
         return None
     excess = max(1.0, sqrt(weight @ deviation**2 / freedom))
