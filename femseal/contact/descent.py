@@ -1,9 +1,9 @@
 """Solve a contact by steps that never increase the energy, for problems in which the active sets cycle.
 
 Each iteration begins with a step along the projected gradient with the Barzilai-Borwein length, which determines the
-free points. Steps of conjugate gradients on the free points follow. If a point reaches a bound, it stays there, and the
-conjugate gradients are restarted. The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), with ψ = ½ Σ (p − H)₊²/h for points that
-harden. It decreases with each step, and the load remains constant.
+free points. Conjugate gradients on the free points follow, which ignore the bounds. Their result is projected on the
+bounds, and the pressure moves towards it as far as the energy decreases. The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), with
+ψ = ½ Σ (p − H)₊²/h for points that harden. It decreases with each step, and the load remains constant.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
 """
 
@@ -21,15 +21,15 @@ from .workspace import Problem, Workspace
 _STEPS = 25
 #: Fraction of the initial w·r at which these steps end.
 _DROP = 1e-3
+#: Number of halvings of the range in which a uniform pressure is sought that restores the load.
+_HALVINGS = 60
 
 
 class Solution(NamedTuple):
-    """Solution of a contact problem on one grid. Pressure and v are stored in the workspace of the grid.
+    """Solution of a contact problem on one grid; its pressure and v are in the memory of the grid.
 
-    delta : approach δ minus the offset of the heights [m].
-    residual : residual ‖p − y‖/‖y‖.
-    iterations : number of iterations.
-    products : number of products with K.
+    delta : approach δ minus the offset [m]. residual : ‖p − y‖/‖y‖. iterations : number of iterations. products :
+    number of products with K.
     """
 
     delta: float
@@ -39,12 +39,10 @@ class Solution(NamedTuple):
 
 
 class _Law(NamedTuple):
-    """Linear contact law of each point, as arrays (n,).
+    """Straight law of every point, as arrays (n,).
 
-    hardness : hardness H [Pa].
-    slope : hardening modulus h [Pa/m].
-    limit : largest pressure [Pa]; infinite for points that harden.
-    compliance : 1/h [m/Pa] of points that harden, and 0 for all others.
+    hardness : H [Pa]. slope : h [Pa/m]. limit : largest pressure [Pa]. compliance : 1/h of points that harden [m/Pa],
+    0 of others.
     """
 
     hardness: Array
@@ -53,25 +51,25 @@ class _Law(NamedTuple):
     compliance: Array
 
     def energy(self, p: Array) -> float:
-        """Compute the contribution ψ(p) of hardening to the energy."""
+        """Compute the part ψ(p) of the energy that comes from the law."""
         return float(0.5 * self.compliance @ np.maximum(p - self.hardness, 0.0) ** 2)
 
 
 def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit: int) -> Solution:
-    """Solve a contact problem, beginning with a pressure that is within the bounds and carries the load.
+    """Solve a contact problem, starting from a pressure that is within the bounds and carries the load.
 
     Parameters
     ----------
     grid : Workspace
-        Workspace of the grid with the initial pressure, which the solution replaces.
+        Grid with the initial pressure, which is replaced by the solution.
     problem : Problem
         Gap, law and load.
     delta : float
-        First guess of the approach minus the offset of the heights [m].
+        First guess of the approach minus the offset [m].
     rtol : float
-        Target residual.
+        Residual to reach.
     limit : int
-        Largest number of iterations.
+        Most iterations.
 
     Returns
     -------
@@ -104,13 +102,13 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
             return Solution(delta, residual, iterations, products)
         iterations += 1
         c = _gradient_step(grid, p, v, c, delta, problem, law)
-        products += 1 + _free_point_steps(grid, p, v, delta, law)
+        products += 1 + _free_point_step(grid, p, v, delta, law)
 
 
 def _project(
     p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> tuple[float, Array]:
-    """Compute the projection y (n,) of p − c (v − δ) on the law, with the δ for which y carries the load.
+    """Find the δ that carries the load, and the projection y of p − c (v − δ) on the law (n,).
 
     delta : first guess of δ [m].
     """
@@ -126,74 +124,135 @@ def _project(
 def _gradient_step(
     grid: Workspace, p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> float:
-    """Move p towards its projection y, to the point of lowest energy on this line, and update v.
+    """Move p (n,) towards its projection y, to the lowest energy on the way; return the length c of the next step.
 
-    Returns the length c of the next step.
+    v (n,) is updated with p.
     """
     delta, y = _project(p, v, c, delta, problem, law)
     d = y - p
+    curvature = _move(grid, p, v, d, delta, law)
+    return float(d @ d) / curvature if curvature > 0 else grid.stiffness
+
+
+def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law) -> float:
+    """Move p (n,) along d (n,), at most to p + d, to where the energy is lowest; return d·Kd.
+
+    p + d is within the bounds and carries the load. If the energy does not fall, nothing is moved and 0 is returned.
+    With hardening the place of the lowest energy is estimated; the energy still falls, because it is convex.
+    v (n,) is updated with p.
+    """
     response = grid.response(d)
     curvature = float(d @ response)
-    fall = float(d @ (v - delta)) + law.energy(y) - law.energy(p)
+    fall = float(d @ (v - delta)) + law.energy(p + d) - law.energy(p)
     if not (fall < 0 and curvature > 0):
-        return grid.stiffness
+        return 0.0
     fraction = min(1.0, -fall / curvature)
     p += fraction * d
     np.clip(p, 0.0, law.limit, out=p)
     v += fraction * response
-    return float(d @ d) / curvature
+    return curvature
 
 
-def _free_point_steps(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
-    """Perform steps of conjugate gradients on the free points, and update p and v (n,).
+def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
+    """Lower the energy on the free points; return the number of products with K.
 
-    A step ends at the first bound that a point reaches; the conjugate gradients are then restarted without this point.
-    The bounds of an elastic point are 0 and H, and the bounds of a point that hardens are H and infinity.
-
-    Returns the number of products with K.
+    Conjugate gradients find a step that ignores the bounds. Its end is projected on the bounds and the load. If the
+    energy does not fall on the way there, the step itself is made, as far as the first bound. p and v (n,) are updated.
     """
+    free, low, high, soft = _free_points(p, law)
+    if free.size < 2:
+        return 0
+    step, response, products = _conjugate_gradients(grid, p, v, delta, law, free, soft)
+    if products == 0:
+        return 0
+    d = np.zeros(p.size)
+    d[free] = _within_bounds(p[free] + step, low, high, float(p[free].sum())) - p[free]
+    if _move(grid, p, v, d, delta, law) > 0:
+        return products + 1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_bound = np.where(step > 0, (high - p[free]) / step, (low - p[free]) / step)
+    to_bound[step == 0] = np.inf
+    nearest = int(to_bound.argmin())
+    fraction = min(1.0, float(to_bound[nearest]))
+    p[free] = np.clip(p[free] + fraction * step, low, high)
+    v += fraction * response
+    if fraction == to_bound[nearest]:
+        p[free[nearest]] = high[nearest] if step[nearest] > 0 else low[nearest]
+    return products + 1
+
+
+def _free_points(p: Array, law: _Law) -> tuple[NDArray[np.int32], Array, Array, Array]:
+    """Find the points whose pressure is unknown, with their bounds and their compliance 1/h, arrays (free points,).
+
+    The bounds of an elastic point are 0 and H; those of a point that yields and hardens are H and infinity.
+    """
+    yields = (p > law.hardness) & (law.slope > 0)
+    free = np.flatnonzero(((p > 0) & (p < law.hardness)) | yields).astype(np.int32)
+    low = np.where(yields, law.hardness, 0.0)[free]
+    high = np.where(yields, np.inf, law.hardness)[free]
+    soft = np.where(yields, law.compliance, 0.0)[free]
+    return free, low, high, soft
+
+
+def _conjugate_gradients(
+    grid: Workspace,
+    p: Array,
+    v: Array,
+    delta: float,
+    law: _Law,
+    free: NDArray[np.int32],
+    soft: Array,
+) -> tuple[Array, Array, int]:
+    """Minimise the energy on the free points, without bounds and with the same load.
+
+    Returns
+    -------
+    step : array (free points,), change of the pressure [Pa].
+    response : array (n,), displacement under the step [m].
+    products : number of products with K.
+    """
+    scale = 1.0 / np.sqrt(1.0 + soft * grid.weights.max())
+    ones = _preconditioned(grid, free, np.ones(free.size), scale)
+    step = np.zeros(free.size)
+    total_response = np.zeros(p.size)
+    d = np.zeros(free.size)
+    dense = np.zeros(p.size)
+    r = delta - v[free] - soft * np.maximum(p[free] - law.hardness[free], 0.0)
     first = 0.0  # w·r of the first direction
-    former = np.inf  # w·r of the previous direction; infinite for a restart
-    for step in range(_STEPS):
-        if former == np.inf:
-            yields = (p > law.hardness) & (law.slope > 0)
-            free = np.flatnonzero(((p > 0) & (p < law.hardness)) | yields).astype(np.int32)
-            if free.size < 2:
-                return step
-            low = np.where(yields, law.hardness, 0.0)[free]
-            high = np.where(yields, np.inf, law.hardness)[free]
-            soft = np.where(yields, law.compliance, 0.0)[free]
-            scale = 1.0 / np.sqrt(1.0 + soft * grid.weights.max())
-            ones = _preconditioned(grid, free, np.ones(free.size), scale)
-            d = np.zeros(free.size)
-        r = delta - v[free] - soft * np.maximum(p[free] - law.hardness[free], 0.0)
+    former = np.inf  # w·r of the former direction; there is none at first
+    for products in range(_STEPS):
         r -= r.mean()
         w = _preconditioned(grid, free, r, scale)
         w -= w.sum() / ones.sum() * ones
         wr = float(w @ r)
         first = first or wr
-        if not wr > _DROP * first * (step > 0):
-            return step
+        if not wr > _DROP * first * (products > 0):
+            return step, total_response, products
         d = w + wr / former * d
-        dense = np.zeros_like(p)
         dense[free] = d
         response = grid.response(dense)
         curvature = float(d @ response[free] + d @ (soft * d))
         if not curvature > 0:
-            return step + 1
-        with np.errstate(divide="ignore", invalid="ignore"):
-            room = np.where(
-                d > 0, (high - p[free]) / d, np.where(d < 0, (low - p[free]) / d, np.inf)
-            )
-        nearest = int(room.argmin())
-        fraction = min(wr / curvature, float(room[nearest]))
+            return step, total_response, products
+        length = wr / curvature
+        step += length * d
+        total_response += length * response
+        r -= length * (response[free] + soft * d)
         former = wr
-        p[free] = np.clip(p[free] + fraction * d, low, high)
-        v += fraction * response
-        if fraction == room[nearest]:
-            p[free[nearest]] = high[nearest] if d[nearest] > 0 else low[nearest]
-            former = np.inf
-    return _STEPS
+    return step, total_response, _STEPS
+
+
+def _within_bounds(target: Array, low: Array, high: Array, load: float) -> Array:
+    """Find the values (n,) between bounds whose sum is the load and that are nearest to a target (n,)."""
+    reach = float(np.max(np.abs(target)))
+    least, most = -reach, reach
+    for _ in range(_HALVINGS):
+        shift = (least + most) / 2
+        if float(np.clip(target + shift, low, high).sum()) < load:
+            least = shift
+        else:
+            most = shift
+    return np.clip(target + (least + most) / 2, low, high)
 
 
 def _preconditioned(grid: Workspace, free: NDArray[np.int32], values: Array, scale: Array) -> Array:
