@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from .case.case import Case
     from .case.reading import load_case
     from .contact import Contact, HalfSpace, LoadCycle, load_cycle, solve_contact
-    from .contact.hardness_curves import HardnessTable, NixGao
+    from .contact.hardness_curves import CoatedLaw, HardnessTable, NixGao
     from .contact.law import ContactLaw, LinearHardening, PerfectlyPlastic
     from .designs.answer import design
     from .designs.data_sheet import Design
@@ -94,6 +94,7 @@ __all__ = [
     "Calibration",
     "Case",
     "Coated",
+    "CoatedLaw",
     "Contact",
     "ContactLaw",
     "Design",

@@ -235,7 +235,7 @@ def _continuation(
     *others, last = solutions
     shorter = replace(last, rms_slope=surface.low_pass(2 * cut_off).rms_slope)
     # an octave beyond the cut-off at least, and a decade at most
-    law, modulus = grid.scene.law, grid.scene.modulus
+    law, modulus = grid.scene.law, grid.scene.surface_modulus
     ends = continued.last_that_counts(law.mean_hardness, modulus)
     shortest = float(np.clip(ends, cut_off / UNSEEN, cut_off / 2))
     beyond = continued.law.slope_power(cut_off, shortest)

@@ -207,6 +207,9 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
         The ends of a range do not rise, or the softer solid has no single hardness.
     """
     table = getattr(case, case.softer)
+    if table.coating is not None:
+        expected = "a case without a coating on the softer face: only the hardness of a single solid can be calibrated"
+        raise InputError(case.softer, "a coating", expected)
     hardness = table.solid.hardness
     if hardness is None or not np.isfinite(hardness) or table.hardness_table is not None:
         raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness")

@@ -16,10 +16,10 @@ from pydantic import Field, model_validator
 
 from ..base import InputError, shortened, to_text
 from ..base.leak_rates import check_classes
-from ..contact import ContactLaw, softer_of
+from ..contact import Bodies, ContactLaw, checked_modulus, softer_of
 from ..flow.problem import SOLVERS
 from ..fluids import leak_basis, potential_of
-from ..materials import Solid, contact_modulus
+from ..materials import Coated, Solid
 from ..scene.choices import FLUID_EFFECTS
 from ..seal.layouts import Layout, MeshLayout, lay_of
 from .completion import complete, least_detrend
@@ -357,9 +357,15 @@ class Case(Table):
 
     @property
     def solids(self) -> tuple[Solid, Solid | None]:
-        """Solid with the rough surface, and solid of the counter-face; None stands for a rigid counter-face."""
+        """Solids below their coatings: that with the rough surface, and that of the counter-face or None (rigid)."""
         counter = self.counter_material
         return self.material.solid, None if counter is None else counter.solid
+
+    @property
+    def bodies(self) -> tuple[Solid | Coated, Solid | Coated | None]:
+        """The two bodies with their coatings; None is rigid."""
+        counter = self.counter_material
+        return self.material.body, None if counter is None else counter.body
 
     @property
     def law(self) -> ContactLaw:
@@ -384,9 +390,9 @@ class Case(Table):
         return float(getattr(self, self.softer).hardness_tolerance)
 
     @property
-    def modulus(self) -> float:
-        """Contact modulus of both solids [Pa]."""
-        return contact_modulus(*self.solids)
+    def modulus(self) -> float | Bodies:
+        """Contact modulus [Pa], or the two bodies where one of them is coated."""
+        return checked_modulus(self.bodies)
 
     def echo(self) -> dict[str, Any]:
         """Return the case as plain data, with values in SI units."""

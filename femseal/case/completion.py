@@ -364,6 +364,10 @@ def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: lis
     """
     table = dict(solid)
     path = table.get("hardness_table")
+    coating = table.get("coating")
+    if isinstance(coating, dict):
+        place = f"{table_key}.coating"
+        table["coating"] = _complete_solid(coating, place, folder, warnings)
     if isinstance(path, str):
         table["hardness_table"] = _hardness_rows(folder / path, f"{table_key}.hardness_table")
     if "name" not in table:

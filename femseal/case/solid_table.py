@@ -8,9 +8,16 @@ import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
 from ..base import InputError
-from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
+from ..contact import (
+    ContactLaw,
+    HardnessTable,
+    LinearHardening,
+    NixGao,
+    PerfectlyPlastic,
+    law_of_coating,
+)
 from ..contact.hardness_curves import SMALLEST_DEPTH
-from ..materials import Solid
+from ..materials import Coated, Solid
 from .completion import HARDNESS_COLUMNS
 from .faults import unusable
 from .quantity_types import (
@@ -52,6 +59,45 @@ HardnessRows = Annotated[
     BeforeValidator(_check_rows),
     WithJsonSchema(_TABLE_SCHEMA),
 ]
+
+
+class CoatingTable(Table):
+    """A coating, see `materials.Coated`: an elastic layer that is bonded to the solid."""
+
+    thickness: Annotated[Length, UsualRange(1e-7, 1e-3, "m")] = key(
+        "thickness of the coating", start="20 um", since="0.2"
+    )
+    name: str | None = key(
+        "name of a metal, which gives `young`, `poisson` and `yield_stress`",
+        None,
+        example="silver, annealed",
+        since="0.2",
+        max_length=60,
+    )
+    young: Modulus = key("Young's modulus", needed="without a `name`", since="0.2")
+    poisson: Poisson = key("Poisson's ratio", 0.3, since="0.2")
+    yield_stress: Strength | None = key(
+        "yield stress; the hardness is 2.8 times as large",
+        None,
+        example="54 MPa",
+        since="0.2",
+        instead="hardness",
+    )
+    hardness: Strength | None = key(
+        "hardness: the largest contact pressure", None, example="150 MPa", since="0.2"
+    )
+
+    @model_validator(mode="after")
+    def _check_strength(self) -> CoatingTable:
+        """Raise an InputError if two keys give the strength."""
+        if self.yield_stress is not None and self.hardness is not None:
+            raise unusable("yield_stress or hardness, not both")
+        return self
+
+    @property
+    def solid(self) -> Solid:
+        """The solid of the coating."""
+        return Solid(self.young, self.poisson, self.yield_stress, self.hardness)
 
 
 class SolidTable(Table):
@@ -100,6 +146,12 @@ class SolidTable(Table):
         since="0.2",
         max_length=60,
     )
+    coating: CoatingTable | None = key(
+        "coating of the solid, with `thickness`, and `name` or `young`, `poisson` and `yield_stress`",
+        None,
+        example={"name": "silver, annealed", "thickness": "20 um"},
+        since="0.2",
+    )
 
     @model_validator(mode="after")
     def _check_law(self) -> SolidTable:
@@ -132,15 +184,35 @@ class SolidTable(Table):
         return Solid(self.young, self.poisson, self.yield_stress, hardness)
 
     @property
+    def body(self) -> Solid | Coated:
+        """The solid with its coating, if it has one."""
+        if self.coating is None:
+            return self.solid
+        return Coated(self.solid, self.coating.solid, self.coating.thickness)
+
+    @property
     def law(self) -> ContactLaw:
-        """The contact law: perfectly plastic, with hardening, or a curve over the plastic deformation."""
+        """The contact law of the body: that of its coating up to the thickness, then that of the solid."""
+        if self.coating is None:
+            return self.law_of_solid
+        layer = PerfectlyPlastic(_hardness_of(self.coating.solid))
+        return law_of_coating(layer, self.law_of_solid, self.coating.thickness)
+
+    @property
+    def law_of_solid(self) -> ContactLaw:
+        """The contact law without a coating: perfectly plastic, with hardening, or a curve over the deformation."""
         if self.hardness_table is not None:
             depths, hardnesses = np.array(self.hardness_table, dtype=float).T
             return HardnessTable(depths, hardnesses)
-        hardness = self.solid.hardness
-        assert hardness is not None  # inf if the solid does not yield
+        hardness = _hardness_of(self.solid)
         if self.nix_gao_depth is not None:
             return NixGao(hardness, self.nix_gao_depth, self.smallest_depth or SMALLEST_DEPTH)
         if self.hardening is not None:
             return LinearHardening(hardness, self.hardening)
         return PerfectlyPlastic(hardness)
+
+
+def _hardness_of(solid: Solid) -> float:
+    """Return the hardness of a solid [Pa], inf if it does not yield."""
+    assert solid.hardness is not None
+    return solid.hardness

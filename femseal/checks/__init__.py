@@ -3,6 +3,7 @@
 plausibility     Warnings about a scene and its solution. Every study calls `result_warnings`.
 quick_estimate   Contact and leakage from the spectrum of the surface alone.
 flow_limits      Warnings about flow outside of the model: choked flow, inertia, gases that are not ideal.
+coatings         Warnings about the roughness on a coating, and the depth to which it yields.
 form_effect      Leakage of a measured patch with its curvature, without it, and without its longest waves.
 """
 
@@ -14,6 +15,6 @@ if TYPE_CHECKING:
     from .flow_limits import choked_flux, flow_warnings, gas_warnings
     from .form_effect import FormEffect, solve_form_effect
     from .plausibility import line_contact_warnings, result_warnings, scene_warnings
-    from .quick_estimate import QuickEstimate, estimate_scene, estimate_surface
+    from .quick_estimate import QuickEstimate, estimate_scene, estimate_surface, mean_modulus
 else:
     __getattr__, __dir__ = lazy(__name__)

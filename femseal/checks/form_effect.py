@@ -14,7 +14,7 @@ from math import log, nan, sqrt
 import numpy as np
 
 from ..base import Array, NotConverged, Pair, to_text
-from ..contact import HalfSpace, solve_contact
+from ..contact import Bodies, HalfSpace, solve_contact
 from ..contact.law import ContactLaw
 from ..flow import cell_permeability
 from ..topography import Surface
@@ -136,7 +136,7 @@ class FormEffect:
 
 def solve_form_effect(
     patch: Surface,
-    modulus: float,
+    modulus: float | Bodies,
     law: ContactLaw,
     pressures: Sequence[float],
     boundary: tuple[str, str] = ("free", "periodic"),
@@ -189,7 +189,11 @@ def solve_form_effect(
 
 
 def _permeability(
-    surface: Surface, modulus: float, law: ContactLaw, pressure: float, boundary: tuple[str, str]
+    surface: Surface,
+    modulus: float | Bodies,
+    law: ContactLaw,
+    pressure: float,
+    boundary: tuple[str, str],
 ) -> float:
     """Compute the permeability of a surface, the mean over its patches [m³]; NaN if a solver fails."""
     permeability = []

@@ -9,6 +9,7 @@ from ..base import Array, counted, to_text
 from ..fluids import leak_basis
 from ..materials import LINE_CONTACT_YIELD, YOUNG_LIMITS
 from ..scene import Scene
+from .coatings import coating_depth_warnings, roughness_of_coating_warnings
 from .flow_limits import flow_warnings, gas_warnings
 from .quick_estimate import QuickEstimate
 
@@ -19,7 +20,11 @@ _STEEP = 1.0
 
 
 def result_warnings(
-    scene: Scene, leakage: Array, mean_gap: Array, estimate: QuickEstimate | None
+    scene: Scene,
+    leakage: Array,
+    mean_gap: Array,
+    estimate: QuickEstimate | None,
+    plastic_depth: Array | None = None,
 ) -> tuple[str, ...]:
     """Check a scene and its solution, and return a warning for everything that is not plausible.
 
@@ -33,11 +38,14 @@ def result_warnings(
         Mean gap through which the fluid passes [m], NaN where it is unknown.
     estimate : QuickEstimate or None
         Quick estimate from the spectrum of the surface, see `estimate_scene`; None if there is none.
+    plastic_depth : array, (steps,), or None
+        Largest plastic deformation [m]; estimated from the heights if None.
     """
     texts = [*scene_warnings(scene)]
     if estimate is not None:
         texts += estimate.leakage_warnings(leakage, [step.name for step in scene.steps])
     texts += flow_warnings(scene, leakage, mean_gap)
+    texts += coating_depth_warnings(scene, plastic_depth)
     return tuple(texts)
 
 
@@ -51,6 +59,7 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
         *gas_warnings("fluid", fluid, scene.inlet_pressure, outlet),
         *_load_warnings(scene),
         *_slope_warnings(scene),
+        *roughness_of_coating_warnings(scene),
     )
 
 
@@ -78,10 +87,11 @@ def line_contact_warnings(scene: Scene, row_pressure: Array) -> tuple[str, ...]:
 def _modulus_warnings(scene: Scene) -> Iterator[str]:
     """Warn if the contact modulus is not that of a metal."""
     low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
-    if not low <= scene.modulus <= high:
+    modulus = scene.surface_modulus
+    if not low <= modulus <= high:
         usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
         yield (
-            f"The unit of the modulus may be wrong: the contact modulus {to_text(scene.modulus, 'Pa')} is not that of "
+            f"The unit of the modulus may be wrong: the contact modulus {to_text(modulus, 'Pa')} is not that of "
             f"metals ({usual})"
         )
 

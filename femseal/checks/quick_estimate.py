@@ -14,6 +14,7 @@ import numpy as np
 
 from ..analytic import CLOSING_AREA, critical_junction
 from ..base import Array
+from ..contact import Bodies, modulus_of_waves
 from ..scene import Scene
 from ..topography import Surface, Topography
 
@@ -113,7 +114,10 @@ def first_to_last(values: Array) -> str:
 
 
 def estimate_surface(
-    surface: Surface, modulus: float, hardness: float, pressures: Sequence[float] | Array
+    surface: Surface,
+    modulus: float | Bodies,
+    hardness: float,
+    pressures: Sequence[float] | Array,
 ) -> QuickEstimate:
     """Estimate contact fraction and gaps of a surface. The leakage of the result is NaN.
 
@@ -125,8 +129,10 @@ def estimate_surface(
     ----------
     surface : Topography or Patches
         Heights of the combined surfaces, without undefined points.
-    modulus : float
-        Contact modulus E* [Pa].
+    modulus : float or pair of bodies
+        Contact modulus E* [Pa], or the two bodies. The modulus of coated bodies is the root mean square over the slopes
+        of the waves, which gives the contact fraction of Persson's theory for layered bodies (Persson, J. Phys.
+        Condens. Matter 24, 2012, 095008).
     hardness : float
         Hardness H [Pa], infinite for an elastic surface.
     pressures : sequence of float or array, (loads,)
@@ -138,13 +144,14 @@ def estimate_surface(
         wave_numbers, mean_squares = _spectrum_in_bands(patch)
         if not wave_numbers.size:
             continue
+        mean_modulus_of_patch = _mean_modulus(modulus, wave_numbers, mean_squares)
         slopes = patch.rms_slopes
         closing = CLOSING_AREA * 2 * slopes[1] / sum(slopes)
         for load, pressure in enumerate(pressures):
             if pressure > 0:
                 junctions[n, load] = critical_junction(
                     pressure,
-                    modulus,
+                    mean_modulus_of_patch,
                     wave_numbers,
                     mean_squares,
                     hardness=hardness,
@@ -201,6 +208,23 @@ def _has_form(patch: Topography) -> bool:
         if form.var() > _FORM_DECIDES * variance:
             return True
     return False
+
+
+def mean_modulus(scene: Scene) -> float:
+    """Compute the contact modulus [Pa] of the waves of a surface, the root mean square over their slopes."""
+    if isinstance(scene.modulus, float):
+        return scene.modulus
+    waves, powers = _spectrum_in_bands(scene.surface.patches[0])
+    return _mean_modulus(scene.modulus, waves, powers) if waves.size else scene.surface_modulus
+
+
+def _mean_modulus(modulus: float | Bodies, waves: Array, powers: Array) -> float:
+    """Compute the root mean square of the contact modulus [Pa] over the slopes of waves, see `estimate_surface`."""
+    if isinstance(modulus, float):
+        return modulus
+    square_slopes = powers * waves**2
+    square_modulus = modulus_of_waves(modulus, waves) ** 2
+    return float(np.sqrt(square_modulus @ square_slopes / square_slopes.sum()))
 
 
 def _spectrum_in_bands(patch: Topography) -> tuple[Array, Array]:

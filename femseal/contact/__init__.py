@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         load_states,
     )
     from .half_space import HalfSpace
-    from .hardness_curves import HardnessTable, NixGao
+    from .hardness_curves import CoatedLaw, HardnessTable, NixGao, law_of_coating
     from .law import ContactLaw, LinearHardening, PerfectlyPlastic, contact_law, softer_of
     from .layered import Bodies, checked_modulus, modulus_of_waves, surface_modulus
     from .solver import Contact, solve_contact

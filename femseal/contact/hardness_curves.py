@@ -1,4 +1,4 @@
-"""Define contact laws whose hardness is a curve over depth: from a table, or by Nix and Gao."""
+"""Define contact laws whose hardness is a curve over depth: from a table, by Nix and Gao, or of a coated body."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,8 +7,12 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, InputError, counted, reals, to_text, validate
-from .law import ContactLaw
+from ..materials import Coated
+from .law import ContactLaw, contact_law
 
+#: Fraction of the thickness of a coating, beyond it, over which its hardness passes into that of the substrate. A step
+#: would have no slope.
+_PASSAGE = 0.1
 #: Depth [m] above which experiments agree with the law of Nix and Gao (Feng & Nix, Scripta Mater. 51, 2004, 599).
 SMALLEST_DEPTH = 1e-7
 
@@ -151,3 +155,114 @@ class NixGao(ContactLaw):
             f"elastic-plastic with hardness {to_text(self.hardness, 'Pa')} √(1 + {to_text(self.depth, 'm')}/depth), "
             f"{first} up to a depth of {to_text(self.smallest_depth, 'm')}"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class CoatedLaw(ContactLaw):
+    """Law of a coated body: points yield at the hardness of the coating up to its thickness, then at the substrate's.
+
+    H(u) is that of the coating up to u = d. Between d and 1.1 d it passes smoothly into that of the substrate, whose
+    own deformation is u − d. The substrate does not constrain the flow of the coating before that: Saha & Nix, Acta
+    Mater. 50, 2002, 23, measured for soft films on hard substrates that the hardness of the film stays up to about its
+    thickness. The pressure of wide thin films that are squeezed between two hard faces is higher.
+
+    Parameters
+    ----------
+    layer : ContactLaw
+        Law of the coating.
+    substrate : ContactLaw
+        Law of the substrate.
+    thickness : float
+        Thickness d of the coating [m], > 0.
+
+    Raises
+    ------
+    InputError
+        The thickness is not > 0.
+
+    Examples
+    --------
+    >>> law = CoatedLaw(contact_law(150e6), contact_law(600e6), 20e-6)
+    >>> law.yield_pressure(np.array([0.0, 19e-6, 30e-6])).tolist()
+    [150000000.0, 150000000.0, 600000000.0]
+    """
+
+    layer: ContactLaw
+    substrate: ContactLaw
+    thickness: float
+
+    def __post_init__(self) -> None:
+        thickness = validate.number("thickness", self.thickness, unit="m")
+        object.__setattr__(self, "thickness", thickness)
+
+    @classmethod
+    def of(cls, body: Coated) -> ContactLaw:
+        """Make the law of a coated body from the hardness of both solids; see `law_of_coating`."""
+        substrate = None if body.substrate is None else body.substrate.hardness
+        return law_of_coating(
+            contact_law(_hardness(body.layer.hardness)),
+            None if substrate is None else contact_law(_hardness(substrate)),
+            body.thickness,
+        )
+
+    @property
+    def capacity(self) -> float:
+        """Largest mean pressure [Pa] that the substrate carries, once the coating has given way."""
+        return self.substrate.capacity
+
+    def yield_pressure(self, deformation: Any = 0.0) -> Any:
+        """Compute H(u) [Pa]."""
+        u = reals(deformation)
+        layer = self.layer.yield_pressure(u)
+        share = self._share(u)
+        return layer + share * (self.substrate.yield_pressure(self._below(u)) - layer)
+
+    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
+        """Compute dH/du [Pa/m]."""
+        u = reals(deformation)
+        x = self._passed(u)
+        share = self._share(u)
+        below = self._below(u)
+        slope = (1 - share) * self.layer.hardening_modulus(u)
+        slope = slope + np.where(below > 0, share * self.substrate.hardening_modulus(below), 0.0)
+        difference = self.substrate.yield_pressure(below) - self.layer.yield_pressure(u)
+        return slope + 6 * x * (1 - x) / (_PASSAGE * self.thickness) * difference
+
+    def _below(self, u: Array) -> Array:
+        """Return the deformation of the substrate [m]."""
+        return np.maximum(u - self.thickness, 0.0)
+
+    def _passed(self, u: Array) -> Array:
+        """Return how much of the passage from coating to substrate lies behind a deformation, 0 to 1."""
+        return np.clip((u / self.thickness - 1) / _PASSAGE, 0.0, 1.0)
+
+    def _share(self, u: Array) -> Array:
+        """Return the share of the substrate in the hardness, a cubic without a kink."""
+        x = self._passed(u)
+        return x**2 * (3 - 2 * x)
+
+    def __str__(self) -> str:
+        return f"a coating of {to_text(self.thickness, 'm')}, {self.layer}, on a substrate, {self.substrate}"
+
+
+def law_of_coating(layer: ContactLaw, substrate: ContactLaw | None, thickness: float) -> ContactLaw:
+    """Make the law of a coated body.
+
+    It is that of the coating alone, at every depth, on a substrate that does not yield: one that is rigid (None) or
+    has no strength given.
+
+    Parameters
+    ----------
+    layer, substrate : ContactLaw
+        Laws of coating and substrate; None is a rigid substrate.
+    thickness : float
+        Thickness of the coating [m].
+    """
+    if substrate is None or substrate.is_elastic or layer.is_elastic:
+        return layer
+    return CoatedLaw(layer, substrate, thickness)
+
+
+def _hardness(hardness: float | None) -> float:
+    """Return a hardness [Pa], infinite unless it is given."""
+    return np.inf if hardness is None else float(hardness)

@@ -23,7 +23,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len
 
 from ..base import Array, InputError, validate
 from ..materials import Coated, Solid, contact_modulus
@@ -323,6 +322,9 @@ def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -
 
     n, d : points and spacing of the free axis. q : waves (waves,) that are at most twice as long as each other.
     """
+    # a case that is only checked does not load the transforms
+    from scipy.fft import irfft, next_fast_len
+
     shortest = _DECAYED / body.thickness
     period = next_fast_len(n + int(np.ceil(_IMAGE_DECAY / (q.min() * d))), real=True)
     zones = [_zones(shortest, spacing) for spacing in (d, d_other)]

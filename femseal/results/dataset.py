@@ -320,7 +320,7 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
         "fluid_effect": scene.fluid_effect,
         "inlet_pressure_Pa": float(scene.inlet_pressure),
         "outlet_pressure_Pa": float(scene.outlet_pressure),
-        "contact_modulus_Pa": float(scene.modulus),
+        "contact_modulus_Pa": float(scene.surface_modulus),
         "hardness_Pa": scene.law.mean_hardness,
         "contact_law": str(scene.law),
         **basis_attributes(basis),

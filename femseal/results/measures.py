@@ -67,7 +67,7 @@ LOAD_INCREASE, HEIGHTS = 0.1, 0.8
 #: Relative error of the hardness if the case does not give one.
 _HARDNESS_TOLERANCE = 0.1
 #: Keys of a material whose hardness depends on the depth of the deformation.
-_HARDENING_KEYS = ("hardening", "nix_gao_depth", "hardness_table")
+_HARDENING_KEYS = ("hardening", "nix_gao_depth", "hardness_table", "coating")
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from ..base.machine import storing
 from ..budget import BudgetRequest, versions_of_budget
 from ..case.case import Case
 from ..case.faces import FileFace
-from ..case.solid_table import SolidTable
-from ..checks import FormEffect, QuickEstimate, flow_warnings
+from ..case.solid_table import CoatingTable, SolidTable
+from ..checks import FormEffect, QuickEstimate, flow_warnings, mean_modulus
 from ..contact.workspace import KEPT_POINTS
 from ..flow.solvers.choice import elimination_memory
 from ..materials import METALS
@@ -312,7 +312,9 @@ def described(
         yield "seat", prepared.seat
     yield "load", _load_text(case, scene)
     yield "material", solids_text(case)
-    yield "", f"contact modulus {to_text(scene.modulus, 'Pa')}, {scene.law}"
+    of_waves = " of short waves" if scene.coatings else ""
+    modulus = to_text(scene.surface_modulus, "Pa")
+    yield "", f"contact modulus{of_waves} {modulus}, {scene.law}"
     for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
         if table is not None:
             ends = table.inlet_pressure, table.outlet_pressure
@@ -350,6 +352,23 @@ def _solid_text(solid: SolidTable) -> str:
     for value, name in ((solid.hardness, "hardness"), (solid.yield_stress, "yield stress")):
         text += "" if value is None else f", {name} {to_text(value, 'Pa')}"
     text += ", hardness by a table of depths" if solid.hardness_table else ""
+    if solid.coating is not None:
+        below = _named_text(solid, text)
+        thickness = to_text(solid.coating.thickness, "m")
+        return f"a coating of {thickness}, {_coating_text(solid.coating)}, on {below}"
+    return _named_text(solid, text)
+
+
+def _coating_text(coating: CoatingTable) -> str:
+    """A coating, with the source of the values that its name stands for."""
+    text = f"E = {to_text(coating.young, 'Pa')}, ν = {coating.poisson:g}"
+    for value, name in ((coating.hardness, "hardness"), (coating.yield_stress, "yield stress")):
+        text += "" if value is None else f", {name} {to_text(value, 'Pa')}"
+    return _named_text(coating, text)
+
+
+def _named_text(solid: SolidTable | CoatingTable, text: str) -> str:
+    """Put the name of a metal and its source before its values."""
     for name, (_, source) in METALS.items():
         if name.casefold() == (solid.name or "").casefold().strip():
             return f"{name} ({source}; keys of the case come first): {text}"
@@ -373,7 +392,7 @@ def _surface_facts(prepared: Prepared, form_effect: FormEffect | None) -> Iterat
     height, slope = to_text(surface.rms_height, "m", 3), surface.rms_slope
     hard = "" if slope else ": a flat face"
     if slope and np.isfinite(scene.law.mean_hardness):  # of elastic faces it is not
-        hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}"
+        hard = f", H/(E*·slope) {scene.law.mean_hardness / mean_modulus(scene) / slope:.3g}"
     yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
     if report.undefined_fraction or report.spike_points:
         undefined = f"{report.undefined_fraction:.2%} undefined points"

@@ -11,14 +11,17 @@ import numpy as np
 from ..base import Array, Floats, InputError, Mapper, to_text
 from ..contact import (
     STATE_FIELDS,
+    Bodies,
     Contact,
     ContactLaw,
     HalfSpace,
     LoadState,
+    checked_modulus,
     contact_at_loads,
     contact_law,
     load_states,
     solve_contact,
+    surface_modulus,
 )
 from ..face.cell_flow import FlowSettings
 from ..flow import critical_constriction
@@ -26,6 +29,7 @@ from ..flow.law import FlowLaw, law_of
 from ..flow.pressure_drop import PressureDrop, pressure_between
 from ..fluids import Fluid, Liquid, capillary_entry_pressure, potential_of
 from ..loads import LoadProgramme
+from ..materials import Coated
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
@@ -43,8 +47,8 @@ class Scene:
     surface : Topography, Patches, or list of Topography
         Heights of the combined surfaces; high points touch first. A list of maps is converted to `Patches`. The contact
         of each patch is solved separately, and the flow through all of them together.
-    modulus : float
-        Contact modulus E* [Pa].
+    modulus : float or pair of bodies
+        Contact modulus E* [Pa]; or the two bodies in contact, `Solid`, `Coated` or None (rigid), see `HalfSpace`.
     hardness : float, array or ContactLaw
         Hardness H of perfect plasticity [Pa], infinite for an elastic surface, or a contact law such as
         `LinearHardening`.
@@ -82,7 +86,7 @@ class Scene:
     """
 
     surface: Topography | Patches
-    modulus: float
+    modulus: float | Bodies
     hardness: float | Array | ContactLaw
     fluid: Fluid
     inlet_pressure: float
@@ -102,6 +106,8 @@ class Scene:
         """Check that the parameters are valid and consistent."""
         if not isinstance(self.surface, Topography | Patches):
             object.__setattr__(self, "surface", Patches(self.surface))
+        if not isinstance(self.modulus, float):
+            object.__setattr__(self, "modulus", checked_modulus(self.modulus))
         for name, choices in (("fluid_pressure", FLUID_EFFECTS), ("nominal", NOMINALS)):
             if getattr(self, name) not in choices:
                 raise InputError(name, getattr(self, name), f"one of {', '.join(choices)}")
@@ -135,6 +141,18 @@ class Scene:
     def law(self) -> ContactLaw:
         """Contact law: the pressure that the points of the surface can carry."""
         return contact_law(self.hardness)
+
+    @property
+    def surface_modulus(self) -> float:
+        """Contact modulus [Pa] of waves that are much shorter than coatings are thick."""
+        return surface_modulus(self.modulus)
+
+    @property
+    def coatings(self) -> tuple[Coated, ...]:
+        """Coated ones of the two bodies; none where only a contact modulus is known."""
+        if isinstance(self.modulus, float):
+            return ()
+        return tuple(body for body in self.modulus if isinstance(body, Coated))
 
     @property
     def steps(self) -> LoadProgramme:

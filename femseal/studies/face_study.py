@@ -49,6 +49,7 @@ class FaceState:
     rows: Array
     contact_fraction: float
     plastic_fraction: float
+    plastic_depth: float
     mean_gap: float
     residual: float
     carried: float
@@ -74,6 +75,7 @@ class FaceState:
             rows=contact.pressure.mean(axis=1),
             contact_fraction=contact.area_fraction,
             plastic_fraction=contact.plastic_fraction,
+            plastic_depth=float(contact.plastic_deformation.max()),
             mean_gap=contact.mean_gap,
             residual=contact.residual,
             carried=carried,
@@ -127,6 +129,9 @@ class FaceResult(Shown):
     )
     plastic_fraction: Array = declared(
         "plastic_fraction", "1", "fraction of the face at the hardness", STEP
+    )
+    plastic_depth: Array = declared(
+        "largest_plastic_depth", "m", "largest plastic deformation of the face", STEP
     )
     mean_gap: Array = declared("mean_gap", "m", "mean gap of the face", STEP)
     row_pressure: Array = declared(
@@ -229,7 +234,9 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
 def _checked(scene: Scene, face: FaceResult) -> FaceResult:
     """Add the quick estimate and the plausibility warnings to a solution."""
     estimate = estimate_scene(scene)
-    warnings = result_warnings(scene, face.leakage, face.mean_gap, estimate)
+    warnings = result_warnings(
+        scene, face.leakage, face.mean_gap, estimate, plastic_depth=face.plastic_depth
+    )
     return replace(face, warnings=warnings, quick_estimate=estimate)
 
 
@@ -258,7 +265,15 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
         flow = partial(permeabilities_of_patches, surface.widths, surface.spacing, scene.flow)
         found = mapper(Stage("flow of patches", flow), fields["gap"])
         patches = PatchLeakage(scene.unit_leakage * np.array(list(found)).T)
-    names = "contact_fraction", "plastic_fraction", "mean_gap", "rows", "permeability", "carried"
+    names = (
+        "contact_fraction",
+        "plastic_fraction",
+        "plastic_depth",
+        "mean_gap",
+        "rows",
+        "permeability",
+        "carried",
+    )
     of_states: dict[str, Any] = {n: np.array([getattr(s, n) for s in states]) for n in names}
     failed = zip(scene.steps, states, strict=True)
     return FaceResult(

@@ -180,7 +180,7 @@ def layer_states(
     Returns the load programme, and what `take` takes of every state.
     """
     law = scene.law
-    loading = _HIGHEST * min(law.capacity, 0.1 * scene.modulus) * _PRESSURES
+    loading = _HIGHEST * min(law.capacity, 0.1 * scene.surface_modulus) * _PRESSURES
     unloads = not law.is_elastic and any(step.unloaded_from is not None for step in scene.steps)
     peaks = loading[_PEAKS].tolist() if unloads else []
     down = [LoadStep(p * f, p) for p in peaks for f in _RELEASED[1:-1].tolist()]

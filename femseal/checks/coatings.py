@@ -1,0 +1,57 @@
+"""Plausibility of coatings: the roughness on them, and the depth to which they yield."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+
+import numpy as np
+
+from ..base import Array, to_text
+from ..scene import Scene
+
+#: Rms height of a surface, over the thickness of a coating, from which on most heights, ±3 rms heights, are as large as
+#: two thicknesses.
+_LARGEST_ROUGHNESS = 1 / 3
+
+
+def roughness_of_coating_warnings(scene: Scene) -> Iterator[str]:
+    """Warn of a roughness that is not small against the thickness of a coating."""
+    height = scene.surface.rms_height
+    for body in scene.coatings:
+        if height > _LARGEST_ROUGHNESS * body.thickness:
+            yield (
+                "The coating is not the even layer that the model takes it for: the rms height of the surface is "
+                f"{to_text(height, 'm', 3)}, and the coating is {to_text(body.thickness, 'm', 3)} thick. Where the "
+                "coating follows the roughness of its substrate, the leakage lies between that with the coating and "
+                "that of the bare substrate: solve both, or set a thicker coating"
+            )
+
+
+def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterator[str]:
+    """Warn of points that yield deeper than a coating is thick.
+
+    plastic_depth : array (steps,) of the largest plastic deformation [m]. Unless given, it is that of a surface that is
+        cut off at the height above which its points carry the load at the hardness, which is an upper estimate.
+    """
+    if not scene.coatings or not isfinite(scene.law.mean_hardness):
+        return
+    thickness = min(body.thickness for body in scene.coatings)
+    pressures = scene.steps.pressures
+    if plastic_depth is None:
+        how = "may yield"
+        heights = scene.surface.heights
+        share = np.clip(pressures / scene.law.mean_hardness, 0.0, 1.0)
+        depths = heights.max() - np.quantile(heights, 1 - share)
+    else:
+        how = "yields"
+        depths = np.asarray(plastic_depth)
+    deepest = int(np.argmax(depths))
+    if depths[deepest] <= thickness:
+        return
+    yield (
+        f"The coating {how} through: at {scene.steps[deepest].name} the surface {how} to a depth of "
+        f"{to_text(float(depths[deepest]), 'm', 3)}; the thinnest coating is {to_text(thickness, 'm', 3)} thick. "
+        "Beyond that the hardness is that of the substrate, and what is squeezed aside is left out. Use a "
+        "thicker coating, a smoother surface or a lower load"
+    )
