@@ -155,11 +155,15 @@ class _Data:
 
 
 def _fit_processes(data_sets: list[_Data]) -> list[Process]:
-    """Fit a process to each set of data, all with the sizes and lengths that are most likely for all of them."""
+    """Fit a Gaussian process, whose covariance is a sum of two kernels, to each set of data.
+
+    All sets share the amplitudes and correlation lengths of the maximum of the posterior density; the variance of each
+    set is integrated out.
+    """
     if not data_sets:
         return []
     dimensions = data_sets[0].points.shape[1]
-    # one size and `dimensions` lengths for each of the two processes
+    # one amplitude and `dimensions` correlation lengths for each of the two kernels
     medians = np.concatenate([np.r_[m[0], np.full(dimensions, m[1])] for m in _PRIOR_MEDIANS])
     deviations = np.concatenate([np.r_[d[0], np.full(dimensions, d[1])] for d in _PRIOR_DEVIATIONS])
     standardised = [_Data(data.points, _standardise(data.values)[1]) for data in data_sets]

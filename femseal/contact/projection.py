@@ -203,12 +203,14 @@ def value_at(values, i):
 
 @exact
 def law_at(i, hardness, slope, c):
-    """Return the hardness of point i, and t = h/(h + c).
+    """Return the hardness H [Pa] of point i, and the fraction t = h/(h + c) of its hardening modulus h and the step c.
 
-    Above the hardness, the projected pressure increases with the trial pressure by the fraction t.
+    Above the hardness, the projected pressure increases by t times the increase of the trial pressure. Without
+    hardening, t is 0.
     """
-    h = value_at(slope, i)
-    return value_at(hardness, i), h / (h + c) if h > 0.0 else 0.0
+    modulus = value_at(slope, i)
+    fraction = modulus / (modulus + c) if modulus > 0.0 else 0.0
+    return value_at(hardness, i), fraction
 
 
 @exact

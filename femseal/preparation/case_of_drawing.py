@@ -156,7 +156,7 @@ def read_drawing(given: Mapping[str, str | None], ask: Callable[[str, str], str]
     Raises
     ------
     InputError
-        A text cannot be used, or nothing says the roughness or the feed per turn.
+        A value cannot be read, or the roughness or the feed per revolution is missing.
     """
     texts = {name: text.strip() for name, text in given.items() if text and text.strip()}
     if ask is not None:

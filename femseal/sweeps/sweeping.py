@@ -53,7 +53,7 @@ class Variation:
     name : str
         Name of its folder.
     setting : str
-        The keys with their values, for people.
+        Keys and values of the run, as a text for tables and messages.
     values : tuple of str
         Values of the keys as texts.
     case : Case
