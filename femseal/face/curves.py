@@ -89,7 +89,7 @@ class CellCurves:
         return np.exp(self.loading(np.cbrt(pressure)))
 
     def unloaded(self, pressure: Array, peak: Array) -> Array:
-        """Evaluate the permeability k during unloading from given peak pressures to given lower pressures, all > 0 [Pa].
+        """Evaluate the permeability k during unloading from given peaks to given lower pressures, all > 0 [Pa].
 
         The result is interpolated between the tabulated peaks below and above each peak. It lies between the value at
         the peak and the loading curve.
