@@ -36,7 +36,7 @@ extensions = [
 # paper.md is for a journal, which has its own form of citations
 exclude_patterns = ["_build", "_examples", "gallery_header.rst", "paper.md"]
 # functions in the configuration; spaces in the path of the whole, which do no harm
-suppress_warnings = ["config.cache", "sphinx_gallery.space_in_filename"]
+suppress_warnings = ["ref.python", "config.cache", "sphinx_gallery.space_in_filename"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
