@@ -27,6 +27,8 @@ from ..store.digests import digest
 _NEWTON_STEPS = 60
 #: Steepest negative slope, relative to the stiffness, with which Newton's method is used for a softening law.
 _STEEPEST = 0.8
+#: Relative change of a deformation that is rounding.
+_ROUNDING = 4 * np.finfo(float).eps
 #: Depths at which the laws of two bodies are compared [m].
 _COMPARED_DEPTHS = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
 
@@ -149,7 +151,8 @@ class ContactLaw:
             change = np.where(is_inside & ~is_slow, step, 0.5 * (low + high) - u)
             former = u
             u = u + change
-            if np.array_equal(u, former):
+            # at the solution, rounding may move u back and forth by a few of its last digits
+            if np.all(np.abs(u - former) <= _ROUNDING * u):
                 break
         return u
 
