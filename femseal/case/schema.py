@@ -27,6 +27,7 @@ def case_schema() -> dict[str, Any]:
     # a default
     for table in (*fluid_tables, "SolidTable", "FileFace", "RectangularLayoutTable"):
         del schema["definitions"][table]["required"]
+    schema["definitions"]["CoatingTable"]["required"] = ["thickness"]
     output = schema["definitions"]["OutputTable"]
     for properties, key in ((schema["properties"], "fluid"), (output["properties"], "test_fluid")):
         properties[key] = {"anyOf": fluids}
