@@ -1,7 +1,7 @@
-"""Estimate errors of the model and its input by solving a changed scene: hardness, ignored fluid pressure, form.
+"""Estimate errors of the model and its input by solving the scene with another hardness, fluid pressure or form.
 
-A change that may go either way has an opposite, such as less hardness beside more. The leakage does not change by the
-same factor on both sides, so the opposite is solved as well wherever it matters for the whole interval.
+Many quantities may be too large or too small; the hardness is an example. The leakage does not change by the same
+factor in both directions. The opposite change is therefore solved as well if it matters for the 95 % interval.
 """
 
 from __future__ import annotations
@@ -34,15 +34,20 @@ _MATTERS = 0.25
 
 @dataclass(frozen=True, eq=False)
 class ModelChange:
-    """A scene with a changed model or input, whose leakage shows how much the change matters.
+    """Describe a change of the model or its input, whose leakage shows how much this change matters.
 
     Parameters
     ----------
-    name : of the part, one of `MODEL_PARTS`.
-    scene : the changed scene.
-    note : a sentence that says what was changed.
-    forms : the changed forms of a seal that has any, see `Sampling`.
-    opposite : the change by the same amount to the other side; None where the truth cannot lie there.
+    name : str
+        Name of the error source, one of `MODEL_PARTS`.
+    scene : Scene
+        Scene with the change.
+    note : str
+        Sentence that says what was changed.
+    forms : tuple of forms
+        Changed forms of the seal, see `Sampling`; empty for a seal without form.
+    opposite : ModelChange, optional
+        Change by the same amount in the opposite direction. None if the true value cannot lie on that side.
     """
 
     name: str
@@ -54,14 +59,18 @@ class ModelChange:
 
 @dataclass(frozen=True)
 class FormTolerance:
-    """Relative errors of the heights of forms.
+    """Hold the relative errors of the heights of all forms.
 
     Parameters
     ----------
-    forms : forms of the seal, see `Sampling`.
-    tolerances : relative error of each of them.
-    seat : a form that is part of the heights of the surface, which is then as broad as the seal; None without one.
-    tolerance : relative error of the seat.
+    forms : tuple of forms
+        Forms of the seal, see `Sampling`.
+    tolerances : tuple of float
+        Relative error of the height of each form.
+    seat : optional
+        Nominal form that was added to the heights of the surface, which is then as broad as the seal.
+    tolerance : float
+        Relative error of the height of the seat.
     """
 
     forms: tuple[SealForm, ...] = ()
@@ -70,7 +79,7 @@ class FormTolerance:
     tolerance: float = 0.0
 
     def on_seat(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """Change a scene to a seat that is deeper by its tolerance, or shallower where the sign is -1."""
+        """Change the seat of a scene: make it deeper by its tolerance, or shallower if the sign is -1."""
         assert self.seat is not None
         below = self.seat.rows_below(scene.surface.shape[0], scene.surface.spacing[0])
         changed = scene.surface.with_form(-sign * self.tolerance * below)
@@ -78,7 +87,7 @@ class FormTolerance:
         return ModelChange("form", replace(scene, surface=changed), note, opposite=opposite)
 
     def of_seal(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """Change a scene to forms that are higher by their tolerances, or lower where the sign is -1."""
+        """Change the forms of the seal: make them higher by their tolerances, or lower if the sign is -1."""
         forms = tuple(
             ScaledForm(form, 1 + sign * tolerance)
             for form, tolerance in zip(self.forms, self.tolerances, strict=True)
@@ -93,14 +102,18 @@ def model_changes(
     hardness: float = 0.1,
     form: FormTolerance | None = None,
 ) -> list[ModelChange]:
-    """List the changes of a scene by which its model and its input may be wrong.
+    """List the changes of a scene that represent possible errors of its model and input.
 
     Parameters
     ----------
-    scene : input of the study.
-    names : of the parts that are wanted.
-    hardness : relative error of the hardness.
-    form : errors of the forms of seal and seat; None without any.
+    scene : Scene
+        Input of the study.
+    names : sequence of str
+        Names of the error sources that the budget shall contain.
+    hardness : float
+        Relative error of the hardness.
+    form : FormTolerance, optional
+        Errors of the forms of the seal and of the seat.
     """
     changes = []
     if "hardness" in names and hardness > 0 and not scene.law.is_elastic:
@@ -131,7 +144,7 @@ def model_part(
     solution: CoarserSolution,
     opposite: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """Make the part of a change of the model, with both ends where the change has an opposite.
+    """Estimate the error that a change of the model represents, from the leakage with the change and its opposite.
 
     Parameters
     ----------
@@ -175,9 +188,9 @@ def model_part(
 
 
 def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
-    """Return whether the opposite change should be solved, because the part is wide beside all others.
+    """Return whether the opposite change should be solved, because this error is large compared with all others.
 
-    others : the budget without the part.
+    others : the error budget without this error source.
     """
     steps = counting_steps(others)
     alone = ErrorBudget(others.method, others.leakage, (part,))
@@ -187,7 +200,7 @@ def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
 
 
 def _signed(steps: LoadProgramme, leakage: Array, moved: Array) -> Array:
-    """Complete the changes of ln(leakage) (steps,): an unknown change is as large as those of the nearest steps.
+    """Replace unknown changes of ln(leakage) (steps,) by changes as large as those of the nearest steps.
 
     It is −inf where the changed scene is sealed.
     """

@@ -1,6 +1,6 @@
-"""Estimate single sources of error of the leakage of a study, each as a part of its error budget.
+"""Estimate the error sources of the leakage of a study that make up its error budget.
 
-The module also has what a method leaves out of a surface, by the calibration set, and what the model leaves out.
+They include numerical errors, errors of a method that the calibration set shows, and effects that the model neglects.
 """
 
 from collections.abc import Sequence
@@ -57,9 +57,9 @@ _NEAR_CLOSING = 3.0
 
 
 def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
-    """Estimate the error by the residuals of contact and flow.
+    """Estimate the error of the contact and flow solvers from their residuals.
 
-    A residual of the contact acts as a change of the load.
+    A residual of the contact has the same effect as a change of the load.
     """
     slope = sensitivity(scene.steps, leakage, in_contact)
     distance = _RESIDUAL * scene.rtol * np.maximum(slope, 1.0) + _FLOW
@@ -68,18 +68,18 @@ def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
 
 
 def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
-    """Estimate from several measured patches how far other patches of the surface may leak from their mean.
+    """Estimate how far the mean leakage of several measured patches may be from that of the whole surface.
 
-    The interval of ln(leakage) is found by the jackknife: the leakage of all patches but one, for each of them. The
-    variance is pooled with the variance that the contact state suggests, weighted by their degrees of freedom, and the
-    interval is Student's. Where all patches but one are sealed, the seal may be sealed; its upper end then follows from
-    the jackknife of the leakage itself.
+    The variance of ln(leakage) is estimated by the jackknife, from the leakages that result when each patch is left out
+    in turn. It is pooled with the variance that the contact state suggests, weighted by their degrees of freedom. The
+    interval is then that of Student's distribution. If the seal is sealed with one of the patches left out, the lower
+    end is 0, and the upper end follows from the jackknife of the leakage itself instead of its logarithm.
 
     Parameters
     ----------
     leakage : array (steps,), m²/s.
-    without : leakage of all patches but each one, array (patches, steps), m²/s.
-    usual : part of the same number of patches by their contact state, see `calibrated_part`.
+    without : leakage of all patches but one, for each patch that is left out, array (patches, steps), m²/s.
+    usual : error that the contact state suggests for the same number of patches, see `calibrated_part`.
 
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
     """
@@ -127,17 +127,17 @@ def patches_to_halve(count: int) -> int:
 
 
 def realisations_part(study: StochasticResult) -> ErrorPart:
-    """Estimate the error by the finite number of realisations: the interval of their median, by its ranks."""
+    """Estimate the error that a finite number of realisations causes, from the confidence interval of their median."""
     note = f"interval of the median of {counted(len(study.leakage), 'realisation')} by its ranks"
     ends = np.array([median_interval(column) for column in study.leakage.T])
     return ErrorPart("realisations", ends[:, 0], ends[:, 1], note)
 
 
 def median_interval(values: Array) -> Pair:
-    """Find two values that contain the median of the population in at least 95 % of all samples.
+    """Find the 95 % confidence interval of the median of the population from which the values were drawn.
 
-    They are order statistics, and valid for any distribution. Fewer than 6 values have no such pair; they are assumed
-    to be lognormal.
+    The ends are two of the sorted values (order statistics), which is valid for any distribution. For fewer than 6
+    values there is no such interval, and a lognormal distribution is assumed.
 
     >>> median_interval(np.arange(1.0, 11.0))
     (2.0, 9.0)
@@ -182,16 +182,17 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
 def patch_form_part(
     effect: FormEffect, steps: LoadProgramme, leakage: Array, *, rises: bool = False
 ) -> ErrorPart | None:
-    """Estimate the error by form in a measured patch, where no input says what is form.
+    """Estimate the error that results if the input does not say which part of a measured patch is form.
 
-    The curvature of the patch may be real, or there may be more of it, or none. Measured on 140 loads of quarters of
-    eight maps against the whole map: an interval of a factor of 2 contained 61 of 100 truths with this distance on both
-    sides, 56 with the distance on the side of the change alone, and 49 without it. After unloading the distance is no
-    less than at the peak.
+    The curvature of the patch may be form or roughness, or the seal may have more curvature than the patch. This was
+    tested with quarters of eight maps against the whole maps, at 140 loads. An interval of a factor of 2 contained the
+    true leakage in 61 % of the cases if the change of ln(leakage) was added on both sides. It was 56 % with the change
+    on one side, and 49 % without it. On unloading the change is at least as large as at the peak.
 
-    rises : whether longer waves than those of the patch are to be expected; then its longest waves count as well.
+    rises : whether the seal is expected to have longer waves than the patch. If so, the effect of the longest waves of
+        the patch is included.
 
-    Returns None where the change is unknown.
+    Returns None if the change is unknown.
     """
     distance = effect.distance(steps.pressures, rises)
     if distance is None:
@@ -203,7 +204,9 @@ def patch_form_part(
 
 
 def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
-    """Estimate how much too large Reynolds' equation makes the flow through a gap that is not thin: at most 1 + h'².
+    """Estimate by how much Reynolds' equation overestimates the flow through a gap that is not thin.
+
+    The factor is at most 1 + h'².
 
     Here h' is the rms slope. The next order of lubrication theory between a plane and a wall h gives 1/12k = ⟨(1 +
     4h'²/5)/h³⟩ across ridges and 12k = ⟨h³(1 − h'²)⟩ along them.
@@ -220,7 +223,7 @@ def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
 def longer_waves_part(
     changes: Array, flatness: bool, steps: LoadProgramme, leakage: Array
 ) -> ErrorPart:
-    """Estimate the error by waves that are longer than the patch: Student's prediction interval of one more sample.
+    """Estimate the error that waves longer than the patch cause, as Student's prediction interval for one more sample.
 
     Parameters
     ----------
@@ -278,7 +281,7 @@ def error_budget(
     kept_slope: float = 1.0,
     wave_pixels: float = USUAL_PIXELS,
 ) -> ErrorBudget:
-    """Estimate the error of the leakage of a study: an interval for each source of error, and one for all together.
+    """Estimate the error of the leakage of a study, as an interval for each error source and one for all together.
 
     Parameters
     ----------
@@ -318,9 +321,9 @@ def error_budget(
 
 
 class NumericalErrors:
-    """Estimates of the numerical errors of one study, and of what one patch of a surface may be off.
+    """Estimate the numerical errors of one study, and the error of measuring only a patch of the surface.
 
-    Each method returns the parts of one source of error, none where the study does not have this error.
+    Each method evaluates one error source. It returns an empty list if the study does not have this error.
     """
 
     def __init__(self, scene: Scene, study: StudyResult) -> None:
@@ -331,11 +334,11 @@ class NumericalErrors:
 
     @cached_property
     def closing(self) -> Flags:
-        """Whether the surface is near closing at each step (steps,)."""
+        """Steps at which the surface is near closing (steps,), see `near_closing`."""
         return near_closing(self.leakage, open_leakage_of(self.study, self.scene))
 
     def _wider_near_closing(self, part: ErrorPart) -> ErrorPart:
-        """Widen a part near closing, where the leakage falls steeply."""
+        """Widen the interval of an error source near closing, where the leakage falls steeply."""
         return part.widened(self.leakage, np.where(self.closing, _NEAR_CLOSING, 1.0))
 
     def solver(self) -> list[ErrorPart]:
@@ -346,7 +349,7 @@ class NumericalErrors:
     def pixels(
         self, coarse: CoarserSolution | None, wave_pixels: float = USUAL_PIXELS
     ) -> list[ErrorPart]:
-        """Estimate the error of the pixels from a solution on fewer points; None: there is no such solution."""
+        """Estimate the error of the pixel size from a solution on fewer points; None if there is no such solution."""
         if coarse is None:
             parts = one_grid_part(self.leakage, self.in_contact)
         else:
@@ -357,7 +360,7 @@ class NumericalErrors:
         return [self._wider_near_closing(part) for part in parts]
 
     def filter(self, filtered: CoarserSolution | None, kept_slope: float) -> list[ErrorPart]:
-        """Estimate the error by removed waves; see `error_budget` for the arguments."""
+        """Estimate the error that the filter causes by removing waves; see `error_budget` for the arguments."""
         if kept_slope >= 1:
             return []
         if filtered is None:
@@ -370,11 +373,11 @@ class NumericalErrors:
         return [raised_by_slope(part, steps, self.leakage, self.in_contact, kept_slope)]
 
     def realisations(self) -> list[ErrorPart]:
-        """Estimate the error by the finite number of realisations."""
+        """Estimate the error that the finite number of realisations causes."""
         return [realisations_part(self.study)] if isinstance(self.study, StochasticResult) else []
 
     def patch(self) -> list[ErrorPart]:
-        """Estimate how far measured patches, or blocks, may be from the whole surface."""
+        """Estimate how far the leakage of measured patches or blocks may be from that of the whole surface."""
         study = self.study
         if not isinstance(study, BlocksResult | StochasticResult) or study.patch_state is None:
             return []
@@ -388,7 +391,7 @@ class NumericalErrors:
         return [part]
 
     def budget_of(self, parts: Sequence[ErrorPart]) -> ErrorBudget:
-        """Return the budget of the study with these parts."""
+        """Return the budget of the study with these error sources."""
         parted = tuple(s for s, _ in self.scene.separated_steps if np.isnan(self.leakage[s]))
         name = study_of_result(self.study).name
         return ErrorBudget(name, self.leakage, tuple(parts), self.scene.steps, parted)

@@ -22,7 +22,7 @@ from ..scene import Scene
 from ..seal.form import SealForm
 from ..seal.pressure_map import Frame
 from ..seal.tiles import CellSize, SealTiles
-from ..studies.seal_contact import RoughLayer, layer_states, seal_contact
+from ..studies.seal_contact import RoughLayer, seal_contact, solve_layer_states
 from ..topography import Representative
 
 #: Number of random forms, and of the waves of each.
@@ -113,7 +113,7 @@ def longer_waves(
     dry = scene.dry()
     flow = replace(dry.flow, spiral=None)
     take = partial(_gap_and_permeability, flow=flow, spacing=dry.surface.spacing)
-    programme, states = layer_states(dry, take, mapper)
+    programme, states = solve_layer_states(dry, take, mapper)
     mean_gap, permeability = np.array(states).T
     layer = RoughLayer.of_gaps(dry, programme, mean_gap)
     curves = CellCurves(programme, permeability)

@@ -26,11 +26,11 @@ from ..face.cells import FEWEST_POINTS, Cut
 from ..seal.form import SealForm
 from ..seal.layouts import Layout
 from ..seal.tiles import SealTiles
-from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, cut_and_tiles, laid_out
+from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, cut_and_cover, cut_and_tiles
 from ..studies.blocks import blocks_of, check_blocks
 from ..studies.patch_state import open_leakage_per_permeability
 from ..studies.sampling import check_map
-from ..studies.seal_contact import form_on_grid
+from ..studies.seal_contact import sample_form
 from ..topography import (
     Conditioning,
     Continuation,
@@ -181,7 +181,7 @@ class Prepared:
     def cut_and_tiles(self) -> tuple[Cut, SealTiles]:
         """Division of the surface into cells, and tiles of the stochastic seal."""
         assert self.sampling is not None
-        return laid_out(self.scene.surface, self.scene.layout, self.cells, self.sampling)
+        return cut_and_cover(self.scene.surface, self.scene.layout, self.cells, self.sampling)
 
     def replaced(self, **changes: Any) -> Prepared:
         """Return a copy of the input with other attributes."""
@@ -350,7 +350,7 @@ def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | N
         needed = 16 * case.load.steps * table.realisations
         check_memory("stochastic.realisations", table.realisations, needed)
     with errors_with_keys(SEAL_KEYS):
-        cut, tiles = laid_out(surface, layout, cells, sampling)
+        cut, tiles = cut_and_cover(surface, layout, cells, sampling)
     has_form_beside = not tiles.in_order or bool(case.seal.form)
     if length is None:
         return _Seal(sampling, tiles.size, has_form_beside)
@@ -464,7 +464,7 @@ def _press_seal(
             sampling = replace(sampling, pressure_map=pressure_map)
         cut, tiles = cut_and_tiles(scene, cells, sampling)
         if forms:
-            form_on_grid(
+            sample_form(
                 scene, tiles, forms
             )  # raises if a form is too steep, or does not cover the seal
         map_warnings = check_map(scene, tiles, sampling.pressure_map)

@@ -34,7 +34,7 @@ from ..studies import Scene, drop_ratio
 from ..studies.blocks import blocks_of
 from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
 from ..studies.sampling import FEWEST_SEALS, MOST_SEALS, describe_map
-from ..studies.study_registry import LADDER_STATES, on_ladder, usual_seals
+from ..studies.study_registry import TABULATED_STATES, uses_tabulated_pressures, usual_realisations
 from ..topography import Patches
 
 #: Seconds of starting, of loading compiled loops and making or reading a face, and of pictures, report and tables.
@@ -141,9 +141,13 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
 def _face_states(prepared: Prepared) -> int:
     """Number of states of the whole face that are solved, about."""
     sampling = prepared.sampling
-    if sampling is None or _keeps_states(prepared) or not on_ladder(prepared.scene, sampling):
+    if (
+        sampling is None
+        or _keeps_states(prepared)
+        or not uses_tabulated_pressures(prepared.scene, sampling)
+    ):
         return len(prepared.scene.steps)
-    return round(LADDER_STATES)
+    return round(TABULATED_STATES)
 
 
 def forecast(
@@ -250,7 +254,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     others += 80 * steps * prod(prepared.cells or (0, 0)) * (1 + formats)
     if (sampling := prepared.sampling) is not None:
         cut, tiles = prepared.cut_and_tiles
-        seals = sampling.realisations or usual_seals(cut.shape, tiles)
+        seals = sampling.realisations or usual_realisations(cut.shape, tiles)
         others += 8.0 * steps * (seals + 5 * len(tiles.tile) * (1 + formats))
     checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
     with storing(None, case.memory):
@@ -276,8 +280,8 @@ def _checkpoint(prepared: Prepared) -> float:
     """Expected size of the store of the studies of an input [byte]."""
     scene, drawn = prepared.scene, "stochastic" in prepared.methods
     steps, pixels, peaks = len(scene.steps), prod(scene.surface.shape), len({*scene.unload_from})
-    on_ladder = drawn and not prepared.cut_and_tiles[1].in_order
-    found = 8.0 * pixels * max(peaks, 1) if on_ladder else 0.0
+    uses_tabulated_pressures = drawn and not prepared.cut_and_tiles[1].in_order
+    found = 8.0 * pixels * max(peaks, 1) if uses_tabulated_pressures else 0.0
     if _keeps_states(prepared):
         found += pixels * (STATE_BYTES * steps + 8.0 * peaks)
     return found
@@ -445,7 +449,7 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         b1, b2 = blocks_of(prepared.cells)
         n1, n2 = scene.surface.shape
         blocks = f"{b1} × {b2} blocks of {n1 // b1} × {n2 // b2} points"
-        yield "blocks", f"{blocks}, about {LADDER_STATES:.0f} states of each"
+        yield "blocks", f"{blocks}, about {TABULATED_STATES:.0f} states of each"
     if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
         return
     _, tiles = prepared.cut_and_tiles
@@ -456,8 +460,8 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     states, where = counted(steps, "state"), "at its loads"
     if tiles.in_order:
         where = "at its loads; cells stay in their rows"
-    elif on_ladder(scene, sampling):
-        states, where = f"about {LADDER_STATES:.0f} states", "on a ladder of nominal pressures"
+    elif uses_tabulated_pressures(scene, sampling):
+        states, where = f"about {TABULATED_STATES:.0f} states", "on a ladder of nominal pressures"
     yield "stochastic", f"{states} of the face, {where}"
     drawn = f"{length} long"
     if tiles.part < 1:

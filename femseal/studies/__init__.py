@@ -1,16 +1,17 @@
-"""The chains from a rough surface to leakage over a load cycle, readable top to bottom.
+"""Compute the leakage of a rough surface over a load cycle by four studies.
 
-`deterministic` resolves everything on the surface's own grid; `two_scale` cuts that into cells and maps them;
-`by_blocks` solves a large face by blocks;
-`stochastic` draws the cells for the tiles of a seal of any size and shape. All take a `Scene`, and each is an
-entry of `STUDIES`, by which runs solve, forecast and compare it.
+`deterministic` solves contact and flow on all pixels of the surface. `two_scale` also solves the flow through each cell
+of the surface. `by_blocks` solves a surface that is too large for the memory of the machine block by block.
+`stochastic` solves seals of any size and shape, whose tiles take random cells of the surface. All studies take a
+`Scene`. Each is an entry of `STUDIES`, which runs use to solve, forecast and compare them.
 
-    cell_states        the cells of a face along a ladder of nominal pressures; leakage of its measured patches
-    face_study          states of a face -> a FaceResult, also with its cells
-    blocks              a large face by blocks in their own contact -> a BlocksResult
-    sampling            options of a drawn seal -> its tiles and, under a map, their pressure
+    cell_states         cells of a surface at tabulated nominal pressures; leakage of its measured patches
+    face_study          contact states of a surface -> a FaceResult, also with its cells
+    blocks              a large surface, solved block by block -> a BlocksResult
+    sampling            options of the realisations -> tiles of the seal and, under a pressure map, their pressure
     seal_contact        pressure of the tiles of a seal that has a form
-    drawn_study         tiles draw cells -> leakage of the seal; drawn_error: what one patch does not know
+    drawn_study         tiles take random cells -> leakage of the realisations
+    drawn_error         95 % interval of a seal of which only one patch was measured
 """
 
 from typing import TYPE_CHECKING
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from .drawn_study import cut_and_tiles, stochastic
     from .face_study import FaceResult, deterministic, two_scale
     from .other_fluid import OtherLeakage, drop_ratio
-    from .sampling import Sampling, laid_out
+    from .sampling import Sampling, cut_and_cover
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
 else:

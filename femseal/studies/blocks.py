@@ -1,15 +1,18 @@
-"""Solve a surface that is too large to be pressed as a whole: blocks in their own contact, and their coarse heights.
+"""Solve a surface block by block, if it is too large for the memory of the machine.
 
-Each block is a patch in its own place, without the waves that are longer than two cells. These longer waves are a form
-of the whole surface, with one point for each cell, whose contact has the blocks as its rough layer. A cell takes its
-permeability from the state of its block under its own pressure, less what a fluid carries there. The leakage is that of
-the cells in their own order. Contact and flow need the memory of one block.
+The surface is divided into blocks, and its heights into short and long waves. The contact of each block is solved with
+its short waves alone. The waves longer than two cells form a coarse surface with one point for each cell. The contact
+of this coarse surface gives the pressure of every cell, with the short waves of the blocks as a compliant rough layer.
+Each cell then takes the permeability that its block has at this pressure, less the share of the load that the fluid
+carries there. The leakage is that of the flow through all cells, in their order on the surface. No more than one block
+needs to be in memory at a time.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from math import ceil
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -23,40 +26,50 @@ from ..loads import LoadProgramme
 from ..scene import Scene
 from ..seal.tiles import face_tiles
 from ..topography import Patches, Topography
-from .cell_states import along_paths, cells_on_ladder, ladder_of
+from .cell_states import (
+    choose_tabulated_pressures,
+    interpolate_along_paths,
+    solve_cells_at_pressures,
+)
 from .cells_in_order import flow_in_order
 from .patch_state import PatchState
 from .sampling import TileFluid
-from .seal_contact import Cells, RoughLayer, opened, solved_steps
+from .seal_contact import Cells, RoughLayer, opening_permeability, solve_steps
 
 #: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the leakage
 #: over that of the whole surface are 0.90 and 1.43. With 2 cells they are 0.79 and 1.33, and the end of a 95 % interval
 #: is at a factor of 4.6 instead of 2.2.
 CELLS = 4
-#: Longest wave that a block keeps, in sides of a cell.
-_LONGEST = 2.0
-#: Spacing of the tabulated pressures of a block over the usual one. With 1, the leakage of four surfaces differs by
-#: less than 2 % on loading, down to a hundredth of the first, and by less than 8 % on unloading, and takes 1.9 times as
-#: long.
-_RUNGS_APART = 2
-#: Most points along a side of a block, unless the numbers of blocks are given.
-_USUAL_POINTS = 1024
+#: Longest wave of the heights of a block, in sides of a cell. Longer waves belong to the coarse surface.
+_LONGEST_WAVE = 2.0
+#: Factor on the usual spacing of tabulated pressures. With the usual spacing, the leakage of four surfaces differs by
+#: less than 2 % on loading, down to a hundredth of the leakage at the first load, and by less than 8 % on unloading. It
+#: takes 1.9 times as long.
+_SPACING_FACTOR = 2
+#: Largest number of points along a side of a block, unless the user gives the numbers of blocks.
+_MOST_POINTS_OF_SIDE = 1024
 
 
 @dataclass(frozen=True, repr=False)
 class BlocksResult(Shown):
-    """Leakage of a surface that was solved by blocks, and its cells in their own order.
+    """Hold the leakage of a surface that was solved block by block, and the permeabilities of its cells.
 
-    Fields of cells are arrays (steps, rows, columns).
+    Fields of cells are arrays (steps, rows, columns), with the cells in their order on the surface.
 
     Parameters
     ----------
-    leakage : array (steps,), m²/s, NaN where a flow failed.
-    counts : flows through cells of the blocks in their states.
-    patch_state : contact states of the whole surface, from which the width of the interval follows.
-    failures : reasons of values that are NaN.
-    warnings : what is not plausible, one sentence each.
-    quick_estimate : by the spectrum of the surface; None where that does not tell.
+    leakage : array (steps,), m²/s
+        Leakage per unit seal length. It is NaN at steps at which a flow failed.
+    counts : SolveCounts
+        Numbers of flows through cells that were solved, in all contact states of the blocks.
+    patch_state : PatchState
+        Contact states of the whole surface, which determine the width of the 95 % interval.
+    failures : tuple of str
+        Reasons for values that are NaN.
+    warnings : tuple of str
+        Results that are not plausible, one sentence each.
+    quick_estimate : QuickEstimate
+        Leakage estimated from the spectrum of the surface. None for a surface for which this estimate is not valid.
     """
 
     steps: LoadProgramme
@@ -84,28 +97,40 @@ class BlocksResult(Shown):
 
     @property
     def solvers(self) -> SolveCounts:
-        """Number of systems by solver."""
+        """Number of linear systems that each solver solved."""
         return self.counts
 
     @property
     def cells(self) -> BlocksResult:
-        """The result, which is one of cells."""
+        """This result, which has the fields of its cells itself. Other studies have a separate object for them."""
         return self
 
 
 def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksResult:
-    """Solve a surface by blocks along x1 and x2.
+    """Solve contact and flow of a surface block by block.
 
     Parameters
     ----------
-    scene : the surface, its load and its fluid.
-    blocks : numbers of blocks. Each divides the number of points into a multiple of 4 cells.
-    mapper : computes a stage for all blocks, such as the builtin `map`; it may use several processes or a cluster.
+    scene : Scene
+        The surface, its load and its fluid.
+    blocks : (int, int)
+        Numbers of blocks along x1 and x2. Each block has 4 × 4 cells, so that the number of points along an axis must
+        be divisible by 4 times the number of blocks.
+    mapper : callable
+        Computes a stage for all blocks, such as the builtin `map`. It may use several processes or a cluster.
+
+    Returns
+    -------
+    BlocksResult
+        Leakage of the surface, and pressure, gap and permeabilities of its cells.
 
     Raises
     ------
-    InputError : blocks that do not suit the points; several patches; trapped liquid; a spiral lay.
-    NotConverged : a contact failed.
+    InputError
+        The numbers of blocks do not divide the points; or the scene has several measured patches, trapped liquid or a
+        spiral lay, which blocks do not support.
+    NotConverged
+        The contact solver failed.
 
     Examples
     --------
@@ -117,44 +142,53 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     True
     """
     check_blocks(scene, blocks)
-    cut = []
-    heights = np.empty((blocks[0] * CELLS, blocks[1] * CELLS))
-    for at in np.ndindex(*blocks):
-        block, _of_block(heights, at)[...] = _split(scene, blocks, at)
-        cut.append(block)
-    depth = heights.max() - heights
-    layers = list(mapper(Stage("layers of the blocks", _layer), cut))
+    cells_shape = blocks[0] * CELLS, blocks[1] * CELLS
+    block_scenes = []
+    coarse_heights = np.empty(cells_shape)
+    for position in np.ndindex(*blocks):
+        block_scene, long_waves = _split(scene, blocks, position)
+        block_scenes.append(block_scene)
+        _cells_of_block(coarse_heights, position)[...] = long_waves
+    depth = coarse_heights.max() - coarse_heights
+    layers = list(mapper(Stage("layers of the blocks", _layer), block_scenes))
+    # each an array (steps, rows, columns)
     pressure, separation, opening = _coarse_contact(scene, blocks, depth, layers)
-    shape = blocks[0] * CELLS, blocks[1] * CELLS
-    paths = [_of_block(pressure, at) for at in np.ndindex(*blocks)]
-    found = list(mapper(Stage("cells of the blocks", _cells), zip(cut, paths, strict=True)))
-    k = np.empty((*found[0][0].shape[:3], *shape))
-    for at, (own, *_) in zip(np.ndindex(*blocks), found, strict=True):
-        _of_block(k, at)[...] = own.reshape(*own.shape[:3], CELLS, CELLS)
-    k += opened(separation, opening)
-    state = _state_of(scene, [block for *_, block in found], separation + opening)
-    fluid, tiles = TileFluid.of(scene), face_tiles(scene.surface.size, shape)
+    block_pressures = [_cells_of_block(pressure, position) for position in np.ndindex(*blocks)]
+    items = zip(block_scenes, block_pressures, strict=True)
+    solved_blocks = list(mapper(Stage("cells of the blocks", _solve_block_cells), items))
+    # (fluid pressure, axis, step, row, column)
+    k = np.empty((*solved_blocks[0].k.shape[:3], *cells_shape))
+    for position, block in zip(np.ndindex(*blocks), solved_blocks, strict=True):
+        block_k = block.k.reshape(*block.k.shape[:3], CELLS, CELLS)
+        _cells_of_block(k, position)[...] = block_k
+    k += opening_permeability(separation, opening)
+    mean_gap = separation + opening
+    state = _surface_state(scene, [block.state for block in solved_blocks], mean_gap)
+    fluid = TileFluid.of(scene)
+    tiles = face_tiles(scene.surface.size, cells_shape)
     leakage = np.full(len(scene.steps), np.nan)
-    failed = dict(scene.separated_steps)
+    failure_of_step = dict(scene.separated_steps)
     for s in range(len(scene.steps)):
-        if s in failed:
+        if s in failure_of_step:
             continue
-        through = flow_in_order(scene, tiles, k[:, :, s], fluid.pressures, fluid.piecewise)
-        if isinstance(through, Failed):
-            failed[s] = through.reason
-        leakage[s] = through.per_length
-    mean = k.mean(axis=0)
-    mean_gap, estimate = separation + opening, estimate_scene(scene)
+        flow = flow_in_order(scene, tiles, k[:, :, s], fluid.pressures, fluid.piecewise)
+        if isinstance(flow, Failed):
+            failure_of_step[s] = flow.reason
+        leakage[s] = flow.per_length
+    k1, k2 = k.mean(axis=0)  # means over the fluid pressures
+    estimate = estimate_scene(scene)
     return BlocksResult(
         scene.steps,
         blocks,
         leakage,
-        mean[0],
-        mean[1],
+        k1,
+        k2,
         pressure,
         mean_gap,
-        counts=SolveCounts.total(counts for _, counts, _ in found),
-        failures=tuple(f"{scene.steps[s].name}: {failed[s]}" for s in sorted(failed)),
+        counts=SolveCounts.total(block.counts for block in solved_blocks),
+        failures=tuple(
+            f"{scene.steps[s].name}: {failure_of_step[s]}" for s in sorted(failure_of_step)
+        ),
         warnings=result_warnings(scene, leakage, mean_gap.mean(axis=(1, 2)), estimate),
         quick_estimate=estimate,
         patch_state=state,
@@ -162,7 +196,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
 
 
 def check_blocks(scene: Scene, blocks: Shape) -> None:
-    """Raise InputError if a scene cannot be solved by these blocks."""
+    """Raise InputError if a scene cannot be solved with these numbers of blocks."""
     for points, count in zip(scene.surface.shape, blocks, strict=True):
         if count < 1 or points % (count * CELLS) or points // (count * CELLS) < FEWEST_POINTS:
             expected = f"numbers of which {CELLS} times divide the points into parts of at least {FEWEST_POINTS}"
@@ -177,104 +211,157 @@ def check_blocks(scene: Scene, blocks: Shape) -> None:
 
 
 def blocks_of(cells: Shape | None) -> Shape:
-    """Return the numbers of blocks that have so many cells together.
+    """Return the numbers of blocks into which a surface with the given numbers of cells is divided.
 
-    Raises InputError: numbers that are not multiples of the cells of a block.
+    Raises InputError if a number of cells is not a multiple of 4, the number of cells along a side of a block.
     """
-    if cells is None or any(m % CELLS for m in cells):
+    if cells is None or any(count % CELLS for count in cells):
         raise InputError("cells", cells, f"multiples of {CELLS}, the cells of a block")
     return cells[0] // CELLS, cells[1] // CELLS
 
 
 def usual_blocks(points: Shape) -> Shape:
-    """Return the fewest blocks of at most 1024 points a side, whose cells have equal numbers of points."""
-    found = []
+    """Choose the smallest numbers of blocks with at most 1024 points along a side.
+
+    The points along each axis must divide evenly into blocks, and those of a block into its cells. Where no number of
+    blocks does that, two blocks are returned, which `check_blocks` then rejects.
+    """
+    counts = []
     for n in points:
-        suiting = (m for m in range(max(2, -(-n // _USUAL_POINTS)), n) if n % (m * CELLS) == 0)
-        found.append(next(suiting, 2))
-    return found[0], found[1]
+        fewest = max(2, ceil(n / _MOST_POINTS_OF_SIDE))
+        divisors = (count for count in range(fewest, n) if n % (count * CELLS) == 0)
+        counts.append(next(divisors, 2))
+    return counts[0], counts[1]
 
 
-def _split(scene: Scene, blocks: Shape, at: tuple[int, ...]) -> tuple[Scene, Array]:
-    """Cut a block out of the surface, and split it into short and long waves.
+def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scene, Array]:
+    """Cut a block out of the surface, and split its heights into short and long waves.
 
-    Returns the scene of the block with its short waves and mirrored sides, and the means of its long waves over its
-    cells [m].
+    Parameters
+    ----------
+    scene : Scene
+        The whole surface.
+    blocks : (int, int)
+        Numbers of blocks along x1 and x2.
+    position : (int, int)
+        Row and column of the block among all blocks.
+
+    Returns
+    -------
+    scene : Scene
+        The block with its short waves alone. It continues as its mirror image at all sides.
+    long_waves : array (CELLS, CELLS), m
+        Heights of the long waves, averaged over each cell.
     """
     surface = scene.surface
-    n1, n2 = (n // count for n, count in zip(surface.shape, blocks, strict=True))
-    rows, columns = (slice(i * n, (i + 1) * n) for i, n in zip(at, (n1, n2), strict=True))
-    cut = Topography(
-        np.ascontiguousarray(surface.heights[rows, columns]), surface.spacing, (False, False)
-    )
-    long = cut.low_pass(_LONGEST * max(cut.size) / CELLS).heights
-    means = long.reshape(CELLS, n1 // CELLS, CELLS, n2 // CELLS).mean(axis=(1, 3))
-    return replace(
-        scene, surface=cut.with_heights(cut.heights - long), boundary=("mirror", "mirror")
-    ), means
+    n1, n2 = surface.shape[0] // blocks[0], surface.shape[1] // blocks[1]
+    rows = slice(position[0] * n1, (position[0] + 1) * n1)
+    columns = slice(position[1] * n2, (position[1] + 1) * n2)
+    heights = np.ascontiguousarray(surface.heights[rows, columns])
+    block = Topography(heights, surface.spacing, (False, False))
+    long_waves = block.low_pass(_LONGEST_WAVE * max(block.size) / CELLS).heights
+    # (row of cells, row in the cell, column of cells, column in the cell)
+    by_cell = long_waves.reshape(CELLS, n1 // CELLS, CELLS, n2 // CELLS)
+    short_waves = block.with_heights(block.heights - long_waves)
+    block_scene = replace(scene, surface=short_waves, boundary=("mirror", "mirror"))
+    return block_scene, by_cell.mean(axis=(1, 3))
 
 
-def _of_block(values: Array, at: tuple[int, ...]) -> Array:
-    """Select the values (…, CELLS, CELLS) of a block from those of all cells (…, rows, columns)."""
-    rows, columns = (slice(i * CELLS, (i + 1) * CELLS) for i in at)
+def _cells_of_block(values: Array, position: tuple[int, ...]) -> Array:
+    """Return a view (…, CELLS, CELLS) of the values of all cells (…, rows, columns), for the cells of one block."""
+    rows, columns = (slice(i * CELLS, (i + 1) * CELLS) for i in position)
     return values[..., rows, columns]
 
 
 def _layer(block: Scene) -> RoughLayer:
-    """Solve the block as a rough layer."""
+    """Solve the contact of the short waves of a block, as a rough layer."""
     return RoughLayer.of(block, map, block.boundary)
 
 
 def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[RoughLayer]) -> Array:
-    """Solve the contact of the coarse heights.
+    """Solve the contact of the coarse surface, whose cells have the rough layers of their blocks.
 
-    Returns the pressure [Pa], the distance of the mean planes [m] and the opening [m] of every cell, an array (3,
-    steps, rows, columns).
+    Parameters
+    ----------
+    scene : Scene
+        The whole surface.
+    blocks : (int, int)
+        Numbers of blocks along x1 and x2.
+    depth : array (rows, columns), m
+        Depth of each cell below the highest cell.
+    layers : list of RoughLayer
+        One layer for each block, row by row.
+
+    Returns
+    -------
+    array (3, steps, rows, columns)
+        Contact pressure [Pa], separation of the mean planes [m] and opening beyond first touch [m] of every cell.
     """
     size = scene.surface.size
     spacing = size[0] / depth.shape[0], size[1] / depth.shape[1]
     body = HalfSpace(depth.shape, spacing, scene.modulus, scene.boundary)
-    number = np.arange(len(layers)).reshape(blocks)
+    block_numbers = np.arange(len(layers)).reshape(blocks)
     layer = replace(
         layers[0],
-        gap=np.concatenate([one.gap for one in layers]),
-        recovered=np.concatenate([one.recovered for one in layers]),
-        face=number.repeat(CELLS, axis=0).repeat(CELLS, axis=1).ravel(),
+        gap=np.concatenate([layer.gap for layer in layers]),
+        recovered=np.concatenate([layer.recovered for layer in layers]),
+        # the layer of each cell is that of its block
+        face=block_numbers.repeat(CELLS, axis=0).repeat(CELLS, axis=1).ravel(),
     )
     cells = Cells(body, np.ones(depth.shape, bool), depth.ravel(), float(layer.pressure[-1]))
-    found = solved_steps(cells, scene.steps, layer)
-    return found.reshape(3, len(scene.steps), *depth.shape)
+    solution = solve_steps(cells, scene.steps, layer)
+    return solution.reshape(3, len(scene.steps), *depth.shape)
 
 
-def _cells(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts, PatchState]:
-    """Solve the cells of a block along their own pressures.
+class _SolvedBlock(NamedTuple):
+    """Permeabilities of the cells of a block (fluid pressures, 2, steps, cells) [m³], and its contact states."""
 
-    Returns their permeabilities (pressures, 2, steps, cells), the numbers of solutions, and the states of the block.
+    k: Array
+    counts: SolveCounts
+    state: PatchState
+
+
+def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
+    """Compute the permeabilities of the cells of a block under the pressures of the coarse contact.
+
+    The argument is the scene of the block, and the pressure of its cells (steps, CELLS, CELLS) [Pa].
     """
-    block, pressure = given
-    steps, cut, fluid = block.steps, Cut.of(block.surface, (CELLS, CELLS)), TileFluid.of(block)
-    paths = fluid.effective(pressure.reshape(len(steps), -1))
-    ladder = ladder_of(paths, steps, block.law.is_elastic, _RUNGS_APART)
-    cells = cells_on_ladder(block, cut, ladder, map, block.boundary)
-    own = np.arange(CELLS**2)
-    k = fluid.own(along_paths(cells, paths, steps))[..., own, own]
+    block, pressure = block_and_pressure
+    steps = block.steps
+    cut = Cut.of(block.surface, (CELLS, CELLS))
+    fluid = TileFluid.of(block)
+    # one pressure path for each cell, and for each fluid pressure where that matters
+    paths = fluid.effective_pressures(pressure.reshape(len(steps), -1))
+    tabulated = choose_tabulated_pressures(paths, steps, block.law.is_elastic, _SPACING_FACTOR)
+    cells = solve_cells_at_pressures(block, cut, tabulated, map, block.boundary)
+    k_on_paths = fluid.select_own_reliefs(interpolate_along_paths(cells, paths, steps))
+    # path n is that of cell n: only these values (…, path n, cell n) are needed
+    cell = np.arange(CELLS**2)
+    k = k_on_paths[..., cell, cell]
     state = PatchState.of(steps, cells, paths.mean(axis=1), np.full(len(steps), np.nan))
-    return k, cells.counts, state
+    return _SolvedBlock(k, cells.counts, state)
 
 
-def _state_of(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchState:
-    """Combine the states of blocks to those of the whole surface, assuming that each dissipates about as much.
+def _surface_state(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchState:
+    """Combine the contact states of the blocks to those of the whole surface.
+
+    All blocks are assumed to contribute equally to the dissipation of the flow.
 
     Parameters
     ----------
-    scene : the whole surface.
-    blocks : states of the blocks.
-    gap : mean gap of the cells, array (steps, rows, columns), m.
+    scene : Scene
+        The whole surface.
+    blocks : list of PatchState
+        Contact states of the blocks.
+    gap : array (steps, rows, columns), m
+        Mean gap of all cells.
     """
-    inverse_carriers = [1 / np.nan_to_num(block.carriers, nan=1.0) for block in blocks]
-    carriers = len(blocks) ** 2 / np.sum(inverse_carriers, axis=0)
-    contact = np.mean([block.contact_fraction for block in blocks], axis=0)
+    # With equal dissipation D of n blocks, Σd² of a block is D²/carriers, and (Σd)² of the surface is (n D)².
+    reciprocals = [1 / np.nan_to_num(block.carriers, nan=1.0) for block in blocks]
+    carriers = len(blocks) ** 2 / np.sum(reciprocals, axis=0)
+    contact_fraction = np.mean([block.contact_fraction for block in blocks], axis=0)
     mean_gap = gap.mean(axis=(1, 2))
     open_leakage = scene.unit_leakage * mean_gap**3 / 12
-    no_detours = np.zeros(len(carriers))  # cells of blocks stay in their order
-    return PatchState(carriers, contact, no_detours, open_leakage)
+    # the cells of blocks stay in order, so that no flow across their sides is lost
+    detours = np.zeros(len(carriers))
+    return PatchState(carriers, contact_fraction, detours, open_leakage)

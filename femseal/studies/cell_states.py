@@ -51,13 +51,17 @@ _NEAR, _SAME = 0.02, 1e-3
 
 @dataclass(frozen=True, repr=False)
 class PatchLeakage(Shown):
-    """Leakage by measured patches, NaN where the flow failed.
+    """Hold the leakage of each measured patch; it is NaN where the flow failed.
 
-    kept : of each patch by itself, continued periodically; and from three patches on, of all patches but each one, side
-        by side; array (2 × patches, steps), m²/s.
+    Parameters
+    ----------
+    selections : array (patches, steps) or (2 × patches, steps), m²/s
+        Leakage of selections of patches. The first rows are those of single patches, continued periodically. If there
+        are at least three patches, as many rows follow in which one patch after the other is left out, and the
+        remaining patches lie side by side.
     """
 
-    kept: Array = field(metadata={"unit": "m^2/s"})
+    selections: Array = field(metadata={"unit": "m^2/s"})
 
     computed_fields: ClassVar[dict[str, Field]] = {
         "alone": Field(
@@ -83,23 +87,26 @@ class PatchLeakage(Shown):
 
     @property
     def alone(self) -> Array:
-        """Leakage of each patch by itself (patches, steps) [m²/s]."""
-        return self.kept if self.without is None else self.kept[: len(self.without)]
+        """Leakage of each patch alone (patches, steps) [m²/s]."""
+        return self.selections if self.without is None else self.selections[: len(self.without)]
 
     @property
     def without(self) -> Array | None:
-        """Leakage of all patches but each one (patches, steps) [m²/s]; None of two patches."""
-        patches = len(self.kept) // 2
-        return self.kept[patches:] if patches >= FEWEST else None
+        """Leakage of all patches but one, for each patch left out (patches, steps) [m²/s]; None for two patches."""
+        # two patches alone are two rows, of which half is below `FEWEST`
+        patches = len(self.selections) // 2
+        return self.selections[patches:] if patches >= FEWEST else None
 
     @property
     def relative(self) -> Array:
-        """Leakage of each patch over that of their mean (patches,), averaged over the loads that count; 0 if none
-        leaks.
+        """Ratio of the leakage of each patch to the mean of all patches (patches,).
+
+        The ratio is averaged over the loads, without those whose leakage is negligible. It is 0 if no patch leaks.
         """
         mean = self.alone.mean(axis=0)
-        counts = mean > least_counted(mean)
-        return (self.alone[:, counts] / mean[counts]).sum(axis=1) / max(1, counts.sum())
+        is_counted = mean > least_counted(mean)
+        ratios = self.alone[:, is_counted] / mean[is_counted]
+        return ratios.sum(axis=1) / max(1, is_counted.sum())
 
     @property
     def scatter(self) -> Array:
@@ -113,16 +120,24 @@ class PatchLeakage(Shown):
 def permeabilities_of_patches(
     widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, gap: Floats
 ) -> Array:
-    """Solve the permeability of each measured patch, and from three patches on that of all but each one.
+    """Compute the permeabilities of the selections of measured patches that `PatchLeakage` needs.
 
     Parameters
     ----------
-    widths : points of each patch along x2.
-    spacing : of the points, m.
-    settings : how the flow is solved.
-    gap : of all patches side by side, array (n1, n2), m.
+    widths : tuple of int
+        Number of points of each patch along x2.
+    spacing : (float, float), m
+        Spacing of the points.
+    settings : FlowSettings
+        How the flow is solved.
+    gap : array (n1, n2), m
+        Gap of all patches, which lie side by side.
 
-    Returns an array (patches,) or (2 × patches,) [m³], NaN where the flow failed.
+    Returns
+    -------
+    array (patches,) or (2 × patches,), m³
+        Permeability of each patch alone, followed by that of all patches but one if there are at least three. It is
+        NaN where the flow failed.
     """
     patches = divided(gap, widths)
     selections = [[patch] for patch in patches]
@@ -134,7 +149,7 @@ def permeabilities_of_patches(
 
 @dataclass(frozen=True, eq=False)
 class FaceCells:
-    """Cells of a surface at every step of a load programme, NaN where a flow failed.
+    """Hold the cells of a surface at every step of a load programme. Values are NaN where a flow failed.
 
     Parameters
     ----------
@@ -142,17 +157,17 @@ class FaceCells:
     pressure, mean_gap, contact_fraction, plastic_fraction : means over the cells, arrays (steps, m1, m2), Pa, m, 1, 1.
     drop_fraction : fraction of the dissipation in each cell, array (steps, m1, m2); NaN where nothing flows.
     rows : mean contact pressure of the rows of points, array (steps, n1), Pa.
-    face : leakage of the surface at full resolution, array (steps,), m²/s.
-    own : leakage of the cells in their own order, array (steps,), m²/s.
-    surface_k2, cells_k2 : permeability along x2 of the whole surface and of the cells in their own order, arrays
-        (steps,), m³. They are means over the measured patches, and NaN where the cells of a seal stay in order, which
-        needs neither.
-    patches : leakage by measured patches; None of one patch.
+    surface_leakage : leakage of the surface at full resolution, array (steps,), m²/s.
+    cells_leakage : leakage of the grid of cells, in their order on the surface, array (steps,), m²/s.
+    surface_k2, cells_k2 : permeability along x2 of the whole surface and of the grid of cells, arrays (steps,), m³.
+        Both are means over the measured patches. They are NaN where the cells of a seal stay in order, because only
+        cells at random need them.
+    patches : leakage of each measured patch; None if there is only one patch.
     carriers : number of blocks that effectively carry the flow through the surface, array (steps,), see
         `participation_number`; NaN where nothing flows.
-    counts : numbers of flows through cells.
+    counts : numbers of flows through cells that were solved.
     failures : one line for each flow that failed.
-    unsolved : numbers of the steps without leakage, and why.
+    unsolved : index of each step without leakage, and the reason.
     """
 
     steps: LoadProgramme
@@ -175,10 +190,10 @@ class FaceCells:
         "fraction of the pressure drop in cells, NaN without flow",
         CELL,
     )
-    face: Array = declared(
+    surface_leakage: Array = declared(
         "state_leakage", "m^2/s", "leakage of the face per unit length, by state", STATE
     )
-    own: Array = declared(
+    cells_leakage: Array = declared(
         "state_cells_leakage",
         "m^2/s",
         "leakage of the cells in their own order per unit length, by state",
@@ -226,7 +241,7 @@ class FaceCells:
     @property
     def factor(self) -> Array:
         """Correction factor of k1 in every state (steps,), see `factors`."""
-        return factors(self.face, self.own, self.steps)
+        return factors(self.surface_leakage, self.cells_leakage, self.steps)
 
     @property
     def factor_k2(self) -> Array:
@@ -235,12 +250,12 @@ class FaceCells:
 
     @property
     def corrected_k(self) -> Array:
-        """Permeabilities `k`, each times the correction factor of its axis and state."""
-        both = np.stack([self.factor, self.factor_k2])  # (axis, step)
-        return self.k * both[:, :, None, None]
+        """Permeabilities `k` of the cells, multiplied by the correction factor of each axis and state."""
+        axis_factors = np.stack([self.factor, self.factor_k2])  # (axis, step)
+        return self.k * axis_factors[:, :, None, None]
 
 
-def cells_on_ladder(
+def solve_cells_at_pressures(
     scene: Scene,
     cut: Cut,
     steps: LoadProgramme,
@@ -316,17 +331,22 @@ def joined(
     taken: Sequence[CellState],
     boundary: tuple[str, str] = ("free", "periodic"),
 ) -> FaceCells:
-    """Join the states, and solve the flow over the cells in their own order.
+    """Join the cells of all states, and solve the flow over the grid of cells in each state.
 
-    boundary : how the surface continues. The flow along x2 is solved in states whose whole surface has a permeability.
+    The flow along x2 is only solved in states in which the permeability of the whole surface along x2 is known.
+
+    boundary : how the surface continues along x1 and x2.
     """
-    k = np.stack([state.k for state in taken], axis=2)
-    own, cells_k2, failures = np.full(len(steps), np.nan), np.full(len(steps), np.nan), []
+    k = np.stack([state.k for state in taken], axis=2)  # (fluid pressure, axis, step, row, column)
+    cells_leakage = np.full(len(steps), np.nan)
+    cells_k2 = np.full(len(steps), np.nan)
+    failures = []
     for s, (step, state) in enumerate(zip(steps, taken, strict=True)):
         failures += [f"{step.name}, {text}" for text in state.failures]
         if not np.isfinite(k[:, :, s]).all():
             continue
-        own[s] = cells_in_order(scene, scene.surface.size, k[:, :, s], boundary[1]).per_length
+        flow = cells_in_order(scene, scene.surface.size, k[:, :, s], boundary[1])
+        cells_leakage[s] = flow.per_length
         if np.isfinite(state.surface_k2):
             cells_k2[s] = cells_permeability_along_x2(scene, cut, k[:, :, s], boundary[0])
     unit = scene.unit_leakage
@@ -348,8 +368,8 @@ def joined(
         cut,
         k,
         **{name: np.array([getattr(state, name) for state in taken]) for name in means},
-        face=unit * np.array([state.face for state in taken]),
-        own=own,
+        surface_leakage=unit * np.array([state.face for state in taken]),
+        cells_leakage=cells_leakage,
         cells_k2=cells_k2,
         patches=patches,
         counts=SolveCounts.total(state.counts for state in taken),
@@ -358,18 +378,20 @@ def joined(
     )
 
 
-def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1) -> LoadProgramme:
-    """Choose the tabulated pressures from which the cells of all pressure paths are interpolated.
+def choose_tabulated_pressures(
+    paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1
+) -> LoadProgramme:
+    """Choose the tabulated pressures at which the cells are solved and between which they are interpolated.
 
-    Pressures on loading are equidistant in their cube root, from the lowest to the highest of the paths. Peaks are some
-    of the peaks of the paths.
+    The pressures on loading have equal distances in the cube root, from the lowest to the highest pressure of the
+    paths. The peaks from which the cells are unloaded are some of the peaks of the paths.
 
     Parameters
     ----------
     paths : nominal pressures, array (steps, paths), Pa.
     steps : the load programme of the paths.
-    elastic : whether nothing yields, so that unloading is the same as loading.
-    apart : factor on the usual distance of tabulated pressures and peaks.
+    elastic : True if nothing yields, so that unloading is the same as loading.
+    apart : factor by which the distances of tabulated pressures and of peaks exceed the usual ones.
     """
     peak = local_peaks(paths, steps)
     unloads = (paths < peak) & (not elastic)
@@ -392,7 +414,7 @@ def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1)
 
 
 def _chosen_peaks(peaks: Array, times: int) -> list[float]:
-    """Choose the highest and the lowest peak, and those nearest to equal distances in the cube root, rising."""
+    """Choose a few peaks in rising order, from lowest to highest at about equal distances in the cube root."""
     distinct: list[float] = []
     for peak in np.unique(peaks)[::-1].tolist():
         if not distinct or peak * (1 + _NEAR) < distinct[-1]:
@@ -406,16 +428,28 @@ def _chosen_peaks(peaks: Array, times: int) -> list[float]:
     return np.unique(values[np.abs(roots - wanted[:, None]).argmin(axis=1)]).tolist()
 
 
-def along_paths(cells: FaceCells, paths: Array, steps: LoadProgramme) -> Array:
-    """Interpolate the permeability of the cells, times the correction factors, along paths of the pressure.
+def interpolate_along_paths(cells: FaceCells, paths: Array, steps: LoadProgramme) -> Array:
+    """Interpolate the corrected permeability of every cell at the pressures of every pressure path.
 
-    paths : nominal pressures of the steps along each path, array (steps, paths), Pa.
+    A pressure path holds the nominal pressure of a tile at each load step.
 
-    Returns an array (pressures, 2, steps, paths, cells) [m³].
+    Parameters
+    ----------
+    cells : FaceCells
+        Cells at tabulated pressures.
+    paths : array (steps, paths), Pa
+        Pressure paths.
+    steps : LoadProgramme
+        Load steps of the paths.
+
+    Returns
+    -------
+    array (fluid pressures, 2, steps, paths, cells), m³
     """
-    k = cells.corrected_k.reshape(*cells.k.shape[:3], -1)
-    out = np.empty((*k.shape[:2], *paths.shape, k.shape[-1]))
-    for at in np.ndindex(*k.shape[:2]):
-        for n in range(k.shape[-1]):
-            out[*at, :, :, n] = CellCurves(cells.steps, k[*at, :, n]).along(paths, steps)
-    return out
+    k = cells.corrected_k.reshape(*cells.k.shape[:3], -1)  # (fluid pressure, axis, step, cell)
+    k_on_paths = np.empty((*k.shape[:2], *paths.shape, k.shape[-1]))
+    for pressure_and_axis in np.ndindex(*k.shape[:2]):
+        for cell in range(k.shape[-1]):
+            curves = CellCurves(cells.steps, k[*pressure_and_axis, :, cell])
+            k_on_paths[*pressure_and_axis, :, :, cell] = curves.along(paths, steps)
+    return k_on_paths

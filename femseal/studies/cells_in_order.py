@@ -1,4 +1,4 @@
-"""Flow over the cells of a surface in their own order, along either axis."""
+"""Solve the flow over the cells of a surface, in their order on the surface, along either axis."""
 
 from __future__ import annotations
 
@@ -16,16 +16,21 @@ from ..seal.tiles import SealTiles, face_tiles
 
 
 def cells_in_order(scene: Scene, size: Pair, k: Array, boundary: str) -> Leakage | Failed:
-    """Solve the flow along the first axis over cells in their own order.
+    """Solve the flow along the first axis over cells that stay in order.
 
     Parameters
     ----------
-    scene : the fluid and its pressures.
-    size : of all cells along both axes [m].
-    k : (pressures, 2, m1, m2) [m³], along the first and the second axis.
-    boundary : how the cells continue along the second axis; their sides are closed unless it is "periodic".
+    scene : Scene
+        The fluid and its pressures.
+    size : (float, float), m
+        Length of all cells together along both axes.
+    k : array (fluid pressures, 2, m1, m2), m³
+        Permeabilities of the cells along the first and the second axis.
+    boundary : str
+        How the cells continue along the second axis. Unless it is "periodic", nothing flows through their sides.
     """
-    if boundary != "periodic":  # closed sides are those of the cells and their mirror image
+    if boundary != "periodic":
+        # The mirror image makes the flow periodic. Nothing flows across the lines of symmetry, which are the sides.
         k = np.concatenate([k, k[..., ::-1]], axis=-1)
         size = size[0], 2 * size[1]
     tiles = face_tiles(size, k.shape[-2:])
@@ -33,37 +38,61 @@ def cells_in_order(scene: Scene, size: Pair, k: Array, boundary: str) -> Leakage
 
 
 def cells_permeability_along_x2(scene: Scene, cut: Cut, k: Array, boundary: str) -> float:
-    """Solve the flow along x2 over the cells in their own order, those of each measured patch by themselves.
+    """Compute the permeability along x2 of the grid of cells.
+
+    The flow is solved separately for each measured patch.
 
     Parameters
     ----------
-    scene : the fluid and its pressures.
-    cut : of the surface into cells.
-    k : (pressures, 2, m1, m2) [m³], along x1 and x2.
-    boundary : how the surface continues along x1.
+    scene : Scene
+        The fluid and its pressures.
+    cut : Cut
+        Division of the surface into cells.
+    k : array (fluid pressures, 2, m1, m2), m³
+        Permeabilities of the cells along x1 and x2.
+    boundary : str
+        How the surface continues along x1.
 
-    Returns the permeability [m³], the mean over the patches weighted with their widths; NaN where the flow failed.
+    Returns
+    -------
+    float, m³
+        Mean permeability of the patches, weighted with their widths; NaN where a flow failed.
     """
-    turned = k[:, ::-1].swapaxes(-1, -2)  # x2 first, then x1
-    values, widths = [], []
+    # Exchange the axes, because `cells_in_order` solves the flow along the first one: x2 becomes the first axis.
+    k_x2_first = k[:, ::-1].swapaxes(-1, -2)
+    drops_times_k, widths = [], []
     for columns in cut.patch_columns:
         width = (cut.columns[columns.stop] - cut.columns[columns.start]) * cut.spacing[1]
         size = width, scene.surface.size[0]
-        flow = cells_in_order(scene, size, turned[:, :, columns], boundary)
-        values.append(flow.per_length * width)
+        flow = cells_in_order(scene, size, k_x2_first[:, :, columns], boundary)
+        # The leakage per unit length is k times the drop of the pressure potential, over the width.
+        drops_times_k.append(flow.per_length * width)
         widths.append(width)
-    drop = scene.unit_leakage * scene.surface.size[0]
-    return float(np.average(values, weights=widths)) / drop if drop != 0 else np.nan
+    # The unit leakage is this drop over the breadth of the surface, for a permeability of 1 m³ along x1.
+    potential_drop = scene.unit_leakage * scene.surface.size[0]
+    if potential_drop == 0:
+        return np.nan
+    return float(np.average(drops_times_k, weights=widths)) / potential_drop
 
 
 def flow_in_order(
     scene: Scene, tiles: SealTiles, k: Array, pressures: Sequence[float], piecewise: bool = False
 ) -> Leakage | Failed:
-    """Flow through the cells of a face in their own order.
+    """Solve the flow along x1 through cells that stay in order.
 
-    tiles : of `face_tiles`. k : (pressures, 2, m1, m2) [m³] at pressures of the fluid [Pa].
-    piecewise : see `flow.PermeabilityTable`.
+    Parameters
+    ----------
+    scene : Scene
+        The fluid and its pressures.
+    tiles : SealTiles
+        Tiles in the order of the cells, see `face_tiles`.
+    k : array (fluid pressures, 2, m1, m2), m³
+        Permeabilities of the cells along x1 and x2.
+    pressures : sequence of float, Pa
+        Fluid pressures at which the permeabilities are known.
+    piecewise : bool
+        How they are interpolated between these pressures, see `flow.PermeabilityTable`.
     """
-    of_tiles = k.reshape(len(k), 2, -1)
-    values = tiles.permeability(of_tiles[:, 0], of_tiles[:, 1])
-    return attempt(scene.leakage, tiles.seal, tabulated(pressures, list(values), piecewise))
+    tile_k = k.reshape(len(k), 2, -1)  # (fluid pressure, axis, tile)
+    element_k = tiles.permeability(tile_k[:, 0], tile_k[:, 1])
+    return attempt(scene.leakage, tiles.seal, tabulated(pressures, list(element_k), piecewise))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,13 @@ from ..flow.permeability_table import tabulated
 from ..scene import Scene
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
-from .cell_states import FaceCells, PatchLeakage, along_paths, cells_on_ladder, ladder_of
+from .cell_states import (
+    FaceCells,
+    PatchLeakage,
+    choose_tabulated_pressures,
+    interpolate_along_paths,
+    solve_cells_at_pressures,
+)
 from .drawn_error import interval_widths
 from .face_study import cut_into_cells, fields_of_rows
 from .patch_state import PatchState, open_leakage_per_permeability
@@ -29,22 +35,22 @@ from .sampling import (
     Sampling,
     TileFluid,
     check_map,
+    cut_and_cover,
     distinct_paths,
-    laid_out,
     pressure_fractions,
 )
-from .seal_contact import SealContact, seal_contact, without_waves_of
+from .seal_contact import SealContact, remove_waves_of_forms, seal_contact
 from .stochastic_result import MedianSeal, StochasticResult, at_every_step, nearest_to_median
 
 #: Wanted standard error of ln(median leakage), as a fraction of the half-width of the interval of a single patch.
-PART_OF_BAND = 1 / 20
+MEDIAN_ERROR_FRACTION = 1 / 20
 #: Standard error of the median of n normal numbers, in standard deviations and times √n.
 _MEDIAN_ERROR = 1.2533
 #: Fields of the median seal are kept up to this number of values: elements times load steps.
 MOST_VALUES = 4_000_000
 #: Estimated relative error at which the leakage of a realisation has converged, where permeabilities depend on the
 #: pressure. The true error was below 1e-3 up to a fluid pressure of 0.95 of the load.
-DRAWN_RTOL = 3e-4
+REALISATION_RTOL = 3e-4
 
 
 def stochastic(
@@ -87,7 +93,7 @@ def stochastic(
     """
     cut, tiles = cut_and_tiles(scene, cells, sampling)
     map_warnings = check_map(scene, tiles, sampling.pressure_map)
-    scene = without_waves_of(scene, cut, sampling.form)
+    scene = remove_waves_of_forms(scene, cut, sampling.form)
     formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
     if formed is None:
         fractions = pressure_fractions(scene, tiles, sampling.pressure_map)
@@ -102,12 +108,14 @@ def stochastic(
     unit_leakage = open_leakage_per_permeability(scene, tiles.seal)
     mean_gap = of_surface.mean_gap.mean(axis=(1, 2))
     state = _patch_state(supply, unit_leakage * supply.at_nominal(mean_gap) ** 3 / 12)
-    leakages, texts, counts = zip(*_drawn(supply, sampling, state, mapper), strict=True)
-    leakage, median = np.array(leakages), None
-    few = sampling.median_fields and len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
-    if few and (chosen := nearest_to_median(leakage)) is not None:
+    realisations = _solve_realisations(supply, sampling, state, mapper)
+    leakage = np.array([realisation.leakage for realisation in realisations])
+    median = None
+    is_small = len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
+    median_number = nearest_to_median(leakage) if sampling.median_fields and is_small else None
+    if median_number is not None:
         fields = partial(_median_seal, supply=supply, seed=sampling.seed)
-        (median,) = mapper(Stage("median seal", fields), [chosen])
+        (median,) = mapper(Stage("median seal", fields), [median_number])
         if formed is not None:
             median = _with_form(median, tiles, formed)
     rows = fields_of_rows(of_surface.rows, scene.surface.spacing[0]) if tiles.in_order else {}
@@ -119,6 +127,7 @@ def stochastic(
     warnings = result_warnings(scene, median_leakage, mean_gap_of_tiles, estimate)
     if formed is not None and "row_pressure" in rows:
         warnings += line_contact_warnings(scene, rows["row_pressure"])
+    realisation_failures = chain(*(realisation.failures for realisation in realisations))
     unsolved = (f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved)
     return StochasticResult(
         steps=scene.steps,
@@ -131,11 +140,13 @@ def stochastic(
         patches=_patches(supply, leakage),
         **rows,
         median_seal=median,
-        failures=(*of_surface.failures, *chain(*texts), *unsolved),
+        failures=(*of_surface.failures, *realisation_failures, *unsolved),
         quick_estimate=estimate,
         mean_gap=mean_gap_of_tiles,
         warnings=(*warnings, *tiles.warnings, *map_warnings),
-        solvers=SolveCounts.total((of_surface.counts, *counts)),
+        solvers=SolveCounts.total(
+            (of_surface.counts, *(realisation.counts for realisation in realisations))
+        ),
     )
 
 
@@ -144,7 +155,7 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
 
     Raises InputError: see `stochastic`.
     """
-    cut, tiles = laid_out(scene.surface, scene.layout, cells, sampling)
+    cut, tiles = cut_and_cover(scene.surface, scene.layout, cells, sampling)
     if scene.traps_liquid and not tiles.in_order:
         given = "'trapped' with a seal that takes cells anywhere of the face"
         expected = "'acts' there, or a seal as broad as the face and pressed evenly"
@@ -154,14 +165,14 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
 
 @dataclass(frozen=True, eq=False)
 class _Supply:
-    """Permeabilities of cells, from which the tiles of a seal take one each.
+    """Hold the permeabilities of the cells, from which every tile of a seal takes one at random.
 
     Parameters
     ----------
-    k : at each of the pressures of the fluid, array (pressures, 2, steps, paths, cells), m³.
+    k : permeability of every cell on every pressure path, array (fluid pressures, 2, steps, paths, cells), m³.
     path : number of the pressure path of every tile, array (tiles,).
-    paths : nominal pressure along each path, array (steps, paths), Pa.
-    unsolved : steps without a gap by number, and why.
+    paths : nominal pressure of each path at every step, array (steps, paths), Pa.
+    unsolved : index of each step that has no solution, and the reason.
     opened : permeability of the gap that the form of the seal opens beyond first touch, array (steps, tiles), m³.
     """
 
@@ -177,39 +188,50 @@ class _Supply:
 
     @property
     def solved(self) -> list[int]:
-        """Numbers of the steps at which permeabilities are known."""
+        """Indices of the steps at which all permeabilities are known."""
         known = np.flatnonzero(np.isfinite(self.k).all(axis=(0, 1, 3, 4)))
         return np.setdiff1d(known, [s for s, _ in self.unsolved]).tolist()
 
     def draw(self, seed: int, realisation: int) -> Indices:
-        """Take a cell for every tile (tiles,). The same seed and realisation always give the same cells."""
+        """Choose a random cell for every tile (tiles,). The same seed and realisation always give the same cells."""
         stream = np.random.SeedSequence(seed, spawn_key=(realisation,))
         return self.tiles.draw(self.cells.cut.shape, np.random.default_rng(stream))
 
     def flow(self, cell: Indices, step: int) -> tuple[Any, Any]:
-        """Solve a seal whose tiles have taken cells (tiles,) at a step.
+        """Solve the flow through a seal at a step, for given cells of its tiles (tiles,).
 
-        Returns the permeabilities of the seal, and its leakage or the reason why it failed.
+        Returns the permeabilities of the elements, and the leakage or the reason why the solver failed.
         """
-        k = self.k[:, :, step, self.path, cell]
+        k = self.k[:, :, step, self.path, cell]  # (fluid pressure, axis, tile)
         if self.opened is not None:
             k = k + self.opened[step]
-        of_elements = list(self.tiles.permeability(k[:, 0], k[:, 1]))
-        permeability = tabulated(self.fluid.pressures, of_elements, self.fluid.piecewise)
-        flow = attempt(self.scene.leakage, self.tiles.seal, permeability, DRAWN_RTOL)
+        element_k = list(self.tiles.permeability(k[:, 0], k[:, 1]))
+        permeability = tabulated(self.fluid.pressures, element_k, self.fluid.piecewise)
+        flow = attempt(self.scene.leakage, self.tiles.seal, permeability, REALISATION_RTOL)
         return permeability, flow
 
     def over_tiles(self, values: Array) -> Array:
-        """Average values of the states over the tiles, each at its own pressure; they fall with the pressure."""
+        """Interpolate a quantity of the contact states at the pressure of each tile, and average it over the tiles.
+
+        The quantity must decrease with increasing pressure, as a permeability does.
+        """
         weights = np.bincount(self.path, minlength=self.paths.shape[1]) / self.path.size
-        return self._along(values, self.paths, weights)
+        return self._interpolate(values, self.paths, weights)
 
     def at_nominal(self, values: Array) -> Array:
-        """Interpolate values of the states, which fall with the pressure, at the loads less the mean fluid pressure."""
-        return self._along(values, self.scene.steps.pressures[:, None], np.ones(1))
+        """Interpolate a quantity of the contact states at the nominal pressures of the load steps.
 
-    def _along(self, values: Array, paths: Array, weights: Array) -> Array:
-        """Average values of the states along paths of the nominal pressure [Pa], less the mean fluid pressure."""
+        The quantity must decrease with increasing pressure, as a permeability does.
+        """
+        return self._interpolate(values, self.scene.steps.pressures[:, None], np.ones(1))
+
+    def _interpolate(self, values: Array, paths: Array, weights: Array) -> Array:
+        """Interpolate a quantity of the contact states at each step of pressure paths, and average over the paths.
+
+        The mean fluid pressure reduces the nominal pressures of the paths first.
+
+        values : (states,). paths : nominal pressures (steps, paths) [Pa]. weights : of the paths in the average.
+        """
         if self.cells.steps == self.scene.steps:
             return values
         fluid = self.scene.acting_fluid
@@ -219,9 +241,9 @@ class _Supply:
 
 
 def _patch_state(supply: _Supply, open_leakage: Array) -> PatchState:
-    """Return the contact states of the patch under the nominal pressures less the mean fluid pressure.
+    """Return the contact states of the patch, for nominal pressures that are reduced by the mean fluid pressure.
 
-    open_leakage : leakage if the mean gap of the states were the gap everywhere, array (steps,), m²/s.
+    open_leakage : leakage if the gap were everywhere equal to the mean gap of the state, array (steps,), m²/s.
     """
     scene = supply.scene
     fluid = scene.acting_fluid
@@ -231,7 +253,10 @@ def _patch_state(supply: _Supply, open_leakage: Array) -> PatchState:
 
 
 def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:
-    """Solve the cells at the loads of the scene where they stay in order, else at tabulated pressures."""
+    """Solve the cells: at the loads of the scene if they stay in order, else at tabulated pressures.
+
+    fractions : pressure of each tile, as a fraction of the nominal pressure, array (steps, tiles).
+    """
     steps, drop = scene.steps, scene.flow.drop
     if tiles.in_order:
         # grooves that wind are those of the seal
@@ -243,41 +268,51 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         path = np.zeros(tiles.count, np.int64)
         nominal = steps.pressures[:, None]
         return _Supply(scene, tiles, cells, k, fluid, path, nominal, cells.unsolved)
-    paths, number = distinct_paths(fractions)
-    paths = steps.pressures[:, None] * paths
+    path_fractions, path_of_tile = distinct_paths(fractions)
+    nominal = steps.pressures[:, None] * path_fractions
     fluid = TileFluid.of(scene)
-    each = fluid.effective(paths)
-    uniform = each.shape[1] == 1 and np.array_equal(each[:, 0], steps.pressures)
-    ladder = steps if uniform else ladder_of(each, steps, scene.law.is_elastic)
-    cells = cells_on_ladder(scene, cut, ladder, mapper)
-    if uniform:
+    effective = fluid.effective_pressures(nominal)
+    is_uniform = effective.shape[1] == 1 and np.array_equal(effective[:, 0], steps.pressures)
+    if is_uniform:
+        # all tiles have the pressure of the load steps: nothing to interpolate
+        cells = solve_cells_at_pressures(scene, cut, steps, mapper)
         k = cells.corrected_k.reshape(*cells.k.shape[:3], 1, -1)
     else:
-        k = fluid.own(along_paths(cells, each, steps))
-    return _Supply(scene, tiles, cells, k, fluid, number, paths, scene.separated_steps)
+        tabulated_steps = choose_tabulated_pressures(effective, steps, scene.law.is_elastic)
+        cells = solve_cells_at_pressures(scene, cut, tabulated_steps, mapper)
+        k = fluid.select_own_reliefs(interpolate_along_paths(cells, effective, steps))
+    return _Supply(scene, tiles, cells, k, fluid, path_of_tile, nominal, scene.separated_steps)
 
 
-#: Leakage of one drawn seal at every step (steps,) [m²/s], NaN where it failed, why it did, and what was solved.
-_Drawn = tuple[Array, list[str], SolveCounts]
+class _Realisation(NamedTuple):
+    """Hold the leakage of a realisation at every step (steps,) [m²/s]; it is NaN at steps that failed."""
+
+    leakage: Array
+    failures: list[str]
+    counts: SolveCounts
 
 
-def _drawn(supply: _Supply, sampling: Sampling, state: PatchState, mapper: Mapper) -> list[_Drawn]:
+def _solve_realisations(
+    supply: _Supply, sampling: Sampling, state: PatchState, mapper: Mapper
+) -> list[_Realisation]:
     """Solve the given number of realisations, or as many as the interval needs."""
     stage = Stage("drawn seals", partial(_realise, supply=supply, seed=sampling.seed))
-    kind, count = _kind(supply.tiles, sampling), sampling.realisations or FEWEST_SEALS
-    drawn = list(mapper(stage, range(count)))
+    kind = _kind(supply.tiles, sampling)
+    count = sampling.realisations or FEWEST_SEALS
+    realisations = list(mapper(stage, range(count)))
     while sampling.realisations is None:
-        leakage = np.array([one for one, *_ in drawn])
-        more = min(_needed(leakage, kind, state), 4 * len(drawn))
-        if more <= len(drawn):
+        leakage = np.array([realisation.leakage for realisation in realisations])
+        count = min(_needed(leakage, kind, state), 4 * len(realisations))
+        if count <= len(realisations):
             break
-        drawn += mapper(stage, range(len(drawn), more))
-    return drawn
+        realisations += mapper(stage, range(len(realisations), count))
+    return realisations
 
 
 def _kind(tiles: SealTiles, sampling: Sampling) -> str:
-    """Return the kind of the realisations, see `drawn_error`. A form that is known exactly, as of a seat, does not
-    count.
+    """Return the kind of the realisations, see `drawn_error`.
+
+    Only forms that were measured at points make the kind "with form"; the form of a seat is known exactly.
     """
     if any(isfinite(form.shortest_wave) for form in sampling.form):
         return "with form"
@@ -285,10 +320,10 @@ def _kind(tiles: SealTiles, sampling: Sampling) -> str:
 
 
 def _needed(leakage: Array, kind: str, state: PatchState) -> int:
-    """Number of seals whose median has the standard error that is wanted, at every step.
+    """Return how many realisations are needed for the desired standard error of the median at every step.
 
-    It is wanted in parts of the interval of what one patch does not know, which depends on the state of each step
-    alone. Steps of which this interval has the lower end 0 ask for none: there, more seals would narrow nothing.
+    The desired error is a fraction of the 95 % interval that results from measuring only one patch. Steps at which this
+    interval begins at 0 are ignored, because more realisations would not make it narrower there.
     """
     median = at_every_step(leakage, np.median)
     lower, upper = interval_widths(kind).ends(median, state)
@@ -296,38 +331,42 @@ def _needed(leakage: Array, kind: str, state: PatchState) -> int:
     width = np.log(upper[counts] / lower[counts]) / 2
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = np.log(np.abs(leakage[:, counts])).std(axis=0, ddof=1)
-    wanted = (_MEDIAN_ERROR * spread / (PART_OF_BAND * width)) ** 2
+    wanted = (_MEDIAN_ERROR * spread / (MEDIAN_ERROR_FRACTION * width)) ** 2
     most = float(np.max(wanted[np.isfinite(wanted)], initial=0.0))
     return int(np.clip(np.ceil(most), FEWEST_SEALS, MOST_SEALS))
 
 
-def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Drawn:
-    """Solve one realisation at every step that has a gap.
+def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
+    """Solve the flow through one realisation at every step at which the permeabilities are known.
 
-    Where cells stay in order, the seal leaks what the surface leaks, times the ratio of its tiles to the cells in their
-    own order. This ratio is limited to the range from 1/2 to 2.
+    Where cells stay in order, the leakage is that of the whole surface, multiplied by the ratio of the leakage of the
+    tiles to that of the grid of cells. This ratio is limited to the range from 1/2 to 2.
     """
-    cell, steps = supply.draw(seed, realisation), supply.scene.steps
-    leakage, failures, solvers = np.full(len(steps), np.nan), [], []
-    of_surface, in_order = supply.cells.face, supply.cells.own
+    cell = supply.draw(seed, realisation)
+    steps = supply.scene.steps
+    leakage = np.full(len(steps), np.nan)
+    failures: list[str] = []
+    counts = []
+    surface_leakage = supply.cells.surface_leakage
+    cells_leakage = supply.cells.cells_leakage
     for s in supply.solved:
-        if supply.tiles.in_order and in_order[s] == 0:
-            leakage[s] = of_surface[s]
+        if supply.tiles.in_order and cells_leakage[s] == 0:
+            leakage[s] = surface_leakage[s]
             continue
         _, flow = supply.flow(cell, s)
         if isinstance(flow, Failed):
             failures.append(f"realisation {realisation}, {steps[s].name}: {flow.reason}")
             continue
         leakage[s] = flow.per_length
-        solvers.append(SolveCounts.of(flow))
+        counts.append(SolveCounts.of(flow))
         if supply.tiles.in_order:
-            ratio = np.clip(leakage[s] / in_order[s], 1 / MOST_RATIO, MOST_RATIO)
-            leakage[s] = of_surface[s] * ratio
-    return leakage, failures, SolveCounts.total(solvers)
+            ratio = np.clip(leakage[s] / cells_leakage[s], 1 / MOST_RATIO, MOST_RATIO)
+            leakage[s] = surface_leakage[s] * ratio
+    return _Realisation(leakage, failures, SolveCounts.total(counts))
 
 
 def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
-    """Solve a realisation again and keep its fields."""
+    """Solve a realisation a second time, and keep its fields over the elements."""
     scene, tiles, cell = supply.scene, supply.tiles, supply.draw(seed, realisation)
     shape = len(scene.steps), len(tiles.outlines)
     k, p, flux = (np.full((*shape, *plane), np.nan) for plane in ((), (), (2,)))
@@ -353,7 +392,7 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
 
 
 def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> MedianSeal:
-    """Add the fields of the contact under the form of the seal to the median seal."""
+    """Add the form of the seal and the contact under this form to the fields of the median realisation."""
     of_parts = tiles.tile[tiles.once]
     form = formed.grid.means(-formed.depth)[of_parts]
     separation, pressure = (
@@ -363,11 +402,15 @@ def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> Med
 
 
 def _patches(supply: _Supply, leakage: Array) -> PatchLeakage | None:
-    """Estimate the leakage by measured patches: that of the seals, times the ratio of each patch to all of them."""
+    """Estimate the leakage of a seal that would be made of each measured patch alone; None if there is only one.
+
+    It is the median leakage of the realisations, multiplied by the ratio of the leakage of the patch to that of the
+    whole surface.
+    """
     cells = supply.cells
     if cells.patches is None:
         return None
-    face, *patches = map(supply.at_nominal, (cells.face, *cells.patches.kept))
+    face, *patches = map(supply.at_nominal, (cells.surface_leakage, *cells.patches.selections))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(face > 0, at_every_step(leakage, np.median) / face, 1.0)
     return PatchLeakage(scale * np.array(patches))

@@ -1,4 +1,4 @@
-"""Contact and flow of a whole face at full resolution in each of its states, and its cells."""
+"""Solve contact and flow of a whole surface on all of its pixels at each load step, and the flow through its cells."""
 
 from __future__ import annotations
 
@@ -34,12 +34,24 @@ _STATE_BYTES, _KEPT_BYTES = 130.0, 130.0
 
 @dataclass(frozen=True, eq=False)
 class FaceState:
-    """The contact of the whole face at one step, and the flow through it.
+    """Hold the contact of the whole surface at one load step, and the flow through its gap.
 
-    gap [m], pressure [Pa] : (n1, n2). plastic : a bit for every pixel at the hardness. potential : of the flow, 1 at
-    the inlet and 0 at the outlet, NaN in contact and in pockets (n1, n2).
-    rows : mean pressure of rows (n1,) [Pa]. carried : mean pressure that the fluid carries [Pa].
-    permeability : of the face [m³], NaN where its flow failed, for the `failed` reason.
+    Parameters
+    ----------
+    gap, pressure : array (n1, n2), m and Pa
+        Gap and contact pressure.
+    plastic : array of bytes
+        One bit for each pixel, which is set if the contact pressure is at the hardness, see `numpy.packbits`.
+    potential : array (n1, n2)
+        Pressure potential of the flow, from 1 at the inlet to 0 at the outlet. It is NaN in contact and in pockets.
+    rows : array (n1,), Pa
+        Mean contact pressure of each row of pixels.
+    carried : float, Pa
+        Share of the nominal pressure that the fluid carries.
+    permeability : float, m³
+        Permeability of the surface along x1, NaN if the flow solver failed.
+    failed : str
+        Reason for the failure, "" without a failure.
     """
 
     gap: Singles
@@ -86,14 +98,25 @@ class FaceState:
 
 
 def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
-    """Compute the fields of a result that follow from the mean pressure of rows (steps, n1) [Pa].
+    """Compute the breadth of the contact band and the largest row pressure at every step.
 
-    The breadth of the contact band is the distance from the first row in contact to the last, both included.
+    The contact band reaches from the first row in contact to the last one, both included.
 
-    spacing : of the rows [m].
+    Parameters
+    ----------
+    row_pressure : array (steps, n1), Pa
+        Mean contact pressure of each row.
+    spacing : float, m
+        Distance of neighbouring rows.
+
+    Returns
+    -------
+    dict
+        Values of the fields `row_pressure`, `band_breadth` and `largest_row_pressure` of a result.
     """
     touching = row_pressure > 0
     n1 = touching.shape[1]
+    # argmax counts the rows before the first contact, from either end
     between = n1 - touching.argmax(axis=1) - touching[:, ::-1].argmax(axis=1)
     return {
         "row_pressure": row_pressure,
@@ -104,22 +127,32 @@ def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
 
 @dataclass(frozen=True, repr=False)
 class FaceResult(Shown):
-    """Contact and flow of a whole surface on its own pixels, and of its cells; arrays over the load steps.
+    """Hold contact and flow of a whole surface on all of its pixels, and of its cells, at every load step.
 
     Parameters
     ----------
-    gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision. The fluid pressure is NaN in
-        contact and in pockets.
-    leakage : per length of seal, array (steps,), m²/s, NaN where the flow failed.
-    row_pressure : mean contact pressure of rows, array (steps, n1), Pa.
-    cells : cells of the surface; None unless it was cut.
-    patches : leakage by measured patches; None of one patch.
-    states : of the surface at every step.
-    residual : largest residual of the contacts.
-    failures : reasons of values that are NaN.
-    warnings : what is not plausible, one sentence each.
-    quick_estimate : by the spectrum of the surface; None where that does not tell.
-    face_solvers : number of systems by solver, of the whole surface.
+    gap, contact_pressure, fluid_pressure : array (steps, n1, n2), m and Pa
+        Fields on the pixels, in single precision. The fluid pressure is NaN in contact and in pockets.
+    leakage : array (steps,), m²/s
+        Leakage per unit seal length, NaN where the flow solver failed.
+    row_pressure : array (steps, n1), Pa
+        Mean contact pressure of each row of pixels.
+    cells : FaceCells, optional
+        Cells of the surface; None in the deterministic study, which has no cells.
+    patches : PatchLeakage, optional
+        Leakage of each measured patch; None if there is only one patch.
+    states : tuple of FaceState
+        Contact state of the surface at every step.
+    residual : float
+        Largest residual of the contact solutions.
+    failures : tuple of str
+        Reasons for values that are NaN.
+    warnings : tuple of str
+        Results that are not plausible, one sentence each.
+    quick_estimate : QuickEstimate, optional
+        Leakage estimated from the spectrum of the surface. None for a surface for which this estimate is not valid.
+    face_solvers : SolveCounts
+        Number of linear systems that each solver solved for the flow through the whole surface.
     """
 
     steps: LoadProgramme
@@ -171,7 +204,7 @@ class FaceResult(Shown):
 
     @property
     def solvers(self) -> SolveCounts:
-        """Number of systems by solver, of the surface and of its cells."""
+        """Number of linear systems that each solver solved, for the surface and its cells."""
         return self.face_solvers if self.cells is None else self.face_solvers + self.cells.counts
 
     @property
@@ -181,7 +214,7 @@ class FaceResult(Shown):
 
     @property
     def uncut(self) -> FaceResult:
-        """The result without the cells, which is that of the deterministic study."""
+        """Result without cells, as the deterministic study would give it."""
         if self.cells is None:
             return self
         failures = tuple(text for text in self.failures if text not in self.cells.failures)
@@ -189,12 +222,12 @@ class FaceResult(Shown):
 
     @property
     def k1(self) -> Array:
-        """Permeability of the cells along x1 (steps, m1, m2) [m³], of a surface that was cut."""
+        """Permeability of the cells along x1 (steps, m1, m2) [m³]; an InputError if there are no cells."""
         return self._cut.k1
 
     @property
     def k2(self) -> Array:
-        """Permeability of the cells along x2 (steps, m1, m2) [m³], of a surface that was cut."""
+        """Permeability of the cells along x2 (steps, m1, m2) [m³]; an InputError if there are no cells."""
         return self._cut.k2
 
     @property
@@ -241,7 +274,7 @@ def _checked(scene: Scene, face: FaceResult) -> FaceResult:
 
 
 def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
-    """Solve contact and flow of the whole surface, without plausibility checks; see `deterministic`."""
+    """Solve contact and flow of the whole surface as `deterministic` does, but without plausibility checks."""
     scene.check_spiral()
     surface = scene.surface
     shape = (len(scene.steps), *scene.surface.shape)
@@ -303,7 +336,7 @@ def state_memory(pixels: float) -> float:
 
 
 def states_memory(pixels: int, steps: int) -> float:
-    """Estimate the memory that so many steps of a result take [byte]: none where they are kept on disk."""
+    """Estimate the memory of a result [byte] from its numbers of pixels and steps; it is 0 if the result is on disk."""
     return 0.0 if lies_on_disk(4.0 * pixels * steps) else RESULT_BYTES * pixels * steps
 
 
@@ -333,13 +366,13 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
 
 
 def cut_into_cells(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
-    """Solve a surface and the cells of a cut, without plausibility checks; see `two_scale`."""
+    """Solve a surface and its cells as `two_scale` does, but without plausibility checks."""
     face = solve_face(scene, mapper)
     blocks = blocks_of_one_wave(scene.surface)
     solve = partial(_cells, cut=cut, flow=scene.flow, blocks=blocks)
     found = list(mapper(Stage("cells of the face", solve), face.states))
     cells = joined(scene, cut, scene.steps, found)
-    cells = replace(cells, face=face.leakage, patches=face.patches)
+    cells = replace(cells, surface_leakage=face.leakage, patches=face.patches)
     return replace(face, cells=cells, failures=(*face.failures, *cells.failures))
 
 

@@ -13,13 +13,16 @@ from ..scene import FluidState, Scene
 
 @dataclass(frozen=True, eq=False)
 class OtherLeakage:
-    """Leakage of another fluid through the same seals, per length at its own reference density.
+    """Hold the leakage of another fluid through the same seals, as a volume at the reference density of that fluid.
 
     Parameters
     ----------
-    state : the fluid and its pressures.
-    leakage : array (steps,), m²/s; of the median seal where there are realisations.
-    realisations : array (realisation, step), m²/s; None without any.
+    state : FluidState
+        The fluid and its pressures.
+    leakage : array (steps,), m²/s
+        Leakage per unit seal length; the median if there are several realisations.
+    realisations : array (realisations, steps), m²/s, optional
+        Leakage of each realisation; None for studies that have no realisations.
     """
 
     state: FluidState
@@ -28,17 +31,18 @@ class OtherLeakage:
 
     @classmethod
     def of_study(cls, state: FluidState, study: Any, ratio: float = 1.0) -> OtherLeakage:
-        """Take the leakage of a study of the same seals, multiplied by a ratio."""
+        """Multiply the leakage of a study of the same seals by the ratio between the two fluids."""
         if hasattr(study, "quantile"):
             return cls(state, ratio * study.quantile(0.5), ratio * study.leakage)
         return cls(state, ratio * study.leakage)
 
 
 def drop_ratio(state: FluidState, scene: Scene) -> float | None:
-    """Return the ratio of the leakage of a fluid to that of the scene's fluid; None where it has to be solved.
+    """Return the ratio of the leakage of a fluid to that of the fluid of the scene, if no new solution is needed.
 
-    The conductance of a seal [m³] is the same for all fluids with one flow law that does not depend on the pressure, if
-    no fluid presses the bodies apart. Their leakages then have exactly the ratio of the drops of their potentials.
+    The ratio is known if both fluids have the same flow law, this law does not depend on the pressure, and the fluid
+    pressure does not act on the surfaces. Then the conductance of the seal [m³] is the same for both fluids, and the
+    ratio of their leakages is that of the drops of their pressure potentials. Otherwise the result is None.
     """
     if scene.acting_fluid is not None or state.in_scene(scene).acting_fluid is not None:
         return None
@@ -50,14 +54,15 @@ def drop_ratio(state: FluidState, scene: Scene) -> float | None:
 
 @dataclass(frozen=True)
 class LimitFactors:
-    """Factors from the leakage of a test gas to that of the fluid in service, at the two limits of gas flow.
+    """Hold the ratios of the leakage of the service fluid to that of a test gas, in the two limits of gas flow.
 
     Parameters
     ----------
-    viscous : ratio of the leakages in viscous flow, in pressure × volume of two gases, else in volume at the reference
-        density.
-    molecular : ratio of the leakages in free molecular flow, of two gases with molar mass and temperature; NaN
-        otherwise.
+    viscous : float
+        Ratio in viscous flow. Leakages of two gases are compared as pressure × volume, others as the volume at the
+        reference density.
+    molecular : float
+        Ratio in free molecular flow. It is NaN unless both fluids are gases with a molar mass and a temperature.
     """
 
     viscous: float
@@ -65,10 +70,11 @@ class LimitFactors:
 
 
 def limit_factors(test: FluidState, service: FluidState) -> LimitFactors:
-    """Compute the factors of both limits of gas flow, at the pressures of both fluids.
+    """Compute the ratio of the leakages of two fluids in viscous and in free molecular flow.
 
-    Viscous flow of gases is proportional to (p1² − p2²)/η in pressure × volume, molecular flow to (p1 − p2)/√(M/T). At
-    equal pressures and temperature the factors are η/η' and √(M/M'): from helium to nitrogen 1.12 and 0.378.
+    As pressure × volume, the viscous flow of a gas is proportional to (p1² − p2²)/η, and its molecular flow to
+    (p1 − p2)/√(M/T). If both gases have the same pressures and temperature, the ratios are therefore η/η' and √(M/M'),
+    with the test gas in the numerator. A test with helium for nitrogen in service gives 1.12 and 0.378.
     """
 
     def free_flow(state: FluidState) -> float:

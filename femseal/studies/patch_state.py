@@ -20,19 +20,24 @@ _OPEN_PERMEABILITY = 1e-18 / 12
 
 @dataclass(frozen=True, eq=False)
 class PatchState:
-    """Quantities of a patch in its contact states; arrays (steps,).
+    """Hold the quantities of a patch that determine the width of its 95 % interval; all are arrays (steps,).
 
-    Each depends on the state alone, not on the other loads of the programme. At the steps of an unloading all but
-    `open_leakage` are those of the peak, because one patch shows as little of the unloaded state as of the peak.
+    The quantities of a step depend on its contact state alone, not on the other loads of the programme. A step on
+    unloading has the quantities of its peak, except for `open_leakage`, because one patch shows as little of the
+    unloaded state as of the peak.
 
     Parameters
     ----------
-    carriers : number of blocks that effectively carry the flow, see `participation_number`; NaN of a sealed state.
-    contact_fraction : fraction of the patch in contact.
-    detours : ln of the leakage of the patch over that of its cells in their own order, from 0 to ln 3. It measures how
-        much flows through channels that cross the sides of cells, which cells at random do not have. NaN of a sealed
-        state.
-    open_leakage : leakage of the seal if the mean gap of the state were the gap everywhere, m²/s.
+    carriers : array (steps,)
+        Number of blocks that effectively carry the flow, see `participation_number`. It is NaN in a sealed state.
+    contact_fraction : array (steps,)
+        Fraction of the patch in contact.
+    detours : array (steps,)
+        Logarithm of the ratio of the leakage of the patch to that of its grid of cells, from 0 to ln 3. It measures how
+        much flows through channels that cross the sides of cells. Cells at random lose these channels. It is NaN in a
+        sealed state.
+    open_leakage : array (steps,), m²/s
+        Leakage of the seal if its gap were everywhere equal to the mean gap of the state.
     """
 
     carriers: Array
@@ -44,18 +49,24 @@ class PatchState:
     def of(
         cls, steps: LoadProgramme, cells: FaceCells, pressures: Array, open_leakage: Array
     ) -> PatchState:
-        """Take the quantities of a patch at the steps of a seal.
+        """Derive the quantities from the cells of a patch, at the load steps of a seal.
 
         Parameters
         ----------
-        steps : load programme of the seal. The cells may have another one, whose states are interpolated.
-        cells : cells of the surface.
-        pressures : nominal pressure of the dry patch at every step of the seal, array (steps,), Pa.
-        open_leakage : see the class.
+        steps : LoadProgramme
+            Load steps of the seal.
+        cells : FaceCells
+            Cells of the patch. If they were solved at other pressures, the quantities are interpolated.
+        pressures : array (steps,), Pa
+            Nominal pressure of the dry patch at every step of the seal.
+        open_leakage : array (steps,), m²/s
+            See the class.
         """
         contact = cells.contact_fraction.mean(axis=(1, 2))
         with np.errstate(divide="ignore", invalid="ignore"):
-            detours = np.clip(np.log(cells.face / cells.own), 0.0, np.log(MOST_FACTOR))
+            detours = np.clip(
+                np.log(cells.surface_leakage / cells.cells_leakage), 0.0, np.log(MOST_FACTOR)
+            )
         detours = np.where(np.isnan(cells.carriers), np.nan, detours)
         quantities = cells.carriers, contact, detours
         peaks = steps.peak_indices
@@ -67,14 +78,17 @@ class PatchState:
 
 
 def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
-    """Solve the leakage of a seal per length for a uniform permeability of 1 m³ [1/(m s)]; NaN if it failed."""
+    """Compute the leakage per unit seal length for a uniform permeability of 1 m³, in 1/(m s).
+
+    It is NaN if the flow solver failed.
+    """
     return attempt(scene.leakage, seal, _OPEN_PERMEABILITY).per_length / _OPEN_PERMEABILITY
 
 
 def _on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
-    """Interpolate a quantity of states on loading at other pressures [Pa], linearly in the cube root of the pressure.
+    """Interpolate a quantity of the contact states on loading, linearly in the cube root of the pressure.
 
-    The quantity is NaN where the nearest state is sealed.
+    The result is NaN at pressures for which the nearest contact state is sealed.
     """
     loading = np.flatnonzero(steps.on_loading)
     values, known_at = values[loading], np.cbrt(steps.pressures[loading])

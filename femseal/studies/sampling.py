@@ -1,4 +1,7 @@
-"""Describe the seal of the stochastic study, and the pressure of its tiles: under a map, less the fluid pressure."""
+"""Describe the seals of the stochastic study, and compute the nominal pressure of their tiles.
+
+The pressure of a tile follows from the pressure map. Fluid pressure that acts on the surfaces reduces it.
+"""
 
 from __future__ import annotations
 
@@ -37,23 +40,31 @@ FLUID_PRESSURES = 9
 
 @dataclass(frozen=True)
 class Sampling:
-    """Options of the seals of the stochastic study.
+    """Hold the options of the seals of the stochastic study.
 
     Parameters
     ----------
-    length : of a straight seal along x2, m, rounded to whole tiles; None where the layout has its own size.
-    realisations : number of seals; None solves as many as the interval needs, see `stochastic`.
-    seed : of all random numbers.
-    breadth : of a straight seal from inlet to outlet, m; None is that of the surface.
-    pressure_map : contact pressure over the seal in fractions of the nominal pressure, see `seal.pressure_map`.
-    form : of the whole seal, which then gives the pressure of its tiles: a form of `seal.form`, or a seat such as
-        `CrownedSeat`; forms of both bodies add up.
-    median_fields : whether to keep the fields of the seal whose leakage is nearest to the median.
+    length : float or None, m
+        Length of a straight seal along x2, which is rounded to whole tiles. None for layouts that have a size already.
+    realisations : int, optional
+        Number of realisations. By default as many are solved as the 95 % interval needs, see `stochastic`.
+    seed : int
+        Seed of all random numbers.
+    breadth : float, optional, m
+        Breadth of a straight seal from inlet to outlet. The default is the breadth of the surface.
+    pressure_map : optional
+        Contact pressure over the seal, as a fraction of the nominal pressure, see `seal.pressure_map`.
+    form : optional
+        Form of the whole seal, from which the pressure of its tiles is computed. It is a form of `seal.form`, a seat
+        such as `CrownedSeat`, or several of them, whose heights are added.
+    median_fields : bool
+        Whether to keep the fields of the realisation whose leakage is nearest to the median.
 
     Raises
     ------
-    InputError : a number of realisations below 1; a seed that is not a whole number from 0; a length or breadth that is
-        not above 0; both a map and a form.
+    InputError
+        The number of realisations is below 1, the seed is not a whole number >= 0, the length or breadth is not above
+        0, or both a pressure map and a form are given.
 
     Examples
     --------
@@ -91,25 +102,26 @@ class Sampling:
         return is_uniform(self.pressure_map) and not self.form
 
 
-def laid_out(
+def cut_and_cover(
     surface: Surface, layout: Layout, cells: Shape | None, sampling: Sampling
 ) -> tuple[Cut, SealTiles]:
     """Cut a surface into cells along x1 and x2, and cover the seal with tiles that are each as large as a cell.
 
-    Cells stay in order where the seal is as broad as the surface and is pressed evenly.
+    Cells stay in order if the seal is as broad as the surface and all of its tiles have the same pressure.
 
-    cells : numbers of cells; None: as many as suit the seal, see `usual_cells`.
+    cells : numbers of cells along x1 and x2. None chooses numbers that suit the seal, see `usual_cells`.
 
-    Raises InputError: cells that are too small; see `seal.layouts.Layout.lay_out`.
+    Raises InputError for cells that are too small, and as `seal.layouts.Layout.lay_out` does.
     """
-    even = sampling.presses_evenly
-    most = MOST_TILES if even else None
+    is_even = sampling.presses_evenly
+    most_tiles = MOST_TILES if is_even else None
+    # The usual number of cells depends on whether they stay in order, which only the tiles show: assume first that
+    # they do, and cut again if they do not.
     for in_order in (True, False):
         cut = Cut.of(surface, cells or usual_cells(surface, in_order=in_order))
-        tiles = layout.lay_out(
-            CellSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most)
-        )
-        tiles = replace(tiles, in_order=tiles.in_order and even)
+        cell_size = CellSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most_tiles)
+        tiles = layout.lay_out(cell_size)
+        tiles = replace(tiles, in_order=tiles.in_order and is_even)
         if cells or tiles.in_order:
             break
     return cut, tiles
@@ -121,9 +133,9 @@ def seal_for_maps(layout: Layout, tiles: SealTiles) -> PressedSeal:
 
 
 def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Array:
-    """Return the pressure of the tiles in fractions of the nominal pressure (steps, tiles).
+    """Return the pressure of each tile, as a fraction of the nominal pressure (steps, tiles).
 
-    Raises InputError: the map does not cover the seal.
+    Raises InputError if the map does not cover the seal.
     """
     if is_uniform(pressure_map):
         return np.broadcast_to(1.0, (len(scene.steps), tiles.count))
@@ -133,20 +145,36 @@ def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> 
 
 
 def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
-    """Find the distinct pressure paths (steps, paths) of fractions (steps, n), and the path number of each (n,).
+    """Group tiles that have nearly the same pressure at every load step.
 
-    If there are more than `MOST_PATHS`, or `MOST_OF_SEVERAL`, the fractions are rounded in their cube root, in which ln
-    k is nearly straight, to steps of 1/512 of the largest or more. A path is the mean of the fractions that share it.
-    Under two maps with 512 paths the leakage changed by less than 3e-4.
+    A pressure path holds the pressure of a tile at each load step. If there are more distinct paths than allowed, the
+    cube roots of the fractions are rounded, because ln k is nearly linear in the cube root of the pressure. Their
+    number of levels is reduced until few enough paths are left. Each path is the mean of the tiles that share it.
+    Under two maps with 512 paths this changed the leakage by less than 3e-4.
+
+    Parameters
+    ----------
+    fractions : array (steps, tiles)
+        Pressure of each tile, as a fraction of the nominal pressure.
+
+    Returns
+    -------
+    paths : array (steps, paths)
+        Distinct pressure paths.
+    path_of_tile : array (tiles,)
+        Number of the path of each tile.
     """
-    most = MOST_OF_SEVERAL if np.ptp(fractions, axis=0).any() else MOST_PATHS
-    keys, levels = fractions, float(MOST_PATHS)
+    differs_by_step = np.ptp(fractions, axis=0).any()
+    most_paths = MOST_OF_SEVERAL if differs_by_step else MOST_PATHS
+    keys = fractions  # tiles with equal columns of keys share a path
+    levels = float(MOST_PATHS)
     while True:
-        _, number = np.unique(keys, axis=1, return_inverse=True)
-        number = number.reshape(-1)
-        members = np.bincount(number)
-        if members.size <= most:
-            return np.array([np.bincount(number, row) / members for row in fractions]), number
+        _, path_of_tile = np.unique(keys, axis=1, return_inverse=True)
+        path_of_tile = path_of_tile.reshape(-1)
+        tiles_of_path = np.bincount(path_of_tile)
+        if tiles_of_path.size <= most_paths:
+            sums = (np.bincount(path_of_tile, step_fractions) for step_fractions in fractions)
+            return np.array([step_sums / tiles_of_path for step_sums in sums]), path_of_tile
         keys = np.rint(np.cbrt(fractions / fractions.max()) * (levels - 1))
         levels *= 0.8
 
@@ -179,7 +207,10 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
 def _field_means(
     scene: Scene, tiles: SealTiles, pressure_map: AnyMap
 ) -> list[tuple[float | None, float]]:
-    """Return the load of every pressure field, None for all loads, and its mean over the seal [Pa]."""
+    """Return the load at which each pressure field holds, and the mean of the field over the seal [Pa].
+
+    The load is None for a field that holds at all loads.
+    """
     seal = seal_for_maps(scene.layout, tiles)
     each: Iterable[tuple[float | None, Any]] = [(None, pressure_map)]
     if isinstance(pressure_map, MapsAtLoads):
@@ -200,7 +231,7 @@ def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Ite
 
 
 def describe_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> str:
-    """Describe a pressure map as a text: its range over the seal, and the mean of a field; "" if it is uniform."""
+    """Describe the range of a pressure map over the seal and the mean of its fields; return "" for a uniform map."""
     if is_uniform(pressure_map):
         return ""
     fractions = pressure_fractions(scene, tiles, pressure_map)
@@ -213,13 +244,16 @@ def describe_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> str:
 
 @dataclass(frozen=True, eq=False)
 class TileFluid:
-    """Pressures of the fluid at which the permeabilities of cells are needed.
+    """Hold the fluid pressures at which the permeabilities of cells are needed.
 
     Parameters
     ----------
-    pressures : of the fluid, Pa.
-    piecewise : see `flow.PermeabilityTable`.
-    relief : by how much the fluid reduces the contact pressure of a cell, at each of the pressures or one for all, Pa.
+    pressures : tuple of float, Pa
+        Fluid pressures.
+    piecewise : bool
+        How permeabilities are interpolated between these pressures, see `flow.PermeabilityTable`.
+    relief : array (pressures,) or (1,), Pa
+        Reduction of the contact pressure of a cell by the fluid, at each fluid pressure, or one value for all.
     """
 
     pressures: tuple[float, ...]
@@ -228,42 +262,67 @@ class TileFluid:
 
     @classmethod
     def of(cls, scene: Scene) -> TileFluid:
-        """Choose the pressures for a scene: those of the flow law, and several where the fluid presses the bodies
-        apart.
+        """Choose the fluid pressures for a scene.
+
+        They are the pressures that the flow law needs. If the fluid pressure acts on the surfaces and falls from inlet
+        to outlet, they are several pressures in between.
         """
         drop, fluid = scene.flow.drop, scene.acting_fluid
-        pressures, piecewise = tuple(drop.pressures), False
+        pressures = tuple(drop.pressures)
+        piecewise = False
         if fluid is None:
             return cls(pressures)
         if fluid.inlet != fluid.outlet and not drop.law.depends_on_pressure:
-            # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the cells
+            # ln k is nearly linear in the cube root of the pressure that remains for the contact: equal distances of it
             lowest = min((p for p in scene.steps.pressures if p > 0), default=0.0)
             full = max(lowest, fluid.inlet, fluid.outlet)
-            first, last = (float(np.cbrt(full - p)) for p in (fluid.outlet, fluid.inlet))
-            between = full - np.linspace(first, last, FLUID_PRESSURES)[1:-1] ** 3
-            pressures, piecewise = (fluid.outlet, *between.tolist(), fluid.inlet), True
+            root_at_outlet = float(np.cbrt(full - fluid.outlet))
+            root_at_inlet = float(np.cbrt(full - fluid.inlet))
+            roots = np.linspace(root_at_outlet, root_at_inlet, FLUID_PRESSURES)
+            between = full - roots[1:-1] ** 3
+            pressures = (fluid.outlet, *between.tolist(), fluid.inlet)
+            piecewise = True
         relief = fluid.relief(pressures if len(pressures) > 1 else [fluid.mean])
         return cls(pressures, piecewise, relief)
 
-    def effective(self, paths: Array) -> Array:
-        """Return the pressures [Pa] that the fluid leaves to the contact along paths (steps, paths).
+    def effective_pressures(self, paths: Array) -> Array:
+        """Compute the pressures that remain for the contact when the fluid carries its share of the load.
 
-        Returns an array (steps, fluid pressures × paths).
+        Parameters
+        ----------
+        paths : array (steps, paths), Pa
+            Nominal pressures.
+
+        Returns
+        -------
+        array (steps, reliefs × paths), Pa
+            All paths at the first relief, followed by all paths at the next one, and so on.
         """
-        left = np.maximum(paths[None] - self.relief[:, None, None], 0.0)
-        return np.concatenate(list(left), axis=1)
+        remaining = np.maximum(
+            paths[None] - self.relief[:, None, None], 0.0
+        )  # (relief, step, path)
+        return np.concatenate(list(remaining), axis=1)
 
-    def own(self, k: Array) -> Array:
-        """Select from permeabilities at all reliefs those at the relief of each fluid pressure.
+    def select_own_reliefs(self, k: Array) -> Array:
+        """Select for each fluid pressure the permeabilities at the relief that belongs to this pressure.
 
-        Without slip, one permeability serves all fluid pressures.
+        Parameters
+        ----------
+        k : array (pressures, 2, steps, reliefs × paths, cells), m³
+            Permeabilities for all combinations of fluid pressure and relief. The first axis has length 1 if the flow
+            law does not depend on the pressure.
 
-        k : array (pressures, axis, steps, reliefs × paths, cells), m³.
-
-        Returns an array (pressures, axis, steps, paths, cells) [m³].
+        Returns
+        -------
+        array (pressures, 2, steps, paths, cells), m³
         """
         if self.relief.size == 1:
             return k
-        split = k.reshape(*k.shape[:3], self.relief.size, -1, k.shape[-1])
-        own = range(self.relief.size)
-        return np.array([split[n if len(k) > 1 else 0, :, :, n] for n in own])
+        # (fluid pressure, axis, step, relief, path, cell)
+        by_relief = k.reshape(*k.shape[:3], self.relief.size, -1, k.shape[-1])
+        depends_on_pressure = len(k) > 1
+        selected = []
+        for n in range(self.relief.size):
+            pressure = n if depends_on_pressure else 0
+            selected.append(by_relief[pressure, :, :, n])
+        return np.array(selected)

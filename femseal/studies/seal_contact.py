@@ -95,7 +95,7 @@ class SealContact:
     @property
     def opened(self) -> Array:
         """Permeability of the gap beyond first touch (steps, tiles) [m³]."""
-        return self.grid.means(opened(self.separation, self.opening))
+        return self.grid.means(opening_permeability(self.separation, self.opening))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,12 +124,12 @@ class RoughLayer:
     ) -> RoughLayer:
         """Solve the contact of the surface of a scene alone under uniform pressures."""
         return cls.of_gaps(
-            scene, *layer_states(scene, attrgetter("contact.mean_gap"), mapper, boundary)
+            scene, *solve_layer_states(scene, attrgetter("contact.mean_gap"), mapper, boundary)
         )
 
     @classmethod
     def of_gaps(cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]) -> RoughLayer:
-        """Make the layer from mean gaps (steps,) [m] of the load programme of `layer_states`."""
+        """Make the layer from mean gaps (steps,) [m] of the load programme of `solve_layer_states`."""
         loading, peaks = programme.pressures[programme.on_loading], np.array(programme.unload_from)
         gap, after = np.split(np.array(gaps), [loading.size])
         recovered = np.zeros((peaks.size, _RELEASED.size))
@@ -169,7 +169,7 @@ class RoughLayer:
         return np.where(above, loaded_gap, gap), np.where(above, loaded_slope, slope)
 
 
-def layer_states(
+def solve_layer_states(
     scene: Scene,
     take: Callable[[LoadState], Any],
     mapper: Mapper,
@@ -213,7 +213,7 @@ def seal_contact(
         carry.
     NotConverged : a contact failed.
     """
-    grid, depth = form_on_grid(scene, tiles, forms)
+    grid, depth = sample_form(scene, tiles, forms)
     d1, d2 = grid.spacing
     spacing = d1, d2 if depth.shape[1] > 1 else d1
     body = HalfSpace(depth.shape, spacing, scene.modulus, grid.boundary)
@@ -229,11 +229,11 @@ def seal_contact(
     row = np.broadcast_to(rows, depth.shape)[inside]
     cells = Cells(body, inside, depth[inside], most, row)
     fields = np.zeros((3, len(scene.steps), *depth.shape))
-    fields[..., inside] = solved_steps(cells, scene.steps, layer)
+    fields[..., inside] = solve_steps(cells, scene.steps, layer)
     return SealContact(grid, depth, scene.steps.pressures, *fields)
 
 
-def solved_steps(cells: Cells, steps: LoadProgramme, layer: RoughLayer) -> Array:
+def solve_steps(cells: Cells, steps: LoadProgramme, layer: RoughLayer) -> Array:
     """Solve points with their layer at all steps.
 
     Returns pressures [Pa], separations and openings [m], an array (3, steps, n).
@@ -257,7 +257,7 @@ def solved_steps(cells: Cells, steps: LoadProgramme, layer: RoughLayer) -> Array
     return np.array(of_steps).swapaxes(0, 1)
 
 
-def opened(separation: Array, opening: Array) -> Array:
+def opening_permeability(separation: Array, opening: Array) -> Array:
     """Return the permeability [m³] that an opening e adds to a gap of s between mean planes, (s³ − (s − e)³)/12.
 
     It is right for a small opening, and for one that is large compared with the roughness.
@@ -265,7 +265,7 @@ def opened(separation: Array, opening: Array) -> Array:
     return cubic_law(separation) - cubic_law(separation - opening)
 
 
-def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
+def remove_waves_of_forms(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
     """Remove the waves from the surface of a scene that the forms of the seal have too: those longer than two tiles."""
     shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
     if shortest >= 2 * max(scene.surface.shortest_patch.size):
@@ -273,7 +273,7 @@ def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene
     return replace(scene, surface=scene.surface.high_pass(shortest))
 
 
-def form_on_grid(
+def sample_form(
     scene: Scene, tiles: SealTiles, forms: Sequence[SealForm]
 ) -> tuple[ContactGrid, Array]:
     """Lay points over the seal, and find how deep they lie below the highest one.
@@ -359,7 +359,7 @@ class Cells:
         Returns pressures [Pa], separations, openings and permanent depths [m], arrays (n,).
         """
         if self._row is None or load == 0:
-            return self.solved_beyond(0.0, layer, load, start, sunk)
+            return self.solve_under_uneven_part(0.0, layer, load, start, sunk)
         row, cells_of_row = self._row, np.bincount(self._row)
         solutions: dict[float, tuple[Array, Array, Array, Array]] = {}
 
@@ -367,7 +367,7 @@ class Cells:
             """Return the least mean pressure of a row beyond the uniform part of the load, over the load."""
             nearest = min(solutions, key=lambda other: abs(other - part), default=None)
             near = start if nearest is None else solutions[nearest][0]
-            solutions[part] = self.solved_beyond(part * load, layer, load, near, sunk)
+            solutions[part] = self.solve_under_uneven_part(part * load, layer, load, near, sunk)
             rows = np.bincount(row, solutions[part][0]) / cells_of_row
             return float(rows.min()) / load - part
 
@@ -378,7 +378,7 @@ class Cells:
                 part = brentq(least_beyond, 0.0, 1.0, xtol=_EVEN_TOLERANCE)
         return solutions[part]
 
-    def solved_beyond(
+    def solve_under_uneven_part(
         self,
         even: float,
         layer: Callable[[Array], tuple[Array, Array]],

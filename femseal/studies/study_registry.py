@@ -36,7 +36,7 @@ _PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 2.0, 4e3
 #: Times that the flow of a rarefied gas is solved, whose permeability depends on the pressure.
 _SUCCESSIVE = 4.5
 #: Number of states of a face on a ladder of nominal pressures.
-LADDER_STATES = 25.0
+TABULATED_STATES = 25.0
 #: Memory of a point of a face that is split into blocks [byte]: as it is, and split.
 _SPLIT_BYTES = 16
 #: Largest error of ln(leakage) over the tolerance of the contact, for any from 1e-3 to 1e-7: three times that measured
@@ -89,7 +89,7 @@ def blocks_cost(scene: Scene, options: StudyOptions) -> Pair:
     pixels = scene.surface.heights.size
     b1, b2 = options.blocks
     flows = 3 * count_pressures(scene) * _FLOW_SECONDS
-    seconds = LADDER_STATES * pixels * (2 * _CONTACT_SECONDS + flows)
+    seconds = TABULATED_STATES * pixels * (2 * _CONTACT_SECONDS + flows)
     return seconds, state_memory(pixels / (b1 * b2)) + _SPLIT_BYTES * pixels
 
 
@@ -102,27 +102,27 @@ def stochastic_cost(scene: Scene, options: StudyOptions) -> Pair:
     pressures = count_pressures(scene)
     acts = scene.acting_fluid is not None
     is_solved = options.knows_face and scene.flow.spiral is None
-    at_tabulated = on_ladder(scene, options.sampling) and not tiles.in_order
+    at_tabulated = uses_tabulated_pressures(scene, options.sampling) and not tiles.in_order
     of_state = 2 * pressures * pixels * _FLOW_SECONDS
     if not (is_solved and tiles.in_order):
         of_state += _surface_seconds(scene, acts and tiles.in_order)
-    realisations = options.sampling.realisations or usual_seals(cut.shape, tiles)
+    realisations = options.sampling.realisations or usual_realisations(cut.shape, tiles)
     solutions = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_order) else 1.0
     seals = solutions * realisations * steps * elements * _ELEMENT_SECONDS
-    seconds = (LADDER_STATES if at_tabulated else steps) * of_state + seals
+    seconds = (TABULATED_STATES if at_tabulated else steps) * of_state + seals
     memory = state_memory(pixels) + _ELEMENT_BYTES * elements
     if tiles.in_order:  # those of another study are kept beside
         memory += (2 if is_solved else 1) * states_memory(pixels, steps)
     return seconds, memory
 
 
-def usual_seals(cells: Shape, tiles: SealTiles) -> int:
+def usual_realisations(cells: Shape, tiles: SealTiles) -> int:
     """Number of seals that a band of error usually needs: fewer of long ones, whose leakage scatters less."""
     faces = tiles.count / (cells[0] * cells[1])
     return round(min(max(MOST_SEALS / max(faces, 1.0), FEWEST_SEALS), MOST_SEALS))
 
 
-def on_ladder(scene: Scene, sampling: Sampling) -> bool:
+def uses_tabulated_pressures(scene: Scene, sampling: Sampling) -> bool:
     """Whether drawn seals take cells from a ladder of nominal pressures, unless these stay in their rows."""
     return scene.acting_fluid is not None or not sampling.presses_evenly
 

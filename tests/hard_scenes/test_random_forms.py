@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.seal import AnnularLayout, MeasuredForm, RectangularLayout, WavyForm
-from femseal.studies import Sampling, laid_out
+from femseal.studies import Sampling, cut_and_cover
 from femseal.studies.seal_contact import seal_contact
 
 D = 1e-6
@@ -75,5 +75,5 @@ def test_any_form_carries_any_load(seed):
 
 def contact_of(scene, sampling, form):
     """The contact of the seal."""
-    _, tiles = laid_out(scene.surface, scene.layout, None, sampling)
+    _, tiles = cut_and_cover(scene.surface, scene.layout, None, sampling)
     return seal_contact(scene, tiles, (form,))

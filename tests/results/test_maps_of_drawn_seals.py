@@ -38,7 +38,9 @@ def test_fields_are_those_of_one_realisation(strip):
     own = data["leakage"].values[data["drawn_corners"].attrs["realisation"]]
     through = data["drawn_flux"].values.reshape(3, 2, -1, 2)[..., 0].mean(axis=2)
     assert_allclose(through[:, 0], through[:, 1], rtol=0.05)
-    assert_allclose(through.mean(axis=1) * cells.face / cells.own, own, rtol=0.05)
+    assert_allclose(
+        through.mean(axis=1) * cells.surface_leakage / cells.cells_leakage, own, rtol=0.05
+    )
     pressure = data["drawn_contact_pressure"].values
     for drawn, known in zip(pressure, cells.pressure, strict=True):
         for row, of_face in zip(drawn.reshape(2, -1), known, strict=True):
@@ -56,7 +58,7 @@ def test_states_are_those_that_the_tiles_draw_from(strip, ring):
             ("state_mean_gap", cells.mean_gap),
             ("state_contact_fraction", cells.contact_fraction),
             ("state_factor", cells.factor),
-            ("state_leakage", cells.face),
+            ("state_leakage", cells.surface_leakage),
         ):
             assert_allclose(data[name], values, err_msg=name)
         assert_allclose(data["state_nominal_pressure"], cells.steps.pressures)

@@ -15,7 +15,11 @@ from femseal.face.curves import local_peaks
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
 from femseal.studies import cell_states, deterministic, two_scale
-from femseal.studies.cell_states import along_paths, cells_on_ladder, ladder_of
+from femseal.studies.cell_states import (
+    choose_tabulated_pressures,
+    interpolate_along_paths,
+    solve_cells_at_pressures,
+)
 from femseal.topography import Patches, self_affine
 
 SIDE = 48e-6
@@ -47,8 +51,8 @@ def test_cells_in_their_order_times_the_factor_leak_what_the_face_leaks(numbers)
     one = scene()
     cells = two_scale(one, numbers).cells
     assert_allclose(in_order(one, cells), deterministic(one).leakage, rtol=2e-5)
-    assert_allclose(cells.face, deterministic(one).leakage, rtol=1e-9)
-    assert_allclose(cells.own * cells.factor, cells.face, rtol=1e-9)
+    assert_allclose(cells.surface_leakage, deterministic(one).leakage, rtol=1e-9)
+    assert_allclose(cells.cells_leakage * cells.factor, cells.surface_leakage, rtol=1e-9)
     assert not cells.failures
     assert not cells.unsolved
 
@@ -56,12 +60,12 @@ def test_cells_in_their_order_times_the_factor_leak_what_the_face_leaks(numbers)
 def test_patches_are_those_of_the_face():
     one = scene(surface=Patches([face(), face(3), face(4)]))
     cells = two_scale(one, (2, 6)).cells
-    assert_array_equal(cells.patches.kept, deterministic(one).patches.kept)
+    assert_array_equal(cells.patches.selections, deterministic(one).patches.selections)
 
 
 def test_a_ladder_is_dry_and_periodic_whatever_the_scene():
     one = scene(fluid_pressure="acts", inlet_pressure=2e7)
-    cells = cells_on_ladder(one, Cut.of(one.surface, (2, 2)), one.steps, map)
+    cells = solve_cells_at_pressures(one, Cut.of(one.surface, (2, 2)), one.steps, map)
     dry = replace(one, fluid_pressure="ignored", boundary=("periodic", "periodic"))
     face = deterministic(dry)
     for s, (gap, pressure) in enumerate(zip(face.gap, face.contact_pressure, strict=True)):
@@ -79,7 +83,7 @@ def test_a_ladder_covers_all_paths(seed, elastic):
         [1e7, 1e8, 4e8], unload_from=[1e8, 4e8], unloading=[9e7, 2e7, 0.0][: 1 + seed % 3]
     )
     paths = steps.pressures[:, None] * rng.uniform(0.3, 1.7, (1, 20))
-    ladder = ladder_of(paths, steps, elastic)
+    ladder = choose_tabulated_pressures(paths, steps, elastic)
     highest, lowest = paths.max(), paths.min()
     loading = np.array(ladder.loading)
     assert loading[-1] == pytest.approx(highest, rel=1e-3)
@@ -103,20 +107,23 @@ def test_a_ladder_covers_all_paths(seed, elastic):
 def test_paths_that_differ_by_rounding_have_one_state():
     steps = LoadProgramme([LoadStep(2e8)])
     paths = 2e8 * np.array([[1.0, 1 + 3e-16, 1 - 2e-16, 1 + 1e-12]])
-    ladder = ladder_of(paths, steps, False)
+    ladder = choose_tabulated_pressures(paths, steps, False)
     assert len(ladder) == 1
     cycle = LoadProgramme([LoadStep(2e8), LoadStep(1e8, 2e8)])
-    assert len(ladder_of(np.vstack([paths, paths / 2]), cycle, False).unload_from) == 1
+    assert (
+        len(choose_tabulated_pressures(np.vstack([paths, paths / 2]), cycle, False).unload_from)
+        == 1
+    )
     one = scene()
-    cells = cells_on_ladder(one, Cut.of(one.surface, (2, 2)), ladder, map)
-    found = along_paths(cells, paths, steps)
+    cells = solve_cells_at_pressures(one, Cut.of(one.surface, (2, 2)), ladder, map)
+    found = interpolate_along_paths(cells, paths, steps)
     assert_array_equal(found, np.broadcast_to(found[:, :, :, :1], found.shape))
 
 
 def test_cells_along_the_ladder_itself_are_those_of_its_states():
     one = scene()
-    cells = cells_on_ladder(one, Cut.of(one.surface, (2, 2)), one.steps, map)
-    found = along_paths(cells, one.steps.pressures[:, None], one.steps)
+    cells = solve_cells_at_pressures(one, Cut.of(one.surface, (2, 2)), one.steps, map)
+    found = interpolate_along_paths(cells, one.steps.pressures[:, None], one.steps)
     expected = cells.corrected_k.reshape(1, 2, 5, 4)
     assert_allclose(found[:, :, :, 0], expected, rtol=1e-9)
 
@@ -126,15 +133,17 @@ def between():
     """Cells along a default ladder, and in states of their own at pressures and peaks between its rungs."""
     one = scene(loading=(4e7, 1.2e8, 6e8), unload_from=(1.2e8, 6e8), unloading=(3e8, 9e7, 3e7))
     paths = one.steps.pressures[:, None] * np.array([0.6, 0.83, 1.0, 1.17, 1.4])
-    ladder = ladder_of(paths, one.steps, False)
+    ladder = choose_tabulated_pressures(paths, one.steps, False)
     cut = Cut.of(one.surface, (2, 2))
-    found = along_paths(cells_on_ladder(one, cut, ladder, map), paths, one.steps)
+    found = interpolate_along_paths(
+        solve_cells_at_pressures(one, cut, ladder, map), paths, one.steps
+    )
     own = np.empty_like(found)
     for n, path in enumerate(paths.T):
         steps = LoadProgramme([*map(LoadStep, path[one.steps.on_loading]),
                                *(LoadStep(p, path[q]) for p, q, s in zip(path, one.steps.peak_indices, one.steps, strict=True)
                                  if s.unloaded_from)])  # fmt: skip
-        cells = cells_on_ladder(one, cut, steps, map)
+        cells = solve_cells_at_pressures(one, cut, steps, map)
         own[:, :, :, n] = cells.corrected_k.reshape(*found.shape[:3], -1)
     return one.steps, found, own
 
@@ -153,12 +162,14 @@ def test_after_unloading_to_nothing_the_peak_is_not_forgotten():
     """Steps with no other unloading than that to 0: the states of the ladder are unloaded from the peak."""
     one = scene(loading=(5e7, 5e8), unload_from=(5e8,), unloading=(0.0,))
     paths = one.steps.pressures[:, None] * np.array([0.999, 1.001])
-    ladder = ladder_of(paths, one.steps, False)
+    ladder = choose_tabulated_pressures(paths, one.steps, False)
     cut = Cut.of(one.surface, (2, 2))
-    found = along_paths(cells_on_ladder(one, cut, ladder, map), paths, one.steps)[0, :, -1, 0]
-    cells = cells_on_ladder(one, cut, one.steps, map)
+    found = interpolate_along_paths(
+        solve_cells_at_pressures(one, cut, ladder, map), paths, one.steps
+    )[0, :, -1, 0]
+    cells = solve_cells_at_pressures(one, cut, one.steps, map)
     assert_allclose(found, cells.corrected_k[0, :, -1].reshape(2, -1), rtol=0.02)
-    fresh = cells_on_ladder(one, cut, LoadProgramme([LoadStep(0.0)]), map)
+    fresh = solve_cells_at_pressures(one, cut, LoadProgramme([LoadStep(0.0)]), map)
     assert fresh.k.mean() > 2 * found.mean()
 
 
@@ -166,7 +177,9 @@ def test_a_state_whose_cells_failed_is_interpolated(monkeypatch):
     one = scene(unload_from=(), unloading=())
     cut, paths = Cut.of(one.surface, (2, 2)), one.steps.pressures[:, None]
     ladder = LoadProgramme([LoadStep(p) for p in np.linspace(0.4, 0.8, 9) ** 3 * 1e9])
-    whole = along_paths(cells_on_ladder(one, cut, ladder, map), paths, one.steps)
+    whole = interpolate_along_paths(
+        solve_cells_at_pressures(one, cut, ladder, map), paths, one.steps
+    )
     flow, count = face_cells.cell_permeabilities, iter(range(1000))
 
     def lost(*args, **given):
@@ -175,9 +188,9 @@ def test_a_state_whose_cells_failed_is_interpolated(monkeypatch):
         return flow(*args, **given)
 
     monkeypatch.setattr(face_cells, "cell_permeabilities", lost)
-    cells = cells_on_ladder(one, cut, ladder, map)
+    cells = solve_cells_at_pressures(one, cut, ladder, map)
     assert all(failure.startswith(ladder[4].name) for failure in cells.failures)
-    assert np.isnan(cells.own[4])
-    found = along_paths(cells, paths, one.steps)
+    assert np.isnan(cells.cells_leakage[4])
+    found = interpolate_along_paths(cells, paths, one.steps)
     assert (found > 0).all()
     assert_allclose(found, whole, rtol=0.1)

@@ -16,7 +16,7 @@ from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.studies import Sampling, cell_states, stochastic, two_scale
-from femseal.studies.cell_states import cells_on_ladder
+from femseal.studies.cell_states import solve_cells_at_pressures
 from femseal.topography import Patches, Topography, self_affine
 
 D = 1e-6
@@ -63,7 +63,7 @@ def gap_of(one):
 def test_turned_by_a_right_angle_both_axes_of_a_surface_change_place():
     surface, loads = turned(), LoadProgramme([LoadStep(p) for p in (1e8, 5e8, 9e8)])
     along, across = (
-        cells_on_ladder(scene(top), Cut.of(top, (4, 4)), loads, map)
+        solve_cells_at_pressures(scene(top), Cut.of(top, (4, 4)), loads, map)
         for top in (surface, transposed(surface))
     )
     assert_allclose(along.corrected_k[:, 1], across.corrected_k[:, 0].swapaxes(-1, -2), rtol=1e-3)
@@ -75,8 +75,8 @@ def test_a_surface_that_is_closed_along_x1_leaks_along_x2_what_it_leaks():
     """A wall across the flow along x1 makes that factor run to its limit; along x2 it is a groove beside another."""
     surface = turned(depth=2e-6)
     one = scene(surface, loading=(8e8,))
-    cells = cells_on_ladder(one, Cut.of(surface, (4, 4)), one.steps, map)
-    assert cells.face[0] == 0
+    cells = solve_cells_at_pressures(one, Cut.of(surface, (4, 4)), one.steps, map)
+    assert cells.surface_leakage[0] == 0
     gap = gap_of(one)
     whole = cell_permeability(gap, (D, D), axis=1, sides="periodic").value
     assert_allclose(cells.surface_k2, whole, rtol=1e-3)
@@ -132,7 +132,7 @@ def test_leakage_along_grooves_is_that_of_their_mean_cube():
     load = 0.5 * np.pi * E * half / (pitch * D)
     one = scene(surface, hardness=np.inf, loading=(load,))
     exact = 3.534788e-3 * (2 * half) ** 3 / 12
-    cells = cells_on_ladder(one, Cut.of(surface, (4, 1)), one.steps, map)
+    cells = solve_cells_at_pressures(one, Cut.of(surface, (4, 1)), one.steps, map)
     assert_allclose(cells.corrected_k[0, 1], (gap_of(one) ** 3).mean() / 12, rtol=1e-6)
     assert_allclose(cells.k[0, 1], (gap_of(one) ** 3).mean() / 12, rtol=1e-6)
     assert_allclose(cells.k2, exact, rtol=0.02)
@@ -156,7 +156,7 @@ def test_patches_leak_along_x2_each_by_itself():
     first = turned()
     image = Topography(np.ascontiguousarray(first.heights[:, ::-1]), (D, D), (True, True))
     alone, both = (
-        cells_on_ladder(scene(top), Cut.of(top, cells), scene(top).steps, map)
+        solve_cells_at_pressures(scene(top), Cut.of(top, cells), scene(top).steps, map)
         for top, cells in ((first, (4, 4)), (Patches([first, image]), (4, 8)))
     )
     for name in ("surface_k2", "cells_k2", "factor_k2", "factor"):

@@ -18,8 +18,8 @@ from femseal.contact import HalfSpace
 from femseal.face.cells import Cut
 from femseal.preparation import prepare
 from femseal.seal import AnnularLayout, MeasuredForm, MeshLayout, WavyForm
-from femseal.studies import laid_out
-from femseal.studies.seal_contact import Cells, RoughLayer, seal_contact, without_waves_of
+from femseal.studies import cut_and_cover
+from femseal.studies.seal_contact import Cells, RoughLayer, remove_waves_of_forms, seal_contact
 from femseal.topography import CrownedSeat
 
 E, D = 115e9, 1e-6
@@ -40,7 +40,7 @@ def scene(loading, surface=None, hardness=np.inf, **more):
 
 def contact_of(one, form, breadth=None, length=None):
     sampling = fs.Sampling(length, seed=1, breadth=breadth, form=form)
-    _, tiles = laid_out(one.surface, one.layout, None, sampling)
+    _, tiles = cut_and_cover(one.surface, one.layout, None, sampling)
     return seal_contact(one, tiles, sampling.form)
 
 
@@ -198,12 +198,12 @@ def test_a_patch_loses_the_waves_that_a_dense_form_has():
     cut = Cut.of(one.surface, (4, 4))
     points = np.stack(np.meshgrid(np.arange(10), np.arange(10)), axis=-1).reshape(-1, 2) * 20 * D
     form = MeasuredForm.of(points, np.zeros(len(points)))
-    kept = without_waves_of(one, cut, (form,)).surface
+    kept = remove_waves_of_forms(one, cut, (form,)).surface
     assert_allclose(kept.low_pass(60 * D).rms_height, 0.0, atol=1e-15)
     assert_allclose(kept.heights, one.surface.high_pass(60 * D).heights)
     coarse = MeasuredForm.of(points * 20, np.zeros(len(points)))
-    assert without_waves_of(one, cut, (coarse,)) is one
-    assert without_waves_of(one, cut, (WavyForm(1e-6, lobes=2),)) is one
+    assert remove_waves_of_forms(one, cut, (coarse,)) is one
+    assert remove_waves_of_forms(one, cut, (WavyForm(1e-6, lobes=2),)) is one
 
 
 # seals drawn under a form

@@ -193,7 +193,14 @@ def test_a_realisation_is_the_flow_through_its_drawn_tiles(rough, rough_two_scal
     result = stochastic(rough, (4, 6), replace(SAMPLING, seed=8))
     tiles, cells = result.tiles, result.cells
     own = face_tiles(rough.surface.size, (4, 6))
-    for name in ("k", "pressure", "mean_gap", "contact_fraction", "face", "own"):
+    for name in (
+        "k",
+        "pressure",
+        "mean_gap",
+        "contact_fraction",
+        "surface_leakage",
+        "cells_leakage",
+    ):
         assert_array_equal(getattr(cells, name), getattr(rough_two_scale.cells, name))
 
     def leakage(of, k):
@@ -204,9 +211,9 @@ def test_a_realisation_is_the_flow_through_its_drawn_tiles(rough, rough_two_scal
         drawn = tiles.draw((4, 6), rng)
         for s in range(5):
             k = cells.k[0, :, s].reshape(2, -1)
-            assert_allclose(leakage(own, k), cells.own[s], rtol=1e-6)
-            ratio = np.clip(leakage(tiles, k[:, drawn]) / cells.own[s], 0.5, 2)
-            assert_allclose(result.leakage[r, s], cells.face[s] * ratio, rtol=1e-6)
+            assert_allclose(leakage(own, k), cells.cells_leakage[s], rtol=1e-6)
+            ratio = np.clip(leakage(tiles, k[:, drawn]) / cells.cells_leakage[s], 0.5, 2)
+            assert_allclose(result.leakage[r, s], cells.surface_leakage[s] * ratio, rtol=1e-6)
 
 
 def drawn_result(leakage):

@@ -11,7 +11,7 @@ from femseal import Topography, self_affine
 from femseal.loads import LoadProgramme
 from femseal.seal import AngleTable, AnnularLayout, MapsAtLoads, Profile, Uniform
 from femseal.studies import Sampling, stochastic
-from femseal.studies.cell_states import along_paths
+from femseal.studies.cell_states import interpolate_along_paths
 from femseal.studies.sampling import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths
 
 LOADS = {"loading": (5e7, 1e8, 2e8), "unload_from": (2e8,), "unloading": (1e8, 5e7)}
@@ -48,7 +48,7 @@ def drawn(scene, sampling, pressure_map=None):
 
 def along(cells, paths, steps):
     """Permeability along x1 of a cell, all being the same, along paths of the pressure (steps, paths)."""
-    return along_paths(cells, paths, steps)[0, 0, :, :, 0]
+    return interpolate_along_paths(cells, paths, steps)[0, 0, :, :, 0]
 
 
 def under(scene, shares, cells):

@@ -134,7 +134,7 @@ def test_pockets_keep_their_volume():
 def test_drawn_seals_in_the_rows_of_the_face_have_its_contact():
     sampling, whole = fs.Sampling(96e-6, 3, seed=1), fs.deterministic(scene())
     alone = fs.stochastic(scene(), (3, 3), sampling)
-    assert_allclose(alone.cells.face, whole.leakage, rtol=1e-9)
+    assert_allclose(alone.cells.surface_leakage, whole.leakage, rtol=1e-9)
     acts = fs.stochastic(scene(fluid_pressure="acts"), (3, 3), sampling)
     assert (np.median(alone.leakage / acts.leakage, axis=0)[2:] > 1.01).all()
 

@@ -212,8 +212,8 @@ def test_leakage_of_each_patch_alone_and_of_all_others_is_known():
         found.scatter, np.std(alone, axis=0, ddof=1) / np.mean(alone, axis=0), rtol=0.01
     )
     assert others.patches.without is None
-    assert not replace(found, kept=0 * found.kept).relative.any()
-    unknown = replace(found, kept=np.insert(found.kept, 0, np.nan, axis=1))
+    assert not replace(found, selections=0 * found.selections).relative.any()
+    unknown = replace(found, selections=np.insert(found.selections, 0, np.nan, axis=1))
     assert_allclose(unknown.relative, found.relative)  # the fluid carries all of the first load
     assert fs.deterministic(scene(measured[0])).patches is None
 

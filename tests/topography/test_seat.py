@@ -11,7 +11,7 @@ from small_cases import STRIP, E, steel_scene
 import femseal as fs
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.studies import Sampling, laid_out
+from femseal.studies import Sampling, cut_and_cover
 from femseal.studies.face_study import fields_of_rows
 from femseal.studies.seal_contact import seal_contact
 from femseal.topography import (
@@ -277,7 +277,7 @@ def rows_of(face, seat, forces, hardness=np.inf, breadth=1.024e-3, **given):
     loading = tuple(f / breadth for f in forces)
     scene = steel_scene(face, hardness=hardness, loading=loading, **given)
     sampling = Sampling(1e-3, seed=1, breadth=breadth, form=seat)
-    _, tiles = laid_out(face, scene.layout, None, sampling)
+    _, tiles = cut_and_cover(face, scene.layout, None, sampling)
     contact = seal_contact(scene, tiles, (seat,))
     return Rows(
         contact.rows, fields_of_rows(contact.rows, contact.grid.spacing[0])["band_breadth"], breadth
