@@ -1,12 +1,12 @@
 """Combine the error sources of a leakage to one 95 % interval.
 
-The module holds the part of each source of error, the budget that combines them, and the comparison of a scene with a
-coarser solution of it, which shows how much pixels and removed waves matter.
+The module holds the contribution of each error source, the budget that combines them, and the comparison with a coarser
+solution of the same scene. This comparison shows how much the pixel size and the removed waves matter.
 
-The change of ln(leakage) from a coarser solution is not a smooth function of the load: where contacts open and close,
-it has either sign. Near closing it acts like a shift of the load at which the seal closes, times the slope of
-ln(leakage) over ln(load). The change at one load is therefore estimated from this load, its neighbours, and the typical
-shift over the whole cycle.
+The change of ln(leakage) between two grids is not a smooth function of the load. Where contacts open and close, it has
+either sign. Near closing, a coarser grid shifts the load at which the seal closes. The change is then this shift
+multiplied by the slope of ln(leakage) over ln(load). The size of the change at one load is therefore estimated from
+this load, its neighbours, and the typical shift over the whole cycle.
 
 Source: Celik, Ghia, Roache, Freitas, Coleman & Raad, J. Fluids Eng. 130, 2008, 078001.
 """
@@ -70,7 +70,7 @@ _MAY_CLOSE = 1.5
 
 @dataclass(frozen=True)
 class ErrorPart:
-    """One source of error of a leakage, with its own 95 % interval.
+    """Hold one error source of a leakage, with the 95 % interval that it would have by itself.
 
     Parameters
     ----------
@@ -87,23 +87,27 @@ class ErrorPart:
 
     @classmethod
     def of(cls, name: str, leakage: Array, below: Array, above: Array, note: str) -> ErrorPart:
-        """Make a part from the distances of ln(leakage) to both ends of its interval.
+        """Make an error source from the distances between ln(leakage) and both ends of its interval.
 
         Parameters
         ----------
-        leakage : array (steps,), m²/s. A step without leakage keeps an interval of 0 to 0.
-        below, above : distances, arrays (steps,). A distance of inf below means that the seal may be sealed.
+        name : str
+            See the class.
+        leakage : array (steps,), m²/s
+            Leakage. At steps at which it is 0, both ends of the interval are 0.
+        below, above : array (steps,)
+            Distance of ln(leakage) to the lower and to the upper end. If `below` is inf, the seal may be sealed.
+        note : str
+            See the class.
         """
         q = np.asarray(leakage, dtype=float)
         with np.errstate(invalid="ignore", over="ignore"):
-            low, high = (
-                np.where(q == 0, 0.0, q * np.exp(d))
-                for d in (-np.asarray(below), np.asarray(above))
-            )
-        return cls(name, low, high, note)
+            lower = np.where(q == 0, 0.0, q * np.exp(-np.asarray(below)))
+            upper = np.where(q == 0, 0.0, q * np.exp(np.asarray(above)))
+        return cls(name, lower, upper, note)
 
     def widened(self, leakage: Array, factor: Array) -> ErrorPart:
-        """Return the part with its distances of ln(leakage) multiplied by a factor (steps,) where the seal leaks."""
+        """Multiply the distances of ln(leakage) to both ends by a factor (steps,); sealed steps remain as they are."""
         q = np.asarray(leakage, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             lower, upper = (
@@ -114,16 +118,22 @@ class ErrorPart:
 
 @dataclass(frozen=True, repr=False)
 class ErrorBudget:
-    """The error budget of the leakage of one study of one scene.
+    """Hold the error budget of the leakage that one study computed for one scene.
 
     Parameters
     ----------
-    method : name of the study.
-    leakage : array (steps,), m²/s.
-    parts : the sources of error.
-    steps : the load programme. No load leaks more than a lower load of the same branch, and the intervals of different
-        loads are made consistent with that, see `within_others`. Without it every load keeps its own interval.
-    parted : numbers of the steps at which the fluid carries the whole load. They have no leakage.
+    method : str
+        Name of the study.
+    leakage : array (steps,), m²/s
+        Leakage per unit seal length.
+    parts : tuple of ErrorPart
+        Error sources.
+    steps : LoadProgramme, optional
+        Load steps. If they are given, the intervals are made consistent with each other, because a seal leaks no more
+        under a higher load, see `within_others`. By default the interval of each step stays as it is.
+    parted : tuple of int
+        Indices of the steps at which the fluid carries the whole load. The surfaces are separated there, and no leakage
+        is known.
     """
 
     method: str
@@ -138,26 +148,28 @@ class ErrorBudget:
 
     @property
     def numerical(self) -> ErrorBudget:
-        """The budget of numerical errors alone, which a finer solution would make smaller."""
+        """Budget of the numerical errors alone, which a finer solution would reduce."""
         return replace(
             self, parts=tuple(part for part in self.parts if part.name not in MODEL_PARTS)
         )
 
     @property
     def lower(self) -> Array:
-        """Lower end of the 95 % interval (steps,) [m²/s], 0 where the seal may be sealed, NaN where a part is unknown.
+        """Lower end of the 95 % interval (steps,) [m²/s].
 
-        The distances of ln(leakage) of all parts are combined as the root of the sum of their squares.
+        It is 0 where the seal may be sealed, and NaN where an error source is unknown. The distances of ln(leakage) to
+        the ends of all error sources are combined as the square root of the sum of their squares.
         """
         return self._ends[0]
 
     @property
     def upper(self) -> Array:
-        """Upper end of the 95 % interval (steps,) [m²/s]; where the seal is sealed, the largest end of any part."""
+        """Upper end of the 95 % interval (steps,) [m²/s]; in a sealed state the largest of all error sources."""
         return self._ends[1]
 
     @cached_property
     def _ends(self) -> tuple[Array, Array]:
+        """Lower and upper end of the 95 % interval, arrays (steps,)."""
         q = np.abs(self.leakage)
         highest = np.max([np.abs(part.upper) for part in self.parts], axis=0, initial=0.0)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -166,22 +178,23 @@ class ErrorBudget:
         return (low, high) if self.steps is None else within_others(self.steps, q, low, high)
 
     def half_width(self, step: int | None = None) -> Array | float:
-        """Return the larger distance of ln(leakage) to an end of the interval: an array (steps,), or that of one step.
+        """Return the distance of ln(leakage) to the end of the interval that is further away.
 
-        It is inf where the leakage is not 0 but an end is, or the reverse.
+        The result is an array (steps,), or a number if a step is given. It is inf where the leakage is above 0 and the
+        lower end is 0, and where the leakage is 0 and the upper end is above 0.
         """
         widths = _width(np.abs(self.leakage), self.lower, self.upper)
         return widths if step is None else float(widths[step])
 
     def widths(self) -> dict[str, Array]:
-        """Return the half-width of every part at every step (steps,) by its name, see `half_width`."""
+        """Return the half-width of each error source, by its name, at every step (steps,); see `half_width`."""
         q = np.abs(self.leakage)
         return {part.name: _width(q, np.abs(part.lower), np.abs(part.upper)) for part in self.parts}
 
     def limiting(self, step: int | None = None) -> str:
-        """Name the part with the widest interval: at a step, or at all steps that leak more than 1e-3 of the first.
+        """Return the name of the error source with the widest interval, or "" if the budget has none.
 
-        It is "" where the budget has no parts.
+        The widest interval is sought at the given step, or at all steps that leak more than 1e-3 of the first one.
         """
         widths = self.widths()
         if not widths:
@@ -192,7 +205,7 @@ class ErrorBudget:
         return max(widths, key=lambda name: _largest(widths[name][chosen]))
 
     def _distance(self, end: str) -> Array:
-        """Combine the parts' distances of ln(leakage) to an end (steps,): the root of the sum of their squares."""
+        """Combine the distances of ln(leakage) to an end of each interval: the square root of the sum of squares."""
         total = np.zeros(np.shape(self.leakage))
         for part in self.parts:
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -204,29 +217,30 @@ class ErrorBudget:
 def within_others(
     steps: LoadProgramme, leakage: Array, lower: Array, upper: Array
 ) -> tuple[Array, Array]:
-    """Limit the interval of each load by those of other loads.
+    """Limit the interval of each load step by the intervals of the other steps.
 
-    A seal leaks no more under a higher load of the same branch, and no more on unloading than on loading under the same
-    load. Leakages that do not follow this rule, as under pressure maps that change with the load, keep their intervals.
-    Unknown ends stay unknown, and the leakage itself stays inside its interval.
+    A seal does not leak more under a higher load of the same branch, and not more on unloading than on loading under
+    the same load. If the leakage does not follow this rule, the intervals are returned unchanged. An example are
+    pressure maps that change with the load. Unknown ends remain unknown, and each interval contains its leakage.
 
     Returns the lower and the upper ends (steps,).
     """
     rising = np.flatnonzero(steps.on_loading)
-    (high, low), (least, most) = (
-        _from_others(steps, rising, a, b) for a, b in ((upper, lower), (leakage, leakage))
-    )
+    high, low = _from_others(steps, rising, upper, lower)
+    # The same bounds from the leakages themselves show whether these follow the rule.
+    least, most = _from_others(steps, rising, leakage, leakage)
     if (leakage > _RISE * least).any() or (_RISE * leakage < most).any():
         return lower, upper
-    low, high = np.where(np.isnan(lower), np.nan, low), np.where(np.isnan(upper), np.nan, high)
+    low = np.where(np.isnan(lower), np.nan, low)
+    high = np.where(np.isnan(upper), np.nan, high)
     with np.errstate(invalid="ignore"):
         return np.minimum(low, leakage), np.maximum(high, leakage)
 
 
 def near_closing(leakage: Array, open_leakage: Array) -> Flags:
-    """Return whether the surface is near closing at each step (steps,): it leaks far less than its mean gap would.
+    """Return at which steps the surface is near closing (steps,): it leaks far less than a uniform gap would.
 
-    open_leakage : leakage of a uniform gap as large as the mean gap of the state (steps,) [m²/s]; NaN where unknown.
+    open_leakage : leakage if the gap were everywhere equal to the mean gap (steps,) [m²/s]; NaN where it is unknown.
     """
     with np.errstate(invalid="ignore"):
         return np.abs(leakage) < _CLOSING_LEAKAGE * np.abs(open_leakage)
@@ -235,10 +249,10 @@ def near_closing(leakage: Array, open_leakage: Array) -> Flags:
 def _from_others(
     steps: LoadProgramme, rising: Indices, upper: Array, lower: Array
 ) -> tuple[Array, Array]:
-    """Find the tightest ends that other loads imply.
+    """Find the narrowest interval of each step that the intervals of all steps allow.
 
-    Returns the least upper end of all loads that leak at least as much, and the largest lower end of all loads that
-    leak at most as much.
+    Returns the smallest upper end of all steps that must leak at least as much, and the largest lower end of all steps
+    that cannot leak more. `rising` are the indices of the steps on loading.
     """
     low, high, pressure = lower.copy(), upper.copy(), steps.pressures
     high[rising] = np.fmin.accumulate(high[rising])
@@ -260,7 +274,7 @@ def _from_others(
 
 
 def _width(leakage: Array, lower: Array, upper: Array) -> Array:
-    """Compute the larger distance of ln(leakage) to an end; of a sealed step inf if its upper end is above 0."""
+    """Compute the larger distance of ln(leakage) to an end; it is inf for a sealed step that may be open."""
     with np.errstate(divide="ignore", invalid="ignore"):
         width = np.maximum(np.log(leakage / lower), np.log(upper / leakage))
     sealed = np.where(np.isnan(upper), np.nan, np.where(upper > 0, np.inf, 0.0))
@@ -269,14 +283,18 @@ def _width(leakage: Array, lower: Array, upper: Array) -> Array:
 
 @dataclass(frozen=True)
 class WidestBand:
-    """The widest interval of a budget at the loads that count, see `counting_steps`.
+    """Hold the widest interval of a budget, among the load steps that `counting_steps` returns.
 
     Parameters
     ----------
-    half_width : of ln(leakage), see `ErrorBudget.half_width`; inf where it is unknown or has no end.
-    step : number of the load with the widest interval.
-    limit : name of the widest part at any of the loads.
-    parts : half-width of every part, the largest at any of the loads.
+    half_width : float
+        Half-width of ln(leakage), see `ErrorBudget.half_width`. It is inf if it is unknown or unbounded.
+    step : int
+        Index of the step with the widest interval.
+    limit : str
+        Name of the error source with the largest half-width at any of the steps.
+    parts : dict
+        Name of each error source and its largest half-width at any of the steps.
     """
 
     half_width: float
@@ -286,11 +304,12 @@ class WidestBand:
 
 
 def counting_steps(budget: ErrorBudget) -> np.ndarray:
-    """Return the numbers of the loads whose leakage is more than 1e-3 of the first one, or unknown.
+    """Return the indices of the load steps that decide whether an interval is narrow enough.
 
-    Where nothing leaks at the first load, all loads count that leak or may leak. Other sealed loads do not count,
-    because the intervals of the loads before them show whether they may be open. Loads that the fluid carries alone do
-    not count either.
+    These are the steps whose leakage is unknown, or more than 1e-3 of the leakage at the first step. If the seal does
+    not leak at the first step, they are all steps that leak or may leak. Other sealed steps are left out, because the
+    intervals of the steps before them show whether they may be open. Steps at which the fluid carries the whole load
+    are left out as well.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
     least = np.nan_to_num(least_counted(q))
@@ -300,7 +319,11 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
 
 
 def vague_steps(budget: ErrorBudget) -> Indices:
-    """Return the numbers of the loads whose leakage may be `VAGUE` times larger, or, where they count, smaller."""
+    """Return the indices of the leaking steps whose interval is too wide to be stated as numbers.
+
+    The upper end exceeds the leakage by more than the factor `VAGUE`. At the steps of `counting_steps` it is also
+    enough that the lower end is below the leakage by more than this factor.
+    """
     q = np.abs(budget.leakage)
     counts = np.zeros(len(budget.leakage), bool)
     counts[counting_steps(budget)] = True
@@ -310,7 +333,7 @@ def vague_steps(budget: ErrorBudget) -> Indices:
 
 
 def widest_band(budget: ErrorBudget) -> WidestBand:
-    """Find the widest interval of a budget. Where nothing is known about the pixels, its half-width is inf."""
+    """Find the widest interval of a budget; its half-width is inf if the error of the pixel size is unknown."""
     steps = counting_steps(budget)
     widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
     parts = {"pixels": inf} | {
@@ -325,20 +348,24 @@ def widest_band(budget: ErrorBudget) -> WidestBand:
 
 
 def _largest(widths: Array) -> float:
-    """Return the largest of some half-widths, inf if one of them is unknown."""
+    """Return the largest half-width; it is inf if one of them is unknown."""
     return float(np.max(np.nan_to_num(widths, nan=inf, posinf=inf), initial=0.0))
 
 
 @dataclass(frozen=True)
 class CoarserSolution:
-    """Leakage of a scene that was solved in another way: on fewer points, or without its shortest waves.
+    """Hold the leakage of a scene that was solved on fewer points or without its shortest waves.
 
     Parameters
     ----------
-    points : numbers of points of the surface along x1 and x2.
-    leakage : at every step of the scene (steps,), m²/s.
-    against : leakage (steps,) with which it is compared, of the same study; None for that of the budget.
-    rms_slope : of the surface; None where it is unknown.
+    points : (int, int)
+        Number of points of the surface along x1 and x2.
+    leakage : array (steps,), m²/s
+        Leakage at every step of the scene.
+    against : array (steps,), m²/s, optional
+        Leakage of the same study with which it is compared. The default is the leakage of the budget.
+    rms_slope : float, optional
+        Rms slope of the surface that was solved.
     """
 
     points: Shape
@@ -347,16 +374,17 @@ class CoarserSolution:
     rms_slope: float | None = None
 
     def change(self, leakage: Array) -> Array:
-        """Compute the change of ln(leakage) to this solution at every step (steps,).
+        """Compute ln of the ratio of the leakage of this solution to the leakage with which it is compared (steps,).
 
-        It is inf or −inf where one of the two is sealed, 0 where both are, and NaN where one is unknown.
+        It is inf or −inf where one of the two solutions is sealed, 0 where both are, and NaN where one is unknown.
 
-        leakage : of the budget (steps,) [m²/s], used unless `against` is given.
+        leakage : leakage of the budget (steps,) [m²/s], used unless `against` is given.
         """
-        own = np.abs(np.asarray(leakage if self.against is None else self.against, float))
-        other = np.abs(np.asarray(self.leakage, float))
+        reference = np.abs(np.asarray(leakage if self.against is None else self.against, float))
+        coarser = np.abs(np.asarray(self.leakage, float))
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where((own == 0) & (other == 0), 0.0, np.log(other / own))
+            ratio = np.log(coarser / reference)
+            return np.where((reference == 0) & (coarser == 0), 0.0, ratio)
 
 
 def expected_sensitivity(in_contact: Array) -> Array:
@@ -371,9 +399,9 @@ def expected_sensitivity(in_contact: Array) -> Array:
 def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Array:
     """Estimate the slope |d ln(leakage) / d ln(load)| at every step (steps,).
 
-    It is the slope to the neighbouring loads, but no less than `expected_sensitivity`. A load without neighbours takes
-    the slope that nine in ten states do not exceed, so that its interval is no narrower than it would be among other
-    loads.
+    It is the slope between neighbouring loads, but at least `expected_sensitivity`. A load without neighbours takes a
+    slope that nine of ten contact states do not exceed, so that its interval is not narrower than it would be among
+    other loads.
 
     in_contact : contact fraction (steps,), NaN where it is unknown.
     """
@@ -383,11 +411,18 @@ def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Arra
 
 
 def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array:
-    """Estimate the size of the changes of ln(leakage) at every step (steps,).
+    """Estimate the typical size of the change of ln(leakage) between two grids at every step (steps,).
 
-    It combines the rms change of the nearest two or more steps with the mean shift of the load over the cycle.
+    It combines the rms change at the nearest two or more steps with the mean shift of the load over the cycle.
 
-    change : of ln(leakage) at every step (steps,). slope : |d ln(leakage) / d ln(load)| (steps,), above 0.
+    Parameters
+    ----------
+    steps : LoadProgramme
+        Load steps.
+    change : array (steps,)
+        Change of ln(leakage).
+    slope : array (steps,)
+        Slope |d ln(leakage) / d ln(load)|, above 0.
     """
     finite = np.flatnonzero(np.isfinite(change))
     if not finite.size:

@@ -1,8 +1,8 @@
-"""Waves that are longer than the measured patch: how they may change the leakage of a broader seal.
+"""Estimate how waves that are longer than the measured patch may change the leakage of a broader seal.
 
-Where the spectrum of the patch still rises at its longest waves, its power law is extrapolated to the breadth of the
-seal. Random forms with this spectrum are added to the seal, whose contact is solved. Tiles are as large as the patch,
-and have the permeability of the surface at their own pressure.
+If the spectrum of the patch still rises at its longest waves, its power law is extrapolated to the breadth of the seal.
+Random forms with this spectrum are added to the seal, and the contact of the seal with each form is solved. This gives
+the pressure of each tile. Tiles are as large as the patch, and have the permeability of the patch at their pressure.
 """
 
 from __future__ import annotations
@@ -35,14 +35,18 @@ _LEAST_HURST = 0.5
 
 @dataclass(frozen=True, eq=False)
 class DrawnForm:
-    """A sum of waves of random directions and phases, with the same statistics all over a seal.
+    """Describe a random form of a seal as a sum of waves with random directions and phases.
 
     Attributes
     ----------
-    vectors : array (waves, 2) of the wave vectors [rad/m].
-    phases : array (waves,) [rad].
-    rms_height : [m].
-    flatness : largest height from the lowest to the highest point [m]; None for any height.
+    vectors : array (waves, 2), rad/m
+        Wave vectors.
+    phases : array (waves,), rad
+        Phases of the waves.
+    rms_height : float, m
+        Rms height of the form.
+    flatness : float, m, optional
+        Upper limit of the distance from the lowest to the highest point. By default there is no limit.
     """
 
     vectors: Array
@@ -81,17 +85,18 @@ def longer_waves(
     Parameters
     ----------
     scene : with the surface of the patch.
-    breadth, length : of a strip [m]; None of other seals.
+    breadth, length : breadth and length of a straight seal [m]; None for other seals.
     waves : longest waves of the patch.
-    flatness : of the seal, from its lowest to its highest point [m]; None where it is not known.
-    seed : of the random waves.
-    forms : of the seal, to which only longer waves are added.
+    flatness : distance of the lowest and the highest point of the seal [m]; None if it is not known.
+    seed : seed of the random waves.
+    forms : known forms of the seal. They contain the longest waves already, so that only shorter waves are added.
     mapper : computes a stage for many items.
 
     Returns
     -------
-    Array (forms, steps), NaN where the seal without the waves is closed, or the contact with them failed. None where
-    the seal is hardly larger than the patch, or the patch has its longest waves and no flatness is given.
+    Array (random forms, steps), NaN where the seal without these waves is sealed, or where the contact with them could
+    not be solved. None if the seal is hardly larger than the patch. Also None if the patch contains the longest waves
+    of the surface and no flatness is given.
     """
     side = min(scene.surface.shortest_patch.size)
     if not waves.rises and flatness is None:

@@ -1,12 +1,13 @@
-"""Estimate the errors of a leakage by waves that the surface lacks, and of one that was solved on a single grid.
+"""Estimate the error of a leakage that is caused by missing waves of the surface, or by solving on one grid only.
 
-A surface lacks the waves that a low-pass filter removed and those that nobody measured. Where a spectrum is continued,
-the phases of the continued waves are arbitrary, and waves beyond its cut-off are missing.
+Waves are missing that a low-pass filter removed or that the instrument did not resolve. Where a spectrum is continued,
+the phases of the continued waves are arbitrary, and waves beyond its cut-off are still missing.
 
-The removed waves have an upper bound. If they were put back, they would hold the surfaces apart as a lower load does.
-By Persson's theory the contact fraction is erf(c p/(E* h')) with the rms slope h'. A surface with κ times the slope
-therefore has at the pressure κ p the contact fraction of the complete surface at p. The same was measured for the
-leakage, see `LOAD_POWER`.
+The effect of the missing waves has an upper bound. With these waves the surface would be steeper, and its faces would
+be as far apart as the smoother faces are under a lower load. By Persson's theory the contact fraction is
+erf(c p/(E* h')) with the rms slope h'. If the smoother surface has κ times the slope of the complete one, it therefore
+has the same contact fraction at the pressure κ p as the complete surface at p. Measurements show a similar relation for
+the leakage, see `LOAD_POWER`.
 """
 
 from collections.abc import Sequence
@@ -49,9 +50,9 @@ SEALED_CONTACT = 0.6
 
 
 def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
-    """Estimate the error of the pixels of a scene that was solved on one grid only.
+    """Estimate the error of the pixel size for a scene that was solved on one grid only.
 
-    A step that is sealed on one grid may be open, unless its contact fraction rules that out.
+    A step that is sealed on this grid may in truth be open, unless its contact fraction rules that out.
 
     in_contact : contact fraction at every step (steps,). The list is empty where no step may be open.
     """
@@ -69,10 +70,11 @@ def filter_part(
     kept: float,
     name: str = "filter",
 ) -> ErrorPart:
-    """Estimate the error by removed waves, from their slope and from the effect of the shortest octave that is kept.
+    """Estimate the error that the filter causes, from the slope of the removed waves and a solution with fewer waves.
 
-    The estimate depends on the contact state alone, not on other loads. After unloading it is no less than at the peak.
-    Where most of the slope was removed, the removed waves may also seal the surface.
+    The additional solution lacks the shortest octave of the remaining waves. The estimate depends on the contact state
+    alone, not on other loads. On unloading it is at least as large as at the peak. Where most of the slope was removed,
+    the removed waves may also seal the surface.
 
     Parameters
     ----------
@@ -112,11 +114,11 @@ def continuation_part(
     shorter: CoarserSolution,
     kept: float,
 ) -> ErrorPart:
-    """Estimate the error of continued waves.
+    """Estimate the error that is caused by continuing the spectrum.
 
-    It combines the scatter between phases and the trend with the cut-off as the root of the sum of their squares. The
-    scatter is Student's prediction interval of one more realisation, because the true surface has phases of its own.
-    The trend is the effect of waves beyond the cut-off, see `filter_part`.
+    Two contributions are combined as the square root of the sum of their squares. The first is the scatter between
+    random phases of the continued waves. It is Student's prediction interval for one more realisation, because the true
+    surface is like one more realisation. The second is the effect of waves beyond the cut-off, see `filter_part`.
 
     Parameters
     ----------
@@ -158,7 +160,9 @@ def continuation_part(
 def raised_by_slope(
     part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, kept: float
 ) -> ErrorPart:
-    """Raise the upper ends of a part to at least the leakage under the load that the removed waves would relieve.
+    """Raise the upper ends of an interval to at least the upper bound that follows from the removed slope.
+
+    The bound is the leakage of the present surface under a lower load, see `under_less_load`.
 
     Parameters
     ----------
@@ -176,9 +180,9 @@ def raised_by_slope(
 
 
 def sealed_for_certain(in_contact: Array, kept: float = 1.0) -> Flags:
-    """Return whether the surface would be sealed even with its removed waves (steps,).
+    """Return at which steps the surface would be sealed even with its removed waves (steps,).
 
-    It is, if too much of it is in contact. The answer is False where the contact fraction is unknown.
+    This is certain where the contact fraction is large enough. It is False where the contact fraction is unknown.
     """
     with np.errstate(invalid="ignore"):
         return erf(kept * erfinv(np.clip(in_contact, 0.0, 1.0))) >= SEALED_CONTACT
@@ -211,7 +215,7 @@ def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, kept: flo
 
 
 def _on_branch(pressure: Array, q: Array, kept: float, at: Array, in_contact: Array) -> Array:
-    """Interpolate the leakage under kept**LOAD_POWER times the loads `at` on one branch; inf where nothing gives it.
+    """Interpolate the leakage under kept**LOAD_POWER times the loads `at` on one branch; inf where it is unknown.
 
     The interpolation is linear in logarithms. It is extrapolated below the lowest load; from a single load with the
     largest slope that its contact fraction suggests.

@@ -1,7 +1,8 @@
-"""List the sources of error of the leakage of a run. The run and its forecast iterate the same list.
+"""List the error sources of the leakage of a run. The run and its forecast iterate over the same list.
 
-Each source has the versions of the input that are solved for it, and an evaluation for the result of one study. To add
-a source, write both as functions and enter them into `SOURCES`. A source of the model also goes into `MODEL_PARTS`.
+Each error source says which modified versions of the input must be solved for it, and evaluates them for the result of
+one study. To add an error source, write both as functions and enter them into `SOURCES`. If it belongs to the model or
+to its input, also enter its name into `MODEL_PARTS`.
 """
 
 from __future__ import annotations
@@ -45,14 +46,16 @@ from .versions import (
 
 @dataclass(frozen=True)
 class BudgetRequest:
-    """What is needed to make an error budget.
+    """Hold the input from which an error budget is made.
 
     Parameters
     ----------
-    version : the input of the run.
-    model_parts : names of the parts of the model that are wanted.
-    hardness : relative error of the hardness.
-    form_effect : of a measured patch; None where it was not solved.
+    version : Version
+        Input of the run.
+    model_parts : names of the error sources of the model that the budget shall contain.
+    hardness : float
+        Relative error of the hardness.
+    form_effect : effect of the form of a measured patch on the leakage; None if it was not solved.
     """
 
     version: Version
@@ -62,29 +65,27 @@ class BudgetRequest:
 
     @cached_property
     def coarser(self) -> Version | None:
-        """The version on fewer points; None where that shows nothing, as when the cells have too few pixels to be
-        halved.
-        """
+        """Version of the input with fewer points; None if the cells already have too few pixels to be halved."""
         return coarser_grid(self.version)
 
     @cached_property
     def smoother(self) -> Version | None:
-        """The version without its shortest octave of waves; None where no waves were removed."""
+        """Version of the input without its shortest octave of waves; None if no waves were removed from the surface."""
         return without_filtered_waves(self.version)
 
     @property
     def grid(self) -> Version:
-        """The version on whose points changes of the model are solved."""
+        """Version of the input on whose points changes of the model are solved."""
         return self.coarser or self.version
 
     @cached_property
     def continued(self) -> list[Version]:
-        """The versions with other continued waves."""
+        """Versions of the input in which the spectrum is continued with other waves."""
         return continued_versions(self.grid)
 
     @cached_property
     def changes(self) -> list[tuple[ModelChange, Version, Version | None]]:
-        """The changes of the model and the input, each with its version and that of its opposite."""
+        """Changes of the model, each with the version that has this change and the version with the opposite change."""
         grid, found = self.grid, []
         for change in model_changes(grid.scene, self.model_parts, self.hardness, grid.form):
             opposite = change.opposite
@@ -94,7 +95,7 @@ class BudgetRequest:
 
 
 class Evaluation:
-    """Solve the versions that sources of error need, each version once."""
+    """Solve the versions of the input that the error sources need, each version only once."""
 
     def __init__(self, request: BudgetRequest, mapper: Mapper) -> None:
         self.request = request
@@ -108,7 +109,7 @@ class Evaluation:
         return self._solved[id(version)][1]
 
     def on_grid(self, version: Version, result: Any) -> CoarserSolution | None:
-        """Compare the leakage of a version with that of the grid that it changes; None where one of them failed."""
+        """Compare the leakage of a version with that of `grid`, from which it differs; None if one of them failed."""
         key = route(study_of_result(result)).key
         plain = self.solve(self.request.grid).get(key)
         found = self.solve(version).get(key)
@@ -123,14 +124,18 @@ Parts = Callable[[Evaluation, Any, ErrorBudget], Sequence[ErrorPart | None]]
 
 @dataclass(frozen=True)
 class ErrorSource:
-    """A source of error.
+    """Describe an error source.
 
     Parameters
     ----------
-    name : of its row in the budget.
-    versions : function that lists all versions that may be solved for it.
-    parts : function that makes its parts, see `Parts`.
-    of_model : whether it belongs to the model and its input, and is chosen by its name.
+    name : str
+        Name of its row in the budget.
+    versions : callable
+        Lists all versions of the input that may have to be solved for it.
+    parts : callable
+        Evaluates its contributions to the budget, see `Parts`.
+    of_model : bool
+        True if it belongs to the model or its input, and is selected by its name. False for numerical errors.
     """
 
     name: str
@@ -139,7 +144,7 @@ class ErrorSource:
     of_model: bool = True
 
     def is_wanted(self, request: BudgetRequest) -> bool:
-        """Return whether a budget has this source."""
+        """Return whether the requested budget contains this error source."""
         return not self.of_model or self.name in request.model_parts
 
 
@@ -148,7 +153,7 @@ def _no_versions(request: BudgetRequest) -> list[Version | None]:
 
 
 def _errors_of(evaluation: Evaluation, result: Any) -> NumericalErrors:
-    """Return the estimates of the numerical errors of a result."""
+    """Return the estimates of the numerical errors of the result of a study."""
     return NumericalErrors(evaluation.request.version.scene, result)
 
 
@@ -206,7 +211,7 @@ def _form_of_the_patch(
 def _longer_waves(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Make the part of waves longer than the patch, which stochastic seals have."""
+    """Evaluate the waves longer than the measured patch, which matter for stochastic seals."""
     version = evaluation.request.version
     if not isinstance(result, StochasticResult):
         return []
@@ -220,7 +225,7 @@ def _longer_waves(
 def _continuation(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Make the part of the continued waves. Where a version of them failed, its leakage is unknown."""
+    """Evaluate the waves with which the spectrum was continued. If a version failed, the error is unknown."""
     version, grid = evaluation.request.version, evaluation.request.grid
     continued = version.continuation
     plain = evaluation.solve(grid).get(route(study_of_result(result)).key)
@@ -246,7 +251,7 @@ def _continuation(
 
 
 def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]:
-    """List the versions with a change of the model, and with its opposite."""
+    """List the versions of the input with a change of the model, and those with the opposite change."""
     versions: list[Version | None] = []
     for change, there, back in request.changes:
         if change.name == name:
@@ -257,7 +262,7 @@ def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]
 def _changed_model(
     evaluation: Evaluation, result: Any, budget: ErrorBudget, name: str
 ) -> list[ErrorPart | None]:
-    """Make the part of a change of the model. Its opposite is solved where the mirror image would matter."""
+    """Evaluate a change of the model. Solve the opposite change too where an assumption of symmetry would matter."""
     parts: list[ErrorPart | None] = []
     leakage = leakage_of(result)
     for change, there, back in evaluation.request.changes:
@@ -316,10 +321,10 @@ def budgets_of(
 
     Parameters
     ----------
-    request : what the budget is made of.
+    request : input of the run, and the desired error sources.
     studies : results of the studies, by their key.
     mapper : computes the items of a stage.
-    known : budgets that exist already, without parts of the model; None without any.
+    known : budgets of the numerical errors, if they have been made already.
 
     Returns the budgets by the key of the study.
     """

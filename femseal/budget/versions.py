@@ -1,4 +1,6 @@
-"""Make the versions of the input of a run that its error budget needs: coarser, without waves, with another model."""
+"""Make the modified versions of the input of a run that its error budget needs.
+
+They are coarser, have fewer waves, or differ in one assumption of the model."""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ log = logging.getLogger("femseal")
 
 
 class Version(Protocol):
-    """Input of the studies, as `preparation.Prepared` has it."""
+    """Input of the studies of a run. `preparation.Prepared` implements this protocol."""
 
     @property
     def scene(self) -> Scene:
@@ -41,7 +43,7 @@ class Version(Protocol):
 
     @property
     def sampling(self) -> Sampling | None:
-        """How seals are drawn; None without."""
+        """Options of the realisations; None if the run has no stochastic study."""
         ...
 
     @property
@@ -51,12 +53,12 @@ class Version(Protocol):
 
     @property
     def continuation(self) -> Continuation | None:
-        """How its spectrum is continued; None where it is not."""
+        """How the spectrum of the surface is continued; None if it is not continued."""
         ...
 
     @property
     def form(self) -> FormTolerance | None:
-        """Errors of the forms of seal and seat."""
+        """Tolerances of the form of the seal and of the seat."""
         ...
 
     @property
@@ -71,48 +73,52 @@ class Version(Protocol):
 
     @property
     def studies(self) -> list[Study]:
-        """Studies of the run."""
+        """All studies of the run."""
         ...
 
     @property
     def solved_studies(self) -> list[Study]:
-        """Those of them that are solved."""
+        """Studies of the run that must be solved."""
         ...
 
     @property
     def least_points(self) -> Shape:
-        """Fewest points along x1 and x2."""
+        """Smallest possible number of points along x1 and x2."""
         ...
 
     @property
     def points_divide_by(self) -> Shape:
-        """Numbers that divide those of the points."""
+        """Numbers along x1 and x2 by which the numbers of points must be divisible."""
         ...
 
     @property
     def cut_and_tiles(self) -> tuple[Any, Any]:
-        """The cut of the surface, and the tiles of the seal."""
+        """Division of the surface into cells, and tiles of the seal."""
         ...
 
     def replaced(self, **changes: Any) -> Any:
-        """The input with other attributes."""
+        """Return the same input with some attributes replaced."""
         ...
 
     def changed(self, change: ModelChange) -> Any:
-        """The input with a change of the model."""
+        """Return the same input with a change of the model."""
         ...
 
     def solve(self, study: Study, mapper: Mapper) -> Any:
-        """Result of a study."""
+        """Solve a study, and return its result."""
         ...
 
     def longer_waves(self, surface: Surface, mapper: Mapper) -> Array | None:
-        """Changes of ln(leakage) by waves longer than the patch."""
+        """Compute the changes of ln(leakage) that are caused by waves longer than the patch."""
         ...
 
 
 def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 1)) -> Shape | None:
-    """Return half the points along each side, or as few more as the cells need; None where that shows nothing."""
+    """Return half the number of points along each axis, or slightly more if the cells need it.
+
+    The result is None if such a grid would have nearly as many points as the present one, so that a comparison would
+    show nothing.
+    """
     wanted = [
         ceil(max(ceil(COARSENING * n), few) / m) * m
         for n, few, m in zip(points, least, divide_by, strict=True)
@@ -123,19 +129,22 @@ def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 
 
 
 def route(study: Study) -> Study:
-    """Return the study whose contact and flow stand for a study on a coarser grid: the whole surface for two scales."""
+    """Return the study that is solved on a coarser grid in place of a study.
+
+    The deterministic study replaces the two-scale study, because both solve the whole surface.
+    """
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 
 
 def coarser_grid(version: Version) -> Version | None:
-    """Make the version on half of the points along each side; None where that shows nothing."""
+    """Make the version with half the points along each axis; None if the points cannot be reduced that much."""
     surface = version.scene.surface
     points = coarser_points(surface.shape, version.least_points, version.points_divide_by)
     return None if points is None else _reduced(version, surface.resample(points))
 
 
 def without_filtered_waves(version: Version) -> Version | None:
-    """Make the version without waves up to twice the shortest one; None where no waves were removed."""
+    """Make the version without waves up to twice the shortest wavelength; None if the surface was not filtered."""
     if not _lacks_waves(version):
         return None
     surface, wave = version.scene.surface, 2 * version.conditioning.shortest_wave
@@ -152,9 +161,10 @@ def without_filtered_waves(version: Version) -> Version | None:
 
 
 def continued_versions(grid: Version) -> list[Version]:
-    """Make the versions with other phases of the continued waves, and one without the shortest octave.
+    """Make the versions that show the error of a continued spectrum.
 
-    There are `OTHER_PHASES` versions with other phases. The list is empty where no spectrum is continued.
+    In `OTHER_PHASES` versions the continued waves have other random phases. One more version lacks the shortest octave
+    of waves. The list is empty if the spectrum is not continued.
     """
     continued = grid.continuation
     if continued is None:
@@ -167,17 +177,20 @@ def continued_versions(grid: Version) -> list[Version]:
 
 
 def kept_slope(version: Version) -> float:
-    """Return the rms slope of the surface over its rms slope with the waves that it lacks; 1 where none matter."""
+    """Return the ratio of the rms slope of the surface to the slope that it would have with its missing waves.
+
+    It is 1 if no waves are missing that matter.
+    """
     return version.conditioning.kept_slope if _lacks_waves(version) else 1.0
 
 
 def _lacks_waves(version: Version) -> bool:
-    """Return whether the surface lacks waves that matter: removed by the low-pass, or not seen by the instrument."""
+    """Return whether waves that matter are missing, because a filter removed them or the instrument missed them."""
     return 1 - version.conditioning.kept_slope >= LEAST_REMOVED
 
 
 def _reduced(version: Version, surface: Surface) -> Version:
-    """Make the version for a coarser surface: the same cells, and a few of the same realisations."""
+    """Make the version of the input with a coarser surface, the same cells, and the first few realisations."""
     sampling = version.sampling
     if sampling is not None:
         cut, tiles = version.cut_and_tiles
@@ -192,7 +205,10 @@ def _reduced(version: Version, surface: Surface) -> Version:
 
 @dataclass(frozen=True, eq=False)
 class VersionLeakage:
-    """Leakage of a study of a version at every step (steps,) [m²/s], and its number of realisations, None of others."""
+    """Hold the leakage of a study at every step (steps,) [m²/s], and the number of its realisations.
+
+    The number is None for studies without realisations.
+    """
 
     leakage: Array
     seals: int | None
@@ -215,12 +231,12 @@ def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage
 
 
 def leakage_of(result: Any) -> Array:
-    """Return the leakage of a study at every step (steps,) [m²/s]: the median of realisations."""
+    """Return the leakage of a study at every step (steps,) [m²/s]; for realisations it is their median."""
     return study_of_result(result).leakage(result)
 
 
 def against(result: Any, version: Version, solved: Mapping[str, VersionLeakage]) -> CoarserSolution:
-    """Compare the leakage of a coarser version with the result of a study; unknown where the version failed."""
+    """Compare the leakage of a coarser version with the result of a study; it is NaN if the version failed."""
     points, slope = version.scene.surface.shape, version.scene.surface.rms_slope
     solution = solved.get(route(study_of_result(result)).key)
     if solution is None:
