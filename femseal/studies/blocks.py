@@ -58,8 +58,8 @@ class BlocksResult(Shown):
 
     Parameters
     ----------
-    leakage : array (steps,), m²/s
-        Leakage per unit seal length. It is NaN at steps at which a flow failed.
+    leakage : array
+        Leakage per unit seal length [m²/s], one value for each load step. It is NaN where a flow failed.
     counts : SolveCounts
         Numbers of flows through cells that were solved, in all contact states of the blocks.
     patch_state : PatchState
