@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from math import ceil
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -313,7 +313,8 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
     return solution.reshape(3, len(scene.steps), *depth.shape)
 
 
-class _SolvedBlock(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _SolvedBlock:
     """Permeabilities of the cells of a block (fluid pressures, 2, steps, cells) [m³], and its contact states."""
 
     k: Array

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -284,7 +284,8 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
     return _Supply(scene, tiles, cells, k, fluid, path_of_tile, nominal, scene.separated_steps)
 
 
-class _Realisation(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Realisation:
     """Hold the leakage of a realisation at every step (steps,) [m²/s]; it is NaN at steps that failed."""
 
     leakage: Array
