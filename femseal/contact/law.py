@@ -187,9 +187,8 @@ class ContactLaw:
         """Return a text that is equal for two laws if and only if their parameters and their code are equal."""
         try:
             return digest(self)
-        except (
-            NoDigest
-        ):  # for example because of an object from C code; the law is then only equal to itself
+        except NoDigest:
+            # for example because of an object from C code; the law is then only equal to itself
             return f"{type(self).__qualname__} {id(self)}"
 
     def __str__(self) -> str:

@@ -428,18 +428,10 @@ def _text(drawing: Drawing, size: _SurfaceSize, tables: dict[str, Any]) -> str:
             continue
         lines += ["", f"[{name}]"]
         for key, inner in value.items():
-            text = f"{key} = {_toml(inner)}"
+            text = f"{key} = {as_toml(inner)}"
             comment = comments.get((name, key), "")
             lines.append(f"{text:<48}  # {comment}" if comment else text)
     return "\n".join(lines) + "\n"
-
-
-def _toml(value: Any) -> str:
-    """Write a value as TOML, also an inline table."""
-    if isinstance(value, dict):
-        pairs = ", ".join(f"{key} = {as_toml(inner)}" for key, inner in value.items())
-        return f"{{{pairs}}}"
-    return as_toml(value)
 
 
 def _stated_roughness(drawing: Drawing) -> str:

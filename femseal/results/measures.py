@@ -19,8 +19,7 @@ import numpy as np
 from ..base import Array
 from ..budget import ErrorBudget
 from ..budget.error_parts import ORDER
-from ..studies.drawn_error import DIFFICULTY
-from ..studies.patch_state import PatchState
+from ..studies.drawn_error import error_of_few_carriers
 from .best_leakage import class_interval_of
 from .results import Results
 
@@ -180,9 +179,9 @@ def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
     """Estimate by which factor a larger measured area multiplies the error of ln(leakage) from the source "patch".
 
     On a larger area, the number of blocks that carry the flow grows in proportion to the area, while the contact
-    fraction and the detours stay. The calibrated law for the error of a patch (`studies.drawn_error.DIFFICULTY`) is
-    evaluated before and after. If the number of blocks is unknown, the error is taken to decrease like that of a mean
-    of independent samples.
+    fraction and the detours stay. The calibrated error of a patch then changes by its factor for the number of carriers
+    (`studies.drawn_error`), which is the same for cells in order and at random. If the number of blocks is unknown, the
+    error is taken to decrease like that of a mean of independent samples.
 
     Parameters
     ----------
@@ -200,16 +199,8 @@ def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
     carriers = float(data["state_flow_carriers"].values[nearest_state])
     if not carriers > 0:
         return factor_of_independent_samples
-    # the present and the larger area; only the number of carriers matters for the ratio of the errors
-    state = PatchState(
-        carriers=np.array([carriers, area_ratio * carriers]),
-        contact_fraction=np.zeros(2),
-        detours=np.zeros(2),
-        open_leakage=np.ones(2),
-    )
-    # cells in order and cells at random depend on the number of carriers in the same way
-    below, _above = DIFFICULTY["in order"].distances(state)
-    return float(below[1] / below[0])
+    present, larger = error_of_few_carriers(np.array([carriers, area_ratio * carriers]))
+    return float(larger / present)
 
 
 def lowering(results: Results, leakage: Array, step: int) -> Lowering:

@@ -67,6 +67,11 @@ LEAST_KNOWN = 1e-3
 _SEALED_CARRIERS, _SEALED_DETOURS = 1.0, 0.0
 
 
+def error_of_few_carriers(carriers: Array) -> Array:
+    """Return the factor (0.3 + N^−½)^½ of the difficulty for N blocks that effectively carry the flow."""
+    return np.asarray(np.sqrt(0.3 + 1 / np.sqrt(carriers)))
+
+
 @dataclass(frozen=True)
 class Difficulty:
     """How the expected size of the error depends on the contact state, for one kind of seal.
@@ -108,7 +113,7 @@ class Difficulty:
         carriers = np.where(np.isnan(state.carriers), _SEALED_CARRIERS, state.carriers)
         detours = np.where(np.isnan(state.detours), _SEALED_DETOURS, state.detours)
         contact = state.contact_fraction
-        common = np.sqrt(0.3 + 1 / np.sqrt(carriers)) * (1 + self.light / (contact + 0.003))
+        common = error_of_few_carriers(carriers) * (1 + self.light / (contact + 0.003))
         below = common * np.exp(self.below * contact) * (1 + self.detours_below * detours)
         above = common * np.exp(self.above * contact) * (1 + self.detours_above * detours)
         return below, above
@@ -243,9 +248,15 @@ def weighted_quantile(score: Array, scene: Array, fraction: float) -> float:
 
 
 def calibration_rows(kind: str) -> list[dict[str, str]]:
-    """Read the rows of a kind from the calibration set."""
+    """Return the rows of a kind from the calibration set."""
+    return [row for row in _calibration_set() if row["kind"] == kind]
+
+
+@cache
+def _calibration_set() -> tuple[dict[str, str], ...]:
+    """Read the calibration set, once for all kinds."""
     with CALIBRATION.open(encoding="utf-8", newline="") as file:
-        return [row for row in csv.DictReader(file) if row["kind"] == kind]
+        return tuple(csv.DictReader(file))
 
 
 @cache
