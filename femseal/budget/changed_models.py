@@ -81,7 +81,7 @@ class FormTolerance:
     def on_seat(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
         """Change the seat of a scene: make it deeper by its tolerance, or shallower if the sign is -1."""
         assert self.seat is not None
-        below = self.seat.rows_below(scene.surface.shape[0], scene.surface.spacing[0])
+        below = self.seat.row_depths(scene.surface.shape[0], scene.surface.spacing[0])
         changed = scene.surface.with_form(-sign * self.tolerance * below)
         note = f"change of ln(leakage) with a form of the seat {self.tolerance:.0%} deeper and shallower"
         return ModelChange("form", replace(scene, surface=changed), note, opposite=opposite)

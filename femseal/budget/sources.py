@@ -241,7 +241,7 @@ def _continuation(
     shorter = replace(last, rms_slope=surface.low_pass(2 * cut_off).rms_slope)
     # an octave beyond the cut-off at least, and a decade at most
     law, modulus = grid.scene.law, grid.scene.surface_modulus
-    ends = continued.last_that_counts(law.mean_hardness, modulus)
+    ends = continued.shortest_relevant_wave(law.mean_hardness, modulus)
     shortest = float(np.clip(ends, cut_off / UNSEEN, cut_off / 2))
     beyond = continued.law.slope_power(cut_off, shortest)
     kept = surface.rms_slope / hypot(surface.rms_slope, sqrt(beyond))

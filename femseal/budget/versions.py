@@ -170,8 +170,8 @@ def continued_versions(grid: Version) -> list[Version]:
     if continued is None:
         return []
     surface = grid.scene.surface
-    measured = continued.added_to(surface, factor=-1.0)
-    others = [continued.added_to(measured, number) for number in range(1, OTHER_PHASES + 1)]
+    measured = continued.add_to(surface, factor=-1.0)
+    others = [continued.add_to(measured, number) for number in range(1, OTHER_PHASES + 1)]
     surfaces = [*others, surface.low_pass(2 * continued.cut_off)]
     return [grid.replaced(scene=replace(grid.scene, surface=one)) for one in surfaces]
 

@@ -21,7 +21,7 @@ from ..flow.problem import SOLVERS
 from ..fluids import leak_basis, potential_of
 from ..materials import Coated, Solid
 from ..scene.choices import FLUID_EFFECTS
-from ..seal.layouts import Layout, MeshLayout, lay_of
+from ..seal.layouts import Layout, MeshLayout, parse_lay
 from .completion import complete, least_detrend
 from .faces import Face, FileFace, SurfaceTable
 from .faults import inside, unusable
@@ -331,7 +331,7 @@ class Case(Table):
                 yield f"face.{name}", table.path or Path()
                 other_files = table.model_copy(update={"path": None})
                 yield from files_in(other_files, "face")
-        lay_file = lay_of(self.seal.lay).file
+        lay_file = parse_lay(self.seal.lay).file
         if lay_file is not None:
             yield "seal.lay", lay_file
         yield from files_in(self.seal, "seal")

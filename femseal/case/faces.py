@@ -91,7 +91,7 @@ class GeneratedFace(Table):
         parameters = self.model_dump(exclude={"kind", "points", "size", "ra", "rz"})
         heights = type(self).make_heights(self.points, self.size, rng=rng, **parameters)
         shortest_wave = self.cut_off or resolved_wave(self.size, self.points)
-        return FaceMap(heights, Instrument(made=shortest_wave))
+        return FaceMap(heights, Instrument(generated_wave=shortest_wave))
 
 
 class SelfAffineFace(GeneratedFace):

@@ -16,7 +16,7 @@ from ..base import InputError
 from ..fluids import FLUIDS, Fluid
 from ..seal.form import FORMS
 from ..seal.lay import check_inlet
-from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout, lay_of
+from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout, parse_lay
 from ..topography.seat import SEATS
 from .completion import as_tables
 from .faults import of_value, unusable
@@ -136,7 +136,7 @@ class SealTable(ParameterTable):
 
     def make(self, folder: Path = Path(), **others: Any) -> Layout:
         """Create the seal layout; paths in the table are relative to `folder`."""
-        layout: Layout = super().make(folder, lay=lay_of(self.lay, folder), **others)
+        layout: Layout = super().make(folder, lay=parse_lay(self.lay, folder), **others)
         return layout
 
 
@@ -146,7 +146,7 @@ def _read_lay(value: Any) -> Any:
     A lay that is given by a file is returned unchanged, because the file is read later.
     """
     with of_value():
-        lay = lay_of(value)
+        lay = parse_lay(value)
     if lay.name == "spiral":
         spiral = {"kind": "spiral", "lead": lay.lead}
         if lay.circumference is not None:

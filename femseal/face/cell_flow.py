@@ -18,7 +18,7 @@ from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.pressure_drop import VISCOUS, PressureDrop, pressure_between
 from ..flow.problem import check_solver
 from ..flow.spiral import spiral_flow
-from ..topography.patches import divided
+from ..topography.patches import split_patches
 
 Result = TypeVar("Result")
 #: Relative tolerance of the iteration for a permeability that depends on the fluid pressure. For comparison, the slip
@@ -294,7 +294,7 @@ def permeability_along_x2(
     NotConverged
         See `resolved_flow`.
     """
-    patches = divided(gap, widths)
+    patches = split_patches(gap, widths)
     values = [
         resolved_flow(np.ascontiguousarray(patch.T), spacing[::-1], settings, sides).permeability
         for patch in patches

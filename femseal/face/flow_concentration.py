@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base import Floats, Shape
 from ..topography import Surface, Topography
-from ..topography.topography import power, wavenumber_grids
+from ..topography.topography import wave_powers, wavenumber_grids
 
 #: Fraction of the mean square slope in waves no shorter than a block of the participation number.
 _SLOPE_FRACTION = 0.95
@@ -66,7 +66,7 @@ def _short_wave(patch: Topography) -> float:
     q1, q2 = wavenumber_grids(patch.shape, patch.spacing, patch.periodic)
     squared = q1**2 + q2**2
     heights = patch.heights - patch.heights.mean()
-    slope = (power(heights, patch.periodic) * squared).ravel()
+    slope = (wave_powers(heights, patch.periodic) * squared).ravel()
     total = float(slope.sum())
     if not total > 0:
         return _FLAT_BLOCK * max(patch.spacing)

@@ -377,7 +377,7 @@ def _add_seat(case: Case, seat: Seat | None, surface: Surface, has_form_beside: 
     if has_form_beside:
         return surface
     with errors_with_keys({"path": "seat.path"}):
-        return seat.on(surface)
+        return seat.add_to(surface)
 
 
 def _make_scene(

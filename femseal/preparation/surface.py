@@ -111,7 +111,7 @@ def condition_surface(case: Case) -> ConditionedSurface:
         Cut.of(surface.shortest_patch, cells)  # raises if cells have too few points
         cells = over_all_patches(level, cells)
     if continuation is not None:
-        surface = continuation.added_to(surface)
+        surface = continuation.add_to(surface)
         conditioning = replace(
             conditioning,
             shortest_wave=continuation.cut_off,
@@ -235,8 +235,8 @@ def _joint_instrument(
         instrument.shortest_wave(level)
         for instrument, level in zip(instruments, level_maps, strict=True)
     ]
-    made = min(instrument.made or 0.0 for instrument in instruments)
-    return Instrument(resolution=max(seen) or None, made=made or None)
+    made = min(instrument.generated_wave or 0.0 for instrument in instruments)
+    return Instrument(resolution=max(seen) or None, generated_wave=made or None)
 
 
 def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:

@@ -324,7 +324,7 @@ def case_of_face(
 
 def _require_scale(path: Path, file_content: Look) -> None:
     """Raise InputError where nothing says the pixel of a map, or the unit of its heights; arrays of NumPy are in m."""
-    has_pixel, has_unit = file_content.said
+    has_pixel, has_unit = file_content.is_known
     missing = {} if has_pixel else {"pixel size": "--spacing '1 um' '1 um'"}
     if not has_unit and path.suffix.lower() not in (".npy", ".npz"):
         missing["unit of heights"] = "--height-unit um"

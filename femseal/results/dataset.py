@@ -299,7 +299,7 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
         tiles = stochastic.tiles
         size = tiles.size
         seal = str(scene.layout)
-        tile_attributes = {"tiles": str(tiles), "tiles_in_place": int(tiles.in_order)}
+        tile_attributes = {"tiles": str(tiles), "tiles_in_order": int(tiles.in_order)}
     basis = _leak_basis(scene, size, facts)
     attributes = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",

@@ -171,7 +171,9 @@ def _larger_patch(results: Results) -> tuple[str, float]:
     """Return the measure that enlarges the patch, and the ratio of the new area to the present one."""
     if not is_generated(results):
         return _LARGER_PATCH
-    is_as_wide_as_seal = bool(results.dataset.attrs.get("tiles_in_place"))
+    attributes = results.dataset.attrs
+    # results of earlier versions have the name tiles_in_place
+    is_as_wide_as_seal = bool(attributes.get("tiles_in_order", attributes.get("tiles_in_place")))
     return _LONGER_GENERATED if is_as_wide_as_seal else _LARGER_GENERATED
 
 

@@ -190,11 +190,11 @@ def add_patches(
     leakiest = int(np.argmax(ratios))
     add_blocks(data, ("patch1", "patch2"), patches.patches[leakiest], FIELD_BLOCKS)
     attributes = {"patch": leakiest + 1, "over_mean": float(ratios[leakiest])}
-    heights = block_means(patches.divided(patches.heights)[leakiest], FIELD_BLOCKS)
+    heights = block_means(patches.split(patches.heights)[leakiest], FIELD_BLOCKS)
     long_name = "height of the patch that leaks most, mean of each block"
     add_new(data, "patch_height", "m", long_name, heights, PATCH_FACE, **attributes)
     if gaps is not None:
-        means = [block_means(patches.divided(gap)[leakiest], FIELD_BLOCKS) for gap in gaps]
+        means = [block_means(patches.split(gap)[leakiest], FIELD_BLOCKS) for gap in gaps]
         long_name = "gap of the patch that leaks most, mean of each block"
         add_new(data, "patch_gap", "m", long_name, np.array(means), PATCH_BLOCK)
 

@@ -544,9 +544,9 @@ def contact_of_patches(
     if deformation is None:
         former_deformations = [None] * len(patches.widths)
     else:
-        former_deformations = patches.divided(deformation)
+        former_deformations = patches.split(deformation)
     contacts = []
-    for gap, former in zip(patches.divided(gap0), former_deformations, strict=True):
+    for gap, former in zip(patches.split(gap0), former_deformations, strict=True):
         body = replace(half_space, shape=gap.shape)
         # the gap of first touch is 0 at the highest point of each patch
         patch_gap = np.ascontiguousarray(gap - gap.min())

@@ -71,7 +71,7 @@ class ContactGrid:
         breadth, length = tiles.seal.size
         inlet, outlet = frame.ends or (0.0, 0.0)
         # a short strip repeats its columns of tiles; the grid covers them once
-        length *= tiles.once.size / tiles.tile.size
+        length *= tiles.unrepeated_elements.size / tiles.tile.size
         fewest_rows = ROWS_OF_PROFILES if profile else _ROWS
         # a whole number of cells for each tile, unless there are very many tiles
         n1 = fewest_rows

@@ -33,7 +33,7 @@ _ALLOWED = (
 _SMALLEST_CIRCUMFERENCE = 1e-6
 
 
-def lay_of(given: Any, folder: Path = Path()) -> Lay:
+def parse_lay(given: Any, folder: Path = Path()) -> Lay:
     """Make a `Lay` from any form in which a case can give it.
 
     Parameters
@@ -127,7 +127,7 @@ class RectangularLayout:
 
     Parameters
     ----------
-    lay : Lay, or a form of it that `lay_of` accepts
+    lay : Lay, or a form of it that `parse_lay` accepts
         Direction of the lay on the strip, by default along x2, as on the measured surface.
     """
 
@@ -136,7 +136,7 @@ class RectangularLayout:
     lay: Any = described(_LAY, default="x2")
 
     def __post_init__(self) -> None:
-        lay = lay_of(self.lay)
+        lay = parse_lay(self.lay)
         if lay.name == "radial" or lay.file is not None:
             raise InputError("lay", f"'{lay}' on a strip", "x1, x2, a spiral or an angle")
         # on a strip, x2 is the circumferential direction; a spiral without a lead runs along it too
@@ -146,11 +146,11 @@ class RectangularLayout:
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
         """Cover the strip with rows and columns of tiles."""
-        from .tiles import laid_on_strip
+        from .tiles import cover_strip
 
         if cell_size.length is None:
             raise InputError("length", "none", "the length of a rectangular seal")
-        return laid_on_strip(cell_size, self.lay)
+        return cover_strip(cell_size, self.lay)
 
     @property
     def spiral(self) -> Spiral | None:
@@ -177,7 +177,7 @@ class AnnularLayout:
         Radii of the ring [m].
     inlet : "inner" or "outer"
         Radius at which the fluid enters.
-    lay : Lay, or a form of it that `lay_of` accepts
+    lay : Lay, or a form of it that `parse_lay` accepts
         Direction of the lay on the ring, by default circumferential.
     """
 
@@ -194,7 +194,7 @@ class AnnularLayout:
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        lay = lay_of(self.lay)
+        lay = parse_lay(self.lay)
         if lay.name == "spiral" and lay.lead == 0:
             lay = Lay(name="circumferential")
         object.__setattr__(self, "lay", lay)
@@ -207,9 +207,9 @@ class AnnularLayout:
     def lay_out(self, cell_size: CellSize) -> SealTiles:
         """Cover the ring with rows of tiles, one behind the other along the radius, and columns along the angle."""
         _refuse_sizes(self.kind, cell_size)
-        from .tiles import laid_on_ring
+        from .tiles import cover_ring
 
-        return laid_on_ring(cell_size, self.lay, (self.inner_radius, self.outer_radius), self.inlet)
+        return cover_ring(cell_size, self.lay, (self.inner_radius, self.outer_radius), self.inlet)
 
     @property
     def circumference(self) -> float:
@@ -246,7 +246,7 @@ class MeshLayout:
         Unit of the coordinates in the file, such as "mm".
     inlet, outlet : str or tuple of str
         Names of the boundaries that form the inlet and the outlet. All other boundaries are closed.
-    lay : Lay, or a form of it that `lay_of` accepts
+    lay : Lay, or a form of it that `parse_lay` accepts
         Direction of the lay on the seal, by default circumferential.
     centre : tuple of two float
         Centre of a radial or circumferential lay, and of pressure maps in polar coordinates [m].
@@ -276,7 +276,7 @@ class MeshLayout:
         to_si(f"1 {self.unit}", "m", "unit")
         if self.length is not None and not (isfinite(self.length) and self.length > 0):
             raise InputError("length", self.length, "a length > 0 [m]")
-        object.__setattr__(self, "lay", lay_of(self.lay, Path(self.path).parent))
+        object.__setattr__(self, "lay", parse_lay(self.lay, Path(self.path).parent))
         if self.lay.name == "spiral":
             raise InputError("lay", f"'{self.lay}' on a mesh", "a spiral on a strip or a ring")
         check_inlet(self.inlet)
@@ -288,9 +288,9 @@ class MeshLayout:
     def lay_out(self, cell_size: CellSize) -> SealTiles:
         """Make each element of the mesh a tile; elements smaller than a cell share a tile with their neighbours."""
         _refuse_sizes(self.kind, cell_size)
-        from .tiles import laid_on_mesh
+        from .tiles import cover_mesh
 
-        return laid_on_mesh(cell_size, self.lay, self._seal, self.length, self.centre)
+        return cover_mesh(cell_size, self.lay, self._seal, self.length, self.centre)
 
     @cached_property
     def _seal(self) -> MeshSeal:

@@ -105,7 +105,7 @@ class SealTiles:
         return self.seal.outlines
 
     @cached_property
-    def once(self) -> Indices:
+    def unrepeated_elements(self) -> Indices:
         """Numbers of the elements, without the repeated columns of a short strip."""
         if self.grid is None:
             return np.arange(len(self.tile))
@@ -115,17 +115,17 @@ class SealTiles:
     def size(self) -> Pair:
         """Breadth and length of the whole seal, without repeated columns [m]."""
         breadth, length = self.seal.size
-        return breadth, length * (self.once.size / self.tile.size) / self.part
+        return breadth, length * (self.unrepeated_elements.size / self.tile.size) / self.part
 
     @property
     def middles(self) -> Array:
         """Centres of the tiles (tiles, 2) [m]."""
-        tile = self.tile[self.once]
-        centres = self.outlines[self.once].mean(axis=1)
+        tile = self.tile[self.unrepeated_elements]
+        centres = self.outlines[self.unrepeated_elements].mean(axis=1)
         # a tile of several elements has the mean of their centres
         return np.stack([np.bincount(tile, x) / np.bincount(tile) for x in centres.T], axis=1)
 
-    def draw(self, cells: Shape, rng: np.random.Generator) -> Indices:
+    def choose_cells(self, cells: Shape, rng: np.random.Generator) -> Indices:
         """Choose a random cell for each tile.
 
         The columns of tiles are filled one after another, so that a longer seal begins with the same cells as a shorter
@@ -178,14 +178,14 @@ class SealTiles:
         assert self.grid is not None
         columns = self.grid[1]
         in_rows = along.reshape(*along.shape[:-1], *self.grid)  # (…, row, column)
-        grooves = np.repeat(along_grooves(in_rows), columns, axis=-1)  # (…, tiles)
+        grooves = np.repeat(harmonic_row_means(in_rows), columns, axis=-1)  # (…, tiles)
         # cos²α = 1 / (1 + tan²α) and sin²α = tan²α / (1 + tan²α)
         square = self.tangent**2
         radial = (across[..., self.tile] + square * grooves[..., self.tile]) / (1 + square)
         circumferential = (along[..., self.tile] + square * across[..., self.tile]) / (1 + square)
         return np.stack([radial, circumferential], axis=-1)
 
-    def shown(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
+    def element_means(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
         """Reduce the result to one number for each element, for pictures.
 
         Returns the geometric mean of the two permeabilities (n,) [m³], and the mean fluid pressure (n,) [Pa].
@@ -234,7 +234,7 @@ class SealTiles:
         return f"{counted(self.count, 'tile')} in {counted(len(self.tile), 'element')}"
 
 
-def along_grooves(across: Array) -> Array:
+def harmonic_row_means(across: Array) -> Array:
     """Return the harmonic mean (…, rows) of permeabilities (…, rows, columns) in each row; 0 if any of them is 0."""
     with np.errstate(divide="ignore"):
         return 1 / np.mean(1 / across, axis=-1)
@@ -246,7 +246,7 @@ def face_tiles(size: Pair, cells: Shape) -> SealTiles:
     return replace(_strip(size, cells, lay), in_order=True)
 
 
-def laid_on_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
+def cover_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
     """Cover a strip with tiles.
 
     If the strip is as broad as the surface and has the same lay, each row of tiles takes cells from the same row of the
@@ -301,7 +301,7 @@ def _row_count(breadth: float, side: float, name: str, given: float) -> int:
     return rows
 
 
-def laid_on_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
+def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
     """Cover a ring between two radii [m] with tiles, in the coordinates (ln r, θ), beginning at the inlet.
 
     Raises InputError if the ring is narrower than a cell, or so small that its innermost tiles become very narrow.
@@ -371,7 +371,7 @@ def laid_on_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> Seal
     )
 
 
-def laid_on_mesh(
+def cover_mesh(
     cell_size: CellSize, lay: Lay, mesh_seal: MeshSeal, length: float | None, centre: Pair
 ) -> SealTiles:
     """Cover a mesh with tiles. Elements that are smaller than a cell share a tile with their neighbours.

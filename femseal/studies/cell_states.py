@@ -28,7 +28,7 @@ from ..face.curves import CellCurves, local_peaks
 from ..face.flow_concentration import blocks_of_one_wave, participation_number
 from ..loads import LoadProgramme, LoadStep, least_counted
 from ..scene import Scene
-from ..topography.patches import divided
+from ..topography.patches import split_patches
 from .cells_in_order import cells_in_order, cells_permeability_along_x2
 
 #: Fewest measured patches whose scatter shows how far the leakage of more of them may differ.
@@ -139,7 +139,7 @@ def permeabilities_of_patches(
         Permeability of each patch alone, followed by that of all patches but one if there are at least three. It is
         NaN where the flow failed.
     """
-    patches = divided(gap, widths)
+    patches = split_patches(gap, widths)
     selections = [[patch] for patch in patches]
     if len(patches) >= FEWEST:
         selections += [[*patches[:n], *patches[n + 1 :]] for n in range(len(patches))]

@@ -195,7 +195,7 @@ class _Supply:
     def draw(self, seed: int, realisation: int) -> Indices:
         """Choose a random cell for every tile (tiles,). The same seed and realisation always give the same cells."""
         stream = np.random.SeedSequence(seed, spawn_key=(realisation,))
-        return self.tiles.draw(self.cells.cut.shape, np.random.default_rng(stream))
+        return self.tiles.choose_cells(self.cells.cut.shape, np.random.default_rng(stream))
 
     def flow(self, cell: Indices, step: int) -> tuple[Any, Any]:
         """Solve the flow through a seal at a step, for given cells of its tiles (tiles,).
@@ -377,7 +377,7 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
             continue
         if flow.permeability is not None:  # that of the solution, where it depends on the pressure
             permeability = flow.permeability
-        k[s], p[s] = tiles.shown(permeability, flow.fluid_pressure)
+        k[s], p[s] = tiles.element_means(permeability, flow.fluid_pressure)
         potential = scene.fluid.potential(flow.fluid_pressure) / scene.fluid.reference_density
         flux[s] = tiles.flux(permeability, potential, flow.volume_rate)
     if supply.tiles.in_order:
@@ -386,7 +386,7 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
         pressure = supply.paths[:, supply.path[tiles.tile]]
         if (fluid := scene.acting_fluid) is not None:
             pressure = np.maximum(pressure - np.nan_to_num(fluid.relief(p)), 0.0)
-    once = tiles.once
+    once = tiles.unrepeated_elements
     return MedianSeal(
         realisation, tiles.outlines[once], k[:, once], p[:, once], flux[:, once], pressure[:, once]
     )
@@ -394,7 +394,7 @@ def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
 
 def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> MedianSeal:
     """Add the form of the seal and the contact under this form to the fields of the median realisation."""
-    of_parts = tiles.tile[tiles.once]
+    of_parts = tiles.tile[tiles.unrepeated_elements]
     form = formed.grid.means(-formed.depth)[of_parts]
     separation, pressure = (
         formed.grid.means(values)[:, of_parts] for values in (formed.separation, formed.pressure)

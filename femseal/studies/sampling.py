@@ -129,7 +129,7 @@ def cut_and_cover(
 
 def seal_for_maps(layout: Layout, tiles: SealTiles) -> PressedSeal:
     """Return the seal in the coordinates of pressure maps."""
-    return PressedSeal(layout.frame(tiles.size), tiles.outlines[tiles.once])
+    return PressedSeal(layout.frame(tiles.size), tiles.outlines[tiles.unrepeated_elements])
 
 
 def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Array:

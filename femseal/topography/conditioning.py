@@ -61,21 +61,21 @@ class Instrument:
         Radius of the tip [m], if it is known.
     resolution : float, optional
         Lateral period limit [m], if it is known.
-    made : float, optional
+    generated_wave : float, optional
         Shortest wave [m] of a generated surface. None for a measured one.
     """
 
     tip_radius: float | None = None
     resolution: float | None = None
-    made: float | None = None
+    generated_wave: float | None = None
 
     def spectrum(self, flat: Surface) -> Spectrum:
         """Return the summary of the spectrum of a map without its form.
 
         The shortest wave of a generated surface is known and is not estimated.
         """
-        if self.made is not None:
-            return Spectrum(self.made, 0.0, None)
+        if self.generated_wave is not None:
+            return Spectrum(self.generated_wave, 0.0, None)
         return spectrum(flat)
 
     def shortest_wave(self, flat: Surface) -> float:

@@ -149,9 +149,9 @@ class Patches(Plotted):
         """Return the mean of one value for each patch, weighted by the number of points."""
         return float(np.average(values, weights=self.widths))
 
-    def divided(self, values: NDArray) -> list[NDArray]:
+    def split(self, values: NDArray) -> list[NDArray]:
         """Split values (…, n1, n2) at the points of all patches into a list of arrays, one for each patch."""
-        return divided(values, self.widths)
+        return split_patches(values, self.widths)
 
     def check_waves(self) -> None:
         """Raise InputError if the mean wavelength of one patch differs much from those of the others."""
@@ -200,7 +200,7 @@ class Patches(Plotted):
 
     def with_heights(self, heights: NDArray) -> Patches:
         """Return patches with other heights (n1, n2) [m] at the same points."""
-        cells = zip(self.patches, self.divided(heights), strict=True)
+        cells = zip(self.patches, self.split(heights), strict=True)
         return self.with_patches([p.with_heights(z) for p, z in cells])
 
     def of_each(self, change: Callable[[Topography], Topography]) -> Patches:
@@ -244,7 +244,7 @@ def check_single_patch(name: str, surface: object) -> None:
         raise InputError(name, given, "a single map; call it for each of their `patches`")
 
 
-def divided(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
+def split_patches(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
     """Split values (…, n1, n2) of patches side by side along the last axis into a list of arrays, one for each patch.
 
     widths : number of points of each patch along x2.

@@ -58,7 +58,7 @@ class Look:
         Why `read_topography` refuses the map; empty if it does not.
     masked_fraction : float
         Fraction of points that are masked in the file.
-    said : tuple of two bool
+    is_known : tuple of two bool
         Whether the pixel size and the unit of height are known, from the file or the caller.
     instrument : Instrument
         What the file and the caller say about the instrument.
@@ -69,7 +69,7 @@ class Look:
     topography: Topography
     errors: tuple[InputError, ...]
     masked_fraction: float
-    said: Periodic
+    is_known: Periodic
     instrument: Instrument
     notes: tuple[str, ...] = ()
 

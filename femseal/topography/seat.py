@@ -96,7 +96,7 @@ class Seat:
         x = np.abs(frame.across(points) - inlet) - breadth / 2
         return -self.depth(x, breadth)
 
-    def on(self, face: Surface) -> Surface:
+    def add_to(self, face: Surface) -> Surface:
         """Return the surface with the form added to its heights.
 
         Raises
@@ -104,9 +104,9 @@ class Seat:
         InputError
             The form is steeper than an elastic half-space allows.
         """
-        return face.with_form(-self.rows_below(face.shape[0], face.spacing[0]))
+        return face.with_form(-self.row_depths(face.shape[0], face.spacing[0]))
 
-    def rows_below(self, rows: int, spacing: float) -> Array:
+    def row_depths(self, rows: int, spacing: float) -> Array:
         """Return how deep each row of pixels lies below the highest one.
 
         Parameters

@@ -46,7 +46,7 @@ _STEP = 2.0
 SLACK = 1e-9
 
 
-def power(z: NDArray, periodic: Periodic) -> NDArray:
+def wave_powers(z: NDArray, periodic: Periodic) -> NDArray:
     """Return the contribution (n1, n2) [m²] of each wave to the mean square of `z`.
 
     The sum of all contributions is the mean square (Parseval's theorem).
@@ -583,9 +583,9 @@ class Topography(Plotted):
         return first, second
 
     def _centred_power(self, purpose: str) -> Array:
-        """Return the contribution of each wave to the mean square of the heights about their mean, see `power`."""
+        """Return `wave_powers` of the heights about their mean."""
         z = self._defined(purpose)
-        return power(z - z.mean(), self.periodic)
+        return wave_powers(z - z.mean(), self.periodic)
 
     def with_heights(self, heights: NDArray) -> Topography:
         """Return a map with other heights at the same points."""

@@ -49,7 +49,7 @@ class Continuation:
     periodic: Periodic
     seed: tuple[int, ...]
 
-    def added_to(self, face: Surface, realisation: int = 0, *, factor: float = 1.0) -> Surface:
+    def add_to(self, face: Surface, realisation: int = 0, *, factor: float = 1.0) -> Surface:
         """Add these waves to a surface, as far as its pixels can resolve them.
 
         The same seed and realisation give the same waves on every grid. Along an axis that is not periodic the waves
@@ -104,7 +104,7 @@ class Continuation:
         """Return the rms slope [-] of all measured and continued waves down to a wavelength [m]."""
         return sqrt(self.rms_slope**2 + self.law.slope_power(self.longest, wave))
 
-    def last_that_counts(self, hardness: float, modulus: float) -> float:
+    def shortest_relevant_wave(self, hardness: float, modulus: float) -> float:
         """Return the wavelength [m] below which the hardness alone decides the contact area; 0 if there is none.
 
         By Persson's theory, the mean pressure in the contact is E*h'/2, which rises with every wave that is added until
@@ -228,7 +228,7 @@ def continue_spectrum(
     if cut_off < resolved_wave(topography.size, grid) * (1 - 1e-9):
         raise InputError("shape", grid, f"8 pixels to the cut-off, {needed_shape}")
     measured = topography.low_pass(continuation.longest).resample(grid)
-    return continuation.added_to(measured, realisation)
+    return continuation.add_to(measured, realisation)
 
 
 #: Number of its longest waves that a patch should contain along its shorter side. On patches of self-affine surfaces

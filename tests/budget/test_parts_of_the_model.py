@@ -182,7 +182,7 @@ def test_the_hardness_tolerance_is_that_of_the_softer_solid(tmp_path):
 def test_a_form_with_a_tolerance_is_a_part(scene):
     """On the heights, and as rows of a broader seat; a deeper crown is one of a smaller radius."""
     seat, deeper = CrownedSeat(2e-3), CrownedSeat(2e-3 / 1.25)
-    formed = replace(scene, surface=seat.on(scene.surface), boundary=("free", "periodic"))
+    formed = replace(scene, surface=seat.add_to(scene.surface), boundary=("free", "periodic"))
     (change,) = model_changes(formed, ["form"], form=FormTolerance(seat=seat, tolerance=0.25))
     heights = deeper.on(scene.surface).heights
     assert_allclose(change.scene.surface.heights, heights, atol=1e-18)

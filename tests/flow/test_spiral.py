@@ -13,7 +13,7 @@ from femseal.flow.law import cubic_law
 from femseal.flow.spiral import spiral_flow
 from femseal.preparation import prepare
 from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout
-from femseal.seal.layouts import lay_of
+from femseal.seal.layouts import parse_lay
 from femseal.seal.tiles import CellSize
 from femseal.studies import Sampling, stochastic
 
@@ -277,9 +277,9 @@ def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, 
 @pytest.mark.parametrize(
     ("make", "changed", "text"),
     [
-        (lay_of, {"lead": "-1 um"}, "lay.lead: given '-1 um', expected a length >= 0"),
-        (lay_of, {"starts": 0}, "lay.starts: given 0"),
-        (lay_of, {"turns": 2}, "lay: given"),
+        (parse_lay, {"lead": "-1 um"}, "lay.lead: given '-1 um', expected a length >= 0"),
+        (parse_lay, {"starts": 0}, "lay.starts: given 0"),
+        (parse_lay, {"turns": 2}, "lay: given"),
         (lambda lay: AnnularLayout(1e-3, 2e-3, lay=lay), {"lead": "2 mm"}, "lay.lead: .* 1 mm"),
         (lambda lay: MeshLayout("a.msh", "in", "out", "mm", lay), {}, "lay: .* on a mesh"),
         (drawn, {"lead": "1 mm"}, "lay.lead: given 1 mm on a seal 128 µm broad"),

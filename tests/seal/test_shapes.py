@@ -15,7 +15,7 @@ from femseal.analytic import (
 from femseal.base import InputError
 from femseal.seal import AnnularLayout, MeshLayout, MeshSeal, RectangularLayout
 from femseal.seal.lay import Lay
-from femseal.seal.layouts import lay_of
+from femseal.seal.layouts import parse_lay
 from femseal.seal.mesh_seal import boundaries_without_name, parts_without_flow
 from femseal.seal.tiles import CellSize
 
@@ -173,7 +173,7 @@ def test_lay_from_a_field(tmp_path):
     data = {"t": vectors, "bad": bad}
     meshio.write(tmp_path / "lay.vtu", meshio.Mesh(points, cells, point_data=data))
     at = MeshSeal(MESHES / "ring.msh", "inlet", "outlet").points
-    found = lay_of({"field": "lay.vtu:t"}, tmp_path).directions(at, unit=1e-3)
+    found = parse_lay({"field": "lay.vtu:t"}, tmp_path).directions(at, unit=1e-3)
     expected = Lay("circumferential").directions(at)
     assert np.abs((found * expected).sum(axis=1)).min() > np.cos(0.12)
     for key, shift, words in (
@@ -183,7 +183,7 @@ def test_lay_from_a_field(tmp_path):
         ("lay.vtu:bad", 0.0, "vectors along the lay, finite and not 0"),
     ):
         with pytest.raises(InputError, match=words):
-            lay_of({"field": key}, tmp_path).directions(at + shift, unit=1e-3)
+            parse_lay({"field": key}, tmp_path).directions(at + shift, unit=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_lay_from_a_field(tmp_path):
 )
 def test_bad_lay(given):
     with pytest.raises(InputError, match=r"^lay"):
-        lay_of(given)
+        parse_lay(given)
 
 
 RINGS = MESHES / "ring.msh"

@@ -10,7 +10,7 @@ from skfem import MeshTri
 
 from femseal.base import InputError
 from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout
-from femseal.seal.tiles import CellSize, along_grooves, face_tiles
+from femseal.seal.tiles import CellSize, face_tiles, harmonic_row_means
 
 A = 1e-4
 CELL = CellSize((A, A), 3, length=9 * A)
@@ -104,7 +104,7 @@ def test_a_groove_that_winds_adds_its_own_way():
     assert_allclose(found, 1 / np.sum(A / (tangent**2 * rows / (1 + tangent**2))), rtol=1e-6)
     short = wide(lay={"kind": "spiral", "lead": lead, "circumference": 1.0})
     assert_allclose(conductance(short, 1.0, 3.0), conductance(wide(), 1.0), rtol=1e-6)
-    assert_array_equal(along_grooves(np.array([[1.0, 0.0], [2.0, 2.0]])), [0.0, 2.0])
+    assert_array_equal(harmonic_row_means(np.array([[1.0, 0.0], [2.0, 2.0]])), [0.0, 2.0])
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_a_longer_seal_begins_with_the_tiles_of_a_shorter_one():
     """In place, rows draw from their own row."""
     for rows in (3, 4):
         short, long = (
-            t.draw((3, 5), np.random.default_rng(7)).reshape(t.grid)
+            t.choose_cells((3, 5), np.random.default_rng(7)).reshape(t.grid)
             for t in (wide(rows, 9), wide(rows, 30))
         )
         assert_array_equal(short, long[:, :9])
@@ -157,7 +157,7 @@ def test_a_longer_seal_begins_with_the_tiles_of_a_shorter_one():
 def test_every_cell_is_drawn_as_often_and_independent_of_its_neighbour():
     """By chi², of which 99.9 % are below 31 with 11 degrees of freedom, 200 with 143."""
     tiles = wide(10, 2000)
-    drawn = tiles.draw((3, 4), np.random.default_rng(1)).reshape(tiles.grid)
+    drawn = tiles.choose_cells((3, 4), np.random.default_rng(1)).reshape(tiles.grid)
     beside, below = drawn[:, 1:] * 12 + drawn[:, :-1], drawn[1:] * 12 + drawn[:-1]
     for numbers, kinds, most in ((drawn, 12, 31.3), (beside, 144, 200), (below, 144, 200)):
         count, expected = np.bincount(numbers.ravel(), minlength=kinds), numbers.size / kinds

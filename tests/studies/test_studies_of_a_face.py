@@ -208,7 +208,7 @@ def test_a_realisation_is_the_flow_through_its_drawn_tiles(rough, rough_two_scal
 
     for r in range(2):
         rng = np.random.default_rng(np.random.SeedSequence(8, spawn_key=(r,)))
-        drawn = tiles.draw((4, 6), rng)
+        drawn = tiles.choose_cells((4, 6), rng)
         for s in range(5):
             k = cells.k[0, :, s].reshape(2, -1)
             assert_allclose(leakage(own, k), cells.cells_leakage[s], rtol=1e-6)

@@ -108,7 +108,7 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
     first, second = (face.high_pass(found.longest).heights for face in (one, other))
     # a seat ends a face along x1, and not its waves
     formed = one.with_form(np.linspace(0, 1e-6, one.shape[0]))
-    added = found.added_to(formed).heights - formed.heights
+    added = found.add_to(formed).heights - formed.heights
     assert_allclose(added, first, atol=1e-9 * one.rms_height)
     assert 0 < abs(first.std() / second.std() - 1) < 0.02  # the slope is drawn by its error
     assert abs(np.mean(first * second)) < 0.1 * first.var()
@@ -119,13 +119,13 @@ def test_each_patch_is_continued_separately():
     patches = fs.Patches([fs.Topography(z, MEASURED.spacing, (False, False)) for z in halves])
     known = continuation_of(patches, 1e-6, rng=3)
     fine = patches.low_pass(known.longest).resample((1024, 1024))
-    found = known.added_to(fine)
+    found = known.add_to(fine)
     assert known.periodic == (False, False)
     assert found.widths == (512, 512)
     one, two = np.split(found.heights - fine.heights, 2, axis=1)
     assert abs(np.mean(one * two)) < 0.1 * one.var()
     assert_allclose(found.rms_slope, known.slope_to(1e-6), rtol=0.03)
-    assert_allclose(known.added_to(found, factor=-1.0).heights, fine.heights, atol=1e-15)
+    assert_allclose(known.add_to(found, factor=-1.0).heights, fine.heights, atol=1e-15)
 
 
 def test_added_waves_are_symmetric_at_borders_that_are_not_periodic():
@@ -146,10 +146,10 @@ def test_waves_beyond_the_slope_set_by_hardness_do_not_count(hurst, of_slope):
     given = {"hurst": hurst, "rms_slope": 0.05, "cut_off": 2.5e-6, "rng": 1}
     found = continuation_of(fs.self_affine((128, 128), (128e-6, 128e-6), **given), 1e-6)
     slope = of_slope * found.rms_slope
-    last = found.last_that_counts(slope / 2 * 1e11, 1e11)
+    last = found.shortest_relevant_wave(slope / 2 * 1e11, 1e11)
     assert_allclose(found.slope_to(last), slope, rtol=1e-9)
-    assert found.last_that_counts(found.rms_slope / 2.1 * 1e11, 1e11) == found.longest
-    assert found.last_that_counts(inf, 1e11) == 0
+    assert found.shortest_relevant_wave(found.rms_slope / 2.1 * 1e11, 1e11) == found.longest
+    assert found.shortest_relevant_wave(inf, 1e11) == 0
 
 
 NOISE = fs.Topography(np.random.default_rng(1).normal(0, 1e-8, (64, 64)), (1e-6, 1e-6))

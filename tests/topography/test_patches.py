@@ -263,7 +263,7 @@ def test_broad_seals_take_cells_from_all_patches():
     dry = {"fluid_pressure": "ignored", "boundary": ("periodic", "periodic")}
     sampling = fs.Sampling(2e-3, 12, seed=1, breadth=96 * PIXEL)
     found = fs.stochastic(scene(measured, **dry), (2, 12), sampling)
-    drawn = found.tiles.draw((2, 12), np.random.default_rng(0))
+    drawn = found.tiles.choose_cells((2, 12), np.random.default_rng(0))
     assert_allclose(np.bincount(drawn % 12 // 4) / drawn.size, 1 / 3, atol=0.1)
     whole, median = fs.deterministic(scene(measured, **dry)), found.quantile(0.5)
     assert_allclose(found.patches.alone / median, whole.patches.alone / whole.leakage, rtol=5e-3)

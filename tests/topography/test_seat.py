@@ -49,7 +49,7 @@ def hertz(forces, radius):
 @pytest.mark.parametrize(("radius", "force"), [(0.05, 50e3), (0.05, 200e3), (0.02, 200e3)])
 def test_a_smooth_crown_has_the_pressure_of_a_hertz_line_contact(radius, force):
     """a² = 4 W R/(π E*), p₀ = 2 W/(π a)."""
-    found = solved(CrownedSeat(radius).on(smooth()), [force], rtol=1e-8)
+    found = solved(CrownedSeat(radius).add_to(smooth()), [force], rtol=1e-8)
     half, peak = hertz(force, radius)
     assert_allclose(found.band_breadth[0], 2 * half, atol=2 * D)
     assert_allclose(found.largest_row_pressure[0], peak, rtol=0.01)
@@ -61,7 +61,7 @@ def test_a_smooth_crown_has_the_pressure_of_a_hertz_line_contact(radius, force):
 
 
 def test_the_peak_pressure_converges_to_that_of_hertz():
-    seats = [CrownedSeat(0.02).on(smooth(n, 1.024e-3 / n)) for n in (128, 512)]
+    seats = [CrownedSeat(0.02).add_to(smooth(n, 1.024e-3 / n)) for n in (128, 512)]
     peaks = [solved(seat, [100e3], rtol=1e-8).largest_row_pressure[0] for seat in seats]
     errors = np.abs(np.array(peaks) / hertz(100e3, 0.02)[1] - 1)
     assert errors[1] < min(0.5 * errors[0], 2e-3)
@@ -70,7 +70,7 @@ def test_the_peak_pressure_converges_to_that_of_hertz():
 def test_a_soft_crown_yields_over_its_whole_contact_width():
     """Far beyond first yield the band is about W/H broad."""
     hardness = 0.2e9
-    found = solved(CrownedSeat(0.01).on(smooth()), [100e3], hardness)
+    found = solved(CrownedSeat(0.01).add_to(smooth()), [100e3], hardness)
     assert_allclose(found.largest_row_pressure[0], hardness, rtol=1e-6)
     assert_allclose(found.band_breadth[0], 100e3 / hardness, rtol=0.02)
 
@@ -79,7 +79,7 @@ def test_a_ball_on_a_cone_equals_a_crown_under_the_normal_force():
     """Its normal force per length is the axial one over the sine of half the angle."""
     ball, crown = BallOnCone(0.02, np.radians(30)), CrownedSeat(0.02)
     assert ball.load_factor == pytest.approx(2)
-    one, other = (solved(seat.on(smooth()), [100e3]) for seat in (ball, crown))
+    one, other = (solved(seat.add_to(smooth()), [100e3]) for seat in (ball, crown))
     assert_allclose(one.row_pressure, other.row_pressure, atol=2e-3 * other.row_pressure.max())
 
 
@@ -107,7 +107,9 @@ TRIAL = {
 def test_the_form_changes_the_leakage_as_in_a_published_experiment(radius):
     face = rough()
     forces = np.array([20e3, 50e3, 100e3, 200e3])[: len(TRIAL[radius])]
-    found = solved((FlatSeat() if radius is None else CrownedSeat(radius)).on(face), forces, 2.8e9)
+    found = solved(
+        (FlatSeat() if radius is None else CrownedSeat(radius)).add_to(face), forces, 2.8e9
+    )
     assert_allclose(found.leakage * 1e-3 / 1e6 * 1e18, TRIAL[radius], rtol=0.03)
 
 
@@ -117,7 +119,7 @@ def test_depths_of_all_forms_agree_with_their_equations():
     land = RoundedSeat(4e-4, 1e-2)
     assert_allclose(land.depth(x, 1e-3)[[0, 3, 5]], [(3e-4) ** 2 / 2e-2, 0, 0], atol=1e-20)
     assert_allclose(TiltedSeat(1e-3).depth(x, 1e-3), x * np.tan(1e-3))
-    inlet = solved(TiltedSeat(2e-3).on(smooth(256)), [20e3]).row_pressure[0]
+    inlet = solved(TiltedSeat(2e-3).add_to(smooth(256)), [20e3]).row_pressure[0]
     assert inlet[:128].sum() > 0.99 * inlet.sum()  # the inlet's side is the higher one
 
 
@@ -136,18 +138,18 @@ def test_a_profile_is_read_from_a_file(tmp_path, text, message):
     path = tmp_path / "seat profile.csv"
     path.write_text("x1, z\n" + "\n".join(f"{a},{-((a - 0.6) ** 2) / 100}" for a in x))
     face = smooth(512)
-    found, crown = ProfileSeat(path, "mm").on(face), CrownedSeat(0.05).on(face)
+    found, crown = ProfileSeat(path, "mm").add_to(face), CrownedSeat(0.05).add_to(face)
     assert_allclose(found.heights, crown.heights, atol=2e-9)
     path.write_text(text)
     with pytest.raises(fs.InputError, match=message):
-        ProfileSeat(path, "mm").on(face)
+        ProfileSeat(path, "mm").add_to(face)
 
 
 def test_a_form_of_less_than_a_third_of_a_per_cent_of_the_roughness_changes_little():
     face = rough(256, 256)
     crown = CrownedSeat((face.size[0] / 2) ** 2 / (2 * 0.003 * face.rms_height))
     forces = np.array([0.02, 0.08, 0.2]) * 2.8e9 * face.size[0]
-    flat, formed = (solved(s.on(face), forces, 2.8e9).leakage for s in (FlatSeat(), crown))
+    flat, formed = (solved(s.add_to(face), forces, 2.8e9).leakage for s in (FlatSeat(), crown))
     assert_allclose(formed, flat, rtol=5e-3)
 
 
@@ -342,7 +344,9 @@ def test_both_calculations_of_a_seat_give_the_same_leakage():
     scene = steel_scene(patch(n=512), hardness=2.3e9, loading=tuple(forces / breadth))
 
     def both(seat, form):
-        whole = [fs.deterministic(replace(scene, surface=seat.on(face))).leakage for face in faces]
+        whole = [
+            fs.deterministic(replace(scene, surface=seat.add_to(face))).leakage for face in faces
+        ]
         sampling = fs.Sampling(length=8e-3, breadth=breadth, realisations=20, seed=1, form=form)
         # the band of the sharpest crown is two to five of these cells broad
         drawn = fs.stochastic(scene, (8, 8), sampling).quantile(0.5)

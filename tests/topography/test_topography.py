@@ -20,7 +20,7 @@ from femseal.topography import (
     resolving_shape,
     self_affine,
 )
-from femseal.topography.topography import power, wavenumber_grids
+from femseal.topography.topography import wave_powers, wavenumber_grids
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
 SIZE = (3e-3, 2e-3)
@@ -251,7 +251,7 @@ def test_slopes_and_spectra_of_half_the_waves_are_those_of_all(shape, periodic):
     rough = noise(shape, periodic)
     low = rough.low_pass(0.5e-3)
     assert_allclose(rough.rms_slope_of_long_waves(0.5e-3), low.rms_slope, rtol=1e-12)
-    powers = power(rough.heights, periodic)
+    powers = wave_powers(rough.heights, periodic)
     assert_allclose(powers.sum(), np.mean(rough.heights**2), rtol=1e-12)
     q1, q2 = wavenumber_grids(shape, rough.spacing, periodic)
     slopes = np.sqrt([np.sum(q1**2 * powers), np.sum(q2**2 * powers)])
