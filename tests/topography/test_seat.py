@@ -86,7 +86,7 @@ def test_a_ball_on_a_cone_equals_a_crown_under_the_normal_force():
 def test_roughness_makes_the_contact_wider_than_that_of_hertz():
     """Greenwood & Tripp's trend: the less, the higher the load."""
     forces = np.array([20e3, 50e3, 100e3, 200e3])
-    found = solved(CrownedSeat(0.05).on(rough(1024, 64)), forces)
+    found = solved(CrownedSeat(0.05).add_to(rough(1024, 64)), forces)
     ratio = found.band_breadth / (2 * hertz(forces, 0.05)[0])
     assert (ratio > 1).all()
     assert (np.diff(ratio) < 0.05).all()
@@ -322,7 +322,7 @@ def test_a_broad_seat_returns_to_its_peak_and_keeps_its_contact_width_on_unloadi
 def test_both_calculations_of_a_seat_distribute_the_load_alike(radius):
     """The form on the heights of a broad face, and rows of a seat that a narrower face covers."""
     forces = np.array([50e3, 100e3, 200e3])
-    whole = solved(CrownedSeat(radius).on(rough(1024, 128)), forces, 2.8e9).row_pressure
+    whole = solved(CrownedSeat(radius).add_to(rough(1024, 128)), forces, 2.8e9).row_pressure
     rows = rows_of(rough(256, 128), CrownedSeat(radius), forces, 2.8e9).pressure
 
     def spread(p):
