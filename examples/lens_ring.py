@@ -40,7 +40,7 @@ def lens_rings() -> dict[float, fs.FaceResult]:
         loading=tuple(FORCES / turned.size[0]),
     )
     return {
-        radius: fs.deterministic(replace(scene, surface=CrownedSeat(radius).on(turned)))
+        radius: fs.deterministic(replace(scene, surface=CrownedSeat(radius).add_to(turned)))
         for radius in RADII
     }
 

@@ -7,6 +7,7 @@ Sources: Johnson, Contact Mechanics, 1985, ch. 4 (line contact); Greenwood & Tri
 surfaces).
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -105,6 +106,11 @@ class Seat:
             The form is steeper than an elastic half-space allows.
         """
         return face.with_form(-self.row_depths(face.shape[0], face.spacing[0]))
+
+    def on(self, face: Surface) -> Surface:
+        """Accept the former name of `add_to` until the next version."""
+        warnings.warn("Seat.on is Seat.add_to now", DeprecationWarning, stacklevel=2)
+        return self.add_to(face)
 
     def row_depths(self, rows: int, spacing: float) -> Array:
         """Return how deep each row of pixels lies below the highest one.

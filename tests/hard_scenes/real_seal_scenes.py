@@ -17,7 +17,7 @@ scene = partial(HardScene, "chain")
 
 def _edge():
     """Fraction of the load on the inlet's half of a seat that is tilted by 1°."""
-    face = TiltedSeat(np.radians(1.0)).on(Topography(np.zeros((512, 2)), (D, D), (False, True)))
+    face = TiltedSeat(np.radians(1.0)).add_to(Topography(np.zeros((512, 2)), (D, D), (False, True)))
     load = 1e4 / (512 * D)
     given = {"boundary": ("free", "periodic"), "hardness": np.inf, "loading": (load,)}
     rows = deterministic(chain_scene(face.heights, **given)).row_pressure[0]
