@@ -16,7 +16,7 @@ from ..base import Array, Flags, Pair, counted
 from ..checks import FormEffect
 from ..loads import LoadProgramme
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
-from ..studies.drawn_error import COVERAGE, interval_widths
+from ..studies.patch_interval import COVERAGE, interval_widths
 from ..studies.patch_state import PatchState
 from ..studies.study_registry import contact_fraction_of, open_leakage_of
 from .error_parts import (
@@ -258,7 +258,7 @@ def calibrated_part(
     Parameters
     ----------
     name : of the part.
-    kind : one of `drawn_error.KINDS`.
+    kind : one of `patch_interval.KINDS`.
     leakage : array (steps,), m²/s.
     state : contact state of the patches at every step.
     patches : number of measured patches.

@@ -22,7 +22,7 @@ from ..scene import Scene
 from ..seal.form import SealForm
 from ..seal.pressure_map import Frame
 from ..seal.tiles import CellSize, SealTiles
-from ..studies.seal_contact import RoughLayer, seal_contact, solve_layer_states
+from ..studies.seal_contact import RoughLayer, solve_layer_states, solve_seal_contact
 from ..topography import Representative
 
 #: Number of random forms, and of the waves of each.
@@ -120,7 +120,7 @@ def longer_waves(
     take = partial(_gap_and_permeability, flow=flow, spacing=dry.surface.spacing)
     programme, states = solve_layer_states(dry, take, mapper)
     mean_gap, permeability = np.array(states).T
-    layer = RoughLayer.of_gaps(dry, programme, mean_gap)
+    layer = RoughLayer.from_mean_gaps(dry, programme, mean_gap)
     curves = CellCurves(programme, permeability)
     solve = partial(_leakage, dry, tiles, layer, curves)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x10E6,)))
@@ -143,12 +143,15 @@ def _leakage(
 ) -> Array:
     """Solve the leakage of a seal with forms at every step (steps,) [m²/s]; NaN where it failed."""
     nominal, steps = scene.steps.pressures[:, None], scene.steps
-    k = np.repeat(curves.along(nominal, steps), tiles.count, axis=1)
+    k = np.repeat(curves.k_on_paths(nominal, steps), tiles.count, axis=1)
     if forms:
-        contact = attempt(seal_contact, scene, tiles, forms, map, layer)
+        contact = attempt(solve_seal_contact, scene, tiles, forms, map, layer)
         if isinstance(contact, Failed):  # such as a form that is too steep
             return np.full(len(steps), np.nan)
-        k = curves.along(nominal * contact.fractions, steps) + contact.opened
+        k = (
+            curves.k_on_paths(nominal * contact.pressure_fractions, steps)
+            + contact.added_permeability
+        )
     leakage = [
         attempt(scene.leakage, tiles.seal, tiles.permeability(k_at_step, k_at_step))
         for k_at_step in k

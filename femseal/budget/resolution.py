@@ -19,7 +19,7 @@ from scipy.special import erf, erfinv, stdtrit
 from ..base import Array, Flags, as_text
 from ..loads import LoadProgramme
 from ..studies import Scene
-from ..studies.drawn_error import COVERAGE
+from ..studies.patch_interval import COVERAGE
 from .error_parts import (
     STEEPEST,
     VAGUE,

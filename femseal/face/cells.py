@@ -21,7 +21,7 @@ from ..topography import Surface
 from .cell_flow import Failed, FlowSettings, SolveCounts, attempt, cell_permeabilities
 
 #: Default number of cells along the shorter side of a surface, for cells at random and for rows of cells in order. In
-#: order, two larger cells preserve the channels that cross from row to row, see docs/evidence/drawn_seals.md.
+#: order, two larger cells preserve the channels that cross from row to row, see docs/evidence/stochastic_seals.md.
 CELLS, CELLS_IN_ORDER = 4, 2
 #: Smallest number of points along a side of a cell.
 FEWEST_POINTS = 8
@@ -78,7 +78,7 @@ class Cut:
     ----------
     rows, columns : tuple of int
         Index of the first point of each cell along x1 and x2, and at the end the number of points.
-    place : tuple of int
+    patch_of_column : tuple of int
         Number of the measured patch to which each column of cells belongs, from 0.
     spacing : tuple of two float
         Point spacing [m].
@@ -86,7 +86,7 @@ class Cut:
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
-    place: tuple[int, ...]
+    patch_of_column: tuple[int, ...]
     spacing: Pair
 
     @classmethod
@@ -136,7 +136,7 @@ class Cut:
     @property
     def patch_columns(self) -> list[slice]:
         """Range of columns of cells for each measured patch."""
-        numbers = np.array(self.place)
+        numbers = np.array(self.patch_of_column)
         ends = [*np.flatnonzero(np.diff(numbers)) + 1, len(numbers)]
         return [slice(int(a), int(b)) for a, b in pairwise([0, *ends])]
 
@@ -148,7 +148,7 @@ class Cut:
             for left, right in pairwise(self.columns)
         ]
 
-    def widened(
+    def split_with_overlaps(
         self, field: NDArray[Any], axis: int, boundary: Boundary = ("free", "periodic")
     ) -> list[WidenedCell]:
         """Cut a field into cells that overlap with their neighbours across the flow.
@@ -182,8 +182,10 @@ class Cut:
 
     def _place(self, column: int) -> tuple[int, int]:
         """Return the range of points along x2 of the measured patch to which a column of cells belongs."""
-        first = self.place.index(self.place[column])
-        return self.columns[first], self.columns[first + self.place.count(self.place[column])]
+        first = self.patch_of_column.index(self.patch_of_column[column])
+        return self.columns[first], self.columns[
+            first + self.patch_of_column.count(self.patch_of_column[column])
+        ]
 
     def sums(self, field: NDArray[Any]) -> Array:
         """Sum a field (n1, n2) over each cell (m1, m2)."""
@@ -216,7 +218,7 @@ def _overlapping(
     cell, patch : tuple of two int
         Range of points of the cell, and of the measured patch to which it belongs; the ends are exclusive.
     boundary : str
-        Continuation of the patch, see `Cut.widened`.
+        Continuation of the patch, see `Cut.split_with_overlaps`.
     """
     first, end = patch
     size = end - first
@@ -259,7 +261,7 @@ class CellState:
         Numbers of cells whose flow was solved, or is 0 because they are closed.
     failures : tuple of str
         Reasons for values of NaN.
-    face : float
+    surface_k1 : float
         Permeability of the whole surface along x1 [m³].
     surface_k2 : float
         Permeability of the whole surface along x2, the mean over its patches [m³]; NaN if it was not computed.
@@ -280,7 +282,7 @@ class CellState:
     rows: Array
     counts: SolveCounts
     failures: tuple[str, ...] = ()
-    face: float = np.nan
+    surface_k1: float = np.nan
     surface_k2: float = np.nan
     patches: Array | None = None
     failed: str = ""
@@ -312,12 +314,12 @@ class CellState:
         fractions : array, (n1, n2), optional
             Fraction of the dissipation at each point. By default the fraction of each cell is NaN.
         boundary : tuple of two str
-            Continuation of the surface, see `Cut.widened`.
+            Continuation of the surface, see `Cut.split_with_overlaps`.
         """
         k = np.full((flow.drop.pressures.size, 2, *cut.shape), np.nan)
         counts, failures = [], []
         for axis in (0, 1):
-            cells = cut.widened(gap, axis, boundary)
+            cells = cut.split_with_overlaps(gap, axis, boundary)
             for index, cell in zip(np.ndindex(*cut.shape), cells, strict=True):
                 if not np.isfinite(cell.field).all():
                     continue
@@ -343,7 +345,9 @@ class CellState:
         )
 
 
-def factors(face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FACTOR) -> Array:
+def correction_factors(
+    face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FACTOR
+) -> Array:
     """Compute the correction factor of each state for one axis, so that the cells in order leak what the surface leaks.
 
     If the surface or its cells are sealed or unknown in a state, the factor of the nearest state in the same branch of

@@ -71,7 +71,7 @@ class CellCurves:
             peak = steps[branch[0]].unloaded_from
             if down.size and on_loading.any():
                 fractions = np.append(steps.pressures[down] / peak, 1.0)
-                at_peak = self.loaded(np.array(peak))
+                at_peak = self.k_on_loading(np.array(peak))
                 self._unloading.append(LogCurve(fractions, np.append(k[down], at_peak)))
                 peaks.append(peak)
         self._peaks = np.array(peaks)
@@ -82,13 +82,13 @@ class CellCurves:
         """ln k as a function of the cube root of the pressure on loading."""
         return LogCurve(np.cbrt(self._pressure), self._k)
 
-    def loaded(self, pressure: Array) -> Array:
+    def k_on_loading(self, pressure: Array) -> Array:
         """Evaluate k on loading [m³]."""
         if not self._k.size:
             return np.full(np.shape(pressure), np.nan)
         return np.exp(self.loading(np.cbrt(pressure)))
 
-    def unloaded(self, pressure: Array, peak: Array) -> Array:
+    def k_on_unloading(self, pressure: Array, peak: Array) -> Array:
         """Evaluate the permeability k during unloading from given peaks to given lower pressures, all > 0 [Pa].
 
         The result is interpolated between the tabulated peaks below and above each peak. It lies between the value at
@@ -105,7 +105,11 @@ class CellCurves:
             Permeability [m³].
         """
         if not self._peaks.size:
-            return np.full(np.shape(pressure), np.nan) if self._unloads else self.loaded(pressure)
+            return (
+                np.full(np.shape(pressure), np.nan)
+                if self._unloads
+                else self.k_on_loading(pressure)
+            )
         fraction = np.clip(pressure / peak, 0.0, 1.0)
         # knot 0 is the loading curve, knot m the m-th tabulated peak; interpolate between `upper` − 1 and `upper`
         knots = np.r_[0.0, self._peaks]
@@ -159,13 +163,13 @@ class CellCurves:
                 log_k[is_on_curve] = curve(inside[is_on_curve] * _reopening(curve))
         return log_k
 
-    def along(self, paths: Array, steps: LoadProgramme) -> Array:
+    def k_on_paths(self, paths: Array, steps: LoadProgramme) -> Array:
         """Evaluate k (steps, paths) [m³] for load paths, which are pressures of the cell at each step [Pa]."""
         peak = local_peaks(paths, steps)
         # at its own peak a cell is on the loading curve, even where the seal is being unloaded
         down = paths < peak
-        k = self.loaded(np.maximum(paths, 0.0))
-        k[down] = self.unloaded(np.maximum(paths[down], 0.0), peak[down])
+        k = self.k_on_loading(np.maximum(paths, 0.0))
+        k[down] = self.k_on_unloading(np.maximum(paths[down], 0.0), peak[down])
         return k
 
 

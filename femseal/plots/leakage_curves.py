@@ -94,7 +94,7 @@ def realisations_figure(
     """
     low, high = 0.05, 0.95
     band = None
-    if not study.too_few(low, high):
+    if not study.has_too_few_for(low, high):
         band = study.quantile(low), study.quantile(high)
     median = study.quantile(0.5)
     pressure, peaks = pressures_and_peaks(study.steps)

@@ -154,7 +154,7 @@ class Prepared:
     def options(self, study: Study) -> StudyOptions:
         """Return the options of a study."""
         is_first = study.name == self.solved_studies[0].name
-        return StudyOptions(self.cells, self.sampling, knows_face=not is_first)
+        return StudyOptions(self.cells, self.sampling, surface_is_solved=not is_first)
 
     def with_realisations(self, count: int) -> Prepared:
         """Return a copy of the input with this number of realisations, if it has a stochastic study.
@@ -197,7 +197,7 @@ class Prepared:
     def solve(self, study: Study, mapper: Mapper) -> Any:
         """Solve a study, and return its result."""
         options = self.options(study)
-        values = [getattr(options, name) for name in study.takes]
+        values = [getattr(options, name) for name in study.option_names]
         return study.solve(self.scene, *values, mapper=mapper)
 
     def cost(self, study: Study) -> tuple[float, float]:

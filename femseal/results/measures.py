@@ -19,7 +19,7 @@ import numpy as np
 from ..base import Array
 from ..budget import ErrorBudget
 from ..budget.error_parts import ORDER
-from ..studies.drawn_error import error_of_few_carriers
+from ..studies.patch_interval import error_of_few_carriers
 from .best_leakage import class_interval_of
 from .results import Results
 
@@ -182,8 +182,8 @@ def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
 
     On a larger area, the number of blocks that carry the flow grows in proportion to the area, while the contact
     fraction and the detours stay. The calibrated error of a patch then changes by its factor for the number of carriers
-    (`studies.drawn_error`), which is the same for cells in order and at random. If the number of blocks is unknown, the
-    error is taken to decrease like that of a mean of independent samples.
+    (`studies.patch_interval`), which is the same for cells in order and at random. If the number of blocks is unknown,
+    the error is taken to decrease like that of a mean of independent samples.
 
     Parameters
     ----------

@@ -144,7 +144,7 @@ def add_realisations(
     add_declared(data, result)
     add_coordinate(data, "realisation", "1", "realisation", np.arange(len(result.leakage)))
     levels = {"median": 0.5}
-    if not result.too_few(*quantiles):
+    if not result.has_too_few_for(*quantiles):
         levels["lower"], levels["upper"] = quantiles
     for name, level in levels.items():
         statistic = "median" if name == "median" else f"{name} quantile {level:g}"

@@ -212,7 +212,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
             with run.timed(study.name) as mapper:
                 studies[study.key] = prepared.solve(study, mapper)
     if {"deterministic", "two-scale"} <= prepared.methods:
-        studies["deterministic"] = studies["two_scale"].uncut
+        studies["deterministic"] = studies["two_scale"].without_cells
     test = None
     test_warnings: tuple[str, ...] = ()
     if (fluid := case.output.test_fluid) is not None:

@@ -44,7 +44,7 @@ class CellSize:
         Number of cells of the surface along x1.
     length, breadth : float or None
         Length and breadth of the seal [m]; None if they are not known.
-    most : int or None
+    most_tiles : int or None
         Largest number of tiles. A longer strip or ring that does not vary along the seal is represented by a part of
         its length. None to cover the whole seal.
     """
@@ -53,11 +53,15 @@ class CellSize:
     rows: int
     length: float | None = None
     breadth: float | None = None
-    most: int | None = None
+    most_tiles: int | None = None
 
     def columns(self, rows: int, wanted: int) -> int:
-        """Return the number of columns to simulate for a seal with the wanted number of columns, see `most`."""
-        return wanted if self.most is None else min(wanted, max(FEWEST_COLUMNS, self.most // rows))
+        """Return the number of columns to simulate for a seal with the wanted number of columns, see `most_tiles`."""
+        return (
+            wanted
+            if self.most_tiles is None
+            else min(wanted, max(FEWEST_COLUMNS, self.most_tiles // rows))
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ of the surface. `by_blocks` solves a surface that is too large for the memory of
     blocks              a large surface, solved block by block -> a BlocksResult
     sampling            options of the realisations -> tiles of the seal and, under a pressure map, their pressure
     seal_contact        pressure of the tiles of a seal that has a form
-    drawn_study         tiles take random cells -> leakage of the realisations
-    drawn_error         95 % interval of a seal of which only one patch was measured
+    stochastic_study    tiles take random cells -> leakage of the realisations
+    patch_interval      95 % interval of a seal of which only one patch was measured
 """
 
 from typing import TYPE_CHECKING
@@ -21,11 +21,11 @@ from ..base.lazy_package import lazy
 if TYPE_CHECKING:
     from ..scene import FluidState, Scene
     from .blocks import BlocksResult, by_blocks
-    from .drawn_study import cut_and_tiles, stochastic
     from .face_study import FaceResult, deterministic, two_scale
     from .other_fluid import OtherLeakage, drop_ratio
     from .sampling import Sampling, cut_and_cover
     from .stochastic_result import StochasticResult
+    from .stochastic_study import cut_and_tiles, stochastic
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -34,7 +34,7 @@ from .cell_states import (
 from .cells_in_order import flow_in_order
 from .patch_state import PatchState
 from .sampling import TileFluid
-from .seal_contact import Cells, RoughLayer, opening_permeability, solve_steps
+from .seal_contact import ContactPoints, RoughLayer, opening_permeability, solve_steps
 
 #: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the leakage
 #: over that of the whole surface are 0.90 and 1.43. With 2 cells they are 0.79 and 1.33, and the end of a 95 % interval
@@ -308,7 +308,9 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
         # the layer of each cell is that of its block
         face=block_numbers.repeat(CELLS, axis=0).repeat(CELLS, axis=1).ravel(),
     )
-    cells = Cells(body, np.ones(depth.shape, bool), depth.ravel(), float(layer.pressure[-1]))
+    cells = ContactPoints(
+        body, np.ones(depth.shape, bool), depth.ravel(), float(layer.pressure[-1])
+    )
     solution = solve_steps(cells, scene.steps, layer)
     return solution.reshape(3, len(scene.steps), *depth.shape)
 
@@ -335,7 +337,7 @@ def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
     paths = fluid.effective_pressures(pressure.reshape(len(steps), -1))
     tabulated = choose_tabulated_pressures(paths, steps, block.law.is_elastic, _SPACING_FACTOR)
     cells = solve_cells_at_pressures(block, cut, tabulated, map, block.boundary)
-    k_on_paths = fluid.select_own_reliefs(interpolate_along_paths(cells, paths, steps))
+    k_on_paths = fluid.select_matching_reliefs(interpolate_along_paths(cells, paths, steps))
     # path n is that of cell n: only these values (…, path n, cell n) are needed
     cell = np.arange(CELLS**2)
     k = k_on_paths[..., cell, cell]

@@ -23,7 +23,7 @@ from ..face.cell_flow import (
     permeability_along_x2,
     resolved_flow,
 )
-from ..face.cells import CellState, Cut, factors
+from ..face.cells import CellState, Cut, correction_factors
 from ..face.curves import CellCurves, local_peaks
 from ..face.flow_concentration import blocks_of_one_wave, participation_number
 from ..loads import LoadProgramme, LoadStep, least_counted
@@ -240,13 +240,13 @@ class FaceCells:
 
     @property
     def factor(self) -> Array:
-        """Correction factor of k1 in every state (steps,), see `factors`."""
-        return factors(self.surface_leakage, self.cells_leakage, self.steps)
+        """Correction factor of k1 in every state (steps,), see `correction_factors`."""
+        return correction_factors(self.surface_leakage, self.cells_leakage, self.steps)
 
     @property
     def factor_k2(self) -> Array:
         """Correction factor of k2 in every state (steps,); 1 where the flow along x2 was not solved."""
-        return factors(self.surface_k2, self.cells_k2, self.steps)
+        return correction_factors(self.surface_k2, self.cells_k2, self.steps)
 
     @property
     def corrected_k(self) -> Array:
@@ -285,7 +285,7 @@ def solve_cells_at_pressures(
         boundary=continues,
     )
     states = list(dry.contact_states(take, steps=steps, mapper=mapper))
-    return joined(scene, cut, steps, states, continues)
+    return join_states(scene, cut, steps, states, continues)
 
 
 def _of_state(
@@ -315,7 +315,7 @@ def _of_state(
         failures = (*failures, f"whole surface, x2: {along_x2.reason}")
     return replace(
         cells,
-        face=through.permeability,
+        surface_k1=through.permeability,
         surface_k2=np.nan if isinstance(along_x2, Failed) else along_x2,
         patches=of_patches,
         failures=failures,
@@ -324,7 +324,7 @@ def _of_state(
     )
 
 
-def joined(
+def join_states(
     scene: Scene,
     cut: Cut,
     steps: LoadProgramme,
@@ -368,7 +368,7 @@ def joined(
         cut,
         k,
         **{name: np.array([getattr(state, name) for state in taken]) for name in means},
-        surface_leakage=unit * np.array([state.face for state in taken]),
+        surface_leakage=unit * np.array([state.surface_k1 for state in taken]),
         cells_leakage=cells_leakage,
         cells_k2=cells_k2,
         patches=patches,
@@ -451,5 +451,5 @@ def interpolate_along_paths(cells: FaceCells, paths: Array, steps: LoadProgramme
     for pressure_and_axis in np.ndindex(*k.shape[:2]):
         for cell in range(k.shape[-1]):
             curves = CellCurves(cells.steps, k[*pressure_and_axis, :, cell])
-            k_on_paths[*pressure_and_axis, :, :, cell] = curves.along(paths, steps)
+            k_on_paths[*pressure_and_axis, :, :, cell] = curves.k_on_paths(paths, steps)
     return k_on_paths

@@ -22,7 +22,7 @@ from ..loads import LoadProgramme
 from ..scene import Scene
 from ..scene.fluid_coupling import CoupledContact
 from ..topography import Patches
-from .cell_states import FaceCells, PatchLeakage, joined, permeabilities_of_patches
+from .cell_states import FaceCells, PatchLeakage, join_states, permeabilities_of_patches
 
 #: Memory that a pixel of a state takes [byte]: gap, contact pressure and potential, and a bit that says whether it is
 #: plastic; and of a result, with the fluid pressure.
@@ -213,7 +213,7 @@ class FaceResult(Shown):
         return "deterministic" if self.cells is None else "two-scale"
 
     @property
-    def uncut(self) -> FaceResult:
+    def without_cells(self) -> FaceResult:
         """Result without cells, as the deterministic study would give it."""
         if self.cells is None:
             return self
@@ -371,7 +371,7 @@ def cut_into_cells(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
     blocks = blocks_of_one_wave(scene.surface)
     solve = partial(_cells, cut=cut, flow=scene.flow, blocks=blocks)
     found = list(mapper(Stage("cells of the face", solve), face.states))
-    cells = joined(scene, cut, scene.steps, found)
+    cells = join_states(scene, cut, scene.steps, found)
     cells = replace(cells, surface_leakage=face.leakage, patches=face.patches)
     return replace(face, cells=cells, failures=(*face.failures, *cells.failures))
 

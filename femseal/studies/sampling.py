@@ -303,7 +303,7 @@ class TileFluid:
         )  # (relief, step, path)
         return np.concatenate(list(remaining), axis=1)
 
-    def select_own_reliefs(self, k: Array) -> Array:
+    def select_matching_reliefs(self, k: Array) -> Array:
         """Select for each fluid pressure the permeabilities at the relief that belongs to this pressure.
 
         Parameters

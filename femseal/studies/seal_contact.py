@@ -78,12 +78,12 @@ class SealContact:
     opening: Array
 
     @property
-    def rows(self) -> Array:
+    def row_pressure(self) -> Array:
         """Mean pressure of the rows of points (steps, n1) [Pa]."""
         return self.pressure.mean(axis=2)
 
     @property
-    def fractions(self) -> Array:
+    def pressure_fractions(self) -> Array:
         """Pressure of the tiles over that of the whole seal (steps, tiles); 1 at steps without pressure."""
         means = self.grid.means(self.pressure)
         nominal = self.nominal[:, None]
@@ -93,7 +93,7 @@ class SealContact:
         return np.where(np.abs(fractions - 1) < _SAME_PRESSURE, 1.0, fractions)
 
     @property
-    def opened(self) -> Array:
+    def added_permeability(self) -> Array:
         """Permeability of the gap beyond first touch (steps, tiles) [m³]."""
         return self.grid.means(opening_permeability(self.separation, self.opening))
 
@@ -123,12 +123,14 @@ class RoughLayer:
         cls, scene: Scene, mapper: Mapper, boundary: tuple[str, str] = ("periodic", "periodic")
     ) -> RoughLayer:
         """Solve the contact of the surface of a scene alone under uniform pressures."""
-        return cls.of_gaps(
+        return cls.from_mean_gaps(
             scene, *solve_layer_states(scene, attrgetter("contact.mean_gap"), mapper, boundary)
         )
 
     @classmethod
-    def of_gaps(cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]) -> RoughLayer:
+    def from_mean_gaps(
+        cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]
+    ) -> RoughLayer:
         """Make the layer from mean gaps (steps,) [m] of the load programme of `solve_layer_states`."""
         loading, peaks = programme.pressures[programme.on_loading], np.array(programme.unload_from)
         gap, after = np.split(np.array(gaps), [loading.size])
@@ -142,17 +144,17 @@ class RoughLayer:
         apart = scene.surface.heights.max() - scene.surface.heights.mean()
         return cls(np.array([0.0, *loading]), np.array([[apart, *gap]]), peaks, recovered[None])
 
-    def loaded(self, p: Array) -> tuple[Array, Array]:
+    def on_loading(self, p: Array) -> tuple[Array, Array]:
         """Evaluate s and ds/dp at pressures (n,) on loading, linear between the solved pressures."""
         part = np.searchsorted(self.pressure, p, side="right") - 1
         part = np.clip(part, 0, self.pressure.size - 2)
         slope = (np.diff(self.gap) / np.diff(self.pressure))[self.face, part]
         return self.gap[self.face, part] + slope * (p - self.pressure[part]), slope
 
-    def unloaded(self, p: Array, peak: Array) -> tuple[Array, Array]:
+    def on_unloading(self, p: Array, peak: Array) -> tuple[Array, Array]:
         """Evaluate s and ds/dp at pressures (n,) after peaks (n,); above the peaks as on loading."""
         if not self.peaks.size:
-            return self.loaded(p)
+            return self.on_loading(p)
         safe = np.maximum(peak, 1e-9 * self.peaks[0])
         at = np.interp(np.log(safe), np.log(self.peaks), np.arange(self.peaks.size))
         lower = np.minimum(at.astype(int), self.peaks.size - 2)
@@ -162,10 +164,10 @@ class RoughLayer:
         before, after = (self.recovered[self.face, lower + n, ends] for n in (0, 1))
         from_end, to_end = before + (at - lower) * (after - before)
         slope = (to_end - from_end) / np.diff(_RELEASED)[part] / safe
-        start, _ = self.loaded(peak)
+        start, _ = self.on_loading(peak)
         gap = start + from_end + slope * (p - _RELEASED[part] * safe)
         above = p >= peak
-        loaded_gap, loaded_slope = self.loaded(p)
+        loaded_gap, loaded_slope = self.on_loading(p)
         return np.where(above, loaded_gap, gap), np.where(above, loaded_slope, slope)
 
 
@@ -189,7 +191,7 @@ def solve_layer_states(
     return programme, list(alone.contact_states(take, steps=programme, mapper=mapper))
 
 
-def seal_contact(
+def solve_seal_contact(
     scene: Scene,
     tiles: SealTiles,
     forms: Sequence[SealForm],
@@ -227,13 +229,13 @@ def seal_contact(
     # a mesh has no rows: all of it counts as one
     rows = np.arange(len(depth))[:, None] if grid.has_rows else np.zeros((1, 1), int)
     row = np.broadcast_to(rows, depth.shape)[inside]
-    cells = Cells(body, inside, depth[inside], most, row)
+    cells = ContactPoints(body, inside, depth[inside], most, row)
     fields = np.zeros((3, len(scene.steps), *depth.shape))
     fields[..., inside] = solve_steps(cells, scene.steps, layer)
     return SealContact(grid, depth, scene.steps.pressures, *fields)
 
 
-def solve_steps(cells: Cells, steps: LoadProgramme, layer: RoughLayer) -> Array:
+def solve_steps(cells: ContactPoints, steps: LoadProgramme, layer: RoughLayer) -> Array:
     """Solve points with their layer at all steps.
 
     Returns pressures [Pa], separations and openings [m], an array (3, steps, n).
@@ -244,14 +246,14 @@ def solve_steps(cells: Cells, steps: LoadProgramme, layer: RoughLayer) -> Array:
     loads = {step.pressure for step in steps if step.unloaded_from is None}
     loads |= {step.unloaded_from for step in steps if step.unloaded_from is not None}
     for load in sorted(loads):
-        solutions[load, None] = cells.solved(layer.loaded, load, pressure, unsunk)
+        solutions[load, None] = cells.solve(layer.on_loading, load, pressure, unsunk)
         pressure = solutions[load, None][0]
     for step in steps:
         if step.unloaded_from is not None:
             at_peak, _, _, sunk = solutions[step.unloaded_from, None]
             start = at_peak * (step.pressure / step.unloaded_from)
-            law = partial(layer.unloaded, peak=at_peak)
-            solution = cells.solved(law, step.pressure, start, sunk)
+            law = partial(layer.on_unloading, peak=at_peak)
+            solution = cells.solve(law, step.pressure, start, sunk)
             solutions[step.pressure, step.unloaded_from] = solution
     of_steps = [solutions[step.pressure, step.unloaded_from][:3] for step in steps]
     return np.array(of_steps).swapaxes(0, 1)
@@ -302,7 +304,7 @@ def sample_form(
     return grid, np.nanmax(heights) - heights
 
 
-class Cells:
+class ContactPoints:
     """Points that may touch, on a body that yields at a given pressure.
 
     Parameters
@@ -342,7 +344,7 @@ class Cells:
         self._product.apply()
         return self._product.displacement[self._inside]
 
-    def solved(
+    def solve(
         self, layer: Callable[[Array], tuple[Array, Array]], load: float, start: Array, sunk: Array
     ) -> tuple[Array, Array, Array, Array]:
         """Solve the points under a mean pressure.

@@ -83,7 +83,7 @@ class MedianSeal(Shown):
     )
 
 
-def nearest_to_median(leakage: Array) -> int | None:
+def find_median_realisation(leakage: Array) -> int | None:
     """Return the realisation whose ln(leakage) is nearest to the median of all; None where none leaks.
 
     Steps at which all realisations failed do not count.
@@ -110,7 +110,7 @@ class StochasticResult(Shown):
     Parameters
     ----------
     leakage : of each realisation, array (realisations, steps), m²/s.
-    kind : of the realisations, by what one patch does not show of them, see `drawn_error`.
+    kind : of the realisations, by what one patch does not show of them, see `patch_interval`.
     patch_state : contact states of the patch, from which the width of the interval follows; None of results made by
         hand.
     contact_fraction : of the surface, array (steps,).
@@ -204,7 +204,7 @@ class StochasticResult(Shown):
         """Standard deviation of ln(leakage) between realisations, at every step; NaN where fewer than 2 leak."""
         return at_every_step(self.leakage, _log_deviation)
 
-    def too_few(self, *quantiles: float) -> bool:
+    def has_too_few_for(self, *quantiles: float) -> bool:
         """Return whether there are fewer realisations than the quantiles need, which is one in each tail."""
         tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
         return len(self.leakage) < max((1 / tail for tail in tails), default=1) - 1e-9

@@ -19,10 +19,10 @@ from ..loads import LoadProgramme
 from ..scene import Scene
 from ..seal.tiles import SealTiles
 from .blocks import BlocksResult, blocks_of, by_blocks
-from .drawn_study import cut_and_tiles, stochastic
 from .face_study import FaceResult, deterministic, state_memory, states_memory, two_scale
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
 from .stochastic_result import StochasticResult
+from .stochastic_study import cut_and_tiles, stochastic
 
 #: Seconds of one core for each pixel: of the contact of a load step, and of the flow through its gap. Fitted to the
 #: runs of docs/evidence/forecast.md.
@@ -50,12 +50,12 @@ class StudyOptions:
     """Options of all studies; each takes those that it needs.
 
     cells : number of cells of the face along x1 and x2. sampling : see `stochastic`.
-    knows_face : another study leaves contact and flow of the face at the loads of the scene.
+    surface_is_solved : another study leaves contact and flow of the face at the loads of the scene.
     """
 
     cells: Shape | None = None
     sampling: Sampling | None = None
-    knows_face: bool = False
+    surface_is_solved: bool = False
 
     @property
     def blocks(self) -> Shape:
@@ -81,7 +81,7 @@ def two_scale_cost(scene: Scene, options: StudyOptions) -> Pair:
     """Return time and memory of the two-scale study; another one may leave contact and flow of the surface to it."""
     seconds, memory = deterministic_cost(scene, options)
     both_axes = 2 * len(scene.steps) * scene.surface.heights.size * _FLOW_SECONDS
-    return (0.0 if options.knows_face else seconds) + both_axes, memory
+    return (0.0 if options.surface_is_solved else seconds) + both_axes, memory
 
 
 def blocks_cost(scene: Scene, options: StudyOptions) -> Pair:
@@ -101,7 +101,7 @@ def stochastic_cost(scene: Scene, options: StudyOptions) -> Pair:
     elements = len(tiles.tile)
     pressures = count_pressures(scene)
     acts = scene.acting_fluid is not None
-    is_solved = options.knows_face and scene.flow.spiral is None
+    is_solved = options.surface_is_solved and scene.flow.spiral is None
     at_tabulated = uses_tabulated_pressures(scene, options.sampling) and not tiles.in_order
     of_state = 2 * pressures * pixels * _FLOW_SECONDS
     if not (is_solved and tiles.in_order):
@@ -155,7 +155,7 @@ class Study:
     """A study that a case can choose.
 
     name : in case files, messages and timings. label : of its leakage in legends and tables.
-    takes : names of the `StudyOptions` that `solve` takes.
+    option_names : names of the `StudyOptions` that `solve` takes.
     solve : solve(scene, *options, mapper=mapper) gives its result.
     cost : cost(scene, options) gives the expected time on one core [s] and memory [byte].
     leakage : leakage(result) at every step (steps,) [m²/s], the one that answers.
@@ -163,7 +163,7 @@ class Study:
 
     name: str
     label: str
-    takes: tuple[str, ...]
+    option_names: tuple[str, ...]
     solve: Callable[..., Any]
     cost: Callable[[Scene, StudyOptions], Pair]
     leakage: Callable[[Any], Array] = attrgetter("leakage")

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 from common import table
-from femseal.studies.drawn_error import IntervalWidths, calibration_rows, state_of_rows
+from femseal.studies.patch_interval import IntervalWidths, calibration_rows, state_of_rows
 
 #: Decades of the truth below that of the first load, half by half.
 HALF_DECADES = ((-9.0, 0.5), (0.5, 1.0), (1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 9.0))
@@ -61,14 +61,14 @@ def with_kind_left_out(kind, rows, *, of_two=False):
     for surface in sorted({row["surface"] for row in rows}):
         others = [row for row in rows if row["surface"] != surface]
         own = [row for row in rows if row["surface"] == surface]
-        found.append(Judged(own, IntervalWidths.of(kind, others, of_two=of_two)))
+        found.append(Judged(own, IntervalWidths.calibrate(kind, others, two_patches=of_two)))
     return Judged.joined(found)
 
 
 def by_surface(kind, unseen):
     """Table of what is contained by kind of surface: in the calibration set, left out of it, unseen."""
     rows = calibration_rows(kind)
-    widths = IntervalWidths.of(kind, rows)
+    widths = IntervalWidths.calibrate(kind, rows)
     single = of_patches(rows, True)
     inside, left_out = Judged(single, widths), with_kind_left_out(kind, single)
     judged = [inside, left_out]
@@ -91,7 +91,7 @@ def by_surface(kind, unseen):
 def by_half_decade(kind, rows):
     """Table of what is contained by half decade, and of half-widths as factors, of one patch and of two."""
     widths = {
-        of_two: IntervalWidths.of(kind, calibration_rows(kind), of_two=of_two)
+        of_two: IntervalWidths.calibrate(kind, calibration_rows(kind), two_patches=of_two)
         for of_two in (False, True)
     }
     lines = []

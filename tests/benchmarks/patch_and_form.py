@@ -3,7 +3,7 @@
     python patch_and_form.py solve ROWS.csv FIRST LAST      # faces of seeds from FIRST to LAST − 1
     python patch_and_form.py solve ROWS.csv MAP …           # measured faces
     python patch_and_form.py solve ROWS.csv … blocks        # by blocks alone
-    python patch_and_form.py calibrate ROWS.csv …           # femseal/studies/drawn_seals.csv
+    python patch_and_form.py calibrate ROWS.csv …           # femseal/studies/interval_calibration.csv
     python patch_and_form.py report ROWS.csv …              # patch_and_form.md, of other seeds
 
 A whole face is cut: a quarter of its area is the patch, less a plane. The form of the whole is
@@ -21,12 +21,12 @@ import numpy as np
 
 import femseal as fs
 from common import BAND_HEAD, band_cells, table
-from drawn_seals import commands, state_rows
 from femseal.budget import error_budget, longer_waves_part, patch_form_part
 from femseal.budget.longer_waves import longer_waves
 from femseal.checks import solve_form_effect
 from femseal.seal import MeasuredForm
 from femseal.topography import representative
+from stochastic_seals import commands, state_rows
 
 MODULUS, PIXEL, POINTS = 115e9, 1e-6, 192
 KINDS = ("roll-off within", "roll-off beyond", "turned, wavy", "bumps", "lobes")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femseal.studies.drawn_error import (
+from femseal.studies.patch_interval import (
     COVERAGE,
     DIFFICULTY,
     calibration_rows,

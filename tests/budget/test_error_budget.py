@@ -22,7 +22,7 @@ from femseal.budget.versions import coarser_points
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
 from femseal.runs.forecast import describe, forecast
-from femseal.studies.drawn_error import interval_widths
+from femseal.studies.patch_interval import interval_widths
 from femseal.studies.study_registry import open_leakage_of
 from femseal.topography import Patches
 

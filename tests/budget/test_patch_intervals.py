@@ -9,20 +9,20 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.budget.estimates import calibrated_part
-from femseal.studies.drawn_error import (
+from femseal.studies.patch_interval import (
     DIFFICULTY,
     KINDS,
     LEAST_KNOWN,
     LEAST_TRUTH,
     IntervalWidths,
     calibration_rows,
-    errors,
+    distances_to_truth,
     interval_widths,
     state_of_rows,
     weighted_quantile,
 )
-from femseal.studies.drawn_study import _needed
 from femseal.studies.patch_state import PatchState
+from femseal.studies.stochastic_study import _needed
 from femseal.topography import Patches
 
 
@@ -70,7 +70,7 @@ def test_an_interval_is_as_wide_whatever_the_size_of_the_leakage(kind):
 def test_no_upper_end_is_far_above_an_open_seal():
     hardest = state(1.0, 0.8, 1.0)
     for kind in KINDS:
-        widths, most = interval_widths(kind), DIFFICULTY[kind].most
+        widths, most = interval_widths(kind), DIFFICULTY[kind].largest_ratio
         assert widths.ends(np.array([0.1]), hardest)[1] == most
         assert widths.ends(np.array([most]), hardest)[1] == 2 * most
 
@@ -167,11 +167,11 @@ def test_each_end_leaves_out_as_much_of_its_calibration_as_it_may(kind):
     leakage, truth = (np.array([float(row[n]) for row in rows]) for n in ("leakage", "truth"))
     scene = np.array([row["scene"] for row in rows])
     # an end that the open seal limits is of another kind
-    limit = 0.99 * DIFFICULTY[kind].most
+    limit = 0.99 * DIFFICULTY[kind].largest_ratio
     kept = truth < limit
     rows = [row for row, keep in zip(rows, kept, strict=True) if keep]
     leakage, truth, scene = leakage[kept], truth[kept], scene[kept]
-    widths, end = IntervalWidths.of(kind, rows), (1 + DIFFICULTY[kind].fraction) / 2
+    widths, end = IntervalWidths.calibrate(kind, rows), (1 + DIFFICULTY[kind].fraction) / 2
     names = list(scene)
     weight = np.array([1 / names.count(name) for name in names]) / (widths.scenes + 1)
     beyond = 1 / (widths.scenes + 1)
@@ -199,7 +199,7 @@ def test_a_quantile_weighs_scenes_and_not_steps():
 def test_a_truth_below_the_least_is_no_further_than_that():
     leakage = np.array([1.0, 1.0, 0.1 * LEAST_TRUTH, 1e-6 * LEAST_KNOWN])
     truth = np.array([0.0, 0.5, 0.0, LEAST_KNOWN])
-    below, above = errors(leakage, truth)
+    below, above = distances_to_truth(leakage, truth)
     assert_allclose(below[:3], [-np.log(LEAST_TRUTH), np.log(2), 0.0])
     assert_allclose(above[[1, 3]], [-np.log(2), 0.0])
     assert np.isneginf(above[[0, 2]]).all()

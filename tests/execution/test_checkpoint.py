@@ -85,7 +85,7 @@ def test_a_resumed_run_gives_the_same_bits_and_leaves_no_checkpoint(
     for stage, item in (
         ("two-scale: contact of the whole face", 1),
         ("two-scale: cells of the face", 2),
-        ("stochastic: drawn seals", 11),
+        ("stochastic: realisations", 11),
     ):
         with pytest.raises(KeyboardInterrupt):
             fs.run(case, out, **RESUMED, progress=stop_at(stage, item))
@@ -105,7 +105,7 @@ def test_a_resumed_run_gives_the_same_bits_and_leaves_no_checkpoint(
     assert_same(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()
     assert "stopped (KeyboardInterrupt)" in (out / "run.log").read_text()
-    assert ("stochastic: drawn seals", 24, 24) in stages
+    assert ("stochastic: realisations", 24, 24) in stages
 
 
 #: What a run does besides its studies, as top-level keys: an accuracy, the budget.
@@ -277,7 +277,7 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     case.write_text(text)
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        fs.run(case, out, workers=1, progress=stop_at("stochastic: drawn seals", 1))
+        fs.run(case, out, workers=1, progress=stop_at("stochastic: realisations", 1))
 
     def refusal():
         before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
@@ -327,7 +327,7 @@ def test_a_run_resumes_between_batches_of_realisations(case, tmp_path):
     batches = []
 
     def stop(stage, number, total):
-        if stage == "stochastic: drawn seals" and number == 0:
+        if stage == "stochastic: realisations" and number == 0:
             batches.append(total)
             if len(batches) == 2:
                 raise KeyboardInterrupt

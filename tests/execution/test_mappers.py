@@ -285,7 +285,7 @@ def test_killed_workers_do_not_change_the_results(case):
 
         def progress(stage, done, total):
             for place, count in ((200, 1), (1000, 2)):
-                if stage == "stochastic: drawn seals" and done == place:
+                if stage == "stochastic: realisations" and done == place:
                     for worker in workers[:count]:
                         worker.send_signal(signal.SIGKILL)
                         worker.wait()

@@ -13,7 +13,7 @@ from femseal.face.cells import (
     MOST_FACTOR,
     CellState,
     Cut,
-    factors,
+    correction_factors,
     usual_cells,
 )
 from femseal.flow import cell_permeability
@@ -60,14 +60,14 @@ def test_cells_fill_the_face_once_and_are_alike(shape, cells):
 def test_patches_are_cut_each_by_itself_and_drawn_by_their_width():
     patches = Patches([face(32, 32), face(32, 64, rng=2)])
     cut = Cut.of(patches, (2, 6))
-    assert cut.place == (0, 0, 1, 1, 1, 1)
+    assert cut.patch_of_column == (0, 0, 1, 1, 1, 1)
     assert cut.columns == (0, 16, 32, 48, 64, 80, 96)
     # all of a cell, and what it takes from beside, is of its own place
     number = np.broadcast_to(np.repeat([0, 1], [32, 64]), (32, 96))
-    for cell, of in zip(cut.widened(number, 0), cut.place * 2, strict=True):
+    for cell, of in zip(cut.split_with_overlaps(number, 0), cut.patch_of_column * 2, strict=True):
         assert (cell.field == of).all()
     assert usual_cells(patches) == (4, 12)
-    assert Cut.of(patches, (2, 4)).place == (0, 1, 1, 1)  # 1.33 and 2.67
+    assert Cut.of(patches, (2, 4)).patch_of_column == (0, 1, 1, 1)  # 1.33 and 2.67
     with pytest.raises(InputError, match="one for each patch"):
         Cut.of(patches, (2, 1))
 
@@ -124,7 +124,7 @@ def test_a_cell_overlaps_with_its_neighbours_as_the_surface_continues(boundary):
     expected = np.array([*beyond, *number[:18]])
     for axis in (0, 1):
         field = np.broadcast_to(number[:, None] if axis == 1 else number, (32, 32))
-        cell = cut.widened(field, axis, (boundary, boundary))[0]
+        cell = cut.split_with_overlaps(field, axis, (boundary, boundary))[0]
         across = cell.field[:, 0] if axis == 1 else cell.field[0]
         assert_array_equal(across, expected)
         assert cell.core == (len(beyond), len(beyond) + 16)
@@ -194,9 +194,9 @@ def test_the_branches_of_a_programme():
 def test_the_factor_makes_cells_leak_what_the_face_leaks():
     face_q = np.array([8.0, 6.0, 4.0, 2.0, 7.0, 3.0, 5.0])
     own = np.array([7.0, 6.5, 3.0, 1.0, 6.0, 3.5, 4.0])
-    assert_allclose(factors(face_q, own, STEPS) * own, face_q)
+    assert_allclose(correction_factors(face_q, own, STEPS) * own, face_q)
     assert_allclose(
-        factors(-face_q, -own, STEPS) * own, face_q
+        correction_factors(-face_q, -own, STEPS) * own, face_q
     )  # leakage from the outlet to the inlet
 
 
@@ -208,16 +208,18 @@ def test_near_closing_the_factor_is_that_of_the_nearest_state_of_its_branch(blin
     own[[0, 1]] = 1.6, 1.25
     for s in (2, 3, 6):
         face_q[s], own[s] = blind
-    assert_allclose(factors(face_q, own, STEPS), [1.25, 1.6, 1.6, 1.6, 2, 2, 2])
+    assert_allclose(correction_factors(face_q, own, STEPS), [1.25, 1.6, 1.6, 1.6, 2, 2, 2])
     face_q[5], own[5] = blind  # none of this branch is known
-    assert_allclose(factors(face_q, own, STEPS)[[5, 6]], 1.0)
+    assert_allclose(correction_factors(face_q, own, STEPS)[[5, 6]], 1.0)
 
 
 def test_the_factor_is_bounded():
     face_q = np.array([1e3, 1.0, 1e-9, 2.0, 1.0, 1.0, 1.0])
-    found = factors(face_q, np.ones(7), STEPS)
+    found = correction_factors(face_q, np.ones(7), STEPS)
     assert_allclose(found, [MOST_FACTOR, 1, 1 / MOST_FACTOR, 2, 1, 1, 1])
-    assert_allclose(factors(face_q, np.ones(7), STEPS, most=10.0)[[0, 2, 3]], [10, 0.1, 2])
+    assert_allclose(
+        correction_factors(face_q, np.ones(7), STEPS, most=10.0)[[0, 2, 3]], [10, 0.1, 2]
+    )
 
 
 def test_centres_are_the_middles_of_the_cells():

@@ -45,17 +45,17 @@ def test_states_of_the_ladder_are_exact(closed, peaks):
     k = values(steps, closed, reopens=0.3)
     assert (k == 0).any() == np.isfinite(closed)
     assert_allclose(
-        CellCurves(steps, k).along(steps.pressures[:, None], steps)[:, 0], k, rtol=1e-10
+        CellCurves(steps, k).k_on_paths(steps.pressures[:, None], steps)[:, 0], k, rtol=1e-10
     )
 
 
 def test_a_straight_line_in_the_cube_root_is_exact_between_states():
     steps = ladder(())
     p = np.linspace(LOADING[0], LOADING[-1], 101)
-    assert_allclose(CellCurves(steps, values(steps)).loaded(p), np.exp(law(p)), rtol=1e-10)
+    assert_allclose(CellCurves(steps, values(steps)).k_on_loading(p), np.exp(law(p)), rtol=1e-10)
     # beyond the ends it is constant
     assert_allclose(
-        CellCurves(steps, values(steps)).loaded(np.array([0.0, 2e9])),
+        CellCurves(steps, values(steps)).k_on_loading(np.array([0.0, 2e9])),
         np.exp(law(LOADING[[0, -1]])),
     )
 
@@ -70,7 +70,7 @@ def test_the_error_between_states_falls_with_the_third_order_or_better():
     errors = []
     for n in (5, 9, 17):
         steps = ladder((), np.linspace(0.2, 1.0, n) ** 3 * 8e8)
-        found = CellCurves(steps, bent(steps.pressures)).loaded(p)
+        found = CellCurves(steps, bent(steps.pressures)).k_on_loading(p)
         errors.append(np.abs(np.log(found / bent(p))).max())
     assert errors[1] < errors[0] / 4
     assert errors[2] < errors[1] / 4
@@ -82,15 +82,15 @@ def test_curves_are_monotone_and_unloading_lies_below_loading(closed):
     steps = ladder()
     curves = CellCurves(steps, values(steps, closed, reopens=0.3))
     p = np.linspace(1e6, 8e8, 400)
-    loaded = curves.loaded(p)
+    loaded = curves.k_on_loading(p)
     assert (np.diff(loaded) <= 0).all()
     for peak in np.linspace(2e7, 8e8, 23):
         below = p[p < peak]
-        found = curves.unloaded(below, np.full(below.shape, peak))
+        found = curves.k_on_unloading(below, np.full(below.shape, peak))
         assert (np.diff(found) <= 1e-12 * found[:-1]).all()
-        assert (found <= curves.loaded(below) * (1 + 1e-12)).all()
+        assert (found <= curves.k_on_loading(below) * (1 + 1e-12)).all()
         if peak < closed:
-            floor = curves.loaded(np.array([peak]))
+            floor = curves.k_on_loading(np.array([peak]))
             assert (found >= floor * (1 - 1e-12)).all()
 
 
@@ -98,8 +98,8 @@ def test_unloading_starts_on_the_loading_curve():
     steps = ladder()
     curves = CellCurves(steps, values(steps))
     for peak in np.linspace(5e7, 8e8, 37):
-        near = curves.unloaded(np.array([peak * (1 - 1e-9)]), np.array([peak]))
-        assert_allclose(near, curves.loaded(np.array([peak])), rtol=1e-6)
+        near = curves.k_on_unloading(np.array([peak * (1 - 1e-9)]), np.array([peak]))
+        assert_allclose(near, curves.k_on_loading(np.array([peak])), rtol=1e-6)
 
 
 def test_unloading_between_peaks_is_that_of_the_law():
@@ -108,7 +108,7 @@ def test_unloading_between_peaks_is_that_of_the_law():
     curves = CellCurves(steps, values(steps))
     for peak in (9e7, 2.5e8, 6e8):
         p = peak * np.array([0.1, 0.3, 0.6, 0.9])
-        assert_allclose(curves.unloaded(p, np.full(4, peak)), np.exp(law(p, peak)), rtol=0.06)
+        assert_allclose(curves.k_on_unloading(p, np.full(4, peak)), np.exp(law(p, peak)), rtol=0.06)
 
 
 def test_a_closed_cell_stays_closed_until_it_reopens():
@@ -117,18 +117,18 @@ def test_a_closed_cell_stays_closed_until_it_reopens():
     curves = CellCurves(steps, k)
     loading = LOADING[LOADING < 3e8]
     end = np.cbrt(loading[-1]) / 2 + np.cbrt(LOADING[len(loading)]) / 2
-    assert curves.loaded(np.array([(0.999 * end) ** 3]))[0] > 0
-    assert curves.loaded(np.array([(1.001 * end) ** 3]))[0] == 0
+    assert curves.k_on_loading(np.array([(0.999 * end) ** 3]))[0] > 0
+    assert curves.k_on_loading(np.array([(1.001 * end) ** 3]))[0] == 0
     peak = np.full(60, 8e8)
     p = np.linspace(0.01, 0.99, 60) * 8e8
-    found = curves.unloaded(p, peak)
+    found = curves.k_on_unloading(p, peak)
     reopened = p / peak < 0.35  # halfway between the open and the closed state, .2 and .5
     assert_array_equal(found > 0, reopened)
     # between the peak that just closes it and the next of the ladder, it reopens at every fraction in between
     opens = []
     for peak in np.linspace(end**3 * 1.0001, 8e8, 7):
         p = np.linspace(0.01, 0.9999, 400) * peak
-        opens.append((p / peak)[curves.unloaded(p, np.full(400, peak)) > 0].max())
+        opens.append((p / peak)[curves.k_on_unloading(p, np.full(400, peak)) > 0].max())
     assert opens[0] > 0.99
     assert (np.diff(opens) < 0).all()
     assert opens[-1] == pytest.approx(0.35, abs=0.01)
@@ -137,11 +137,11 @@ def test_a_closed_cell_stays_closed_until_it_reopens():
 def test_a_cell_that_never_opens_or_never_unloads():
     steps = ladder()
     curves = CellCurves(steps, np.zeros(len(steps)))
-    assert not curves.along(steps.pressures[:, None], steps).any()
-    assert not curves.unloaded(np.array([1e6, 3e8]), np.array([1e8, 8e8])).any()
+    assert not curves.k_on_paths(steps.pressures[:, None], steps).any()
+    assert not curves.k_on_unloading(np.array([1e6, 3e8]), np.array([1e8, 8e8])).any()
     steps, p = ladder(()), np.array([1e8, 5e8])
     curves = CellCurves(steps, values(steps))
-    assert_array_equal(curves.unloaded(p, np.full(2, 8e8)), curves.loaded(p))
+    assert_array_equal(curves.k_on_unloading(p, np.full(2, 8e8)), curves.k_on_loading(p))
 
 
 def test_the_peak_of_a_cell_is_that_of_its_own_path():
@@ -152,9 +152,9 @@ def test_the_peak_of_a_cell_is_that_of_its_own_path():
     assert_allclose(found.T / 1e8, [[3, 3, 3, 3, 3, 4], [1, 2, 4, 2, 4, 4]])
     steps = ladder()
     curves = CellCurves(steps, values(steps))
-    k = curves.along(falling[:, None], seal)[:, 0]
-    assert_allclose(k[[0, 5]], curves.loaded(falling[[0, 5]]))
-    assert_allclose(k[1:5], curves.unloaded(falling[1:5], np.full(4, 3e8)))
+    k = curves.k_on_paths(falling[:, None], seal)[:, 0]
+    assert_allclose(k[[0, 5]], curves.k_on_loading(falling[[0, 5]]))
+    assert_allclose(k[1:5], curves.k_on_unloading(falling[1:5], np.full(4, 3e8)))
 
 
 def test_a_step_whose_flow_failed_is_left_out():
@@ -166,13 +166,17 @@ def test_a_step_whose_flow_failed_is_left_out():
         holed[lost] = np.nan
         curves = CellCurves(steps, holed)
         p = np.linspace(3e7, 7.9e8, 50)
-        assert_allclose(curves.loaded(p), whole.loaded(p), rtol=0.01 if lost not in (0, 8) else 4)
-        assert np.isfinite(curves.unloaded(0.5 * p, p)).all()
-        assert (curves.loaded(p) > 0).all()
+        assert_allclose(
+            curves.k_on_loading(p), whole.k_on_loading(p), rtol=0.01 if lost not in (0, 8) else 4
+        )
+        assert np.isfinite(curves.k_on_unloading(0.5 * p, p)).all()
+        assert (curves.k_on_loading(p) > 0).all()
     on_loading, down = steps.on_loading, ~steps.on_loading
     lost = CellCurves(steps, np.where(on_loading, np.nan, k))
-    assert np.isnan(lost.along(steps.pressures[:, None], steps)).all()
-    lost = CellCurves(steps, np.where(down, np.nan, k)).along(steps.pressures[:, None], steps)[:, 0]
+    assert np.isnan(lost.k_on_paths(steps.pressures[:, None], steps)).all()
+    lost = CellCurves(steps, np.where(down, np.nan, k)).k_on_paths(steps.pressures[:, None], steps)[
+        :, 0
+    ]
     assert_allclose(lost[on_loading], k[on_loading])
     assert np.isnan(lost[down]).all()
 

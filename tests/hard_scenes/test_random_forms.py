@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.seal import AnnularLayout, MeasuredForm, RectangularLayout, WavyForm
 from femseal.studies import Sampling, cut_and_cover
-from femseal.studies.seal_contact import seal_contact
+from femseal.studies.seal_contact import solve_seal_contact
 
 D = 1e-6
 #: Seeds with slopes that a half-space does not allow, or points that do not cover the seal.
@@ -76,4 +76,4 @@ def test_any_form_carries_any_load(seed):
 def contact_of(scene, sampling, form):
     """The contact of the seal."""
     _, tiles = cut_and_cover(scene.surface, scene.layout, None, sampling)
-    return seal_contact(scene, tiles, (form,))
+    return solve_seal_contact(scene, tiles, (form,))

@@ -228,7 +228,7 @@ def test_progress_knows_how_much_there_is_to_do(case):
     assert {
         "stochastic",
         "stochastic: contact of the whole face",
-        "stochastic: drawn seals",
+        "stochastic: realisations",
     } <= set(last)
     assert all(done == total for done, total in last.values())
 

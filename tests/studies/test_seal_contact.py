@@ -19,7 +19,12 @@ from femseal.face.cells import Cut
 from femseal.preparation import prepare
 from femseal.seal import AnnularLayout, MeasuredForm, MeshLayout, WavyForm
 from femseal.studies import cut_and_cover
-from femseal.studies.seal_contact import Cells, RoughLayer, remove_waves_of_forms, seal_contact
+from femseal.studies.seal_contact import (
+    ContactPoints,
+    RoughLayer,
+    remove_waves_of_forms,
+    solve_seal_contact,
+)
 from femseal.topography import CrownedSeat
 
 E, D = 115e9, 1e-6
@@ -41,7 +46,7 @@ def scene(loading, surface=None, hardness=np.inf, **more):
 def contact_of(one, form, breadth=None, length=None):
     sampling = fs.Sampling(length, seed=1, breadth=breadth, form=form)
     _, tiles = cut_and_cover(one.surface, one.layout, None, sampling)
-    return seal_contact(one, tiles, sampling.form)
+    return solve_seal_contact(one, tiles, sampling.form)
 
 
 # closed forms
@@ -65,7 +70,7 @@ def test_a_layer_of_springs_on_rigid_bodies_is_winkler_s():
     """s = s₀ − c p: cells within the approach δ have p = (δ − h)/c, others stand h − δ apart."""
     depth = np.random.default_rng(3).uniform(0, 3e-6, 16 * 24)
     body = HalfSpace((16, 24), (D, D), 1e25, ("free", "periodic"))
-    cells = Cells(body, np.ones((16, 24), bool), depth, np.inf)
+    cells = ContactPoints(body, np.ones((16, 24), bool), depth, np.inf)
     stiffness, free, none = 1e-14, 2e-6, np.zeros(depth.size)
 
     def layer(p):
@@ -74,7 +79,7 @@ def test_a_layer_of_springs_on_rigid_bodies_is_winkler_s():
     for approach in (0.5e-6, 1.5e-6, 4e-6):
         exact = np.maximum(approach - depth, 0.0) / stiffness
         apart = np.maximum(depth - approach, 0.0)
-        p, separation, opening, _ = cells.solved(layer, exact.mean(), none, none)
+        p, separation, opening, _ = cells.solve(layer, exact.mean(), none, none)
         assert_allclose(p, exact, atol=1e-4 * exact.max())
         assert_allclose(opening, apart, atol=1e-9)
         assert_allclose(separation, free - stiffness * exact + apart, atol=1e-9)
@@ -90,13 +95,13 @@ def test_cells_of_one_depth_are_a_flat_punch_where_all_of_the_pressure_deforms_t
     def stiff(p):
         return np.zeros(p.size), np.full(p.size, -1e-20)
 
-    punch = Cells(body, inside, none, np.inf)
-    even = Cells(body, inside, none, np.inf, row=np.arange(count))
+    punch = ContactPoints(body, inside, none, np.inf)
+    even = ContactPoints(body, inside, none, np.inf, row=np.arange(count))
     x = (np.arange(count) + 0.5) / count * 2 - 1
     middle = np.abs(x) < 0.9
     exact = 1e6 * 2 / (np.pi * np.sqrt(1 - x**2))
-    assert_allclose(punch.solved(stiff, 1e6, none, none)[0][middle], exact[middle], rtol=0.01)
-    assert_allclose(even.solved(stiff, 1e6, none, none)[0], 1e6, rtol=1e-12)
+    assert_allclose(punch.solve(stiff, 1e6, none, none)[0][middle], exact[middle], rtol=0.01)
+    assert_allclose(even.solve(stiff, 1e6, none, none)[0], 1e6, rtol=1e-12)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7])
@@ -120,11 +125,11 @@ def test_a_form_of_no_height_changes_nothing(breadth):
     flat = fs.stochastic(one, (2, 2), fs.Sampling(**given)).leakage
     for height in (1e-13, 1e-11):
         form = (WavyForm(height, lobes=2),)
-        assert (contact_of(one, form, breadth, 0.4e-3).fractions == 1).all()
+        assert (contact_of(one, form, breadth, 0.4e-3).pressure_fractions == 1).all()
         assert_allclose(fs.stochastic(one, (2, 2), fs.Sampling(**given, form=form)).leakage, flat)
     # it changes by no more than the interpolation between tabulated pressures, and then in proportion to the height
     small, more = (
-        contact_of(one, (WavyForm(height, lobes=2),), breadth, 0.4e-3).fractions - 1
+        contact_of(one, (WavyForm(height, lobes=2),), breadth, 0.4e-3).pressure_fractions - 1
         for height in (4e-10, 8e-10)
     )
     assert 0 < np.abs(small).max() < 0.02
@@ -152,11 +157,11 @@ def test_the_layer_unloads_as_the_face_does(fraction):
     layer = RoughLayer.of(one, map)
     even = replace(one, boundary=("periodic", "periodic"))
     first, peak, down = even.contact_states(attrgetter("contact.mean_gap"), mapper=map)
-    loaded = layer.loaded(np.array([5e7, 2e8]))[0]
+    loaded = layer.on_loading(np.array([5e7, 2e8]))[0]
     assert_allclose(loaded, [first, peak], rtol=0.02)
-    back = layer.unloaded(np.array([fraction * 2e8]), np.array([2e8]))[0][0]
+    back = layer.on_unloading(np.array([fraction * 2e8]), np.array([2e8]))[0][0]
     assert_allclose(back, down, rtol=0.02)
-    assert peak < back < layer.loaded(np.array([fraction * 2e8]))[0][0]
+    assert peak < back < layer.on_loading(np.array([fraction * 2e8]))[0][0]
 
 
 def test_a_crown_that_has_yielded_all_over_its_band_is_flatter():
@@ -172,7 +177,7 @@ def test_a_crown_that_has_yielded_all_over_its_band_is_flatter():
 
 
 def test_a_mesh_of_a_rectangle_presses_as_a_free_strip(tmp_path):
-    """Cells inside of the mesh alone, the same load, symmetric as the form."""
+    """ContactPoints inside of the mesh alone, the same load, symmetric as the form."""
     plate = MeshQuad.init_tensor(np.linspace(0, 0.4, 9), np.linspace(0, 1.2, 25))
     low, high = (plate.facets_satisfying(lambda x, at=at: x[0] == at, True) for at in (0, 0.4))
     path = tmp_path / "plate.msh"
@@ -186,8 +191,8 @@ def test_a_mesh_of_a_rectangle_presses_as_a_free_strip(tmp_path):
     pressure = contact.pressure[0]
     assert_allclose(pressure.mean(), 2e7, rtol=1e-4)
     assert_allclose(pressure, pressure[:, ::-1], rtol=0.02, atol=2e5)
-    assert contact.fractions.shape == (1, plate.nelements)
-    assert contact.fractions[0].max() > 1.5
+    assert contact.pressure_fractions.shape == (1, plate.nelements)
+    assert contact.pressure_fractions[0].max() > 1.5
 
 
 # waves count once

@@ -144,7 +144,7 @@ def test_gap_and_pressure_of_the_cells_are_those_of_the_face(rough, rough_two_sc
     assert_allclose(cells.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
     gap, spacing = result.gap[0].astype(float), rough.surface.spacing
     for axis, k in ((0, result.k1), (1, result.k2)):
-        exact = core_permeability(cut.widened(gap, axis)[11], spacing, axis)
+        exact = core_permeability(cut.split_with_overlaps(gap, axis)[11], spacing, axis)
         assert_allclose(k[0, 1, 5], exact, rtol=1e-5)
 
 
@@ -158,7 +158,7 @@ def test_gas(rough, rough_two_scale):
     assert_allclose(result.cells.drop_fraction, fractions, atol=1e-9)
     scene = replace(scene, fluid=replace(gas, slip=True), inlet_pressure=3e5)
     slips, spacing = two_scale(scene, (4, 6)), rough.surface.spacing
-    cell = slips.cells.cut.widened(result.gap[0].astype(float), 0)[1]
+    cell = slips.cells.cut.split_with_overlaps(result.gap[0].astype(float), 0)[1]
     each = [
         core_permeability(cell, spacing, law=scene.fluid.law, pressure=p)
         for p in scene.flow.drop.pressures
@@ -226,9 +226,9 @@ def drawn_result(leakage):
 
 def test_quantiles_that_cannot_be_trusted():
     few, enough = (drawn_result(np.ones((n, 1))) for n in (10, 20))
-    assert few.too_few(0.001)
-    assert few.too_few(0.05, 0.95)
-    assert not enough.too_few(0.05)
+    assert few.has_too_few_for(0.001)
+    assert few.has_too_few_for(0.05, 0.95)
+    assert not enough.has_too_few_for(0.05)
     leakage = np.exp(0.3 * np.random.default_rng(4).standard_normal((4000, 1)))
     assert_allclose(drawn_result(leakage).realisation_spread, 0.3, rtol=0.05)
 

@@ -17,7 +17,7 @@ SAMPLING = Sampling(length=200e-6, realisations=3, seed=1)
 def test_a_registered_study_is_what_its_function_gives():
     face = self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.2, roll_off=24e-6, rng=3)
     scene, options = steel_scene(face, loading=(1e8, 3e8)), StudyOptions(CELLS, SAMPLING)
-    known = replace(options, knows_face=True)
+    known = replace(options, surface_is_solved=True)
     own = {
         "deterministic": fs.deterministic(scene),
         "two-scale": fs.two_scale(scene, CELLS),
@@ -26,7 +26,9 @@ def test_a_registered_study_is_what_its_function_gives():
     }
     assert list(STUDIES) == list(own)
     for name, study in STUDIES.items():
-        result = study.solve(scene, *(getattr(options, name) for name in study.takes), mapper=map)
+        result = study.solve(
+            scene, *(getattr(options, name) for name in study.option_names), mapper=map
+        )
         assert study_of_result(result) is study
         np.testing.assert_array_equal(study.leakage(result), study.leakage(own[name]))
         seconds, memory = study.cost(scene, options)

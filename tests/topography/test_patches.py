@@ -248,7 +248,7 @@ def test_realisations_scatter_like_the_surface_of_their_patches():
     """In their rows seals leak what the face leaks; by place they are in the ratio of the face of the places alone."""
     measured = patches(3)
     found = fs.stochastic(scene(measured), (2, 12), fs.Sampling(2e-3, 12, seed=1))
-    assert found.cells.cut.place == (0,) * 4 + (1,) * 4 + (2,) * 4
+    assert found.cells.cut.patch_of_column == (0,) * 4 + (1,) * 4 + (2,) * 4
     whole, median = fs.deterministic(scene(measured)), found.quantile(0.5)
     assert_allclose(median, whole.leakage, rtol=0.15)
     scale = median / whole.leakage

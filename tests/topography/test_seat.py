@@ -13,7 +13,7 @@ from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.studies import Sampling, cut_and_cover
 from femseal.studies.face_study import fields_of_rows
-from femseal.studies.seal_contact import seal_contact
+from femseal.studies.seal_contact import solve_seal_contact
 from femseal.topography import (
     BallOnCone,
     CrownedSeat,
@@ -280,9 +280,11 @@ def rows_of(face, seat, forces, hardness=np.inf, breadth=1.024e-3, **given):
     scene = steel_scene(face, hardness=hardness, loading=loading, **given)
     sampling = Sampling(1e-3, seed=1, breadth=breadth, form=seat)
     _, tiles = cut_and_cover(face, scene.layout, None, sampling)
-    contact = seal_contact(scene, tiles, (seat,))
+    contact = solve_seal_contact(scene, tiles, (seat,))
     return Rows(
-        contact.rows, fields_of_rows(contact.rows, contact.grid.spacing[0])["band_breadth"], breadth
+        contact.row_pressure,
+        fields_of_rows(contact.row_pressure, contact.grid.spacing[0])["band_breadth"],
+        breadth,
     )
 
 

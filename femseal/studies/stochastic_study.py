@@ -26,8 +26,8 @@ from .cell_states import (
     interpolate_along_paths,
     solve_cells_at_pressures,
 )
-from .drawn_error import interval_widths
 from .face_study import cut_into_cells, fields_of_rows
+from .patch_interval import interval_widths
 from .patch_state import PatchState, open_leakage_per_permeability
 from .sampling import (
     FEWEST_SEALS,
@@ -39,8 +39,8 @@ from .sampling import (
     distinct_paths,
     pressure_fractions,
 )
-from .seal_contact import SealContact, remove_waves_of_forms, seal_contact
-from .stochastic_result import MedianSeal, StochasticResult, at_every_step, nearest_to_median
+from .seal_contact import SealContact, remove_waves_of_forms, solve_seal_contact
+from .stochastic_result import MedianSeal, StochasticResult, at_every_step, find_median_realisation
 
 #: Wanted standard error of ln(median leakage), as a fraction of the half-width of the interval of a single patch.
 MEDIAN_ERROR_FRACTION = 1 / 20
@@ -94,14 +94,14 @@ def stochastic(
     cut, tiles = cut_and_tiles(scene, cells, sampling)
     map_warnings = check_map(scene, tiles, sampling.pressure_map)
     scene = remove_waves_of_forms(scene, cut, sampling.form)
-    formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
+    formed = solve_seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
     if formed is None:
         fractions = pressure_fractions(scene, tiles, sampling.pressure_map)
     else:
-        fractions = formed.fractions
+        fractions = formed.pressure_fractions
     supply = _supply(scene, cut, tiles, fractions, mapper)
     if formed is not None:
-        supply = replace(supply, opened=formed.opened)
+        supply = replace(supply, opened=formed.added_permeability)
     of_surface = supply.cells
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"cells: every flow failed; the first: {of_surface.failures[0]}")
@@ -112,7 +112,9 @@ def stochastic(
     leakage = np.array([realisation.leakage for realisation in realisations])
     median = None
     is_small = len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
-    median_number = nearest_to_median(leakage) if sampling.median_fields and is_small else None
+    median_number = (
+        find_median_realisation(leakage) if sampling.median_fields and is_small else None
+    )
     if median_number is not None:
         fields = partial(_median_seal, supply=supply, seed=sampling.seed)
         (median,) = mapper(Stage("median seal", fields), [median_number])
@@ -120,7 +122,7 @@ def stochastic(
             median = _with_form(median, tiles, formed)
     rows = fields_of_rows(of_surface.rows, scene.surface.spacing[0]) if tiles.in_order else {}
     if formed is not None and formed.grid.has_rows:
-        rows = fields_of_rows(formed.rows, formed.grid.spacing[0])
+        rows = fields_of_rows(formed.row_pressure, formed.grid.spacing[0])
     estimate = estimate_scene(scene, unit_leakage) if sampling.presses_evenly else None
     median_leakage = at_every_step(leakage, np.median)
     mean_gap_of_tiles = supply.over_tiles(mean_gap)
@@ -237,7 +239,7 @@ class _Supply:
         fluid = self.scene.acting_fluid
         relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
         curves = CellCurves(self.cells.steps, values)
-        return curves.along(np.maximum(paths - relief, 0.0), self.scene.steps) @ weights
+        return curves.k_on_paths(np.maximum(paths - relief, 0.0), self.scene.steps) @ weights
 
 
 def _patch_state(supply: _Supply, open_leakage: Array) -> PatchState:
@@ -280,7 +282,7 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
     else:
         tabulated_steps = choose_tabulated_pressures(effective, steps, scene.law.is_elastic)
         cells = solve_cells_at_pressures(scene, cut, tabulated_steps, mapper)
-        k = fluid.select_own_reliefs(interpolate_along_paths(cells, effective, steps))
+        k = fluid.select_matching_reliefs(interpolate_along_paths(cells, effective, steps))
     return _Supply(scene, tiles, cells, k, fluid, path_of_tile, nominal, scene.separated_steps)
 
 
@@ -297,7 +299,7 @@ def _solve_realisations(
     supply: _Supply, sampling: Sampling, state: PatchState, mapper: Mapper
 ) -> list[_Realisation]:
     """Solve the given number of realisations, or as many as the interval needs."""
-    stage = Stage("drawn seals", partial(_realise, supply=supply, seed=sampling.seed))
+    stage = Stage("realisations", partial(_realise, supply=supply, seed=sampling.seed))
     kind = _kind(supply.tiles, sampling)
     count = sampling.realisations or FEWEST_SEALS
     realisations = list(mapper(stage, range(count)))
@@ -311,7 +313,7 @@ def _solve_realisations(
 
 
 def _kind(tiles: SealTiles, sampling: Sampling) -> str:
-    """Return the kind of the realisations, see `drawn_error`.
+    """Return the kind of the realisations, see `patch_interval`.
 
     Only forms that were measured at points make the kind "with form"; the form of a seat is known exactly.
     """

@@ -1,8 +1,8 @@
 """Drawn seals against whole faces: calibration of their bands, and how these hold elsewhere.
 
-    python drawn_seals.py solve ROWS.csv SHAPE FIRST LAST   # scenes of seeds from FIRST to LAST − 1
-    python drawn_seals.py calibrate ROWS.csv …              # femseal/studies/drawn_seals.csv
-    python drawn_seals.py report ROWS.csv …                 # drawn_seals.md, of rows of other seeds
+    python stochastic_seals.py solve ROWS.csv SHAPE FIRST LAST   # scenes of seeds from FIRST to LAST − 1
+    python stochastic_seals.py calibrate ROWS.csv …              # femseal/studies/interval_calibration.csv
+    python stochastic_seals.py report ROWS.csv …                 # stochastic_seals.md, of rows of other seeds
 
 A scene is a whole surface, whose deterministic leakage is the truth, and two patches of it; seals
 are drawn from each, and from both together. A shape is "in-place": as broad as the patch and four
@@ -27,7 +27,7 @@ from drawn_scenes import KINDS, Drawn
 from femseal.budget import error_budget
 from femseal.loads import first_known
 from femseal.seal import AnnularLayout, MeshLayout
-from femseal.studies import drawn_error
+from femseal.studies import patch_interval
 from femseal.studies.patch_state import PatchState
 from femseal.studies.study_registry import open_leakage_of
 from femseal.topography import Patches
@@ -163,7 +163,7 @@ def state_rows(same, scene, study, budget, truth):
 def calibrated(rows):
     """Rows of the calibration set: the state, and leakage and truth over that of an open seal."""
     for row in rows:
-        yield {name: row[name] for name in drawn_error.COLUMNS}
+        yield {name: row[name] for name in patch_interval.COLUMNS}
 
 
 def report(rows):
@@ -184,7 +184,10 @@ def report(rows):
     for kind in KINDS_OF_SEALS:
         unseen = [row for row in rows if row["kind"] == kind]
         texts += [f"## Seals {kind}", SURFACES_TOLD, by_surface(kind, unseen)]
-        texts += [HALVES_TOLD, by_half_decade(kind, unseen or drawn_error.calibration_rows(kind))]
+        texts += [
+            HALVES_TOLD,
+            by_half_decade(kind, unseen or patch_interval.calibration_rows(kind)),
+        ]
     return "\n\n".join(texts)
 
 
@@ -205,9 +208,9 @@ def commands(script, title, solve, kinds, told):
     elif command == "calibrate":
         rows = [row for row in read_rows(paths) if row["kind"] in kinds]
         anew = {row["kind"] for row in rows}
-        known = read_rows([drawn_error.CALIBRATION])
+        known = read_rows([patch_interval.CALIBRATION])
         others = [row for row in known if row["kind"] not in anew]
-        write_rows(drawn_error.CALIBRATION, [*others, *calibrated(rows)])
+        write_rows(patch_interval.CALIBRATION, [*others, *calibrated(rows)])
     elif command == "report":
         print_report(script, title, f"{machine()}\n\n{told(read_rows(paths))}", write=True)
     else:
