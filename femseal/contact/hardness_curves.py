@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, InputError, counted, reals, to_text, validate
+from ..base import Array, Flags, InputError, counted, reals, to_text, validate
 from ..materials import Coated
 from .law import ContactLaw, contact_law
 
@@ -77,6 +77,11 @@ class HardnessTable(ContactLaw):
         """Hardness at the end of the table [Pa], which points carry at any larger depth."""
         return float(self.hardness[-1])
 
+    @property
+    def constant_depth(self) -> float:
+        """Depth [m] at which the table begins, before which the hardness is constant."""
+        return float(self.depth[0])
+
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """Interpolate H(u) [Pa]."""
         curve, _ = self._curves
@@ -137,6 +142,11 @@ class NixGao(ContactLaw):
     def capacity(self) -> float:
         """Hardness H₀ at large depths [Pa], which points carry at any depth."""
         return self.hardness
+
+    @property
+    def constant_depth(self) -> float:
+        """The smallest depth [m], below which the hardness is constant."""
+        return self.smallest_depth
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """Compute H₀ √(1 + h*/u) [Pa]."""
@@ -209,6 +219,19 @@ class CoatedLaw(ContactLaw):
     def capacity(self) -> float:
         """Largest mean pressure [Pa] that the substrate carries, once the coating has given way."""
         return self.substrate.capacity
+
+    @property
+    def constant_depth(self) -> float:
+        """Depth [m] up to which the hardness of the coating is constant, at most its thickness."""
+        return min(self.layer.constant_depth, self.thickness)
+
+    def at(self, is_chosen: Flags) -> ContactLaw | None:
+        """Return the law of some points."""
+        layer = self.layer.at(is_chosen)
+        substrate = self.substrate.at(is_chosen)
+        if layer is None or substrate is None:
+            return None
+        return CoatedLaw(layer, substrate, self.thickness)
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """Compute H(u) [Pa]."""

@@ -11,7 +11,7 @@ of the curve. A curve that rises contributes a convex term to the energy; for a 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import inf
 from typing import Any
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, Shape, reals, to_text
+from ..base import Array, Flags, InputError, Shape, reals, to_text
 from ..store.code import NoDigest
 from ..store.digests import digest
 
@@ -77,6 +77,21 @@ class ContactLaw:
         """Whether the curve H(u) is the same for all points."""
         return np.size(self.yield_pressure()) == 1 and np.size(self.hardening_modulus()) == 1
 
+    @property
+    def constant_depth(self) -> float:
+        """Plastic deformation [m] up to which H(u) is the same constant for all points; 0 if there is none.
+
+        The solver first tries this constant, with which a contact costs as much as one with perfect plasticity.
+        """
+        return inf if self.is_perfect and self.is_uniform else 0.0
+
+    def at(self, is_chosen: Flags) -> ContactLaw | None:
+        """Return the law of some points, for arrays (chosen points,); None if the law cannot be divided.
+
+        is_chosen : array (n1, n2) of flags.
+        """
+        return self if self.is_uniform else None
+
     def after(self, deformation: ArrayLike) -> ContactLaw:
         """Return the law H(u + deformation) of points that already have a plastic deformation (n1, n2) [m]."""
         if self.is_perfect:
@@ -114,6 +129,30 @@ class ContactLaw:
             Admissible pressure y >= 0 [Pa].
         deformation : array (n1, n2)
             Plastic deformation u [m].
+        """
+        trial = pressure - stiffness * gap
+        first = self.yield_pressure()
+        depth = self.constant_depth
+        is_curved = (trial > first + stiffness * depth) | (gap < -depth)
+        law = self.at(is_curved)
+        if law is None:
+            return self._project_on_curve(pressure, gap, stiffness)
+        # most points are elastic or have not passed the constant part of the law, and are projected on the constant
+        y = np.clip(trial, 0.0, first)
+        u = np.maximum(trial - first, 0.0) / stiffness
+        if np.any(is_curved):
+            y[is_curved], u[is_curved] = law._project_on_curve(
+                pressure[is_curved], gap[is_curved], stiffness
+            )
+        return y, u
+
+    def _project_on_curve(
+        self, pressure: Array, gap: Array, stiffness: float
+    ) -> tuple[Array, Array]:
+        """Project the pressure of some points on the law, see `admissible`.
+
+        pressure, gap : arrays of equal shape, contact pressure [Pa] and raw gap [m].
+        stiffness : stiffness c [Pa/m].
         """
         trial = pressure - stiffness * gap
         u = self._deformation(trial, stiffness)
@@ -247,6 +286,13 @@ class LinearHardening(ContactLaw):
         """Whether hardness and slope are numbers."""
         return isinstance(self.hardness, float) and isinstance(self.slope, float)
 
+    def at(self, is_chosen: Flags) -> ContactLaw:
+        """Return the law of some points."""
+        if self.is_uniform:
+            return self
+        hardness, slope = (_at(values, is_chosen) for values in (self.hardness, self.slope))
+        return LinearHardening(hardness, slope)
+
     @property
     def capacity(self) -> float:
         """Largest mean pressure [Pa] that the points carry; infinite if any of them hardens."""
@@ -323,6 +369,33 @@ class _ChangedLaw(ContactLaw):
         """Whether the original law is a straight line."""
         return self.law.linear
 
+    @cached_property
+    def constant_depth(self) -> float:  # type: ignore[override]
+        """What the earlier deformation leaves of the constant depth of the original law [m]."""
+        if np.ndim(self.fluid_pressure) > 0:
+            return 0.0
+        return max(0.0, self.law.constant_depth - float(np.max(self.earlier_deformation)))
+
+    def at(self, is_chosen: Flags) -> ContactLaw | None:
+        """Return the law of some points."""
+        law = self.law.at(is_chosen)
+        if law is None:
+            return None
+        return replace(
+            self,
+            law=law,
+            earlier_deformation=_at(self.earlier_deformation, is_chosen),
+            fluid_pressure=_at(self.fluid_pressure, is_chosen),
+        )
+
+    def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
+        """Compute the tangent of the curve H(u), see `ContactLaw.tangent`."""
+        if np.ndim(deformation) == 0 and float(deformation) < self.constant_depth:  # type: ignore[arg-type]
+            # the hardness is constant, whatever the earlier deformation of a point is
+            law = replace(self, earlier_deformation=0.0)
+            return ContactLaw.tangent(law, shape)
+        return super().tangent(shape, deformation)
+
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """Compute factor · H(u + u₀) − p_f [Pa]."""
         pressure = self.law.yield_pressure(self.earlier_deformation + reals(deformation))
@@ -361,6 +434,11 @@ class SofterOf(ContactLaw):
     def capacity(self) -> float:
         """Capacity of the softer body [Pa]."""
         return min(self.first.capacity, self.second.capacity)
+
+    @property
+    def constant_depth(self) -> float:
+        """Depth [m] up to which both laws are constant."""
+        return min(self.first.constant_depth, self.second.constant_depth)
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """Compute the lower H(u) [Pa]."""
@@ -454,6 +532,11 @@ def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
 def _law_of_number(hardness: float) -> PerfectlyPlastic:
     """Make the perfectly plastic law for a number; the same number is only checked once."""
     return PerfectlyPlastic(hardness)
+
+
+def _at(values: float | Array, is_chosen: Flags) -> float | Array:
+    """Return the values of some points; a number is the value of all points."""
+    return values[is_chosen] if isinstance(values, np.ndarray) and values.ndim > 0 else values
 
 
 def _checked_numbers(

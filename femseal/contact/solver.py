@@ -39,6 +39,10 @@ _COARSEST = 48
 _LOAD_TOLERANCE = 1e-9
 #: Largest number of contacts with tangents of a curved law.
 _MOST_TANGENTS = 100
+#: Target residual of a contact with a tangent, relative to the mismatch that the previous tangent has left, and its
+#: largest value.
+_LARGEST_TANGENT_RTOL = 1e-2
+_TANGENT_RTOL = 0.1
 #: A steep tangent begins at the depth at which its pressure has fallen by this fraction of the yield pressure, compared
 #: with the point at which it touches the curve.
 _FROM_DEPTH = 0.5
@@ -321,14 +325,28 @@ class _Level(NamedTuple):
         return is_touching * (self.load * gap0.size / np.count_nonzero(is_touching))
 
 
-def _solve_straight_law(level: _Level, rtol: float) -> Contact:
-    """Solve a contact with a linear law, from the coarsest grid to the given one."""
+def _solve_straight_law(level: _Level, rtol: float, start: Array | None = None) -> Contact:
+    """Solve a contact with a linear law, from the coarsest grid to the given one.
+
+    start : first guess of the pressure (n1, n2) [Pa] on the given grid, in place of the coarser grids.
+    """
     # heights are measured from the highest point, so that rounding errors are small for points in contact
     offset = float(level.gap0.min())
     if level.load == 0:
         return _uniform_contact(level, offset, 0.0)
     if level.load >= level.line.capacity * (1 - 1e-12):
         return _uniform_contact(level, offset, level.line.hardness)
+    if start is None:
+        start = _start_from_coarser_grids(level, offset)
+    grid = workspace(level.half_space)
+    grid.start(start, level.line.limit)
+    solution = solve_active_sets(grid, level.on_grid(offset), rtol, _MAX_ITERATIONS)
+    _check_solution(level, float(grid.pressure.mean()), solution, rtol)
+    return _make_contact(level, grid, offset, solution)
+
+
+def _start_from_coarser_grids(level: _Level, offset: float) -> Array:
+    """Solve a contact on coarser grids, and return the pressure on the last of them, or a guess if there is none."""
     levels = [level]
     while max(levels[-1].half_space.shape) > _COARSEST:
         levels.append(levels[-1].coarser())
@@ -340,11 +358,7 @@ def _solve_straight_law(level: _Level, rtol: float) -> Contact:
         solve_active_sets(grid, coarse.on_grid(offset), _COARSE_RTOL, _COARSE_ITERATIONS)
         start = grid.pressure
         del grid, coarse  # release their memory before the next grid is created
-    grid = workspace(level.half_space)
-    grid.start(start, level.line.limit)
-    solution = solve_active_sets(grid, level.on_grid(offset), rtol, _MAX_ITERATIONS)
-    _check_solution(level, float(grid.pressure.mean()), solution, rtol)
-    return _make_contact(level, grid, offset, solution)
+    return start
 
 
 def _uniform_contact(level: _Level, offset: float, pressure: float | Array) -> Contact:
@@ -412,10 +426,11 @@ def _make_contact(level: _Level, grid: Workspace, offset: float, solution: Solut
 def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
     """Solve a contact with a curved law as a sequence of contacts with tangents of the law.
 
-    Each tangent touches the curve at the deformation u of the previous contact. A steep tangent would have a negative
-    pressure at u = 0. It is therefore only used from a certain depth on, and the gap of its contact is increased by
-    this depth. If the law softens and the change of u has reversed its sign, only half of the change is made, because u
-    could otherwise oscillate between two tangents.
+    Each tangent touches the curve at the deformation u of the previous contact, whose pressure is the first guess. If
+    the law softens and the change of u has reversed its sign, only half of the change is made, because u could
+    otherwise oscillate between two tangents. The tolerance of each contact is a fraction of the mismatch that the
+    previous one has left. Where the law begins with a constant hardness that no point exceeds, the first contact is
+    the solution.
 
     Raises
     ------
@@ -424,34 +439,41 @@ def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
     """
     shape = level.half_space.shape
     stiffness = level.half_space.stiffness
+    constant_depth = law.constant_depth
     iterations = 0
     fft_pairs = 0
     u = np.zeros(shape)
     change = np.zeros(shape)
+    pressure = None
+    tolerance = rtol
     for _ in range(_MOST_TANGENTS):
-        modulus = law.hardening_modulus(u)
-        slope = np.maximum(modulus, 1.0)
-        depth = np.maximum(u - _FROM_DEPTH * law.yield_pressure(u) / slope, 0.0)
-        line = law.after(depth).tangent(shape, u - depth)
+        line, depth = _tangent_from_depth(law, level.line, u)
         if level.load >= line.capacity * (1 - 1e-9):
             # the curve can carry the load at a larger deformation: use a tangent that rises
             slope = np.maximum(line.slope, _SMALL_STIFFNESS * stiffness)
             line = replace(line, slope=slope)
         tangent_level = level._replace(gap0=level.gap0 + depth, line=line)
-        contact = _solve_straight_law(tangent_level, rtol)
+        contact = _solve_straight_law(tangent_level, tolerance, pressure)
         iterations += contact.iterations
         fft_pairs += contact.fft_pairs
+        if line is level.line and contact.plastic_deformation.max() <= constant_depth:
+            return replace(contact, iterations=iterations, fft_pairs=fft_pairs)
+        pressure = contact.pressure
         raw_gap = contact.raw_gap - depth
-        admissible_pressure, next_u = law.admissible(contact.pressure, raw_gap, stiffness)
-        difference = float(np.linalg.norm(contact.pressure - admissible_pressure))
-        mismatch = difference / (float(np.linalg.norm(contact.pressure)) or 1.0)
-        if mismatch <= rtol:
-            if depth.any():
+        admissible_pressure, next_u = law.admissible(pressure, raw_gap, stiffness)
+        difference = float(np.linalg.norm(pressure - admissible_pressure))
+        mismatch = difference / (float(np.linalg.norm(pressure)) or 1.0)
+        if mismatch <= rtol and contact.residual <= rtol:
+            if np.any(depth):
                 contact = _with_gap(contact, raw_gap, is_plastic=next_u > 0)
             return replace(contact, iterations=iterations, fft_pairs=fft_pairs)
-        softens = np.minimum(modulus, law.hardening_modulus(next_u)) < 0
+        tolerance = max(rtol, min(_LARGEST_TANGENT_RTOL, _TANGENT_RTOL * mismatch))
         turns_back = (next_u - u) * change < 0
-        change = np.where(softens & turns_back, 0.5, 1.0) * (next_u - u)
+        if turns_back.any():
+            part, turning = _law_at(law, turns_back)
+            modulus = (part.hardening_modulus(values[turning]) for values in (u, next_u))
+            turns_back[turning] &= np.minimum(*modulus) < 0
+        change = np.where(turns_back, 0.5, 1.0) * (next_u - u)
         u = u + change
     raise NotConverged(
         f"contact: after {_MOST_TANGENTS} tangents the pressures differ from the law by {mismatch:.1e}, wanted "
@@ -459,6 +481,42 @@ def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
         "grid",
         mismatch,
     )
+
+
+def _tangent_from_depth(
+    law: ContactLaw, first: YieldLine, u: Array
+) -> tuple[YieldLine, float | Array]:
+    """Compute the tangents of a law at the deformations u (n1, n2) [m], and the depths at which they begin.
+
+    A steep tangent would have a negative pressure at u = 0. It therefore begins at a certain depth, by which the caller
+    increases the gap.
+
+    first : tangent at u = 0.
+    """
+    is_curved = u > law.constant_depth
+    if not is_curved.any():
+        return first, 0.0
+    part, chosen = _law_at(law, is_curved)
+    deformation = u[chosen]
+    slope = np.maximum(part.hardening_modulus(deformation), 0.0)
+    yield_pressure = part.yield_pressure(deformation)
+    steepest = _FROM_DEPTH * yield_pressure / np.maximum(slope, 1.0)
+    begins = np.maximum(deformation - steepest, 0.0)
+    slopes = np.full(u.shape, first.slope)
+    hardness = np.full(u.shape, first.hardness)
+    depth = np.zeros(u.shape)
+    slopes[chosen] = slope
+    hardness[chosen] = yield_pressure - slope * (deformation - begins)
+    depth[chosen] = begins
+    return YieldLine(hardness, slopes), depth
+
+
+def _law_at(law: ContactLaw, is_chosen: Flags) -> tuple[ContactLaw, Any]:
+    """Return the law of some points and their index; of all points, if the law is only known for all together."""
+    part = law.at(is_chosen)
+    if part is None:
+        return law, ...
+    return part, is_chosen
 
 
 def _with_gap(contact: Contact, raw_gap: Array, is_plastic: Flags) -> Contact:

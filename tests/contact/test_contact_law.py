@@ -245,6 +245,32 @@ TABLE = HardnessTable([0.0, 0.02 * D, 0.1 * D, 0.3 * D], [0.25 * H, 0.33 * H, 0.
 STUDIED = [*OUTSIDE, TABLE, NixGao(0.25 * H, 0.5 * D, 0.1 * D)]
 
 
+@dataclass(frozen=True, eq=False)
+class OfPoints(ContactLaw):
+    """A law whose parameter is an array, which cannot be divided between points."""
+
+    softer: ContactLaw
+    factor: np.ndarray
+
+    def yield_pressure(self, deformation=0.0):
+        return self.factor * self.softer.yield_pressure(deformation)
+
+    def hardening_modulus(self, deformation=0.0):
+        return self.factor * self.softer.hardening_modulus(deformation)
+
+
+@pytest.mark.parametrize("law", STUDIED, ids=lambda law: type(law).__name__)
+def test_a_law_for_all_points_together_is_that_of_each_point(law):
+    gap = rough((24, 24))
+    of_points = OfPoints(law, np.ones(gap.shape))
+    assert of_points.at(gap > 0) is None
+    for given in ({}, {"deformation": np.where(gap < gap.mean(), 0.05 * D, 0.0)}):
+        contact = solved(gap, law, 0.1 * H, **given)
+        again = solved(gap, of_points, 0.1 * H, **given)
+        assert_allclose(again.pressure, contact.pressure, rtol=0, atol=1e-6 * H)
+        assert_allclose(again.gap, contact.gap, rtol=0, atol=1e-7 * np.ptp(gap))
+
+
 @pytest.mark.parametrize("law", OUTSIDE, ids=lambda law: type(law).__name__)
 @pytest.mark.parametrize("boundary", ["periodic", ("free", "mirror")])
 def test_a_curved_law_is_solved_by_its_tangents(law, boundary):
