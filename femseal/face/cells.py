@@ -172,7 +172,7 @@ class Cut:
         for rows in pairwise(self.rows):
             for column, columns in enumerate(pairwise(self.columns)):
                 if axis == 0:
-                    beside, core = _overlapping(columns, self._place(column), boundary[1])
+                    beside, core = _overlapping(columns, self._patch_range(column), boundary[1])
                     wide = field[rows[0] : rows[1], beside]
                 else:
                     beside, core = _overlapping(rows, (0, self.rows[-1]), boundary[0])
@@ -180,12 +180,12 @@ class Cut:
                 cells.append(WidenedCell(wide, core))
         return cells
 
-    def _place(self, column: int) -> tuple[int, int]:
+    def _patch_range(self, column: int) -> tuple[int, int]:
         """Return the range of points along x2 of the measured patch to which a column of cells belongs."""
-        first = self.patch_of_column.index(self.patch_of_column[column])
-        return self.columns[first], self.columns[
-            first + self.patch_of_column.count(self.patch_of_column[column])
-        ]
+        number = self.patch_of_column[column]
+        first = self.patch_of_column.index(number)
+        end = first + self.patch_of_column.count(number)
+        return self.columns[first], self.columns[end]
 
     def sums(self, field: NDArray[Any]) -> Array:
         """Sum a field (n1, n2) over each cell (m1, m2)."""

@@ -14,8 +14,12 @@ import numpy as np
 from ..base.compiled import compiled, inner
 from .percolation import union
 
-#: Largest binary exponent of a double, the number of exponents below it, and an exponent that marks a closed link.
-_LARGEST, _EXPONENTS, _CLOSED = 1024, 2100, -2000
+#: Largest binary exponent of a number in double precision.
+_LARGEST = 1024
+#: Number of binary exponents from the smallest to the largest number in double precision, rounded up.
+_EXPONENTS = 2100
+#: Number that is stored in place of the exponent of a closed link.
+_CLOSED = -2000
 
 
 @compiled()
@@ -48,7 +52,8 @@ def balance(tail, head, width, flux, nodes):
     for node in range(1, nodes):
         if excess[node] != 0.0:
             k = link[node]
-            flux[k] += excess[node] if tail[k] == node else -excess[node]
+            is_outward = tail[k] == node  # the link begins at this node
+            flux[k] += excess[node] if is_outward else -excess[node]
 
 
 @compiled()

@@ -17,11 +17,11 @@ from ..base.compiled import compiled, inner, number, over, rows, using
 from .core_flux import core_ratio
 from .grid import Stencil, gap_on_rows, link_weights
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
-from .percolation import ready
+from .percolation import prepare_links
 from .plain import solve_plain
 from .problem import PLAIN_SOLVERS, DarcyFlow, check_solver, unit_spacing, validated_cell
-from .solvers.choice import solve_ready
-from .solvers.hierarchy import levels_of
+from .solvers.choice import solve_prepared
+from .solvers.hierarchy import levels_of_operator
 from .solvers.multigrid import cycle
 
 #: `harmonic_fill` stops at this relative error in the energy norm, or after this number of iterations.
@@ -153,9 +153,8 @@ def cell_permeability(
             field_rtol=field_rtol,
         )
     flow = cell.flow
-    potential = flow.potential[
-        1:-1
-    ]  # without the rows of inlet and outlet; the flow is along the first axis
+    # the first and the last row are inlet and outlet; in `flow` the fluid flows along the first axis
+    potential = flow.potential[1:-1]
     gap_along_flow = np.asarray(gap).T if axis == 1 else np.asarray(gap)
     potential[gap_along_flow <= 0] = np.nan
     return Permeability(
@@ -228,14 +227,14 @@ def cell_flow(
         stencil = cell_stencil(h, (d1, d2), sides)
         del h  # large faces need its memory
         along = stencil.along
-        links = along, stencil.across
-        flow = solve_ready(
-            *ready(*links), links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol
-        )
+        links = prepare_links(along, stencil.across)
+        flow = solve_prepared(links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
     ratio = 1.0
     if core is not None and core != (0, n2) and flow.percolates:
         ratio = core_ratio(along, flow, core)
-    return CellFlow(scale**3 * (n1 * d1) / (n2 * d2), flow, ratio)
+    length = n1 * d1
+    width = n2 * d2
+    return CellFlow(scale**3 * length / width, flow, ratio)
 
 
 def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, Pair, float]:
@@ -277,12 +276,12 @@ def pixel_dissipation(
     h, spacing = validated_cell(gap, spacing, 0, "periodic")
     n2 = h.shape[1]
     stencil = cell_stencil(h, spacing, "periodic")
-    along, across = stencil.dissipation(
-        np.concatenate([np.ones((1, n2)), potential, np.zeros((1, n2))])
-    )
+    with_ends = np.concatenate([np.ones((1, n2)), potential, np.zeros((1, n2))])
+    along, across = stencil.dissipation(with_ends)
     if not seam:
         across[:, -1] = 0.0
-    along[[0, -1]] *= 2  # halved below
+    # a link to an end belongs to its only pixel completely; doubling it makes up for the half below
+    along[[0, -1]] *= 2
     return (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
 
 
@@ -305,7 +304,10 @@ def harmonic_fill(values: Array) -> Array:
 
 
 def _solve_laplace(unknown: Flags, r: Singles) -> Singles:
-    """Solve A x = r for the discrete Laplace operator A at the unknown pixels; r is overwritten with the residual."""
+    """Solve A x = r for the discrete Laplace operator A at the unknown pixels.
+
+    Conjugate gradients are preconditioned with one multigrid cycle. At the end r is overwritten with the residual.
+    """
     n1, n2 = r.shape
     centre = unknown * _sum_of_neighbours(np.ones_like(r))
     # (diagonal, link to the right, link to the next row) of each pixel, with a border of one pixel
@@ -315,29 +317,33 @@ def _solve_laplace(unknown: Flags, r: Singles) -> Singles:
     operator[2, 1:-2, 1:-1] = unknown[:-1] & unknown[1:]
     operator[:, :, 0] = operator[:, :, -2]  # the border continues the operator periodically
     operator[:, :, -1] = operator[:, :, 1]
-    levels, coarsest = levels_of(operator, True)
+    levels, coarsest = levels_of_operator(operator, True)
     allowed = _FILL_RTOL**2 * float(np.vdot(r, r)) / 4
     x = np.zeros_like(r)
     p = np.zeros_like(r)
-    former = np.inf  # product r·z of the iteration before
+    previous = np.inf  # product r·z of the previous iteration
     for _ in range(_FILL_ITERATIONS):
+        # the cycle reads its right-hand side from `b` of the finest level, and writes its result to `r`
         levels[0].b[1:-1, 1:-1] = r
         cycle(levels, coarsest, True)
         z = unknown * levels[0].r[1:-1, 1:-1]
         product = float(np.vdot(r, z))
         if not product > allowed:
             break
-        p = z + np.float32(product / former) * p
+        p = z + np.float32(product / previous) * p
         a_p = centre * p - unknown * _sum_of_neighbours(p)
         step = np.float32(product / float(np.vdot(p, a_p)))
         x += step * p
         r -= step * a_p
-        former = product
+        previous = product
     return x
 
 
 def _sum_of_neighbours(a: Singles) -> Singles:
-    """Add up the values of the four neighbours of each pixel; the map is periodic along x2 only."""
+    """Add up the values of the four neighbours of each pixel; beyond the ends along x1 the values are 0.
+
+    The map is periodic along x2. If it has a single column, a pixel has no neighbours along x2.
+    """
     total = np.zeros_like(a)
     if a.shape[1] > 1:
         total += np.roll(a, 1, 1)

@@ -1,7 +1,7 @@
 """Compute the flux in the core of a cell that was solved with overlaps into its neighbours (oversampling).
 
 The solution includes channels that leave the core through its sides and come back, but only the flux inside the core is
-counted. For a uniform gap and for parallel grooves, the result is the permeability of the core alone.
+counted. For a uniform gap and for parallel grooves, the result is the permeability of the core itself.
 Source: Hou & Wu, J. Comput. Phys. 134, 1997, 169.
 """
 
@@ -19,7 +19,7 @@ _LEAST_SHARE = 1e-9
 
 @compiled()
 def _core_flux(along, φ, ψ, first, end):
-    """Return the fraction of the mean flux that flows in the columns from `first` to `end` − 1.
+    """Compute the fraction of the mean flux that flows in the columns from `first` to `end` − 1.
 
     The mean flux is the sum of flux times length over all links. Links to the inlet or the outlet are half as long as
     the others.
@@ -37,7 +37,7 @@ def _core_flux(along, φ, ψ, first, end):
 
 
 def core_ratio(along: Array, flow: DarcyFlow, core: tuple[int, int]) -> float:
-    """Return the ratio of the mean flux in the core to the mean flux in the whole cell; exactly 0 for a closed core.
+    """Compute the ratio of the mean flux in the core to the mean flux in the whole cell; exactly 0 for a closed core.
 
     Parameters
     ----------
@@ -47,5 +47,7 @@ def core_ratio(along: Array, flow: DarcyFlow, core: tuple[int, int]) -> float:
     """
     first, end = core
     share = _core_flux(along, flow.potential, flow.complement, first, end)
+    if not share > _LEAST_SHARE:
+        return 0.0
     columns = along.shape[1]
-    return float(share * columns / (end - first)) if share > _LEAST_SHARE else 0.0
+    return float(share * columns / (end - first))

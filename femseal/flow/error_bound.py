@@ -36,8 +36,8 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
     -------
     float : the bound; NaN if nothing flows.
     """
-    none = np.zeros((0, 0), np.bool_)
-    return float(error_bound(stencil.along, stencil.across, potential, complement, none))
+    none_ignored = np.zeros((0, 0), np.bool_)
+    return float(error_bound(stencil.along, stencil.across, potential, complement, none_ignored))
 
 
 @inner()
@@ -55,15 +55,15 @@ def potential_drop(φ, ψ, i, j, a, b):
 
 
 @compiled()
-def error_bound(along, across, φ, ψ, hidden):
+def error_bound(along, across, φ, ψ, ignored):
     """Compute the bound of `energy_gap` for φ and ψ = 1 − φ.
 
-    hidden : array (n1 − 1, n2), inner nodes whose excess is ignored; an empty array ignores none.
+    ignored : flags (n1 − 1, n2) of inner nodes whose excess is ignored; with an empty array no node is ignored.
     """
     excess, energy = _excess(along, across, φ, ψ)
-    ignored = hidden.ravel()
-    for node in range(ignored.size):
-        if ignored[node]:
+    is_ignored = ignored.ravel()
+    for node in range(is_ignored.size):
+        if is_ignored[node]:
             excess[node] = 0.0
     correction = _correction_energy(along, across, excess)
     return correction / energy if energy > 0.0 else np.nan
@@ -71,7 +71,10 @@ def error_bound(along, across, φ, ψ, hidden):
 
 @inner()
 def _excess(along, across, φ, ψ):
-    """Return the excess of inflow over outflow at each inner node (node,), and the energy of the potential."""
+    """Compute the excess of inflow over outflow at each inner node, array (nodes,), and the energy of the potential.
+
+    Inner nodes are numbered row by row. Row i of the inner nodes is row i + 1 of φ, because the inlet is row 0.
+    """
     n1, n2 = along.shape[0] - 1, along.shape[1]
     excess = np.zeros(n1 * n2)
     energy = 0.0
@@ -86,11 +89,11 @@ def _excess(along, across, φ, ψ):
             energy += flux * drop
     for i in range(n1):
         for j in range(across.shape[1]):
-            beside = (j + 1) % n2
-            drop = potential_drop(φ, ψ, i + 1, j, i + 1, beside)
+            next_column = (j + 1) % n2
+            drop = potential_drop(φ, ψ, i + 1, j, i + 1, next_column)
             flux = across[i, j] * drop
             excess[i * n2 + j] -= flux
-            excess[i * n2 + beside] += flux
+            excess[i * n2 + next_column] += flux
             energy += flux * drop
     return excess, energy
 
@@ -116,6 +119,7 @@ def _runs(along, across):
         for j in range(n2):
             left = across[i, j - 1] if j > 0 else 0.0
             right = across[i, j] if j < m2 else 0.0
+            # the links above and below are along[i, j] and along[i + 1, j]; a ring also has a link over its seam
             if j == 0 and m2 == n2:
                 is_open = along[i, 0] + along[i + 1, 0] + right + across[i, n2 - 1] > 0.0
             else:
@@ -157,6 +161,7 @@ def _joints(along, across, run):
     exponent = np.empty(most, np.int16)
     count = 0
     for i in range(n1):
+        # runs that the previous open link of this row of links has connected, and the widest link between them
         last_a = last_b = -1
         widest = 0.0
         for j in range(n2):
@@ -216,9 +221,9 @@ def _send_excess(along, across, run, first, link, excess, number):
     link : number of the link, see `_joints`.
     """
     n1, n2 = along.shape
-    flat = run.reshape(-1)
+    run_of_node = run.reshape(-1)
     i = first // n2
-    end = (i + 1) * n2
+    end = (i + 1) * n2  # node after the last one of this row
     # `node` of this run and `other` of the next run are the two nodes of the link
     if link < n1 * n2:
         row = link // n2
@@ -234,7 +239,7 @@ def _send_excess(along, across, run, first, link, excess, number):
         conductance = across[i, j]
         node = i * n2 + j
         other = i * n2 + (j + 1) % n2
-        if flat[node] != number:
+        if run_of_node[node] != number:
             node, other = other, node
     # collect the excess of the nodes before `node`, then of the nodes after it, and send the sum through the link
     energy = 0.0
@@ -243,7 +248,7 @@ def _send_excess(along, across, run, first, link, excess, number):
         total += excess[k]
         energy += total**2 / across[i, k - i * n2]
     last = node
-    while last + 1 < end and flat[last + 1] == number:
+    while last + 1 < end and run_of_node[last + 1] == number:
         last += 1
     beyond = 0.0
     for k in range(last, node, -1):

@@ -17,17 +17,16 @@ beyond one of the pixels therefore hardly narrows the link.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import Basis, ElementQuad1, MeshQuad
 
-from ..base import Array, InputError, Pair
+from ..base import Array, Indices, InputError, Pair
 from ..base.compiled import compiled, inner, over, rows
 from . import forms
 
@@ -39,6 +38,21 @@ _LEAST, _MOST = 0.1, 4.0
 #: second number times the smaller one. With 0.88 the flow between plates with a step in the gap is exact: the reduced
 #: gap beside the step adds the resistance that the link across the step lacks.
 _DIP, _JUMP = 0.88, 4.0
+
+
+class AxisLinks(NamedTuple):
+    """All links of a stencil along one axis.
+
+    conductance : array, conductance of each link.
+    start, end : arrays in the same shape, numbers of both nodes of each link. Node (row, column) has the number
+        row · n2 + column.
+    step : difference in (row, column) between the end and the start of each link.
+    """
+
+    conductance: Array
+    start: Indices
+    end: Indices
+    step: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -58,7 +72,7 @@ class Stencil:
         the shape is (n1, m2), for all rows. The number m2 is n2 if the columns form a ring (`ring2`), and n2 − 1
         otherwise.
     ring2 : whether the columns form a ring, in which the last column is next to the first one.
-    ring1 : whether the rows form a ring, so that there is no inlet and no outlet.
+    ring1 : whether the rows form a ring. The network then has neither inlet nor outlet.
     """
 
     along: Array
@@ -108,22 +122,19 @@ class Stencil:
         n1, n2 = self.along.shape
         return (n1 if self.ring1 else n1 + 1), n2
 
-    def conductances(
-        self,
-    ) -> Iterator[tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[int, int]]]:
-        """Yield, for each axis, the conductances of its links, the numbers of both nodes of each link, and the step.
-
-        Node (row, column) has the number row · n2 + column. The step is the difference in (row, column) of both nodes.
-        """
+    def links(self) -> tuple[AxisLinks, AxisLinks]:
+        """List the links along the first axis, and the links along the second axis."""
         rows, n2 = self.nodes
         node = np.arange(rows * n2).reshape(rows, n2)
-        below = np.roll(node, -1, axis=0) if self.ring1 else node[1:]
         here = node if self.ring1 else node[:-1]
+        below = np.roll(node, -1, axis=0) if self.ring1 else node[1:]
         inner = node if self.ring1 else node[1:-1]
         m2 = self.across.shape[1]
-
-        yield self.along, here, below, (1, 0)
-        yield self.across, inner[:, :m2], np.roll(inner, -1, axis=1)[:, :m2], (0, 1)
+        beside = np.roll(inner, -1, axis=1)
+        return (
+            AxisLinks(self.along, here, below, (1, 0)),
+            AxisLinks(self.across, inner[:, :m2], beside[:, :m2], (0, 1)),
+        )
 
     def energy(self, pressure: Array) -> float:
         """Compute the energy Σ c (Δp)² of a pressure at the nodes, for a network whose rows do not form a ring.
@@ -148,8 +159,10 @@ class Stencil:
         """Assemble the sparse matrix of all nodes, including inlet and outlet."""
         rows, n2 = self.nodes
         size = rows * n2
-        parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in self.conductances()]
-        c, a, b = (np.concatenate(part) for part in zip(*parts, strict=True))
+        both_axes = self.links()
+        c = np.concatenate([links.conductance.ravel() for links in both_axes])
+        a = np.concatenate([links.start.ravel() for links in both_axes])
+        b = np.concatenate([links.end.ravel() for links in both_axes])
         chosen = (c != 0) & (a != b)
         c, a, b = c[chosen], a[chosen], b[chosen]
         # each link (a, b) has two entries beside the diagonal and contributes to the diagonal of both its nodes
@@ -196,7 +209,8 @@ def edge_conductances() -> Pair:
     """
     basis = Basis(MeshQuad(), ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
     k = np.zeros((2, 2, 1, 4))  # (component, component, element, edge)
-    k[0, 0, 0, :2] = k[1, 1, 0, 2:] = 1.0
+    k[0, 0, 0, :2] = 1.0  # K11 at the midpoints of the edges along x1
+    k[1, 1, 0, 2:] = 1.0  # K22 at the midpoints of the edges along x2
     matrix = forms.darcy_flow.assemble(basis, k=k).toarray()
     along = -matrix[0, 1]
     across = -matrix[1, 2]
@@ -206,7 +220,9 @@ def edge_conductances() -> Pair:
         links[[a, b], [a, b]] += c
         links[[a, b], [b, a]] -= c
     if not np.allclose(matrix, links, rtol=0, atol=1e-12 * np.abs(matrix).max()):
-        raise ValueError("the form is no flow that a drop of pressure along the edge drives")
+        raise ValueError(
+            "the form does not describe a flow: it is not equivalent to one link on each edge"
+        )
     return float(along), float(across)
 
 
@@ -232,7 +248,9 @@ def link_weights(spacing: Pair) -> LinkWeights:
     """
     d1, d2 = spacing
     along, across = edge_conductances()
-    return LinkWeights(2 * along * d2 / d1, 4 * along * d2 / d1, 2 * across * d1 / d2)
+    return LinkWeights(
+        along=2 * along * d2 / d1, at_ends=4 * along * d2 / d1, across=2 * across * d1 / d2
+    )
 
 
 def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:

@@ -23,15 +23,16 @@ from ..base import Array, InputError, counted, reals, shown
 #: Inverse Knudsen numbers D between the four formulas of `flow_rate`: from free molecules to the first formula of the
 #: transition, from there to the second one, and from there to slip flow.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
-#: Smallest D that is used: ln D has no limit at 0.
+#: Smallest D that is used, because ln D diverges at 0.
 _LEAST = 1e-30
-#: Constant term of the free-molecular Q(D) between infinite plates, and the coefficient c of D ln²D, which is chosen so
-#: that Q is continuous at D = 0.01.
+#: Constant term of the free-molecular Q(D) between infinite plates, with Euler's constant 0.577….
 _FREE = 1.5 * (1.0 - 0.5772156649015329) / sqrt(pi)
+#: Coefficient c of D ln²D, which is chosen so that Q is continuous at D = 0.01. The first four numbers are the terms of
+#: the first formula of the transition at this D.
 _EXCESS = (-2.22919e-2 + 2.10673 + 1.653 - 0.694 - _FREE + log(FREE_MOLECULAR) / sqrt(pi)) / (
     FREE_MOLECULAR * log(FREE_MOLECULAR) ** 2
 )
-#: Coefficients of D, 1, 1/D and 1/D² in the four formulas; transposed to (coefficient, formula).
+#: Coefficients of D, 1, 1/D and 1/D² in each of the four formulas, transposed to (coefficient, formula).
 _FACTORS = np.transpose(
     [
         (0.0, _FREE, 0.0, 0.0),
@@ -65,7 +66,7 @@ def flow_rate(inverse_knudsen: ArrayLike) -> Array:
     Fukui & Kaneko, J. Tribol. 112, 1990, 78; Cercignani & Daneri, J. Appl. Phys. 34, 1963, 3509.
     """
     d = np.maximum(reals(inverse_knudsen), _LEAST)
-    formula = np.digitize(d, (FREE_MOLECULAR, TRANSITION, SLIP))
+    formula = np.digitize(d, (FREE_MOLECULAR, TRANSITION, SLIP))  # 0 to 3
     a, b, c, e = _FACTORS[:, formula]
     # the logarithmic terms are only part of the free-molecular formula; ln 1 = 0 removes them from the others
     ln = np.log(np.where(d < FREE_MOLECULAR, d, 1.0))
@@ -92,7 +93,7 @@ class FlowLaw(ABC):
 
     @property
     def homogeneous(self) -> bool:
-        """Whether K(s h) = s³ K(h), so that the flow through a scaled gap is known from the flow through the gap."""
+        """Whether K(s h) = s³ K(h). The flow through a scaled gap then follows from the flow through the gap."""
         return not self.length
 
     @abstractmethod
@@ -156,7 +157,7 @@ class SlipLength(FlowLaw):
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """Compute 1 + 6b/h."""
-        h = np.broadcast_arrays(np.asarray(gap, dtype=float), pressure)[0]
+        h, _ = np.broadcast_arrays(np.asarray(gap, dtype=float), pressure)
         return 1 + np.divide(6 * self.slip_length, h, out=np.full(h.shape, np.inf), where=h > 0)
 
 
@@ -202,12 +203,12 @@ def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
 
     Raises
     ------
-    InputError : `law` is no flow law; or the law depends on the pressure, and the pressure is missing, has another
+    InputError : `law` is not a flow law; or the law depends on the pressure, and the pressure is missing, has another
         shape, or has negative or undefined values.
     """
     if not isinstance(law, FlowLaw):
         raise InputError(
-            "law", repr(law), "a law of flow, such as femseal.flow.CubicLaw() or the law of a fluid"
+            "law", repr(law), "a flow law, such as femseal.flow.CubicLaw() or the law of a fluid"
         )
     if not law.depends_on_pressure:
         return law.equivalent_gap(gap)

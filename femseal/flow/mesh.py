@@ -49,7 +49,7 @@ from .solvers.sparse import solve_sparse
 #: Relative error of the flow.
 RTOL = 1e-8
 #: Potentials of the inlet and of the outlet.
-_LEVELS = (1.0, 0.0)
+_END_POTENTIALS = (1.0, 0.0)
 #: Largest relative difference between inflow and outflow. The conductance is computed as an energy, whose error is
 #: about the square of this difference. Of 400 meshes with permeabilities that differed by up to 1e16, five had a
 #: difference above 1e-4, and the error of the conductance never exceeded 1e-13.
@@ -120,7 +120,7 @@ class MeshSystem:
     ends: tuple[Indices, Indices]
     size: int
 
-    def solved(self, local: Array, rtol: float, solver: str) -> LinearSolution:
+    def solve(self, local: Array, rtol: float, solver: str) -> LinearSolution:
         """Assemble the matrices of the elements, and solve the system for a unit drop between inlet and outlet.
 
         Parameters
@@ -136,48 +136,48 @@ class MeshSystem:
         values = np.zeros(self.size)
         free = np.zeros(self.size, bool)
         free[self.dofs] = True
-        for level, at in zip(_LEVELS, self.ends, strict=True):
-            values[at] = level
-            free[at] = False
+        for end_potential, at_end in zip(_END_POTENTIALS, self.ends, strict=True):
+            values[at_end] = end_potential
+            free[at_end] = False
         unknown = np.flatnonzero(free)
         if not unknown.size:
             return LinearSolution(values, 1 - values, 0, 0.0, "none", np.zeros(self.size))
-        number = np.full(
-            self.size, -1
-        )  # number of each degree of freedom among the unknowns; −1 if it is known
+        # number of each degree of freedom among the unknowns; −1 if its value is known
+        number = np.full(self.size, -1)
         number[unknown] = np.arange(unknown.size)
         rows, columns = np.broadcast_arrays(
             number[self.dofs][:, :, None], number[self.dofs][:, None, :]
         )
-        inner = (rows >= 0) & (columns >= 0)
+        is_inner = (rows >= 0) & (columns >= 0)
         matrix = sp.coo_array(
-            (local[inner], (rows[inner], columns[inner])), shape=(unknown.size, unknown.size)
+            (local[is_inner], (rows[is_inner], columns[is_inner])),
+            shape=(unknown.size, unknown.size),
         ).tocsc()
-        links = []  # for each end, the conductance between the end and each unknown
-        for at in self.ends:
+        conductances = []  # for each end, the conductance between the end and each unknown
+        for at_end in self.ends:
             is_at_end = np.zeros(self.size)
-            is_at_end[at] = 1.0
-            column_sum = self.total(np.einsum("nij,nj->ni", local, is_at_end[self.dofs]))
-            links.append(0.0 - column_sum[unknown])
-        ends = Ends(np.array(_LEVELS), np.array(links))
-        rhs = ends.levels @ ends.links
+            is_at_end[at_end] = 1.0
+            column_sum = self.total_flow(np.einsum("nij,nj->ni", local, is_at_end[self.dofs]))
+            conductances.append(0.0 - column_sum[unknown])
+        ends = Ends(np.array(_END_POTENTIALS), np.array(conductances))
+        rhs = ends.potentials @ ends.conductances
         solution = solve_sparse(matrix, rhs, rtol, solver, unit_drop=True, ends=ends)
         remainder = np.zeros(self.size)
         values[unknown] = solution.x
         remainder[unknown] = solution.remainder
         return replace(solution, x=values, complement=1 - values, remainder=remainder)
 
-    def total(self, flux: Array) -> Array:
-        """Add up the flow from each degree of freedom into its elements.
+    def total_flow(self, flux: Array) -> Array:
+        """Add up the flow from each degree of freedom into its elements, array (size,).
 
         flux : array (n, m), flow into each element from each of its degrees of freedom.
         """
         return np.asarray(np.bincount(self.dofs.ravel(), flux.ravel(), self.size), float)
 
-    def into(self, flux: Array) -> Array:
-        """Add up the flow into the mesh through inlet and through outlet; `flux` as in `total`."""
-        total = self.total(flux)
-        return np.array([total[at].sum() for at in self.ends])
+    def flow_through_ends(self, flux: Array) -> Array:
+        """Compute the flow into the mesh through the inlet and through the outlet; `flux` as in `total_flow`."""
+        total = self.total_flow(flux)
+        return np.array([total[at_end].sum() for at_end in self.ends])
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,8 +216,8 @@ class MeshOperators:
         scale = float(np.abs(tensor).max()) or 1.0
         tensor = tensor / scale
         connected, system = self._system(tensor, of_vertices=True)
-        potential = self._at_rest(connected)
-        if not connected.joined.any():
+        potential = self._potential_at_rest(connected)
+        if not connected.is_joined.any():
             bound = 0.0 if bounds else np.nan
             return DarcyFlow(
                 0.0,
@@ -228,13 +228,13 @@ class MeshOperators:
                 upper=bound,
             )
         tensor = invertible(tensor)
-        units = self._stiffness_of_axes if self._are_axes_along_edges(tensor) else self._stiffness
-        local = _weighted(tensor[connected.between], units, connected.between)
+        units = self._stiffness_of_axes if self._has_axes_along_edges(tensor) else self._stiffness
+        local = _combine(tensor[connected.carrying], units, connected.carrying)
         # the relative error of the conductance is the square of the error of the potential
-        solution = system.solved(local, potential_rtol(RTOL), solver)
+        solution = system.solve(local, potential_rtol(RTOL), solver)
         potential[system.dofs] = solution.x[system.dofs]
-        energy, flux = _dissipated(local, solution, system.dofs)
-        imbalance = _imbalance(system.into(flux), energy)
+        energy, flux = _energy_and_flux(local, solution, system.dofs)
+        imbalance = _imbalance(system.flow_through_ends(flux), energy)
         lower = upper = np.nan
         if bounds:
             lower = min(self._lower_bound(tensor, solver), energy)
@@ -258,27 +258,29 @@ class MeshOperators:
         tensor : array (n, 2, 2), invertible permeabilities.
         """
         connected, system = self._system(tensor, of_vertices=False)
-        if not connected.joined.any():
+        if not connected.is_joined.any():
             return 0.0
-        inverse = np.linalg.inv(tensor[connected.between])
-        units = self._resistance_of_axes if self._are_axes_along_edges(tensor) else self._resistance
-        resistance = _weighted(inverse, units, connected.between)
+        inverse = np.linalg.inv(tensor[connected.carrying])
+        units = self._resistance_of_axes if self._has_axes_along_edges(tensor) else self._resistance
+        resistance = _combine(inverse, units, connected.carrying)
         # Hybridisation: on each element R q = p − λ, with the outward fluxes q and the potentials λ of its facets, the
-        # potential p of the element, and Σq = 0. Eliminating p gives q = −S λ with the Schur complement S.
+        # potential p of the element, and Σq = 0. Eliminating p gives q = −S λ with the Schur complement
+        # S = R⁻¹ − R⁻¹1 1ᵀR⁻¹ / 1ᵀR⁻¹1, where 1 is a vector of ones.
         inverse = np.linalg.inv(resistance)  # (element, facet, facet)
         column = inverse.sum(axis=2)
         schur = (
             inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
         )
         # `RTOL` instead of its root: correcting the fluxes amplifies the error of the potential
-        solution = system.solved(schur, RTOL, solver)
-        _, inward = _dissipated(schur, solution, system.dofs)
-        flux, on_facet = self._balanced(connected.between, system, resistance, -inward)
-        inflow = float(on_facet[system.ends[0]].sum())
+        solution = system.solve(schur, RTOL, solver)
+        _, inward_flux = _energy_and_flux(schur, solution, system.dofs)
+        flux, facet_flux = self._conserved(connected.carrying, system, resistance, -inward_flux)
+        inlet, _ = system.ends
+        inflow = float(facet_flux[inlet].sum())
         energy = float(np.einsum("ei,eij,ej->", flux, resistance, flux))
         return inflow**2 / energy
 
-    def _balanced(
+    def _conserved(
         self, carrying: Indices, system: MeshSystem, resistance: Array, flux: Array
     ) -> tuple[Array, Array]:
         """Correct fluxes so that they are conserved on each element and continuous across each facet.
@@ -296,31 +298,34 @@ class MeshOperators:
         """
         mesh = self.mesh
         facets = system.dofs
-        # the network to be balanced: elements are the nodes 1, 2, …, both ends are node 0, and facets are the links
+        # In the network to be balanced, carrying elements are the nodes 1, 2, …, both ends together are node 0, and
+        # facets are the links.
         node = np.zeros(mesh.nelements, np.int64)
         node[carrying] = np.arange(1, carrying.size + 1)
-        first, second = mesh.f2t
+        first, second = mesh.f2t  # the two elements of each facet; the second is −1 on the boundary
         sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
-        sides = system.total(np.ones(facets.shape))  # number of carrying elements at each facet
+        sides = system.total_flow(
+            np.ones(facets.shape)
+        )  # number of carrying elements at each facet
         link = np.concatenate([np.flatnonzero(sides == 2), *system.ends])
         tail = node[first[link]]
         head = np.where(second[link] >= 0, node[second[link]], 0)
         # mean of the fluxes that the elements on both sides of a facet give
-        facet_flux = (system.total(sign * flux) / np.maximum(sides, 1))[link]
-        width = 1 / system.total(np.einsum("eii->ei", resistance))[link]
+        facet_flux = (system.total_flow(sign * flux) / np.maximum(sides, 1))[link]
+        width = 1 / system.total_flow(np.einsum("eii->ei", resistance))[link]
         balance(tail, head, width, facet_flux, carrying.size + 1)
         mesh_flux = np.zeros(mesh.nfacets)
         mesh_flux[link] = facet_flux
         return sign * mesh_flux[facets], mesh_flux
 
-    def _at_rest(self, connected: Connected) -> Array:
+    def _potential_at_rest(self, connected: Connected) -> Array:
         """Return the potential 1 or 0 at vertices that are connected to one end only, and NaN at all others."""
         mesh = self.mesh
         potential = np.full(mesh.nvertices, np.nan)
-        for level, elements in zip(_LEVELS, connected.alone, strict=True):
-            potential[mesh.t[:, elements]] = level
-        for level, facets in zip(_LEVELS, self.ends, strict=True):
-            potential[mesh.facets[:, facets]] = level
+        for value, elements in zip(_END_POTENTIALS, connected.at_one_boundary, strict=True):
+            potential[mesh.t[:, elements]] = value
+        for value, facets in zip(_END_POTENTIALS, self.ends, strict=True):
+            potential[mesh.facets[:, facets]] = value
         return potential
 
     def _system(self, tensor: Array, *, of_vertices: bool) -> tuple[Connected, MeshSystem]:
@@ -331,13 +336,13 @@ class MeshOperators:
         mesh = self.mesh
         connected = connected_elements(mesh, tensor, self.ends, through_corners=of_vertices)
         inlet, outlet = (
-            open_facets(mesh, facets, connected.between) if joined else facets[:0]
-            for facets, joined in zip(self.ends, connected.joined, strict=True)
+            open_facets(mesh, facets, connected.carrying) if joined else facets[:0]
+            for facets, joined in zip(self.ends, connected.is_joined, strict=True)
         )
         if of_vertices:
             ends = np.unique(mesh.facets[:, inlet]), np.unique(mesh.facets[:, outlet])
-            return connected, MeshSystem(mesh.t.T[connected.between], ends, mesh.nvertices)
-        return connected, MeshSystem(mesh.t2f.T[connected.between], (inlet, outlet), mesh.nfacets)
+            return connected, MeshSystem(mesh.t.T[connected.carrying], ends, mesh.nvertices)
+        return connected, MeshSystem(mesh.t2f.T[connected.carrying], (inlet, outlet), mesh.nfacets)
 
     @cached_property
     def _stiffness(self) -> Array:
@@ -354,8 +359,10 @@ class MeshOperators:
         They are integrated at the midpoints of the edges, so that each edge is a link between two vertices.
         """
         basis = Basis(self.mesh, ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
+        # (component, 2, 2, element, edge): K11 acts on the edges along x1, which come first, and K22 on those along x2
         units = np.zeros((3, 2, 2, 1, 4))
-        units[0, 0, 0, 0, :2] = units[1, 1, 1, 0, 2:] = 1.0
+        units[0, 0, 0, 0, :2] = 1.0
+        units[1, 1, 1, 0, 2:] = 1.0
         return _local_matrices(forms.darcy_flow, basis, k=units)
 
     @cached_property
@@ -383,8 +390,8 @@ class MeshOperators:
         local = _local_matrices(forms.flux_resistance, basis, resistance=_UNITS)
         return local * sign[:, :, None] * sign[:, None, :]
 
-    def _are_axes_along_edges(self, tensor: Array) -> bool:
-        """Return whether the elements are rectangles with principal axes along their edges."""
+    def _has_axes_along_edges(self, tensor: Array) -> bool:
+        """Return whether all elements are rectangles and the principal axes of their tensors lie along the edges."""
         return self._has_rectangles and not tensor[:, 0, 1].any()
 
     @cached_property
@@ -400,14 +407,15 @@ class MeshOperators:
 def _local_matrices(form: Any, basis: Basis, **units: Array) -> Array:
     """Compute the element matrices (3, n, m, m) of a form for each unit tensor of its coefficient.
 
-    units : a single keyword argument, with the name of the coefficient and its three unit tensors.
+    units : a single keyword argument `name=tensors`: the name of the coefficient in the form, and its three unit
+        tensors (3, 2, 2, …).
     """
     ((name, tensors),) = units.items()
     return np.stack([form.coo_data(basis, **{name: unit}).tolocal() for unit in tensors])
 
 
-def _weighted(tensor: Floats, units: Array, elements: Indices) -> Array:
-    """Combine the element matrices of the unit tensors to the element matrices of given tensors.
+def _combine(tensor: Floats, units: Array, elements: Indices) -> Array:
+    """Combine the element matrices of the unit tensors linearly to the element matrices of given tensors.
 
     tensor : array (elements, 2, 2).
     units : array (3, n, m, m), matrices of all n elements of the mesh for each unit tensor.
@@ -417,7 +425,7 @@ def _weighted(tensor: Floats, units: Array, elements: Indices) -> Array:
     return np.asarray(np.einsum("cn,cnij->nij", k, units[:, elements]))
 
 
-def _dissipated(local: Array, solution: LinearSolution, dofs: Indices) -> tuple[float, Array]:
+def _energy_and_flux(local: Array, solution: LinearSolution, dofs: Indices) -> tuple[float, Array]:
     """Compute the energy of a solution, and the flow into each element from each of its degrees of freedom (n, m).
 
     local : array (n, m, m), matrices of the elements.

@@ -37,15 +37,16 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
         principal = np.broadcast_to(k if k.ndim == 2 else k.reshape(-1, 1), (n, 2))
         return principal[:, :, None] * np.eye(2)
     size = np.abs(k).max(axis=(1, 2))
-    skew = np.abs(k[:, 0, 1] - k[:, 1, 0]) > 1e-9 * size
+    is_skew = np.abs(k[:, 0, 1] - k[:, 1, 0]) > 1e-9 * size
+    if is_skew.any():
+        given = f"a tensor that is not symmetric in element {is_skew.argmax()}"
+        raise InputError("permeability", given, "symmetric tensors")
     k = (k + k.transpose(0, 2, 1)) / 2
-    negative = principal_values(k)[0] < -1e-12 * size
-    for bad, is_so, expected in (
-        (skew, "a tensor that is not symmetric", "symmetric tensors"),
-        (negative, "a negative principal value", "principal values >= 0 [m³]"),
-    ):
-        if bad.any():
-            raise InputError("permeability", f"{is_so} in element {bad.argmax()}", expected)
+    smaller, _ = principal_values(k)
+    is_negative = smaller < -1e-12 * size
+    if is_negative.any():
+        given = f"a negative principal value in element {is_negative.argmax()}"
+        raise InputError("permeability", given, "principal values >= 0 [m³]")
     return k
 
 
@@ -66,10 +67,10 @@ def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
     ------
     InputError : see `ends_of`.
     """
-    unit = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
+    open_everywhere = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
     ends = ends_of(mesh, inlet, outlet)
-    connected = connected_elements(mesh, unit, ends, through_corners=True)
-    return bool(connected.joined.all())
+    connected = connected_elements(mesh, open_everywhere, ends, through_corners=True)
+    return bool(connected.is_joined.all())
 
 
 def ends_of(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:
@@ -88,7 +89,7 @@ def ends_of(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, I
 
 
 def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
-    """Check the facets of one end."""
+    """Check the facets of the inlet or the outlet, and return them without duplicates."""
     chosen = np.unique(np.asarray(facets).astype(np.int64))
     if chosen.size == 0:
         raise InputError(name, "no facets", "at least one facet of the boundary")
@@ -127,14 +128,14 @@ class Connected:
 
     Attributes
     ----------
-    between : elements that are connected to two or more boundaries and can carry flow.
-    alone : for each boundary, the elements that are connected to no other boundary.
-    joined : array (boundaries,), whether each boundary is connected to another one.
+    carrying : numbers of the elements that are connected to two or more boundaries and can carry flow.
+    at_one_boundary : for each boundary, the numbers of the elements that are connected to no other boundary.
+    is_joined : flags (boundaries,), whether each boundary is connected to another one.
     """
 
-    between: Indices
-    alone: list[Indices]
-    joined: Flags
+    carrying: Indices
+    at_one_boundary: list[Indices]
+    is_joined: Flags
 
 
 def connected_elements(
@@ -145,46 +146,51 @@ def connected_elements(
     Two elements are connected if they share a facet with the normal n across which both can carry flow, n·Kn > 0. With
     `through_corners` two elements are also connected through a common vertex, if they are open in all directions.
     """
-    across = _open_facets_of_elements(mesh, tensor)
-    slot, element = np.nonzero(across)
-    # The nodes of the graph are elements, facets, vertices and boundaries, numbered in this order. An element is linked
-    # to its open facets and vertices, and a boundary to its facets.
-    ne, nf = mesh.nelements, mesh.nfacets
-    first = ne + nf + mesh.nvertices  # node of the first boundary
+    # The nodes of the graph are elements, facets, vertices and boundaries, numbered in this order.
+    first_facet = mesh.nelements
+    first_vertex = first_facet + mesh.nfacets
+    first_boundary = first_vertex + mesh.nvertices
+    # links from each element to its open facets
+    local_facet, element = np.nonzero(_open_facets_of_elements(mesh, tensor))
     start = [element]
-    end = [ne + mesh.t2f[slot, element]]
+    end = [first_facet + mesh.t2f[local_facet, element]]
     if through_corners:
-        least, most = principal_values(tensor)
-        is_open = np.flatnonzero(least > _CLOSED * most)
-        start.append(np.tile(is_open, len(mesh.t)))
-        end.append(ne + nf + mesh.t[:, is_open].ravel())
-    for node, facets in enumerate(ends, first):
-        start.append(ne + facets)
-        end.append(np.full(facets.size, node))
+        # links from each element that is open in all directions to its vertices
+        smaller, larger = principal_values(tensor)
+        open_elements = np.flatnonzero(smaller > _CLOSED * larger)
+        start.append(np.tile(open_elements, len(mesh.t)))
+        end.append(first_vertex + mesh.t[:, open_elements].ravel())
+    # links from the facets of each boundary to the boundary
+    for boundary, facets in enumerate(ends, first_boundary):
+        start.append(first_facet + facets)
+        end.append(np.full(facets.size, boundary))
     i, j = np.concatenate(start), np.concatenate(end)
-    size = first + len(ends)
+    size = first_boundary + len(ends)
     graph = sp.coo_array((np.ones(i.size), (i, j)), shape=(size, size))
-    label = connected_components(graph, directed=False)[1]
-    element_label = label[:ne]
-    end_label = label[first:]
-    joined = np.array([np.count_nonzero(end_label == component) > 1 for component in end_label])
-    alone = [
-        np.flatnonzero((element_label == component) & ~is_joined)
-        for component, is_joined in zip(end_label, joined, strict=True)
+    _, label = connected_components(graph, directed=False)
+
+    element_label = label[: mesh.nelements]
+    boundary_label = label[first_boundary:]
+    is_joined = np.array(
+        [np.count_nonzero(boundary_label == component) > 1 for component in boundary_label]
+    )
+    at_one_boundary = [
+        np.flatnonzero((element_label == component) & ~joined)
+        for component, joined in zip(boundary_label, is_joined, strict=True)
     ]
-    between = np.flatnonzero(np.isin(element_label, end_label[joined]))
-    return Connected(between, alone, joined)
+    carrying = np.flatnonzero(np.isin(element_label, boundary_label[is_joined]))
+    return Connected(carrying, at_one_boundary, is_joined)
 
 
 def _open_facets_of_elements(mesh: Mesh, tensor: Array) -> Flags:
-    """Return whether each element can carry flow across each of its facets, array (facets of an element, elements)."""
+    """Find the facets across which each element can carry flow, flags (facets of an element, elements)."""
     least, most = principal_values(tensor)
     if (least > _CLOSED * most).all():
         return np.ones(mesh.t2f.shape, bool)
     # Corners are mapped element by element, because a vertex of a periodic mesh has more than one position. The normal
     # of a curved facet is the normal of its chord.
     corners = mesh.mapping().F(mesh.refdom.p)  # (axis, element, corner)
-    start, end = np.transpose(mesh.refdom.facets)
-    chord = corners[:, :, end] - corners[:, :, start]
+    start, end = np.transpose(mesh.refdom.facets)  # corners at both ends of each facet
+    chord = corners[:, :, end] - corners[:, :, start]  # (axis, element, facet)
     n = np.array([chord[1], -chord[0]]) / np.linalg.norm(chord, axis=0)
     return np.asarray(np.einsum("ief,eij,jef->fe", n, tensor, n) > _CLOSED * most)

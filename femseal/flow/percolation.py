@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import frexp, ldexp
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,9 @@ from ..base import Array, Lengths, Pair
 from ..base.compiled import compiled, inner, over, rows
 from .grid import Stencil, gap_on_links
 from .problem import validated_cell
+
+#: Result of `nodes_reached` at a node that is connected to both inlet and outlet.
+BOTH_ENDS = 3
 
 
 @inner()
@@ -55,16 +59,16 @@ def nodes_reached(along: Array, across: Array, least: float = 0.0) -> NDArray[np
 
     Returns
     -------
-    Array (n1 + 1, n2): 0 for nodes that are connected to no end, 1 to the inlet only, 2 to the outlet only, 3 to both.
+    Array (n1 + 1, n2): 0 for nodes that are connected to no end, 1 to the inlet only, 2 to the outlet only, and 3
+    (`BOTH_ENDS`) to both.
     Dead ends of a path from inlet to outlet are connected to both ends, although they carry no flow.
     """
     n1, n2 = along.shape
     label = np.empty((n1 + 1, n2), np.int32)
-    parent = np.empty((n1 + 1) * n2 + 2, np.int32)
+    parent = np.empty((n1 + 1) * n2 + 2, np.int32)  # union-find: parent of each label
     parent[:2] = 0, 1  # labels of inlet and outlet
     parts = rows(n1 + 1, n2)
-    links = along, across, least
-    over(parts, _label_rows, *links, label, parent)
+    over(parts, _label_rows, along, across, least, label, parent)
     for first, _ in parts[1:]:
         _join_rows(first, along, least, label, parent)
     reached = np.empty(label.shape, np.int8)
@@ -74,6 +78,7 @@ def nodes_reached(along: Array, across: Array, least: float = 0.0) -> NDArray[np
 
 @inner()
 def _is_open(c, least):
+    """Return whether a link with the conductance c is used."""
     return c > 0.0 and c >= least
 
 
@@ -91,16 +96,17 @@ def _label_rows(begin, end, along, across, least, label, parent):
         for j in range(n2):
             label[0, j] = 0
     for i in range(max(begin, 1), end):
-        last = i == n1
+        is_outlet = i == n1
         for j in range(n2):
-            here = np.int32(1 if last else -1)  # label of this node; −1 if there is none yet
+            here = np.int32(1 if is_outlet else -1)  # label of this node; −1 if there is none yet
+            # row i − 1 of `along` leads to this row of nodes, and row i − 1 of `across` lies in it
             if i > begin and _is_open(along[i - 1, j], least):
                 above = label[i - 1, j]
                 if here < 0:
                     here = above
                 elif here != above:
                     union(parent, here, above)
-            if not last and j > 0 and _is_open(across[i - 1, j - 1], least):
+            if not is_outlet and j > 0 and _is_open(across[i - 1, j - 1], least):
                 left = label[i, j - 1]
                 if here < 0:
                     here = left
@@ -111,8 +117,8 @@ def _label_rows(begin, end, along, across, least, label, parent):
                 parent[count] = count
                 count += 1
             label[i, j] = here
-        around = not last and m2 == n2 and n2 > 1
-        if around and _is_open(across[i - 1, n2 - 1], least) and label[i, n2 - 1] != label[i, 0]:
+        is_ring = not is_outlet and m2 == n2 and n2 > 1
+        if is_ring and _is_open(across[i - 1, n2 - 1], least) and label[i, n2 - 1] != label[i, 0]:
             union(parent, label[i, n2 - 1], label[i, 0])
 
 
@@ -143,8 +149,8 @@ def _ends(parent, a):
     if a > 1:
         return 0
     if parent[1] == 0:  # inlet and outlet are connected
-        return 3
-    return a + 1
+        return BOTH_ENDS
+    return a + 1  # the label 0 of the inlet becomes 1, the label 1 of the outlet 2
 
 
 @contextmanager
@@ -160,12 +166,11 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
     saved = []  # (conductances, indices of closed links, their conductances)
     if keep is not None:
         inner = keep[1:-1]
+        keeps_along = keep[:-1] & keep[1:]
         keeps_across = np.roll(inner, -1, axis=1)
         keeps_across &= inner
-        for c, keeps_link in (
-            (stencil.along, keep[:-1] & keep[1:]),
-            (stencil.across, keeps_across[:, : stencil.across.shape[1]]),
-        ):
+        keeps_across = keeps_across[:, : stencil.across.shape[1]]  # no seam unless it is a ring
+        for c, keeps_link in ((stencil.along, keeps_along), (stencil.across, keeps_across)):
             links = c.reshape(-1)
             closed_links = np.flatnonzero((c > 0) & ~(keeps_link & (c >= least)))
             saved.append((links, closed_links, links[closed_links]))
@@ -194,29 +199,44 @@ def _restrict(begin, end, along, across, keep, first, second):
             across[i, j] = second * (first * across[i, j]) if keeps_link else 0.0
 
 
-def ready(along: Array, across: Array) -> tuple[NDArray[np.int8], int]:
-    """Prepare the conductances of a stencil for `solve_ready`, in place.
+class PreparedLinks(NamedTuple):
+    """Links of a stencil as the solvers of the fast path need them, see `prepare_links`.
+
+    along, across : conductances in the shapes of `Stencil`, divided by 2^exponent. Links of nodes that are not
+        connected to both ends are closed.
+    reached : array (n1 + 1, n2), ends to which each node is connected, see `nodes_reached`.
+    exponent : binary exponent of the common factor of the conductances.
+    """
+
+    along: Array
+    across: Array
+    reached: NDArray[np.int8]
+    exponent: int
+
+    @property
+    def percolate(self) -> bool:
+        """Whether inlet and outlet are connected."""
+        return bool(self.reached[0, 0] == BOTH_ENDS)
+
+
+def prepare_links(along: Array, across: Array) -> PreparedLinks:
+    """Prepare the conductances of a stencil for `solve_prepared`; the two arrays are overwritten.
 
     If the network percolates, the links of nodes that are not connected to both ends are closed, and the conductances
     are divided by a power of two near the largest one.
-
-    Returns
-    -------
-    reached : array (n1 + 1, n2), ends that each node is connected to, see `nodes_reached`.
-    exponent : exponent of the power of two.
     """
     parts = rows(*along.shape)
     reached = nodes_reached(along, across)
-    percolates = reached[0, 0] == 3 and len(along) > 1
+    percolates = reached[0, 0] == BOTH_ENDS and len(along) > 1
     exponent = 0
     keep = np.ones(reached.shape, np.bool_)
     if percolates:
         exponent = frexp(max(along.max(), across.max(initial=0.0)))[1] - 1
-        keep = np.equal(reached, 3)
+        keep = np.equal(reached, BOTH_ENDS)
     # A power of two changes no digit. It may be out of range itself, and is therefore split into two factors.
     half = exponent // 2
     over(parts, _restrict, along, across, keep, ldexp(1.0, -half), ldexp(1.0, half - exponent))
-    return reached, exponent
+    return PreparedLinks(along, across, reached, exponent)
 
 
 @dataclass(frozen=True)
@@ -255,7 +275,7 @@ def critical_constriction(
 
     def is_blocked(width: float) -> bool:
         """Return whether the links that are at least this wide do not connect inlet and outlet."""
-        return bool(nodes_reached(h1, h2, width)[0, 0] != 3)
+        return bool(nodes_reached(h1, h2, width)[0, 0] != BOTH_ENDS)
 
     # bisection in the sorted widths: the number of widths at which a path exists
     open_widths = bisect_left(widths, True, key=is_blocked)

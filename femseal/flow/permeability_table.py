@@ -33,8 +33,8 @@ _ONE_DECADE, _FEW, _MANY = 12.0, 4, 6
 #: the lower pressure, `_ROOTS`, so that they are dense there.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _ROOTS = 0.5 * (1 + _POINTS)
-#: A mobility with a smaller relative variation counts as constant.
-_EVEN = 1e-9
+#: A mobility whose relative variation is not larger counts as constant.
+_LEAST_VARIATION = 1e-9
 
 
 def table_pressures(inlet: float, outlet: float) -> Array:
@@ -121,7 +121,10 @@ class PermeabilityTable:
 
     @property
     def typical(self) -> tuple[float, float]:
-        """Median tabulated pressure [Pa], and median permeability of the elements open at this pressure [m³] or 0."""
+        """Median tabulated pressure [Pa], and median permeability [m³] of the elements that are open at this pressure.
+
+        The permeability is 0 if all elements are closed.
+        """
         middle = int(np.argsort(self.pressures)[len(self.pressures) // 2])
         k = self.values[middle]
         is_open = k > 0
@@ -129,7 +132,7 @@ class PermeabilityTable:
         return self.pressures[middle], permeability
 
 
-def tabulated(
+def tabulate(
     pressures: Sequence[float] | Array, values: Sequence[Any], piecewise: bool = False
 ) -> Any:
     """Make a table of the permeabilities at several pressures; for a single pressure return its permeability itself."""
@@ -157,14 +160,14 @@ class PressureCurve:
         if piecewise:
             with np.errstate(divide="ignore"):
                 self._log_k = np.log(k)
-            self._open = (k > 0).any(axis=0)
+            self._is_open = (k > 0).any(axis=0)
             return
-        self._open = (k > 0).all(axis=0)
+        self._is_open = (k > 0).all(axis=0)
         self._range = np.log(self._knots[[0, -1]])
         t = self._scaled(np.log(self._knots))
-        log_k = np.log(np.where(self._open, k, 1.0))
+        log_k = np.log(np.where(self._is_open, k, 1.0))
         self._coefficients = chebyshev.chebfit(t, log_k, t.size - 1)
-        slope = chebyshev.chebval(-1.0, chebyshev.chebder(self._coefficients))
+        slope = chebyshev.chebval(-1.0, chebyshev.chebder(self._coefficients))  # d ln k/dt
         # d ln k/d ln p at the lowest pressure, which is used below it; −1 is the limit of free-molecular flow
         self._slope = np.clip(2 * slope / np.ptp(self._range), -1.0, 0.0)
 
@@ -172,7 +175,7 @@ class PressureCurve:
         """Map x = ln p linearly to the range from −1 (lowest pressure) to 1 (highest pressure)."""
         return (2 * x - self._range.sum()) / np.ptp(self._range)
 
-    def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
+    def mean_between(self, first: Array, second: Array, mobility: Mobility) -> Array:
         """Compute the mean permeability ∫ k dφ/∫ dψ of each element between two pressures > 0.
 
         For a piecewise table and a constant mobility the mean is exact. Otherwise it is computed by Gauss quadrature.
@@ -184,39 +187,42 @@ class PressureCurve:
         """
         a, b = (np.broadcast_to(p, self.shape).ravel() for p in (first, second))
         low, high = np.minimum(a, b), np.maximum(a, b)
-        if self._piecewise and mobility.even:
+        if self._piecewise and mobility.is_constant:
             mean = self._exact_mean(low, high)
         else:
             # p = low + (high − low) t² with the Gauss points t, so that dp is proportional to t dt
             p = low + (high - low) * (_ROOTS**2)[:, None]  # (Gauss point, element)
-            viscous, own = mobility.at(p)
+            viscous, reference = mobility.at(p)
+            k = self._evaluate(p, np.arange(low.size))
             weight = _WEIGHTS * _ROOTS
-            mean = weight @ (viscous * self._at(p, np.arange(low.size))) / (weight @ own)
-        return np.where(self._open, mean, 0.0).reshape(self.shape)
+            mean = weight @ (viscous * k) / (weight @ reference)
+        return np.where(self._is_open, mean, 0.0).reshape(self.shape)
 
-    def _at(self, p: Array, parts: Indices) -> Array:
-        """Compute the permeabilities of the elements `parts` (n,) at their pressures p (…, n) [Pa]."""
+    def _evaluate(self, p: Array, elements: Indices) -> Array:
+        """Compute the permeabilities of some elements (n,) at their pressures p (…, n) [Pa]."""
         if self._piecewise:
             after = np.clip(np.searchsorted(self._knots, p), 1, self._knots.size - 1)
-            return np.asarray(np.exp(self._between_knots(p, after, parts)[0]))
+            log_k, _ = self._between_knots(p, after, elements)
+            return np.asarray(np.exp(log_k))
         x = np.log(p)
         t = self._scaled(np.clip(x, *self._range))
-        log_k = chebyshev.chebval(t, self._coefficients[:, parts], tensor=False)
-        below_range = np.minimum(
-            x - self._range[0], 0.0
-        )  # 0 within the table, so that only lower pressures change
-        return np.asarray(np.exp(log_k + self._slope[parts] * below_range))
+        log_k = chebyshev.chebval(t, self._coefficients[:, elements], tensor=False)
+        # the distance from the table to lower pressures; it is 0 within the table
+        below_range = np.minimum(x - self._range[0], 0.0)
+        return np.asarray(np.exp(log_k + self._slope[elements] * below_range))
 
-    def _between_knots(self, p: Array, after: Any, parts: Indices) -> tuple[Array, Any]:
-        """Interpolate ln k of the elements `parts` between the tabulated pressure number `after` and the one before it.
+    def _between_knots(self, p: Array, after: Any, elements: Indices) -> tuple[Array, Any]:
+        """Interpolate ln k of some elements between two adjacent tabulated pressures.
 
         Beyond both pressures ln k is constant. Also returned are flags of the elements that are closed at one of both
         pressures, for which k itself is interpolated linearly.
+
+        after : number of the higher one of the two tabulated pressures.
         """
         low, high = self._knots[after - 1], self._knots[after]
         weight = np.clip((p - low) / (high - low), 0.0, 1.0)
-        a = self._log_k[after - 1, parts]
-        b = self._log_k[after, parts]
+        a = self._log_k[after - 1, elements]
+        b = self._log_k[after, elements]
         is_linear = np.isinf(np.minimum(a, b))  # ln k is −∞ where the element is closed
         with np.errstate(divide="ignore", invalid="ignore"):
             log_of_linear = np.log((1 - weight) * np.exp(a) + weight * np.exp(b))
@@ -224,26 +230,27 @@ class PressureCurve:
 
     def _exact_mean(self, low: Array, high: Array) -> Array:
         """Integrate each permeability over the pressure from `low` to `high`, interval by interval of the table."""
+        # the first and the last interval, beyond the table, are unbounded
         knots = np.array([-np.inf, *self._knots, np.inf])
         total = np.zeros(low.shape)
         for number, (knot, next_knot) in enumerate(pairwise(knots)):
             # elements whose range of pressures overlaps with this interval of the table
-            parts = np.flatnonzero((low < next_knot) & (high > knot) & (high > low))
-            if not parts.size:
+            elements = np.flatnonzero((low < next_knot) & (high > knot) & (high > low))
+            if not elements.size:
                 continue
             after = min(max(number, 1), self._knots.size - 1)
-            start = np.maximum(low[parts], knot)
-            end = np.minimum(high[parts], next_knot)
-            a, is_linear = self._between_knots(start, after, parts)
-            b = self._between_knots(end, after, parts)[0]
+            start = np.maximum(low[elements], knot)
+            end = np.minimum(high[elements], next_knot)
+            a, is_linear = self._between_knots(start, after, elements)
+            b, _ = self._between_knots(end, after, elements)
             # mean of the exponential between e^a and e^b, or of a linear function
             mean = np.exp(a)
             with np.errstate(divide="ignore", invalid="ignore"):
                 mean = np.where(a == b, mean, mean * np.expm1(b - a) / (b - a))
             mean = np.where(is_linear, (np.exp(a) + np.exp(b)) / 2, mean)
-            total[parts] += mean * (end - start) / (high - low)[parts]
-        same = np.flatnonzero(high == low)
-        total[same] = self._at(low[same], same)
+            total[elements] += mean * (end - start) / (high - low)[elements]
+        without_range = np.flatnonzero(high == low)
+        total[without_range] = self._evaluate(low[without_range], without_range)
         return total
 
 
@@ -257,18 +264,21 @@ class Mobility:
     ----------
     pressures : increasing pressures [Pa].
     viscous : dφ/dp of the viscous potential φ at these pressures.
-    own : dψ/dp of the potential ψ in which the flow of the fluid is solved.
+    reference : dψ/dp at these pressures, with the potential ψ of the reference gap in which the flow is solved, see
+        `flow.pressure_drop`.
     """
 
     pressures: Array
     viscous: Array
-    own: Array
+    reference: Array
 
     @cached_property
-    def even(self) -> bool:
+    def is_constant(self) -> bool:
         """Whether both derivatives are constant, as for a liquid of constant viscosity."""
-        return bool(np.ptp(self.viscous) + np.ptp(self.own) <= _EVEN * np.abs(self.viscous).max())
+        variation = np.ptp(self.viscous) + np.ptp(self.reference)
+        return bool(variation <= _LEAST_VARIATION * np.abs(self.viscous).max())
 
     def at(self, p: Array) -> tuple[Array, Array]:
         """Interpolate dφ/dp and dψ/dp at pressures p [Pa]."""
-        return np.interp(p, self.pressures, self.viscous), np.interp(p, self.pressures, self.own)
+        viscous = np.interp(p, self.pressures, self.viscous)
+        return viscous, np.interp(p, self.pressures, self.reference)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,9 +22,11 @@ from .law import CUBIC_LAW, FlowLaw, law_of, widened
 from .percolation import critical_constriction
 from .permeability_table import Mobility, table_pressures
 
-Found = TypeVar("Found")
-#: Number of intervals of the table of pressures, and Gauss points and weights for each interval.
-_INTERVALS, _POINTS = 2000, np.polynomial.legendre.leggauss(3)
+FaceSolution = TypeVar("FaceSolution")
+#: Number of intervals of the table of potentials and pressures.
+_INTERVALS = 2000
+#: Gauss points and their weights in the interval from −1 to 1.
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 #: Lowest pressure at which the factor F is computed, as a fraction of the higher of inlet and outlet pressure.
 _LEAST_PRESSURE = 1e-9
 #: Gap [m], far smaller than an atom, that replaces a closed gap in the computation of F.
@@ -59,6 +61,19 @@ class _UnitFluid:
     pressure = potential
 
 
+class _PotentialTable(NamedTuple):
+    """Potentials and pressure along the pressure drop, from the outlet to the inlet, arrays (points,).
+
+    ψ : potential of the reference gap [kg/(m³ s)], 0 at the outlet.
+    φ : viscous potential [kg/(m³ s)], 0 at the outlet.
+    p : pressure [Pa].
+    """
+
+    ψ: Array
+    φ: Array
+    p: Array
+
+
 def pressure_between(
     fluid: FlowingFluid, inlet: float, outlet: float, fraction: ArrayLike
 ) -> Array:
@@ -87,8 +102,8 @@ class PressureDrop:
     gap: float = 1e-6
 
     @classmethod
-    def of(cls, fluid: FlowingFluid, inlet: float, outlet: float) -> PressureDrop:
-        """Make the pressure drop of a fluid.
+    def of_fluid(cls, fluid: FlowingFluid, inlet: float, outlet: float) -> PressureDrop:
+        """Make the pressure drop of a fluid between an inlet and an outlet pressure [Pa].
 
         If the flow law does not depend on the pressure, this is a unit drop, because the permeability is then the same
         at all pressures.
@@ -117,9 +132,9 @@ class PressureDrop:
         self,
         gap: Array,
         spacing: tuple[float, float],
-        solve: Callable[[Array], tuple[float, Array, Found]],
+        solve: Callable[[Array], tuple[float, Array, FaceSolution]],
         rtol: float,
-    ) -> tuple[Found, PressureDrop]:
+    ) -> tuple[FaceSolution, PressureDrop]:
         """Solve the flow through a face that is periodic along x2, with the permeability at the pressures in the face.
 
         Parameters
@@ -141,7 +156,8 @@ class PressureDrop:
         """
         drop = self.at_constriction(gap, spacing)
         if not drop.law.depends_on_pressure:
-            return solve(drop.law.equivalent_gap(gap))[2], drop
+            _, _, solution = solve(drop.law.equivalent_gap(gap))
+            return solution, drop
         solved = fixed_point(
             lambda fraction: drop.equivalent_gap(gap, fraction),
             solve,
@@ -165,18 +181,18 @@ class PressureDrop:
         return replace(self, gap=constriction.gap)
 
     @cached_property
-    def _table(self) -> tuple[Array, Array, Array]:
-        """Table of ψ and φ [kg/(m³ s)] and of the pressure [Pa], from outlet to inlet; ψ and φ are 0 at the outlet."""
+    def _table(self) -> _PotentialTable:
+        """Both potentials and the pressure at points from the outlet to the inlet."""
         # the points are dense at the outlet, where the pressure of a gas changes most
         p = self.outlet + (self.inlet - self.outlet) * np.linspace(0, 1, _INTERVALS + 1) ** 2
         φ = self.fluid.potential(p)
-        points, weights = _POINTS
-        step = 0.5 * np.diff(φ)
+        half_step = 0.5 * np.diff(φ)
+        middle = φ[:-1] + half_step
         # pressures at the Gauss points of each interval (interval, point)
-        between = self.fluid.pressure((φ[:-1] + step)[:, None] + step[:, None] * points)
-        increments = self._factor(between) @ weights * step  # ∫F dφ over each interval
+        between = self.fluid.pressure(middle[:, None] + half_step[:, None] * _POINTS)
+        increments = self._factor(between) @ _WEIGHTS * half_step  # ∫F dφ over each interval
         ψ = np.concatenate([[0.0], np.cumsum(increments)])
-        return ψ, φ - φ[0], p
+        return _PotentialTable(ψ, φ - φ[0], p)
 
     def _factor(self, pressure: ArrayLike) -> Array:
         """Compute F(h₀, p) of the reference gap."""
@@ -190,7 +206,7 @@ class PressureDrop:
 
         At a pressure of 0 they are computed at the `least_pressure`.
         """
-        tabulated = self._table[2]
+        tabulated = self._table.p
         p = np.maximum(tabulated, self.least_pressure)
         step = 1e-3 * p
         slope = (self.fluid.potential(p + step) - self.fluid.potential(p - step)) / (2 * step)
@@ -211,7 +227,9 @@ class PressureDrop:
         if not self.law.depends_on_pressure:
             return 1.0
         ψ, φ, _ = self._table
-        return float(ψ[-1] / φ[-1]) if φ[-1] != 0 else float(self._factor(self.inlet))
+        if φ[-1] == 0:  # no pressure drop
+            return float(self._factor(self.inlet))
+        return float(ψ[-1] / φ[-1])
 
     def mean_factor_of(self, gap: float) -> float:
         """Compute the ratio of the flow between parallel plates to the viscous flow, for a gap >= 0 [m].
@@ -238,7 +256,7 @@ class PressureDrop:
         return np.interp(reals(fraction), ψ / ψ[-1], φ / φ[-1])
 
     def steepness(self, first: Array, second: Array) -> Array:
-        """Compute Δψ/Δφ between two fractions of the drop of ψ; where they are equal, the derivative dψ/dφ."""
+        """Compute Δψ/Δφ between two fractions of the drop of ψ; where these are equal, the derivative dψ/dφ."""
         drop = first - second
         viscous_drop = self.viscous_fraction(first) - self.viscous_fraction(second)
         is_apart = np.abs(viscous_drop) > 1e-9
@@ -254,9 +272,8 @@ class PressureDrop:
         """
         p = self.pressure(np.nan_to_num(reals(fraction), nan=0.5))
         p = np.maximum(p, self.least_pressure)
-        open_gap = np.where(
-            gap > 0, gap, self.gap
-        )  # F may be infinite in closed gaps, which stay closed anyway
+        # F may be infinite in closed gaps; any other gap will do there, because they stay closed
+        open_gap = np.where(gap > 0, gap, self.gap)
         return widened(gap, self.law.factor(open_gap, p) / self._factor(p))
 
 

@@ -86,11 +86,12 @@ def unit_spacing(spacing: Pair) -> Pair:
 
 
 def potential_rtol(rtol: float, field_rtol: float | None = None) -> float:
-    """Return the relative error, in the energy norm, that the potential may have if the flow may have the error `rtol`.
+    """Compute the relative error of the potential, in the energy norm, that leads to the error `rtol` of the flow.
 
     The error of the flow is the square of the error of the potential. A smaller `field_rtol` takes precedence.
     """
-    return float(np.sqrt(rtol)) if field_rtol is None else min(float(np.sqrt(rtol)), field_rtol)
+    allowed = float(np.sqrt(rtol))
+    return allowed if field_rtol is None else min(allowed, field_rtol)
 
 
 @dataclass(frozen=True)
@@ -107,8 +108,8 @@ class DarcyFlow:
     complement : 1 − potential. Elimination computes it separately, with a high relative accuracy where it is small.
     percolates : whether an open path connects inlet and outlet.
     iterations : number of iterations; 0 for a direct solution.
-    residual : estimated relative error of the potential in the energy norm; 0 for a direct solution. The relative error
-        of the conductance is the square of it.
+    residual : estimated relative error of the potential in the energy norm; 0 for a direct solution. Its square is the
+        relative error of the conductance.
     imbalance : relative difference between inlet and outlet flow.
     solver : name of the solver that was used: "multigrid", "elimination", "amg" or "direct"; "none" if there was no
         unknown.

@@ -117,18 +117,18 @@ class Rectangles:
         NotConverged : the solver failed.
         """
         corners, centres = self.networks(k1, k2)
-        above = solve_flow(corners, rtol=_RTOL, solver=solver, field_rtol=FIELD_RTOL)
-        upper = corners.energy(np.nan_to_num(above.potential))
-        del corners
+        corner_flow = solve_flow(corners, rtol=_RTOL, solver=solver, field_rtol=FIELD_RTOL)
+        upper = corners.energy(np.nan_to_num(corner_flow.potential))
+        del corners  # large seals need its memory
         field_rtol = FIELD_RTOL if bounds else None
-        below = solve_flow(centres, rtol=_RTOL, solver=solver, field_rtol=field_rtol)
-        value = float(np.sqrt(below.conductance) * np.sqrt(above.conductance))
-        flow = replace(above, conductance=value, percolates=below.percolates)
+        centre_flow = solve_flow(centres, rtol=_RTOL, solver=solver, field_rtol=field_rtol)
+        value = float(np.sqrt(centre_flow.conductance) * np.sqrt(corner_flow.conductance))
+        flow = replace(corner_flow, conductance=value, percolates=centre_flow.percolates)
         if not bounds:
             return flow
         lower = 0.0
-        if below.percolates:
-            pressure = np.nan_to_num(below.potential)
+        if centre_flow.percolates:
+            pressure = np.nan_to_num(centre_flow.potential)
             # the energy of the potential exceeds the exact one by at most this fraction
             largest_error = energy_gap(centres, pressure, 1 - pressure)
             lower = max(0.0, centres.energy(pressure) * (1 - largest_error))
@@ -144,14 +144,16 @@ class Rectangles:
 
         The first two vertices of an element are the ends of its edge along x1.
         """
-        return MeshQuad1DG.periodic(self.plain_mesh, self._numbers[:, -1], self._numbers[:, 0])
+        last_line = self._vertex_numbers[:, -1]
+        first_line = self._vertex_numbers[:, 0]
+        return MeshQuad1DG.periodic(self.plain_mesh, last_line, first_line)
 
     @cached_property
     def plain_mesh(self) -> Mesh:
         """Mesh of the rectangles that is not periodic, with separate vertices on its first and its last line."""
         lines2 = np.linspace(0.0, self.period, self.columns + 1)
         grid = MeshQuad.init_tensor(self.lines, lines2)
-        # scikit-fem begins each element with its edge along x2
+        # scikit-fem begins each element with its edge along x2; in this order it begins with its edge along x1
         return MeshQuad(grid.p, grid.t[[0, 3, 2, 1]])
 
     @property
@@ -160,15 +162,16 @@ class Rectangles:
         return np.asarray(self.plain_mesh.p.T[self.plain_mesh.t.T])
 
     @property
-    def _numbers(self) -> Indices:
+    def _vertex_numbers(self) -> Indices:
         """Numbers of the vertices of `plain_mesh`, array (n1 + 1, n2 + 1)."""
         return np.arange(self.plain_mesh.nvertices).reshape(self.lines.size, -1)
 
     @cached_property
     def vertices(self) -> Indices:
         """Numbers of the vertices of the periodic mesh, array (n1 + 1, n2)."""
-        first, second = self.mesh.t[:2].reshape(2, *self.shape)
-        return np.concatenate([first, second[-1:]])
+        # vertices at both ends of the edge along x1 with which each element begins, arrays (row, column)
+        towards_inlet, towards_outlet = self.mesh.t[:2].reshape(2, *self.shape)
+        return np.concatenate([towards_inlet, towards_outlet[-1:]])
 
     @cached_property
     def ends(self) -> tuple[Indices, Indices]:

@@ -16,6 +16,8 @@ Source: Geoffroy & Prat, J. Fluids Eng. 126, 2004, 48.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,8 +31,6 @@ from .problem import unit_spacing
 from .solvers.direct import Ends
 from .solvers.sparse import solve_sparse
 
-#: A link over the seam: its conductance, and the weight of each node in the drop over the link.
-_Link = tuple[float, dict[int, float]]
 #: Smallest fraction w that is solved. For smaller ones, whose solution would suffer from rounding errors, the result is
 #: extrapolated: the flow along the grooves is proportional to w².
 _LEAST_WEIGHT = 3e-5
@@ -41,6 +41,17 @@ _RTOL = 1e-4
 #: Largest relative difference between inflow and outflow. The relative error of the flow, which is computed as an
 #: energy, is about the square of it.
 _IMBALANCE = 1e-2
+
+
+class _SeamLink(NamedTuple):
+    """A link over the seam, from the last column of a face to the first one.
+
+    conductance : conductance of the link.
+    weights : weight of each node, by its number, in the potential drop over the link.
+    """
+
+    conductance: float
+    weights: dict[int, float]
 
 
 @dataclass(frozen=True)
@@ -61,7 +72,7 @@ class Spiral:
         return self.lead / (self.circumference or length)
 
     def seam(self, shape: tuple[int, int], spacing: tuple[float, float]) -> tuple[int, float]:
-        """Compute the lead in pixels, and the fraction w of a turn that the face covers.
+        """Compute the lead in pixels, and the fraction w of a turn that a face with this grid covers.
 
         The lead is rounded to at least one full pixel. If the face is shorter than a turn, w is reduced or increased to
         make up for this rounding.
@@ -86,7 +97,7 @@ class Spiral:
 
 
 def spiral_flow(
-    gap: Array, spacing: Pair, spiral: Spiral, plain: Array
+    gap: Array, spacing: Pair, spiral: Spiral, potential_without_lead: Array
 ) -> tuple[float, Array] | None:
     """Compute the permeability along x1 of a face with spiral grooves.
 
@@ -95,14 +106,13 @@ def spiral_flow(
     gap : array (n1, n2), gap of a face that is periodic along x2 [m].
     spacing : lengths of a pixel [m].
     spiral : lead of the grooves and circumference of the seal.
-    plain : array (n1, n2), potential of the flow without the lead; NaN in contact and in pockets.
+    potential_without_lead : array (n1, n2), potential at the pixels of the flow without the lead, for 1 at the inlet
+        and 0 at the outlet; NaN in contact and in pockets.
 
     Returns
     -------
     Permeability [m³], and the potential (n1, n2), which is NaN where no open path leads to both ends. None is returned
-    if the lead changes the flow by less than 0.5 %. By Dirichlet's principle, the dissipation of `plain` in the network
-    with the lead is an upper bound of the flow, so that this can be decided without a solution, unless there are
-    pockets.
+    if the lead changes the flow by less than 0.5 %.
 
     Raises
     ------
@@ -111,13 +121,12 @@ def spiral_flow(
     """
     n1, n2 = gap.shape
     shift, fraction = spiral.seam(gap.shape, spacing)
-    weight = max(fraction, _LEAST_WEIGHT)
+    weight = max(fraction, _LEAST_WEIGHT)  # w in the docstring of this module
     scale = float(gap.max())
     if scale == 0:
         return None
     d1, d2 = unit_spacing(spacing)
     stencil = cell_stencil(gap / scale, (d1, d2), "periodic")
-    start = np.concatenate([np.ones((1, n2)), np.nan_to_num(plain), np.zeros((1, n2))])
     # cut the face open at its seam, and add the links over the seam with the lead
     across = stencil.across.copy()
     across[:, -1] = 0.0
@@ -126,40 +135,54 @@ def spiral_flow(
         links = _links_of_full_turn(gap / scale, d1 / d2, shift)
     else:
         links = _links_of_partial_turn(cut, stencil.across[:, -1], shift, weight)
-    open_links = [(conductance, nodes) for conductance, nodes in links if conductance > 0]
-    c = np.array([conductance for conductance, _ in open_links])
-    seam = _drop_matrix([nodes for _, nodes in open_links], start.size)
-    without = stencil.energy(start)
-    with_lead = cut.energy(start) + c @ (seam @ start.ravel()) ** 2
-    has_pockets = np.isnan(plain[gap > 0]).any()
-    if not has_pockets and with_lead <= (1 + LEAST_EFFECT) * without:
+    links = [link for link in links if link.conductance > 0]
+    seam_conductances = np.array([link.conductance for link in links])
+    nodes = (n1 + 2) * n2
+    seam_drops = _drop_matrix(links, nodes)
+
+    # By Dirichlet's principle, the energy of any potential in the network with the lead is an upper bound of the flow.
+    # If there are no pockets, which the lead may open, the bound for the potential without the lead may show that the
+    # lead has no effect.
+    inner_potential = np.nan_to_num(potential_without_lead)
+    start = np.concatenate([np.ones((1, n2)), inner_potential, np.zeros((1, n2))])
+    energy_without_lead = stencil.energy(start)
+    bound_with_lead = cut.energy(start) + seam_conductances @ (seam_drops @ start.ravel()) ** 2
+    has_pockets = np.isnan(potential_without_lead[gap > 0]).any()
+    if not has_pockets and bound_with_lead <= (1 + LEAST_EFFECT) * energy_without_lead:
         return None
-    matrix = cut.to_csr() + seam.T @ sp.diags_array(c) @ seam
-    potential, joined = _between_ends(sp.csr_array(matrix), n2)
+
+    matrix = cut.to_csr() + seam_drops.T @ sp.diags_array(seam_conductances) @ seam_drops
+    potential, carries_flow = _solve_between_ends(sp.csr_array(matrix), n2)
     conductance = 0.0
-    if joined.any():
-        conductance = cut.energy(potential.reshape(n1 + 2, n2)) + float(c @ (seam @ potential) ** 2)
-        # w may have been limited; the contribution of the spiral is proportional to its square
-        conductance = without + (fraction / weight) ** 2 * (conductance - without)
-    pixel_potential = np.where(joined, potential, np.nan).reshape(n1 + 2, n2)[1:-1]
-    permeability = scale**3 * (n1 * d1) / (n2 * d2) * conductance
+    if carries_flow.any():
+        energy_of_seam = float(seam_conductances @ (seam_drops @ potential) ** 2)
+        energy_with_lead = cut.energy(potential.reshape(n1 + 2, n2)) + energy_of_seam
+        # If `weight` is larger than the true fraction of a turn, the contribution of the spiral is reduced accordingly;
+        # it is proportional to the square of the fraction.
+        contribution = energy_with_lead - energy_without_lead
+        conductance = energy_without_lead + (fraction / weight) ** 2 * contribution
+    pixel_potential = np.where(carries_flow, potential, np.nan).reshape(n1 + 2, n2)[1:-1]
+    length = n1 * d1
+    width = n2 * d2
+    permeability = scale**3 * length / width * conductance
     return permeability, np.where(gap > 0, pixel_potential, np.nan)
 
 
-def _drop_matrix(links: list[dict[int, float]], nodes: int) -> sp.csr_array:
-    """Build the matrix (links, nodes) that gives the drop over each link from the potential of the nodes.
+def _drop_matrix(links: list[_SeamLink], nodes: int) -> sp.csr_array:
+    """Build the matrix (links, nodes) that gives the drop over each link from the potentials of the nodes."""
+    link_numbers = []
+    node_numbers = []
+    values = []
+    for number, link in enumerate(links):
+        for node, weight in link.weights.items():
+            link_numbers.append(number)
+            node_numbers.append(node)
+            values.append(weight)
+    positions = np.array(link_numbers, int), np.array(node_numbers, int)
+    return sp.coo_array((np.array(values, float), positions), shape=(len(links), nodes)).tocsr()
 
-    links : for each link, the weights of its nodes in the drop.
-    """
-    entries = [
-        (k, node, weight) for k, weights in enumerate(links) for node, weight in weights.items()
-    ]
-    link, node, weight = np.reshape(entries, (-1, 3)).T
-    positions = link.astype(int), node.astype(int)
-    return sp.coo_array((weight, positions), shape=(len(links), nodes)).tocsr()
 
-
-def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_Link]:
+def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_SeamLink]:
     """Make the links over the seam of a face that covers a full turn.
 
     Each link leads from a row of the last column to the row of the first column that is `shift` rows further. The first
@@ -168,56 +191,66 @@ def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_Link]:
     aspect : ratio of the pixel lengths Δ1/Δ2.
     """
     n1, n2 = gap.shape
-    end = np.full(shift, np.nan)  # inlet and outlet, which have no gap of their own
-    gaps = np.array([np.concatenate([end, gap[:, -1]]), np.concatenate([gap[:, 0], end])])
-    c = np.where((gaps == 0).any(axis=0), 0.0, cubic_law(np.nanmean(gaps, axis=0)) * aspect)
+    # gaps at both ends of each of the n1 + shift links, (end of link, link); inlet and outlet have no gap
+    no_gap = np.full(shift, np.nan)
+    start_gap = np.concatenate([no_gap, gap[:, -1]])
+    target_gap = np.concatenate([gap[:, 0], no_gap])
+    gaps = np.array([start_gap, target_gap])
+    is_closed = (gaps == 0).any(axis=0)
+    conductance = np.where(is_closed, 0.0, cubic_law(np.nanmean(gaps, axis=0)) * aspect)
     # rows of nodes: 0 is the inlet, 1 to n1 are the pixels, n1 + 1 is the outlet
     row = np.arange(1 - shift, n1 + 1)
-    start = np.maximum(row, 0) * n2 + n2 - 1
-    target = np.minimum(row + shift, n1 + 1) * n2
-    pairs = zip(c.tolist(), start.tolist(), target.tolist(), strict=True)
-    return [(conductance, {a: 1.0, b: -1.0}) for conductance, a, b in pairs]
+    start = np.maximum(row, 0) * n2 + n2 - 1  # node in the last column
+    target = np.minimum(row + shift, n1 + 1) * n2  # node in the first column
+    ends = zip(conductance.tolist(), start.tolist(), target.tolist(), strict=True)
+    return [_SeamLink(c, {a: 1.0, b: -1.0}) for c, a, b in ends]
 
 
 def _links_of_partial_turn(
     cut: Stencil, conductance: Array, shift: int, weight: float
-) -> list[_Link]:
+) -> list[_SeamLink]:
     """Make the links over the seam of a face that covers the fraction `weight` of a turn.
 
     cut : network of the face without links over the seam.
     conductance : array (n1,), conductance of each row of the seam without a lead.
     """
-    n1, n2 = conductance.size, cut.along.shape[1]
-    # grooves that begin at the inlet within the first lead; row i of nodes is row i − 1 of pixels
-    links: list[_Link] = [
-        (conductance[i - 1], {i * n2: weight, 0: -weight}) for i in range(1, min(shift, n1) + 1)
+    n1 = conductance.size
+    n2 = cut.along.shape[1]
+    # Row 0 of the nodes is the inlet, so that row i of the pixels is row i + 1 of the nodes. Grooves that begin at the
+    # inlet within the first lead are linked to it (node 0).
+    links = [
+        _SeamLink(conductance[i - 1], {i * n2: weight, 0: -weight})
+        for i in range(1, min(shift, n1) + 1)
     ]
-    label = connected_components(cut.to_csr(), directed=False)[1].reshape(n1 + 2, n2)[1:-1]
+    _, node_label = connected_components(cut.to_csr(), directed=False)
+    label = node_label.reshape(n1 + 2, n2)[1:-1]
     for rows in _grooves(conductance, shift):
-        drop = np.zeros(n1 + 1)
+        # w (P − P₊) as weights of the pixels in the first column and of the outlet
+        drop_to_next = np.zeros(n1 + 1)
         connects_both_sides = label[rows[0], 0] == label[rows[0], -1]
         if connects_both_sides:
-            drop = weight * _drop_to_next_groove(rows, conductance, label, shift)
+            drop_to_next = weight * _drop_to_next_groove(rows, conductance, label, shift)
         for i in rows:
-            row_drop = drop.copy()
-            row_drop[i] -= 1.0
-            weighted = np.flatnonzero(row_drop)
-            first_column = (weighted + 1) * n2
-            nodes = dict(zip(first_column.tolist(), row_drop[weighted].tolist(), strict=True))
+            # − p(x1, 0) + w (P − P₊)
+            drop = drop_to_next.copy()
+            drop[i] -= 1.0
+            weighted_rows = np.flatnonzero(drop)
+            first_column = (weighted_rows + 1) * n2
+            weights = dict(zip(first_column.tolist(), drop[weighted_rows].tolist(), strict=True))
             last_column = (i + 1) * n2 + n2 - 1
-            links.append((conductance[i], {last_column: 1.0} | nodes))
+            links.append(_SeamLink(conductance[i], {last_column: 1.0} | weights))
     return links
 
 
 def _grooves(conductance: Array, shift: int) -> list[Indices]:
     """Group the adjacent rows at which the seam is open; groups with more rows than the lead are divided."""
-    is_open = np.flatnonzero(conductance > 0)
-    runs = np.split(is_open, np.flatnonzero(np.diff(is_open) > 1) + 1)
+    open_rows = np.flatnonzero(conductance > 0)
+    groups = np.split(open_rows, np.flatnonzero(np.diff(open_rows) > 1) + 1)
     grooves = []
-    for run in runs:
-        if run.size:
-            parts = -(-run.size // shift)  # rounded up
-            grooves += np.array_split(run, parts)
+    for group in groups:
+        if group.size:
+            parts = ceil(group.size / shift)
+            grooves += np.array_split(group, parts)
     return grooves
 
 
@@ -239,20 +272,22 @@ def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shif
     if (target >= n1).mean() > 0.5:  # most of the groove ends at the outlet
         drop[n1] = -1.0
         return drop
-    inside = target[target < n1]
-    inside = inside[conductance[inside] > 0]
-    if inside.size == 0:
+    target = target[target < n1]
+    target = target[conductance[target] > 0]
+    if target.size == 0:
         return np.zeros(n1 + 1)
-    component = label[inside, 0]
-    widest = max(
-        np.unique(component), key=lambda number: conductance[inside[component == number]].sum()
-    )
-    next_rows = inside[component == widest]
+    component = label[target, 0]
+
+    def total_conductance(number: int) -> float:
+        return float(conductance[target[component == number]].sum())
+
+    widest = max(np.unique(component), key=total_conductance)
+    next_rows = target[component == widest]
     drop[next_rows] -= conductance[next_rows] / conductance[next_rows].sum()
     return drop
 
 
-def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
+def _solve_between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
     """Solve for the potential of all nodes, with 1 in the first n2 nodes (inlet) and 0 in the last n2 nodes (outlet).
 
     Nodes that are connected to one end only take its potential, and pockets take 0.
@@ -262,31 +297,33 @@ def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
     Potential of the nodes, and flags of the nodes that are connected to both ends. If there are none, nothing flows.
     """
     nodes = matrix.shape[0]
-    label = connected_components(matrix, directed=False)[1]
-    inlet = np.arange(nodes) < n2
-    outlet = np.arange(nodes) >= nodes - n2
-    with_inlet = np.isin(label, label[inlet])
-    joined = with_inlet & np.isin(label, label[outlet])
-    potential = np.where(with_inlet & ~outlet, 1.0, 0.0)
-    unknown = np.flatnonzero(joined & ~inlet & ~outlet)
-    if unknown.size:
-        rows = matrix[unknown]
-        load = -np.asarray(rows[:, inlet].sum(axis=1)).ravel()
-        links = [-np.asarray(rows[:, end].sum(axis=1)).ravel() for end in (inlet, outlet)]
-        ends = Ends(np.array([1.0, 0.0]), np.array(links))
-        potential[unknown] = solve_sparse(
-            rows[:, unknown],
-            load,
-            _RTOL,
-            unit_drop=True,
-            largest_residual=_IMBALANCE,
-            ends=ends,
-        ).x
-        into, out = (float((matrix[end] @ potential).sum()) for end in (inlet, outlet))
-        imbalance = abs(into + out) / max(abs(into), abs(out))
-        if not imbalance <= _IMBALANCE:
-            raise NotConverged(
-                f"flow along winding grooves: inflow and outflow differ by {imbalance:.1e}",
-                imbalance,
-            )
-    return potential, joined
+    _, label = connected_components(matrix, directed=False)
+    is_inlet = np.arange(nodes) < n2
+    is_outlet = np.arange(nodes) >= nodes - n2
+    at_inlet = np.isin(label, label[is_inlet])
+    at_both_ends = at_inlet & np.isin(label, label[is_outlet])
+    potential = np.where(at_inlet & ~is_outlet, 1.0, 0.0)
+    unknown = np.flatnonzero(at_both_ends & ~is_inlet & ~is_outlet)
+    if not unknown.size:
+        return potential, at_both_ends
+    rows = matrix[unknown]
+    to_inlet = -np.asarray(rows[:, is_inlet].sum(axis=1)).ravel()
+    to_outlet = -np.asarray(rows[:, is_outlet].sum(axis=1)).ravel()
+    ends = Ends(np.array([1.0, 0.0]), np.array([to_inlet, to_outlet]))
+    potential[unknown] = solve_sparse(
+        rows[:, unknown],
+        to_inlet,
+        _RTOL,
+        unit_drop=True,
+        largest_residual=_IMBALANCE,
+        ends=ends,
+    ).x
+    inflow = float((matrix[is_inlet] @ potential).sum())
+    outflow = float((matrix[is_outlet] @ potential).sum())  # negative
+    imbalance = abs(inflow + outflow) / max(abs(inflow), abs(outflow))
+    if not imbalance <= _IMBALANCE:
+        raise NotConverged(
+            f"flow along spiral grooves: inflow and outflow differ by {imbalance:.1e}",
+            imbalance,
+        )
+    return potential, at_both_ends

@@ -1,15 +1,15 @@
-"""Permeability tensor of a doubly periodic cell."""
+"""Compute the permeability tensor of a doubly periodic cell."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from ..base import Array, Indices, Lengths, NotConverged
+from ..base import Array, Flags, Indices, Lengths, NotConverged, Pair
 from .grid import Stencil, gap_on_links, link_weights
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
 from .problem import (
@@ -21,9 +21,33 @@ from .problem import (
 )
 from .solvers.sparse import solve_sparse
 
-#: Relative tolerances, in the energy norm, of the first solution for the correction and of a second one that solves for
-#: what the first one has left.
+#: Relative tolerances, in the energy norm, of the solution for the corrections, and of a second solution for the
+#: residual that the first one has left.
 _RTOLS = 1e-9, 1e-2
+
+
+class _Components(NamedTuple):
+    """Connected components of a doubly periodic network.
+
+    label : array (nodes,), number of the component of each node.
+    percolates : flags (components, 2), whether a component percolates along each axis.
+    """
+
+    label: Indices
+    percolates: Flags
+
+
+class _PeriodicLinks(NamedTuple):
+    """Open links of a doubly periodic network.
+
+    start, end : arrays (links,), numbers of both nodes.
+    crossings : array (links, 2), how often the link crosses the periodic boundary of each axis on its way from `start`
+        to `end`.
+    """
+
+    start: Indices
+    end: Indices
+    crossings: Indices
 
 
 def permeability_tensor(
@@ -72,16 +96,19 @@ def permeability_tensor(
     scale = float(h.max()) or 1.0
     d1, d2 = unit_spacing((d1, d2))
     k1, k2 = map(cubic_law, gap_on_links(h / scale, True, True))
-    label, winds = _winding_components(k1, k2)
-    winds = winds[label].reshape(n1, n2, 2)
-    carrying = winds.any(axis=2)
-    if not carrying.any():
+    label, component_percolates = _percolating_components(k1, k2)
+    percolates = component_percolates[label].reshape(n1, n2, 2)  # (row, column, axis)
+    carries_flow = percolates.any(axis=2)
+    if not carries_flow.any():
         return np.zeros((2, 2))
-    k1, k2 = (np.where(carrying, k, 0.0) for k in (k1, k2))
     weights = link_weights((d1, d2))
-    stencil = Stencil(weights.along * k1, weights.across * k2, ring1=True)
-    closed = ~winds.any(axis=(0, 1))  # axes that no open path crosses
-    tensor, error = _solved(stencil, (d1, d2), label, carrying, closed, solver)
+    stencil = Stencil(
+        weights.along * np.where(carries_flow, k1, 0.0),
+        weights.across * np.where(carries_flow, k2, 0.0),
+        ring1=True,
+    )
+    closed = ~percolates.any(axis=(0, 1))  # axes along which no open path crosses the cell
+    tensor, error = _solve_corrections(stencil, (d1, d2), label, carries_flow, closed, solver)
     if not error <= MAX_IMBALANCE:
         raise NotConverged(
             f"flow: energy and mean flux of the cell differ by {error:.1e}; the contrast is too high",
@@ -90,105 +117,136 @@ def permeability_tensor(
     return scale**3 * tensor / (n1 * d1 * n2 * d2)
 
 
-def _solved(
+def _solve_corrections(
     stencil: Stencil,
-    spacing: tuple[float, float],
-    label: NDArray[np.int64],
-    carrying: NDArray[np.bool_],
-    closed: NDArray[np.bool_],
+    spacing: Pair,
+    label: Indices,
+    carries_flow: Flags,
+    closed: Flags,
     solver: str,
 ) -> tuple[Array, float]:
-    """Solve for the periodic corrections, and compute the energies (2, 2) of unit mean gradients.
+    """Solve for the periodic corrections of the pressure, and compute the energies (2, 2) of unit mean gradients.
 
     The relative error is also returned. It is the difference between energy and mean flux, or between two successive
     solutions, whichever is smaller.
 
-    label : component of each node, (nodes,).
-    carrying : flags (n1, n2) of the nodes that carry flow.
+    label : array (nodes,), component of each node.
+    carries_flow : flags (n1, n2) of the nodes that carry flow.
     closed : flags (2,) of the axes without a flow.
     """
-    size = carrying.size
-    d1, d2 = spacing
-    # for each link: conductance, both nodes, and the pressure drop due to unit mean gradients along both axes
-    parts = [(c.ravel(), a.ravel(), b.ravel(), np.full((c.size, 2), (s1 * d1, s2 * d2)))
-             for c, a, b, (s1, s2) in stencil.conductances()]  # fmt: skip
-    c, start, end, mean_drop = (np.concatenate(part) for part in zip(*parts, strict=True))
+    size = carries_flow.size
+    both_axes = stencil.links()
+    c = np.concatenate([links.conductance.ravel() for links in both_axes])[:, None]  # (link, 1)
+    start = np.concatenate([links.start.ravel() for links in both_axes])
+    end = np.concatenate([links.end.ravel() for links in both_axes])
+    # pressure drop over each link due to unit mean gradients along both axes, (link, axis)
+    mean_drop = np.concatenate(
+        [np.full((links.start.size, 2), np.multiply(links.step, spacing)) for links in both_axes]
+    )
     # the correction is defined up to a constant in each component, and is set to 0 at one node of each
-    roots = np.zeros(size, bool)
-    roots[np.unique(label, return_index=True)[1]] = True
-    unknown = np.flatnonzero(carrying.ravel() & ~roots)
+    is_fixed = np.zeros(size, bool)
+    is_fixed[_first_nodes(label)] = True
+    unknown = np.flatnonzero(carries_flow.ravel() & ~is_fixed)
     matrix = stencil.to_csr()[unknown][:, unknown]
     drop = mean_drop
-    correction = np.zeros((size, 2))
+    correction = np.zeros((size, 2))  # (node, axis of the mean gradient)
     error = np.inf
-    before = np.full((2, 2), np.nan)  # energies of the previous solution
+    previous = np.full((2, 2), np.nan)  # energies of the previous solution
     for rtol in _RTOLS:
-        outflow = c[:, None] * drop
-        load = [np.bincount(start, q, size) - np.bincount(end, q, size) for q in outflow.T]
+        net_outflow = [
+            np.bincount(start, flow, size) - np.bincount(end, flow, size) for flow in (c * drop).T
+        ]
         if unknown.size:
-            rest = np.stack(load, axis=1)[unknown]
+            residual = np.stack(net_outflow, axis=1)[unknown]
             correction[unknown] += solve_sparse(
-                matrix, rest, rtol, solver, largest_residual=max(rtol, 1e-8)
+                matrix, residual, rtol, solver, largest_residual=max(rtol, 1e-8)
             ).x
         drop = mean_drop + correction[end] - correction[start]
-        tensor = drop.T @ (c[:, None] * drop)
-        flux = mean_drop.T @ (c[:, None] * drop)
-        tensor = (tensor + tensor.T) / 2  # a matrix product is not exactly symmetric after rounding
-        for a in (tensor, flux):
-            a[closed, :] = 0.0
-            a[:, closed] = 0.0
-        largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
+        energy = drop.T @ (c * drop)
+        mean_flux = mean_drop.T @ (c * drop)
+        energy = (energy + energy.T) / 2  # a matrix product is not exactly symmetric after rounding
+        for tensor in (energy, mean_flux):
+            tensor[closed, :] = 0.0
+            tensor[:, closed] = 0.0
+        largest = np.sqrt(np.outer(energy.diagonal(), energy.diagonal()))
         # the flux has the relative error of the pressure, the energy only the square of it
-        deviation = np.fmin(np.abs(tensor - flux), np.abs(tensor - before))
+        deviation = np.fmin(np.abs(energy - mean_flux), np.abs(energy - previous))
         error = float((deviation / np.where(largest > 0, largest, 1.0)).max())
-        before = tensor
+        previous = energy
         if error <= MAX_IMBALANCE:
             break
-    return before, error
+    return previous, error
 
 
-def _winding_components(c1: Array, c2: Array) -> tuple[Indices, Any]:
+def _percolating_components(c1: Array, c2: Array) -> _Components:
     """Find the connected components of a doubly periodic network, and the axes along which each of them percolates.
 
-    A component percolates along an axis if it contains a closed loop that crosses the periodic boundary of this axis.
-    A spanning tree of the component gives, for each node, how often its path to the root crosses both boundaries. A
-    link closes such a loop if these numbers do not match at its two nodes.
+    A component percolates along an axis if it contains a closed loop that crosses the periodic boundary of this axis,
+    counted with the direction of each crossing. The path to a node along a spanning tree has a number of crossings. A
+    link closes such a loop if the numbers at its two nodes do not differ by the crossings of the link itself.
 
     c1, c2 : arrays (n1, n2), conductances from node (i, j) to the nodes (i + 1, j) and (i, j + 1), periodic.
+    """
+    links = _open_periodic_links(c1, c2)
+    graph = sp.coo_array(
+        (np.ones(links.start.size), (links.start, links.end)), shape=(c1.size,) * 2
+    )
+    count, label = connected_components(graph, directed=False)
+    crossings = _crossings_from_roots(links, _first_nodes(label), c1.size)
+    closes_loop = crossings[links.start] + links.crossings != crossings[links.end]
+    percolates = np.zeros((count, 2), bool)
+    np.logical_or.at(percolates, label[links.start], closes_loop)
+    return _Components(label, percolates)
+
+
+def _open_periodic_links(c1: Array, c2: Array) -> _PeriodicLinks:
+    """List the links with a conductance > 0; parameters as in `_percolating_components`."""
+    node = np.arange(c1.size).reshape(c1.shape)
+    start = []
+    end = []
+    crossings = []
+    for axis, c in enumerate((c1, c2)):
+        is_open = c > 0
+        is_last = np.indices(c.shape)[axis] == c.shape[axis] - 1
+        crosses = np.zeros((*c.shape, 2), np.int64)  # (row, column, axis of the boundary)
+        crosses[is_last, axis] = 1
+        start.append(node[is_open])
+        end.append(np.roll(node, -1, axis)[is_open])
+        crossings.append(crosses[is_open])
+    return _PeriodicLinks(np.concatenate(start), np.concatenate(end), np.concatenate(crossings))
+
+
+def _first_nodes(label: Indices) -> Indices:
+    """Return the first node of each component."""
+    _, first = np.unique(label, return_index=True)
+    return first
+
+
+def _crossings_from_roots(links: _PeriodicLinks, roots: Indices, n: int) -> Indices:
+    """Count how often the path along a spanning tree from its root to each node crosses both periodic boundaries.
+
+    Parameters
+    ----------
+    links : open links of the network.
+    roots : one node of each component, at which its tree begins.
+    n : number of nodes.
 
     Returns
     -------
-    Component of each node (nodes,), and flags (components, 2) of the axes along which the components percolate.
+    Array (n + 1, 2), number of crossings of the boundary of each axis, negative in the opposite direction.
     """
-    n = c1.size
-    node = np.arange(n).reshape(c1.shape)
-    parts = []
-    for axis, c in enumerate((c1, c2)):
-        at_seam = np.indices(c.shape)[axis] == c.shape[axis] - 1
-        passes = np.zeros((*c.shape, 2), np.int64)
-        passes[at_seam, axis] = 1
-        parts.append((node[c > 0], np.roll(node, -1, axis)[c > 0], passes[c > 0]))
-    # both nodes of each link, and how often it crosses the periodic boundaries of both axes (link, axis)
-    start, end, seams = (np.concatenate(part) for part in zip(*parts, strict=True))
-    graph = sp.coo_array((np.ones(start.size), (start, end)), shape=(n, n))
-    count, label = connected_components(graph, directed=False)
-    roots = np.unique(label, return_index=True)[1]
-    # an additional node n is linked to one node of each component, so that one search finds the trees of all
-    i = np.concatenate([start, np.full(count, n)])
-    j = np.concatenate([end, roots])
-    joined = sp.coo_array((np.ones(i.size), (i, j)), shape=(n + 1, n + 1)).tocsr()
-    _, parent = breadth_first_order(joined, n, directed=False)
+    # an additional node n is linked to the roots, so that a single search finds the trees of all components
+    i = np.concatenate([links.start, np.full(roots.size, n)])
+    j = np.concatenate([links.end, roots])
+    graph = sp.coo_array((np.ones(i.size), (i, j)), shape=(n + 1, n + 1)).tocsr()
+    _, parent = breadth_first_order(graph, n, directed=False)
     parent[n] = n
-    turns = np.zeros((n + 1, 2), np.int64)
-    for a, b, sign in ((start, end, 1), (end, start, -1)):
-        in_tree = parent[b] == a
-        turns[b[in_tree]] = sign * seams[in_tree]
-    while (
-        parent != n
-    ).any():  # add up the crossings towards the root; each step doubles the length of the path
-        turns += turns[parent]
+    crossings = np.zeros((n + 1, 2), np.int64)  # at first, of the link from the parent to each node
+    for a, b, sign in ((links.start, links.end, 1), (links.end, links.start, -1)):
+        is_in_tree = parent[b] == a
+        crossings[b[is_in_tree]] = sign * links.crossings[is_in_tree]
+    # add the crossings of the ancestors; each step doubles the number of links that have been added up
+    while (parent != n).any():
+        crossings += crossings[parent]
         parent = parent[parent]
-    winds = np.zeros((count, 2), bool)
-    around = turns[start] + seams != turns[end]
-    np.logical_or.at(winds, label[start], around)
-    return label, winds
+    return crossings

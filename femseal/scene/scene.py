@@ -276,7 +276,7 @@ class Scene:
     @property
     def flow(self) -> FlowSettings:
         """Settings for the flow through the surface and its cells."""
-        drop = PressureDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
+        drop = PressureDrop.of_fluid(self.fluid, self.inlet_pressure, self.outlet_pressure)
         return FlowSettings(self.solver, drop, getattr(self.layout, "spiral", None))
 
     def check_spiral(self) -> None:

@@ -67,7 +67,7 @@ def pressure_dependent_flow(
         # without a pressure, as in isolated points, any permeability will do
         p = np.maximum(drop.pressure(np.nan_to_num(fraction, nan=0.5)), drop.least_pressure)
         lowest, highest = _corner_range(seal, p, curve.shape)
-        return curve.between(lowest, highest, drop.mobility)
+        return curve.mean_between(lowest, highest, drop.mobility)
 
     def solve(element_permeability: Array) -> tuple[float, Array, DarcyFlow]:
         flow = seal.flow(element_permeability, solver=solver)

@@ -9,7 +9,7 @@ import numpy as np
 from ..base import Array, Pair
 from ..face.cell_flow import Failed, attempt
 from ..face.cells import Cut
-from ..flow.permeability_table import tabulated
+from ..flow.permeability_table import tabulate
 from ..scene import Scene
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
@@ -95,4 +95,4 @@ def flow_in_order(
     """
     tile_k = k.reshape(len(k), 2, -1)  # (fluid pressure, axis, tile)
     element_k = tiles.permeability(tile_k[:, 0], tile_k[:, 1])
-    return attempt(scene.leakage, tiles.seal, tabulated(pressures, list(element_k), piecewise))
+    return attempt(scene.leakage, tiles.seal, tabulate(pressures, list(element_k), piecewise))

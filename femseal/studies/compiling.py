@@ -24,7 +24,7 @@ from ..face.cell_flow import FlowSettings, cell_permeabilities
 from ..flow.cell import harmonic_fill
 from ..flow.grid import energy_of
 from ..flow.solvers.choice import solve_flow
-from ..flow.solvers.hierarchy import hierarchy
+from ..flow.solvers.hierarchy import build_levels
 
 log = logging.getLogger("femseal")
 
@@ -82,7 +82,7 @@ def _gap(n: int) -> Array:
 
 def _levels() -> None:
     s = _network()
-    hierarchy(s.along, s.across, s.ring2)
+    build_levels(s.along, s.across, s.ring2)
 
 
 def _multigrid() -> None:

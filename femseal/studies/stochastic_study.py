@@ -15,7 +15,7 @@ from ..checks import estimate_scene, line_contact_warnings, result_warnings
 from ..face.cell_flow import Failed, SolveCounts, attempt
 from ..face.cells import MOST_RATIO, Cut
 from ..face.curves import CellCurves
-from ..flow.permeability_table import tabulated
+from ..flow.permeability_table import tabulate
 from ..scene import Scene
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
@@ -208,7 +208,7 @@ class _Supply:
         if self.opened is not None:
             k = k + self.opened[step]
         element_k = list(self.tiles.permeability(k[:, 0], k[:, 1]))
-        permeability = tabulated(self.fluid.pressures, element_k, self.fluid.piecewise)
+        permeability = tabulate(self.fluid.pressures, element_k, self.fluid.piecewise)
         flow = attempt(self.scene.leakage, self.tiles.seal, permeability, REALISATION_RTOL)
         return permeability, flow
 

@@ -137,12 +137,12 @@ class SlippingGas(fs.IdealGas):
 def test_a_gas_that_slips_takes_the_mean_of_slip_over_p_dp(outlet):
     """∫(1 + 6 λp/(hp)) p dp over the drop: 1 + 12 λp/(h (p₁ + p₂)), finite where the outlet is a vacuum."""
     inlet, gaps = 1e5, np.array([1e-9, 1e-7, 1e-5])
-    drop = PressureDrop.of(SlippingGas(19.6e-6, 4.0026e-3, 293.15), inlet, outlet)
+    drop = PressureDrop.of_fluid(SlippingGas(19.6e-6, 4.0026e-3, 293.15), inlet, outlet)
     exact = 1 + 12 * 0.02 / (gaps * (inlet + outlet))
     assert_allclose([drop.mean_factor_of(gap) for gap in gaps], exact, rtol=1e-5)
     assert np.isnan(drop.mean_factor_of(np.nan))
     assert np.isfinite(drop.mean_factor_of(0.0))
-    assert PressureDrop.of(fs.Liquid(1e-3), inlet, outlet).mean_factor_of(1e-9) == 1
+    assert PressureDrop.of_fluid(fs.Liquid(1e-3), inlet, outlet).mean_factor_of(1e-9) == 1
 
 
 def test_helium_into_a_vacuum_leaks_as_the_quick_estimate():

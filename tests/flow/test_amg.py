@@ -189,7 +189,7 @@ def test_a_factorisation_keeps_its_digits_where_the_links_to_the_ends_are_known(
     assert solution.residual < 1e-8
     assert_allclose(solution.complement, flow * resistance[:-1], rtol=1e-9)
     assert_allclose(solution.x, flow * np.cumsum(1 / links[::-1])[-2::-1], rtol=1e-9)
-    assert_allclose(ends.power(solution.x, solution.remainder), flow, rtol=1e-9)
+    assert_allclose(ends.supplied_energy(solution.x, solution.remainder), flow, rtol=1e-9)
 
 
 def test_rows_without_links_are_left_out():

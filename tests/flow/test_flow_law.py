@@ -13,7 +13,7 @@ from femseal.analytic import parallel_plates
 from femseal.base.fixed_point import fixed_point
 from femseal.flow import FlowLaw, SlipLength
 from femseal.flow.law import CUBIC_LAW, law_of
-from femseal.flow.permeability_table import tabulated
+from femseal.flow.permeability_table import tabulate
 from femseal.flow.pressure_drop import PressureDrop
 from femseal.studies import FluidState, drop_ratio
 
@@ -166,7 +166,7 @@ def test_a_law_from_outside_runs_through_cells_and_seals():
     cell = fs.cell_permeability(np.full((6, 5), 1e-6), SPACING, law=fluid.law, pressure=3e5)
     assert_allclose(cell.value, 1e-18 / 12 / 1.75, rtol=1e-10)
     drop = PressureDrop(fluid, 1e6, 1e5)
-    k = tabulated(drop.pressures, [float(fluid.law.permeability(1e-6, p)) for p in drop.pressures])
+    k = tabulate(drop.pressures, [float(fluid.law.permeability(1e-6, p)) for p in drop.pressures])
     found = fs.seal_leakage(fs.RectangularSeal((1e-3, 2e-3), (3, 4)), k, fluid, **ends)
     exact = 2 * 1e-18 / 12 * 1e6 * 4e5 * np.log((1 + 1e6 / 4e5) / (1 + 1e5 / 4e5))
     assert_allclose(found.mass_rate, exact, rtol=2e-3)

@@ -299,6 +299,6 @@ def test_principal_values_between_their_pressures():
     for inside in (1.3e5, 3e5, 8e5):
         at = np.full((2, 2), inside)
         # ∫ k dφ/∫ dψ over no drop is k/F(h₀, p)
-        found = curve.between(at, at, drop.mobility) * HELIUM.flow_factor(1e-7, inside)
+        found = curve.mean_between(at, at, drop.mobility) * HELIUM.flow_factor(1e-7, inside)
         assert_allclose(found[0], principal(inside), rtol=5e-3)
         assert (found[1] == 0).all()

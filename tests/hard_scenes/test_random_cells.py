@@ -139,7 +139,7 @@ def effective_link(stencil):
     inner = (n1 - 1) * n2
     number = np.r_[np.full(n2, inner), np.arange(inner), np.full(n2, inner + 1)]
     links = np.zeros((inner + 2, inner + 2), np.longdouble)
-    for c, a, b, _ in stencil.conductances():
+    for c, a, b, _ in stencil.links():
         np.add.at(links, (number[a.ravel()], number[b.ravel()]), c.ravel())
     links += links.T
     np.fill_diagonal(links, 0)

@@ -62,11 +62,13 @@ def test_means_between_pressures_are_exact_for_a_liquid():
             if a != b
             else np.exp(-a / scale)
         )
-        assert_allclose(curve.between(np.full(2, a), np.full(2, b), even)[0], mean, rtol=1e-9)
-    beyond = curve.between(np.full(2, 7e6), np.full(2, 1e7), even)
+        assert_allclose(curve.mean_between(np.full(2, a), np.full(2, b), even)[0], mean, rtol=1e-9)
+    beyond = curve.mean_between(np.full(2, 7e6), np.full(2, 1e7), even)
     within = scale * (np.exp(-3.5) - np.exp(-4.0))
     assert_allclose(beyond, [(within + 2e6 * np.exp(-4.0)) / 3e6, 3.0], rtol=1e-12)
-    assert_allclose(curve.between(np.full(2, 2.5e6), np.full(2, 3.5e6), even)[1], 1.5, rtol=1e-12)
+    assert_allclose(
+        curve.mean_between(np.full(2, 2.5e6), np.full(2, 3.5e6), even)[1], 1.5, rtol=1e-12
+    )
 
 
 @each("inlet", ["inner", "outer"])

@@ -26,13 +26,13 @@ _MAX_ITERATIONS = 100
 _MAX_CORRECTIONS = 3
 #: Largest relative difference between inflow and outflow for a unit drop: the first number, or the second one times
 #: the tolerance of the potential, whichever is larger.
-_BALANCE, _SHARE_OF_ERROR = 1e-6, 3e-3
+_IMBALANCE, _IMBALANCE_BY_TOLERANCE = 1e-6, 3e-3
 #: Row sums below this fraction of the diagonal are treated as rounding errors.
 _ROUNDING = 16 * np.finfo(float).eps
-#: The iteration stops when the estimated error is below the first fraction of the tolerance. The error is estimated
-#: again from the residual of x itself and must be below the second fraction. In random cells the estimates were too
-#: small by a factor of up to 4.
-_STOPPED, _CONFIRMED = 0.1, 0.3
+#: The iteration stops when the estimated error is below the first fraction of the tolerance. The error is then
+#: estimated again from the residual of x itself, and must be below the second fraction. In random cells the estimates
+#: were too small by a factor of up to 4.
+_STOPPING, _CONFIRMED = 0.1, 0.3
 #: Smallest relative error of the potential in the energy norm that can be resolved.
 _LEAST_ERROR = 1e-12
 
@@ -71,10 +71,13 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
         raise NotConverged(
             "flow: a node without links is given a flow; leave such nodes out", np.inf
         )
+    # rows that have more entries than the diagonal; the others are solved by a division
     linked = np.flatnonzero(np.diff(a.indptr) > (diagonal != 0))
     x = np.divide(rhs.T, diagonal, out=np.zeros(rhs.T.shape), where=diagonal != 0).T
-    complement, remainder = 1 - x, np.zeros_like(x)
-    iterations, error = 0, 0.0
+    complement = 1 - x
+    remainder = np.zeros_like(x)
+    iterations = 0
+    error = 0.0
     if linked.size:
         system = _System(a if linked.size == len(diagonal) else a[linked][:, linked])
         for column in np.ndindex(rhs.shape[1:]):
@@ -110,61 +113,64 @@ class _System:
 
     def precondition(self, r: Array, level: int = 0) -> Array:
         """Apply one V-cycle to the residual r, beginning with zero."""
-        here = self.levels[level]
+        grid = self.levels[level]
         if level == len(self.levels) - 1:
             return np.asarray(self.coarsest.solve(r))
         z = np.zeros_like(r)
-        here.presmoother(here.A, z, r)
-        z += here.P @ self.precondition(here.R @ (r - here.A @ z), level + 1)
-        here.postsmoother(here.A, z, r)
+        grid.presmoother(grid.A, z, r)
+        coarse_residual = grid.R @ (r - grid.A @ z)
+        z += grid.P @ self.precondition(coarse_residual, level + 1)
+        grid.postsmoother(grid.A, z, r)
         return z
 
     def solve(self, b: Array, rtol: float, unit_drop: bool) -> LinearSolution:
         """Solve for one right-hand side, see `solve_amg`.
 
-        For a unit drop, x is stored as the sum of an integer part, 0 or 1, and a remainder. Both x and 1 − x can then
-        be computed with a small relative error.
+        For a unit drop, x is stored as the sum of an integer, 0 or 1, and a fraction. Both x and 1 − x can then be
+        computed with a small relative error.
         """
         if not b.any():
             return LinearSolution(np.zeros_like(b), np.ones_like(b), 0, 0.0, "amg")
-        # The sum of a row is the conductance between its node and the ends. For nodes at the inlet it is known exactly
-        # from b; differences of the size of rounding errors are removed.
+        # The sum of a row is the conductance between its node and the ends. If the node is linked to no end except the
+        # inlet, the sum is known exactly from b. Differences of the size of rounding errors are removed.
         at_inlet = b if unit_drop else np.zeros_like(b)
         sums = np.where(np.abs(self.sums - at_inlet) <= self.rounding, at_inlet, self.sums)
-        whole, rest, r = np.zeros_like(b), np.zeros_like(b), b
+        integer = np.zeros_like(b)
+        fraction = np.zeros_like(b)
+        r = b
         iterations = 0
         for _ in range(_MAX_CORRECTIONS):
-            rest, needed = self._corrected(whole + rest, rest, r, b, rtol, unit_drop)
+            correction, needed = self._correction(integer + fraction, r, b, rtol, unit_drop)
+            fraction = fraction + correction
             iterations += needed
             if unit_drop:
-                ones = np.rint(np.clip(whole + rest, 0, 1))
-                rest += whole - ones
-                whole = ones
-            r = (b - self._applied(sums, whole)) - self._applied(sums, rest)
-            x, remainder = two_sum(whole, rest)
-            complement = (1 - whole) - rest
+                nearest = np.rint(np.clip(integer + fraction, 0, 1))
+                fraction += integer - nearest
+                integer = nearest
+            r = (b - self._apply(sums, integer)) - self._apply(sums, fraction)
+            x, remainder = two_sum(integer, fraction)
+            complement = (1 - integer) - fraction
             energy = float(b @ complement) if unit_drop else float(b @ x)
-            error = (
-                np.sqrt(max(float(r @ self.precondition(r)), 0.0) / energy)
-                if energy > 0
-                else np.inf
-            )
-            balanced = not unit_drop or imbalance_of(r, x) <= 2 * _balance(rtol) * energy
-            if error <= max(_CONFIRMED * rtol, _LEAST_ERROR) and balanced:
+            error = np.inf
+            if energy > 0:
+                error = np.sqrt(max(float(r @ self.precondition(r)), 0.0) / energy)
+            allowed_imbalance = 2 * _largest_imbalance(rtol) * energy
+            is_balanced = not unit_drop or imbalance_of(r, x) <= allowed_imbalance
+            if error <= max(_CONFIRMED * rtol, _LEAST_ERROR) and is_balanced:
                 return LinearSolution(x, complement, iterations, float(error), "amg", remainder)
         raise NotConverged(
             f"flow: the potential has an error of {error:.1e}, wanted is {rtol:.1e}", float(error)
         )
 
-    def _applied(self, sums: Array, x: Array) -> Array:
+    def _apply(self, sums: Array, x: Array) -> Array:
         """Compute A x from the row sums of A and from differences of x."""
         drop = x[self.matrix.indices] - x[self.rows]
         return sums * x + np.bincount(self.rows, self.matrix.data * drop, len(x))
 
-    def _corrected(
-        self, start: Array, rest: Array, r: Array, b: Array, rtol: float, unit_drop: bool
+    def _correction(
+        self, start: Array, r: Array, b: Array, rtol: float, unit_drop: bool
     ) -> tuple[Array, int]:
-        """Solve A y = r by preconditioned conjugate gradients; return `rest` + y and the number of iterations.
+        """Solve A y = r by preconditioned conjugate gradients; return y and the number of iterations.
 
         start : present value of x, to which y is a correction.
         """
@@ -186,21 +192,21 @@ class _System:
             correction += step * d
             r -= step * ad
             z = self.precondition(r)
-            rz_old = rz
+            previous_rz = rz
             rz = float(r @ z)
             energy = abs(total - at_start - float(b @ correction))
-            is_accurate = rz <= max(_STOPPED * rtol, _LEAST_ERROR) ** 2 * energy
-            if is_accurate and (
-                not unit_drop or imbalance_of(r, start + correction) <= _balance(rtol) * energy
-            ):
-                return rest + correction, iteration
-            d = z + rz / rz_old * d
+            is_accurate = rz <= max(_STOPPING * rtol, _LEAST_ERROR) ** 2 * energy
+            if is_accurate:
+                allowed_imbalance = _largest_imbalance(rtol) * energy
+                if not unit_drop or imbalance_of(r, start + correction) <= allowed_imbalance:
+                    return correction, iteration
+            d = z + rz / previous_rz * d
         raise NotConverged(
             f"flow: algebraic multigrid did not converge within {iteration} iterations; try a direct solver",
             rz,
         )
 
 
-def _balance(rtol: float) -> float:
+def _largest_imbalance(rtol: float) -> float:
     """Return the largest relative imbalance that is accepted for a tolerance `rtol` of the potential."""
-    return max(_BALANCE, _SHARE_OF_ERROR * rtol)
+    return max(_IMBALANCE, _IMBALANCE_BY_TOLERANCE * rtol)

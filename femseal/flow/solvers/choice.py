@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import exp, inf, ldexp, log, log2, sqrt
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base import Array, Flags, NotConverged, validate
 from ...base.compiled import compiled
 from ..grid import Stencil
-from ..percolation import closed, nodes_reached, ready
+from ..percolation import BOTH_ENDS, PreparedLinks, closed, nodes_reached, prepare_links
 from ..problem import FAST_SOLVERS, MAX_IMBALANCE, DarcyFlow, check_solver
 from .elimination import eliminate
-from .multigrid import CHECKED, COARSEST_NODES, coarsest_nodes, solve_multigrid
+from .multigrid import BOUNDED_FROM, COARSEST_NODES, coarsest_nodes, solve_multigrid
 
 #: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
 ELIMINATED_NODES = 5_000_000
@@ -27,24 +27,25 @@ ELIMINATED_NODES = 5_000_000
 #: long as elimination at ratios of 2.5 to 3.5, and 2 to 6 times as long at ratios of 4 to 12. At a ratio of 28 it fails
 #: in 1 of 12 cases and once had an error of 22 %. The reason is that it coarsens along both sides of the pixels, so
 #: that the slowest error components are only found late.
-_LONGEST_PIXEL = 3.5
+_LARGEST_PIXEL_RATIO = 3.5
 #: Approximate number of rows of links that are sampled to estimate this ratio and the contrast of neighbouring links.
-_SAMPLED = 64
+_SAMPLED_ROWS = 64
 #: Links with a conductance below this fraction of the largest one hardly contribute to sums of conductances. At nodes
 #: that are only connected by such links, an iteration converges slowly or not at all.
-_SEEN = 1e-8
-#: Links below this fraction are lost by rounding in sums with wide links, and the matrix may become indefinite.
-_LOST = 1e-13
+_CONTRIBUTING = 1e-8
+#: Links below this fraction are lost by rounding in sums with wide links, so that the matrix may become indefinite.
+_RESOLVED = 1e-13
 #: Multigrid is tried first if there are more than _FEWEST exp(_GROWTH r) nodes, where r is the `_roughness`; a pair of
-#: an open and a closed link counts as _CLOSED in r. Multigrid is given up after _PATIENCE iterations. On 245 networks
-#: of 24² to 512² nodes (independent links and pixels, contacts, and faces cut by a plane) this choice takes 1.1 times
-#: as long on average as the faster solver.
-_FEWEST, _GROWTH, _CLOSED, _PATIENCE = 15, 3.5, 4.0, 120
+#: an open and a closed link counts as _CLOSED in r. On 245 networks of 24² to 512² nodes (independent links and pixels,
+#: contacts, and faces cut by a plane) this choice takes 1.1 times as long on average as the faster solver.
+_FEWEST, _GROWTH, _CLOSED = 15, 3.5, 4.0
+#: Number of iterations after which multigrid is given up if elimination is possible.
+_PATIENCE = 120
 #: Largest number of iterations if the caller chose multigrid, or if elimination would need too much memory.
 _MOST_ITERATIONS = 600
 #: Potential of a node without flow, by the number from `nodes_reached`: a node in a pocket, a node that is connected to
 #: the inlet only, and one that is connected to the outlet only. The potential of other nodes is computed.
-_AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
+_POTENTIAL_AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
 
 
 def elimination_memory(nodes: float) -> float:
@@ -96,71 +97,65 @@ def solve_flow(
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
-    conductances = stencil.along.copy(), stencil.across.copy()
-    return solve_ready(
-        *ready(*conductances),
-        conductances,
-        stencil.ring2,
-        rtol=rtol,
-        solver=solver,
-        field_rtol=field_rtol,
-    )
+    links = prepare_links(stencil.along.copy(), stencil.across.copy())
+    return solve_prepared(links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
-def solve_ready(
-    reached: NDArray[np.int8],
-    exponent: int,
-    conductances: tuple[Array, Array],
+def solve_prepared(
+    links: PreparedLinks,
     ring2: bool,
     *,
     rtol: float,
     solver: str,
     field_rtol: float | None,
 ) -> DarcyFlow:
-    """Solve the flow for conductances that `ready` has prepared, and overwrite `reached` and the conductances.
+    """Solve the flow through a stencil whose links have been prepared.
 
     Parameters
     ----------
-    reached, exponent : results of `ready`.
-    conductances : arrays `along` and `across` of a stencil, as `ready` has left them.
+    links : links of the stencil. The arrays `along`, `across` and `reached` may be overwritten, to save memory.
     ring2 : whether the columns form a ring.
     rtol, solver, field_rtol : as in `solve_flow`.
     """
-    stencil = Stencil(*conductances, ring2=ring2)
-    percolates = bool(reached[0, 0] == 3)
-    if not percolates or len(stencil.along) == 1:
-        potential = _AT_REST.take(reached)
+    stencil = Stencil(links.along, links.across, ring2=ring2)
+    percolates = links.percolate
+    has_inner_nodes = len(stencil.along) > 1
+    if not (percolates and has_inner_nodes):
+        potential = _POTENTIAL_AT_REST.take(links.reached)
         potential[0] = 1.0
         potential[-1] = 0.0
-        total = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
-        return DarcyFlow(total, potential, 1 - potential, percolates)
-    keep = np.equal(reached, 3, out=reached.view(np.bool_))  # in place, to save memory
+        conductance = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
+        return DarcyFlow(conductance, potential, 1 - potential, percolates)
+    # the flags are stored in the memory of `reached`
+    keep = np.equal(links.reached, BOTH_ENDS, out=links.reached.view(np.bool_))
     flow = _solve(stencil, keep, rtol, solver, field_rtol)
-    return replace(flow, conductance=ldexp(flow.conductance, exponent))
+    return replace(flow, conductance=ldexp(flow.conductance, links.exponent))
 
 
 def _solve(
     stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: float | None
 ) -> DarcyFlow:
-    """Choose a solver unless one is given, and solve the flow; if a chosen multigrid fails, use elimination.
+    """Choose a solver, and solve the flow.
 
-    keep : array (n1 + 1, n2), nodes that are connected to both ends.
+    keep : flags (n1 + 1, n2) of the nodes that are connected to both ends.
+    solver : name of a solver, or "auto". If multigrid is chosen by "auto" and fails, elimination is used.
     """
     nodes = int(np.count_nonzero(keep[1:-1]))
     can_eliminate = nodes <= ELIMINATED_NODES
     if solver == "elimination" or (solver == "auto" and not _suits_multigrid(stencil, nodes)):
-        return _by_elimination(stencil, keep)
-    has_long_pixels = _pixel_ratio(stencil) > _LONGEST_PIXEL
+        return _solve_by_elimination(stencil, keep)
+    has_long_pixels = _pixel_ratio(stencil) > _LARGEST_PIXEL_RATIO
     if has_long_pixels and can_eliminate:
-        return _by_elimination(stencil, keep)
+        return _solve_by_elimination(stencil, keep)
     limit = _PATIENCE if solver == "auto" and can_eliminate else _MOST_ITERATIONS
-    checked = 0 if has_long_pixels else CHECKED
+    # on long pixels the estimate of the error cannot be trusted, so that the error is bounded from the beginning
+    bounded_from = 0 if has_long_pixels else BOUNDED_FROM
     try:
-        return _by_multigrid(stencil, keep, rtol, limit, field_rtol, checked)
+        return _solve_by_multigrid(stencil, keep, rtol, limit, field_rtol, bounded_from)
     except NotConverged:
         if solver == "multigrid":
             raise
-    return _by_elimination(stencil, keep)
+    return _solve_by_elimination(stencil, keep)
 
 
 def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
@@ -171,7 +166,7 @@ def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
         return False
     if nodes > ELIMINATED_NODES:
         return True
-    roughness = _roughness(stencil.along, max(1, n1 // _SAMPLED))
+    roughness = _roughness(stencil.along, max(1, n1 // _SAMPLED_ROWS))
     return log(nodes / _FEWEST) > _GROWTH * roughness
 
 
@@ -181,7 +176,7 @@ def _roughness(along, step):
 
     A pair of an open and a closed link counts as `_CLOSED`.
     """
-    total, pairs = 0.0, 1
+    total, pairs = 0.0, 1  # one additional pair avoids a division by 0
     for i in range(0, along.shape[0], step):
         before = along[i, 0]
         for j in range(1, along.shape[1]):
@@ -202,7 +197,7 @@ def _pixel_ratio(stencil: Stencil) -> float:
     The conductance of a link is proportional to its width over its length. If the gap is isotropic, the ratio of the
     geometric means of both kinds of links is therefore the square of the ratio of the sides.
     """
-    step = max(1, len(stencil.along) // _SAMPLED)
+    step = max(1, len(stencil.along) // _SAMPLED_ROWS)
     means = []
     for links in (stencil.along[::step], stencil.across[::step]):
         is_open = links[links > 0]
@@ -212,22 +207,22 @@ def _pixel_ratio(stencil: Stencil) -> float:
     return exp(abs(means[0] - means[1]) / 2)
 
 
-def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
+def _solve_by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
     """Solve by star-mesh elimination, and use the conductance that elimination itself gives, which is more accurate."""
     φ, ψ = np.zeros((2, *keep.shape))
     φ[0] = 1.0
     ψ[-1] = 1.0
     conductance = eliminate(stencil, keep[1:-1], φ, ψ)
-    return _checked(stencil, keep, (φ, ψ), (0, 0.0, "elimination"), conductance)
+    return _check_balance(stencil, keep, (φ, ψ), _Statistics("elimination"), conductance)
 
 
-def _by_multigrid(
+def _solve_by_multigrid(
     stencil: Stencil,
     keep: Flags,
     rtol: float,
     limit: int,
     field_rtol: float | None,
-    checked: int,
+    bounded_from: int,
 ) -> DarcyFlow:
     """Solve by multigrid, and then by elimination at the nodes that are only connected by very narrow links.
 
@@ -236,26 +231,28 @@ def _by_multigrid(
     (Dirichlet's principle). The difference between both bounds is a bound of the error.
 
     limit : largest number of iterations.
-    checked : number of iterations from which on the error is bounded, see `solve_multigrid`.
+    bounded_from : number of iterations from which on the error is bounded, see `solve_multigrid`.
     """
     isolated: Flags | None = None
     through: Flags | None = None
-    has_narrow_links = any(((c > 0) & (c < _SEEN)).any() for c in (stencil.along, stencil.across))
+    has_narrow_links = any(
+        ((c > 0) & (c < _CONTRIBUTING)).any() for c in (stencil.along, stencil.across)
+    )
     if has_narrow_links:
         isolated, through = _isolated_nodes(stencil, keep)
     lower_bound = 0.0
-    with closed(stencil, through, _LOST):
-        potential, iterations, error = solve_multigrid(
-            stencil, rtol, limit, isolated, field_rtol, checked
-        )
+    with closed(stencil, through, _RESOLVED):
+        solution = solve_multigrid(stencil, rtol, limit, isolated, field_rtol, bounded_from)
+        potential, error = solution.potential, solution.error
         if isolated is not None:
             lower_bound = stencil.energy(potential) * (1 - error**2)
     complement = 1 - potential
     if isolated is not None:
         eliminate(stencil, isolated, potential, complement)
-    allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
-    statistics = iterations, error, "multigrid"
-    flow = _checked(stencil, keep, (potential, complement), statistics, allowed=allowed)
+    potential_tolerance = sqrt(rtol) if field_rtol is None else field_rtol
+    allowed = max(MAX_IMBALANCE, 10 * potential_tolerance)
+    statistics = _Statistics("multigrid", solution.iterations, error)
+    flow = _check_balance(stencil, keep, (potential, complement), statistics, allowed=allowed)
     if isolated is None:
         return flow
     bound_gap = 1 - lower_bound / flow.conductance
@@ -277,19 +274,28 @@ def _isolated_nodes(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags 
     through : flags (n1 + 1, n2) of the nodes that are connected to both ends by links that are not lost by rounding.
     Both are None if there are no isolated nodes.
     """
-    links = stencil.along, stencil.across
-    isolated = (keep & (nodes_reached(*links, _SEEN) == 0))[1:-1]
+    along, across = stencil.along, stencil.across
+    reached_by_wide_links = nodes_reached(along, across, _CONTRIBUTING)
+    isolated = (keep & (reached_by_wide_links == 0))[1:-1]
     if not isolated.any():
         return None, None
-    return isolated, nodes_reached(*links, _LOST) == 3
+    return isolated, nodes_reached(along, across, _RESOLVED) == BOTH_ENDS
 
 
-def _checked(
+class _Statistics(NamedTuple):
+    """Name of the solver, number of its iterations, and estimated error of the potential in the energy norm."""
+
+    solver: str
+    iterations: int = 0
+    residual: float = 0.0
+
+
+def _check_balance(
     stencil: Stencil,
     keep: Flags,
     potentials: tuple[Array, Array],
-    statistics: tuple[int, float, str],
-    rate: float | None = None,
+    statistics: _Statistics,
+    conductance: float | None = None,
     allowed: float = MAX_IMBALANCE,
 ) -> DarcyFlow:
     """Check that inlet and outlet flow of a solution agree, and make a DarcyFlow from it.
@@ -297,10 +303,10 @@ def _checked(
     Parameters
     ----------
     stencil : conductances between the nodes.
-    keep : nodes that carry flow; the potential of all others becomes NaN.
-    potentials : arrays φ and ψ = 1 − φ.
-    statistics : number of iterations, residual, and name of the solver.
-    rate : conductance; by default the energy of φ.
+    keep : flags (n1 + 1, n2) of the nodes that carry flow; the potential of all others becomes NaN.
+    potentials : arrays φ and ψ = 1 − φ at the nodes.
+    statistics : details of the solution.
+    conductance : conductance, if the solver has computed it; by default it is the energy of φ.
     allowed : largest relative difference between inlet and outlet flow.
 
     Raises
@@ -309,10 +315,14 @@ def _checked(
     """
     φ, ψ = potentials
     # the energy is a sum of positive terms and therefore more accurate than a sum of flows
-    rate = stencil.energy(φ) if rate is None else rate
-    inlet = (stencil.along[0] * ψ[1]).sum()
-    outlet = (stencil.along[-1] * φ[-2]).sum()
-    imbalance = float(max(abs(inlet - outlet), abs(inlet - rate)) / rate) if rate > 0 else inf
+    if conductance is None:
+        conductance = stencil.energy(φ)
+    inflow = (stencil.along[0] * ψ[1]).sum()
+    outflow = (stencil.along[-1] * φ[-2]).sum()
+    imbalance = inf
+    if conductance > 0:
+        difference = max(abs(inflow - outflow), abs(inflow - conductance))
+        imbalance = float(difference / conductance)
     if not imbalance <= allowed:
         raise NotConverged(
             f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "
@@ -321,5 +331,13 @@ def _checked(
         )
     φ[~keep] = np.nan
     ψ[~keep] = np.nan
-    iterations, residual, solver = statistics
-    return DarcyFlow(rate, φ, ψ, True, iterations, residual, imbalance, solver)
+    return DarcyFlow(
+        conductance,
+        φ,
+        ψ,
+        percolates=True,
+        iterations=statistics.iterations,
+        residual=statistics.residual,
+        imbalance=imbalance,
+        solver=statistics.solver,
+    )

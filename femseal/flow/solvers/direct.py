@@ -21,15 +21,19 @@ from scipy.sparse.linalg import splu
 
 from ...base import Array, Indices, NotConverged
 
-#: Relative errors in the energy norm: with the first one, no correction is needed; the second one is accepted if
-#: corrections do not reduce it, which happens with anisotropic tensors. The relative error of the flow is the square.
-#: The third number is the largest imbalance relative to the flow.
-_SMALL_ERROR, _LARGEST_ERROR, _LARGEST_IMBALANCE = 1e-10, 1e-6, 1e-6
+#: Relative error in the energy norm at which no correction is needed. Its square is the relative error of the flow.
+_SMALL_ERROR = 1e-10
+#: Relative error in the energy norm that is accepted if corrections do not reduce it, which happens with anisotropic
+#: tensors.
+_LARGEST_ERROR = 1e-6
+#: Largest imbalance relative to the flow.
+_LARGEST_IMBALANCE = 1e-6
 #: No further correction is made if the last one has left more than this fraction of the error.
 _NO_GAIN = 0.1
-#: Largest number of corrections, largest number of iterations of each of them, and error in the energy norm at which
-#: the iterations end.
-_MOST_CORRECTIONS, _MOST_ITERATIONS, _LEAST_ERROR = 4, 100, 1e-12
+#: Largest number of corrections, and largest number of iterations for each of them.
+_MOST_CORRECTIONS, _MOST_ITERATIONS = 4, 100
+#: Relative error in the energy norm at which these iterations end.
+_LEAST_ERROR = 1e-12
 #: Number that is added to the unit diagonal if the factorisation fails because of rounding errors. It makes the matrix
 #: positive definite. The iteration then needs about one more step for each region of large conductance.
 _SHIFT = 1e-13
@@ -63,26 +67,26 @@ class Ends:
 
     Attributes
     ----------
-    levels : array (boundaries,), potential of each boundary.
-    links : array (boundaries, n), conductance between each boundary and each unknown. It must not be computed as a
-        difference of large numbers, so that small conductances are accurate.
+    potentials : array (boundaries,), potential of each boundary.
+    conductances : array (boundaries, n), conductance between each boundary and each unknown. It must not be computed as
+        a difference of large numbers, so that small conductances are accurate.
     """
 
-    levels: Array
-    links: Array
+    potentials: Array
+    conductances: Array
 
     @property
-    def total(self) -> Array:
+    def total_conductance(self) -> Array:
         """Total conductance between each unknown and all boundaries, array (n,)."""
-        return np.asarray(self.links.sum(axis=0))
+        return np.asarray(self.conductances.sum(axis=0))
 
     def inflow(self, x: Array, remainder: Array) -> Array:
         """Compute the flow from each boundary to each unknown, (boundaries, n), for the potential x + remainder."""
-        return self.links * ((self.levels[:, None] - x) - remainder)
+        return self.conductances * ((self.potentials[:, None] - x) - remainder)
 
-    def power(self, x: Array, remainder: Array) -> float:
-        """Compute the power supplied at the boundaries, which is equal to the energy that the flow dissipates."""
-        return float(self.levels @ self.inflow(x, remainder).sum(axis=1))
+    def supplied_energy(self, x: Array, remainder: Array) -> float:
+        """Compute the energy supplied at the boundaries, which is equal to the energy that the flow dissipates."""
+        return float(self.potentials @ self.inflow(x, remainder).sum(axis=1))
 
 
 def solve_direct(
@@ -95,8 +99,9 @@ def solve_direct(
     matrix : sparse matrix A (n, n), symmetric and positive definite.
     rhs : right-hand side b, array (n,), or (n, m) without `ends`.
     largest_residual : largest accepted value of ‖b − Ax‖/‖b‖ for the scaled system.
-    ends : boundaries of a flow problem, if the system is one. Then b must be the sum over the boundaries of level times
-        links. The solution is corrected to full accuracy, even if the permeabilities differ by orders of magnitude.
+    ends : boundaries of a flow problem, if the system is one. Then b must be the sum over the boundaries of potential
+        times conductances. The solution is corrected to full accuracy, even if the permeabilities differ by orders of
+        magnitude.
 
     Raises
     ------
@@ -104,12 +109,13 @@ def solve_direct(
     """
     a = sp.csc_array(matrix)
     scale = 1 / np.sqrt(a.diagonal())
+    # column number of each stored entry; its row number is in `a.indices`
     columns = np.repeat(np.arange(a.shape[0]), np.diff(a.indptr))
     scaled = sp.csc_array(
         (a.data * scale[a.indices] * scale[columns], a.indices, a.indptr), shape=a.shape
     )
     if ends is not None:
-        return _Flow(a, scaled, scale, columns, ends).solve(rhs, largest_residual)
+        return _BoundaryFlow(a, scaled, scale, columns, ends).solve(rhs, largest_residual)
     b = (rhs.T * scale).T
     y = factorised(scaled).solve(b)
     norm = float(np.linalg.norm(b))
@@ -146,7 +152,7 @@ def imbalance_of(r: Array, x: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Flow:
+class _BoundaryFlow:
     """Linear system of a flow between boundaries with prescribed potentials.
 
     Attributes
@@ -165,15 +171,15 @@ class _Flow:
     ends: Ends
 
     def solve(self, b: Array, largest_residual: float) -> LinearSolution:
-        """Solve for the levels of the boundaries, see `solve_direct`."""
-        levels = self.ends.levels
-        if np.ptp(levels) == 0 or not b.any():  # nothing flows
-            x = np.full(len(b), levels[0] if b.any() else 0.0)
+        """Solve for the right-hand side b, see `solve_direct`."""
+        potentials = self.ends.potentials
+        if np.ptp(potentials) == 0 or not b.any():  # nothing flows
+            x = np.full(len(b), potentials[0] if b.any() else 0.0)
             return LinearSolution(x, 1 - x, 0, 0.0, "direct", np.zeros_like(x))
         errors = []
         for shift in (0.0, _SHIFT):
             try:
-                solution, error = self._solved(self._factor(shift), b)
+                solution, error = self._solve_and_correct(self._factorise(shift), b)
             except NotConverged:
                 continue
             if solution.residual <= largest_residual and error <= _LARGEST_ERROR:
@@ -186,7 +192,7 @@ class _Flow:
             error,
         )
 
-    def _solved(self, factor: Any, b: Array) -> tuple[LinearSolution, float]:
+    def _solve_and_correct(self, factor: Any, b: Array) -> tuple[LinearSolution, float]:
         """Solve the system with a factorisation, and correct the solution until further corrections do not help.
 
         Also returned is the estimated relative error in the energy norm.
@@ -194,25 +200,27 @@ class _Flow:
         x = self._preconditioned(factor, b)
         remainder = np.zeros_like(x)
         norm = np.linalg.norm(self.scale * b)
-        former = np.inf
+        previous_error = np.inf
         for correction in range(_MOST_CORRECTIONS + 1):
             r = self._residual(x, remainder)
             error = self._error(factor, r, x, remainder)
-            is_enough = error <= _SMALL_ERROR or (_NO_GAIN * former < error <= _LARGEST_ERROR)
+            has_stalled = _NO_GAIN * previous_error < error
+            is_enough = error <= _SMALL_ERROR or (has_stalled and error <= _LARGEST_ERROR)
             if is_enough or correction == _MOST_CORRECTIONS:
                 break
-            former = error
+            previous_error = error
             change = self._correction(factor, r, error)
             x, remainder = two_sum(x, remainder + change)
         residual = float(np.linalg.norm(self.scale * r) / norm)
         complement = (1 - x) - remainder
         return LinearSolution(x, complement, 0, residual, "direct", remainder), error
 
-    def _factor(self, shift: float) -> Any:
+    def _factorise(self, shift: float) -> Any:
         """Factorise the scaled matrix with `shift` added to its diagonal."""
         if not shift:
             return factorised(self.scaled)
-        return factorised(sp.csc_array(self.scaled + shift * sp.eye_array(self.scaled.shape[0])))
+        identity = sp.eye_array(self.scaled.shape[0])
+        return factorised(sp.csc_array(self.scaled + shift * identity))
 
     def _preconditioned(self, factor: Any, r: Array) -> Array:
         """Apply the factorisation of the scaled matrix to a residual of the unscaled system."""
@@ -225,26 +233,29 @@ class _Flow:
         return np.asarray(np.bincount(rows, flow, len(x)))
 
     def _residual(self, x: Array, remainder: Array) -> Array:
-        """Compute the residual for the potential x + remainder: net flow into each unknown."""
+        """Compute the residual for the potential x + remainder, which is the net flow into each unknown."""
         inflow = self.ends.inflow(x, remainder).sum(axis=0)
         return np.asarray(inflow - self._between_unknowns(x) - self._between_unknowns(remainder))
 
     def _error(self, factor: Any, r: Array, x: Array, remainder: Array) -> float:
-        """Estimate the relative error of x in the energy norm from the residual r; infinite without a mass balance."""
-        power = self.ends.power(x, remainder)
-        squared = float(r @ self._preconditioned(factor, r))
-        if not (power > 0 and squared >= 0):
+        """Estimate the relative error of x in the energy norm from the residual r.
+
+        The estimate is infinite if inflow and outflow differ too much.
+        """
+        energy = self.ends.supplied_energy(x, remainder)
+        squared_error = float(r @ self._preconditioned(factor, r))
+        if not (energy > 0 and squared_error >= 0):
             return np.inf
-        if imbalance_of(r, x) > _LARGEST_IMBALANCE * power:
+        if imbalance_of(r, x) > _LARGEST_IMBALANCE * energy:
             return np.inf
-        return float(np.sqrt(squared / power))
+        return float(np.sqrt(squared_error / energy))
 
     def _correction(self, factor: Any, r: Array, error: float) -> Array:
         """Compute the correction of x for a residual r by conjugate gradients, preconditioned with the factorisation.
 
         error : estimated relative error of x, which determines how accurate the correction needs to be.
         """
-        links = self.ends.total
+        to_ends = self.ends.total_conductance
         correction = np.zeros_like(r)
         z = self._preconditioned(factor, r)
         direction = z
@@ -252,7 +263,7 @@ class _Flow:
         # stop when the remaining error of x is about _LEAST_ERROR
         enough = rz * (_LEAST_ERROR / min(error, 1.0)) ** 2
         for _ in range(_MOST_ITERATIONS):
-            applied = links * direction + self._between_unknowns(direction)
+            applied = to_ends * direction + self._between_unknowns(direction)
             curvature = float(direction @ applied)
             if not (curvature > 0 and rz > 0):
                 break
@@ -260,9 +271,9 @@ class _Flow:
             correction += step * direction
             r = r - step * applied
             z = self._preconditioned(factor, r)
-            former = rz
+            previous_rz = rz
             rz = float(r @ z)
             if rz <= enough:
                 break
-            direction = z + rz / former * direction
+            direction = z + rz / previous_rz * direction
         return correction

@@ -45,49 +45,52 @@ def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
     -------
     Conductance between inlet and outlet through the unknown nodes.
     """
-    order, first, parent = _dissected(unknown, stencil.ring2)
-    links = _links(order, stencil.along, stencil.across, φ)
-    between, of_inlet, of_outlet = _solved(first, parent, *links)
+    order, first, parent = _nested_dissection(unknown, stencil.ring2)
+    later, links = _list_links(order, stencil.along, stencil.across, φ)
+    conductance, of_inlet, of_outlet = _eliminate_fronts(first, parent, later, links)
     φ.ravel()[order] = of_inlet
     ψ.ravel()[order] = of_outlet
-    return float(between)
+    return float(conductance)
 
 
 @compiled()
-def _links(order, along, across, φ):
+def _list_links(order, along, across, φ):
     """List, for the node at each place, its links to neighbours with later places and to both ends.
 
     Returns arrays (n, 6) with the places of these neighbours and the conductances. A node has up to four neighbours and
     two ends; a conductance of 0 marks the end of its list.
     """
     n, n2, m2 = order.size, along.shape[1], across.shape[1]
+    # place of each node; −1 for nodes of known potential, which have none
     place = np.full((along.shape[0] + 1) * n2, -1, np.int32)
     for a in range(n):
         place[order[a]] = a
     later = np.empty((n, 6), np.int32)
     conductance = np.zeros((n, 6))
     for a in range(n):
-        v = order[a]
-        i, j = v // n2, v % n2
-        before = j - 1 if j > 0 else n2 - 1
-        after = j + 1 if j < n2 - 1 else 0
-        beside = (
-            (v - j + before, across[i - 1, before] if before < m2 else 0.0),
-            (v - j + after, across[i - 1, j] if j < m2 else 0.0),
-            (v - n2, along[i - 1, j]),
-            (v + n2, along[i, j]),
+        node = order[a]
+        i, j = node // n2, node % n2
+        left = j - 1 if j > 0 else n2 - 1
+        right = j + 1 if j < n2 - 1 else 0
+        # number of each neighbour, and conductance of the link to it
+        neighbours = (
+            (node - j + left, across[i - 1, left] if left < m2 else 0.0),
+            (node - j + right, across[i - 1, j] if j < m2 else 0.0),
+            (node - n2, along[i - 1, j]),
+            (node + n2, along[i, j]),
         )
-        inlet = outlet = 0.0
+        to_inlet = 0.0
+        to_outlet = 0.0
         k = 0
-        for u, c in beside:
-            if c > 0.0 and place[u] > a:
-                later[a, k], conductance[a, k] = place[u], c
+        for neighbour, c in neighbours:
+            if c > 0.0 and place[neighbour] > a:
+                later[a, k], conductance[a, k] = place[neighbour], c
                 k += 1
-            elif c > 0.0 and place[u] < 0:
-                known = min(max(φ[u // n2, u % n2], 0.0), 1.0)
-                inlet += c * known
-                outlet += c * (1.0 - known)
-        for b, c in ((n, inlet), (n + 1, outlet)):
+            elif c > 0.0 and place[neighbour] < 0:
+                known = min(max(φ[neighbour // n2, neighbour % n2], 0.0), 1.0)
+                to_inlet += c * known
+                to_outlet += c * (1.0 - known)
+        for b, c in ((n, to_inlet), (n + 1, to_outlet)):
             if c > 0.0:
                 later[a, k], conductance[a, k] = b, c
                 k += 1
@@ -95,7 +98,7 @@ def _links(order, along, across, φ):
 
 
 @compiled()
-def _dissected(unknown, ring):
+def _nested_dissection(unknown, ring):
     """Order the nodes by nested dissection.
 
     Each box is divided by a row or column near its middle, the one with the fewest nodes. Only the nodes of this cut,
@@ -130,13 +133,14 @@ def _dissected(unknown, ring):
     boxes = [(0, n1, 0, n2, -1, ring and n2 > 2)]
     while len(boxes) > 0:
         a, b, c, d, above, in_ring = boxes.pop()
-        inside = nodes[b, d] - nodes[a, d] - nodes[b, c] + nodes[a, c]
+        inside = nodes[b, d] - nodes[a, d] - nodes[b, c] + nodes[a, c]  # number of nodes
         if inside == 0:
             continue
+        # rows low1 to high1 − 1 and columns low2 to high2 − 1 of the cut, which is the whole box if it is small
         low1, high1, low2, high2 = a, b, c, d
         if inside > _LEAF:
-            row, in_row = _thinnest(nodes, a, b, c, d)
-            column, in_column = _thinnest(nodes.T, c, d, a, b)
+            row, in_row = _thinnest_line(nodes, a, b, c, d)
+            column, in_column = _thinnest_line(nodes.T, c, d, a, b)
             # of two equal cuts, take the one across the longer side
             if in_row < in_column or (in_row == in_column and b - a >= d - c):
                 low1, high1 = row, row + 1
@@ -157,17 +161,18 @@ def _dissected(unknown, ring):
         if low1 > a or high1 < b:
             boxes.append((a, low1, c, d, above, in_ring))
             boxes.append((high1, b, c, d, above, in_ring))
-        elif in_ring:
+        elif in_ring:  # a single cut across a ring leaves a single box
             boxes.append((a, b, high2 % n2, high2 % n2 + n2 - 1, above, False))
         else:
             boxes.append((a, b, c, low2, above, False))
             boxes.append((a, b, high2, d, above, False))
     first[fronts] = n
+    # reverse the fronts; places and numbers of fronts then count from the other end
     return order, n - first[fronts::-1], fronts - 1 - parent[:fronts][::-1]
 
 
 @inner()
-def _thinnest(nodes, a, b, c, d):
+def _thinnest_line(nodes, a, b, c, d):
     """Find the line with the fewest nodes in the middle third of a box, and the number of its nodes.
 
     Of several such lines the one nearest to the middle is taken. Lines are rows, or columns if `nodes` is transposed.
@@ -179,7 +184,7 @@ def _thinnest(nodes, a, b, c, d):
     best, fewest = middle, 1 << 60
     extent = (b - a) // 6
     for k in range(2 * extent + 1):
-        i = middle + ((k + 1) // 2 if k % 2 else -(k // 2))
+        i = middle + ((k + 1) // 2 if k % 2 else -(k // 2))  # middle, +1, −1, +2, −2, …
         if a <= i < b:
             here = nodes[i + 1, d] - nodes[i, d] - nodes[i + 1, c] + nodes[i, c]
             if here < fewest:
@@ -188,61 +193,62 @@ def _thinnest(nodes, a, b, c, d):
 
 
 @compiled(**_fast)
-def _solved(first, parent, later, conductance):
+def _eliminate_fronts(first, parent, later, conductance):
     """Eliminate all nodes; return the conductance between inlet and outlet, and both results of `_potentials`.
 
     A front has p nodes and a border of q later places, to which its nodes are linked. The array `front` (p, p + q) has
-    the links from the nodes of the front to each other and to the border; `rest` (q, q) has the links within the border
-    that elimination creates. The rest is added to the parent of the front.
+    the links from the nodes of the front to each other and to the border; `fill_in` (q, q) has the links within the
+    border that elimination creates. They are added to the parent of the front.
     """
     n, fronts = len(later), parent.size
-    inverse = np.empty(
-        n
-    )  # for each node, 1 over the sum of its conductances at the time of its elimination
+    # for each node, 1 over the sum of its conductances at the time of its elimination
+    inverse = np.empty(n)
     # for each front: its links at the time of elimination, and the places of its border
     rows: list[Array] = []
     borders: list[Indices] = []
-    # fronts whose rest has not been added to their parent yet, and these rests
+    # stack of fronts whose fill-in has not been added to their parent yet; the children of a front are on its top
     waiting: list[int] = []
-    left: list[Array] = []
-    seen = np.full(n + 2, -1)  # last front in whose border a place was found
-    found = np.empty(n + 2, np.int64)
-    local = np.empty(n + 2, np.int64)  # column of each place in `front`
-    places = np.empty(n + 2, np.int64)
+    waiting_fill_in: list[Array] = []
+    last_front = np.full(n + 2, -1)  # last front in whose border a place was listed
+    listed = np.empty(n + 2, np.int64)  # places in the border of a front, not yet sorted
+    column = np.empty(n + 2, np.int64)  # column of each place in `front`
+    places = np.empty(n + 2, np.int64)  # columns of the border of a child
     for f in range(fronts):
         start, end = first[f], first[f + 1]
         p, q, children = end - start, 0, 0
+        # list the border: later places that are linked to the nodes, and those in the borders of the children
         for a in range(start, end):
-            local[a] = a - start
+            column[a] = a - start
             for k in range(6):
                 b = later[a, k]
                 if conductance[a, k] == 0.0:
                     break
-                if b >= end and seen[b] != f:
-                    seen[b], found[q] = f, b
+                if b >= end and last_front[b] != f:
+                    last_front[b], listed[q] = f, b
                     q += 1
         while children < len(waiting) and parent[waiting[-1 - children]] == f:
             for b in borders[waiting[-1 - children]]:
-                if b >= end and seen[b] != f:
-                    seen[b], found[q] = f, b
+                if b >= end and last_front[b] != f:
+                    last_front[b], listed[q] = f, b
                     q += 1
             children += 1
-        border_places = found[:q].copy()
+        border_places = listed[:q].copy()
         border_places.sort()
         for k in range(q):
-            local[border_places[k]] = p + k
+            column[border_places[k]] = p + k
+        # add up the links of the nodes themselves and the fill-in of the children
         front = np.zeros((p, p + q))
-        rest = np.zeros((q, q))
+        fill_in = np.zeros((q, q))
         for a in range(start, end):
             for k in range(6):
                 if conductance[a, k] == 0.0:
                     break
-                front[a - start, local[later[a, k]]] += conductance[a, k]
+                front[a - start, column[later[a, k]]] += conductance[a, k]
         for _ in range(children):
             # places are in rising order in both fronts, so that links remain in the upper triangle
-            block, border = left.pop(), borders[waiting.pop()]
+            block, border = waiting_fill_in.pop(), borders[waiting.pop()]
             for i in range(border.size):
-                places[i] = local[border[i]]
+                places[i] = column[border[i]]
             for i in range(border.size):
                 here = places[i]
                 if here < p:
@@ -250,26 +256,29 @@ def _solved(first, parent, later, conductance):
                         front[here, places[j]] += block[i, j]
                 else:
                     for j in range(i + 1, border.size):
-                        rest[here - p, places[j] - p] += block[i, j]
-        _eliminate_front(front, rest, inverse[start:end])
+                        fill_in[here - p, places[j] - p] += block[i, j]
+        _eliminate_front(front, fill_in, inverse[start:end])
         rows.append(front)
         borders.append(border_places)
         waiting.append(f)
-        left.append(rest)
-    between = 0.0
-    for k in range(len(left) - 1, -1, -1):
-        if len(left[k]) == 2:
-            between += left[k][0, 1]
-    return between, *_potentials(first, rows, borders, inverse)
+        waiting_fill_in.append(fill_in)
+    # the border of a front without parent is inlet and outlet, and its fill-in is a link between them
+    between_ends = 0.0
+    for k in range(len(waiting_fill_in) - 1, -1, -1):
+        if len(waiting_fill_in[k]) == 2:
+            between_ends += waiting_fill_in[k][0, 1]
+    return between_ends, *_potentials(first, rows, borders, inverse)
 
 
 @inner(**_fast)
-def _eliminate_front(front, rest, inverse):
-    """Eliminate the nodes of a front, and add the new links within its border to `rest`.
+def _eliminate_front(front, fill_in, inverse):
+    """Eliminate the nodes of a front, and add the new links within its border to `fill_in`.
 
     Only links to later places are stored, that is, the upper triangles of both arrays.
+
+    inverse : array (p,), to which 1 over the sum of the conductances of each node is written.
     """
-    p, q = inverse.size, len(rest)
+    p, q = inverse.size, len(fill_in)
     for i in range(p):
         total = 0.0
         for j in range(i + 1, p + q):
@@ -282,16 +291,17 @@ def _eliminate_front(front, rest, inverse):
                     front[j, k] += f * front[i, k]
     if p * q * q > _BLAS:
         later = front[:, p:].copy()
-        rest += np.dot((later * inverse.reshape(p, 1)).T, later)
+        fill_in += np.dot((later * inverse.reshape(p, 1)).T, later)
         return
-    for i in range(0, p, 2):  # two nodes at a time, which is faster
+    # two nodes at a time, which is faster; if p is odd, the last node has no second one
+    for i in range(0, p, 2):
         after = min(i + 1, p - 1)
         second = inverse[after] if i + 1 < p else 0.0
         for j in range(q):
             f = inverse[i] * front[i, p + j]
             g = second * front[after, p + j]
             for k in range(j + 1, q):
-                rest[j, k] += f * front[i, p + k] + g * front[after, p + k]
+                fill_in[j, k] += f * front[i, p + k] + g * front[after, p + k]
 
 
 @inner(**_fast)

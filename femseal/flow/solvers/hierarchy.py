@@ -31,9 +31,9 @@ from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
 
 #: Coarsening ends if an axis has at most this number of nodes.
 FEWEST = 4
-#: Coarsening also ends if a level has at most this fraction of the open nodes of the finest level, and at most this
-#: number of them. Eliminating them takes less time than the additional iterations that coarser levels would cause,
-#: because coarser grids do not resolve dead ends and channels.
+#: Coarsening also ends if a level has at most the first fraction of the open nodes of the finest level, and at most
+#: the second number of them. Eliminating them takes less time than the additional iterations that coarser levels would
+#: cause, because coarser grids do not resolve dead ends and channels.
 _ELIMINATED, _MOST_ELIMINATED = 1 / 40, 20000
 #: Largest stored inverse of a diagonal entry; the largest number in single precision is 3e38.
 _MOST_INVERSE = 1e30
@@ -78,29 +78,30 @@ class Coarsest(NamedTuple):
 
 
 @compiled()
-def _numbered(n1, n2, ring):
+def _number_nodes(n1, n2, ring):
     """Number the nodes along the shorter axis first, and return the largest difference of the numbers of linked nodes.
 
     In a ring, columns are numbered alternately from both sides of the seam, so that neighbours have similar numbers.
     """
     number = np.empty((n1, n2), np.int64)
     for j in range(n2):
-        place = j
+        column = j
         if ring:
-            place = 2 * j if 2 * j < n2 else 2 * (n2 - 1 - j) + 1
+            column = 2 * j if 2 * j < n2 else 2 * (n2 - 1 - j) + 1
         for i in range(n1):
-            number[i, j] = i * n2 + place if n2 <= n1 else place * n1 + i
+            number[i, j] = i * n2 + column if n2 <= n1 else column * n1 + i
+    # neighbours in a row differ by `step` in the number of the column, and diagonal neighbours also by one row
     step = 2 if ring else 1
     return number, (n2 + step if n2 <= n1 else step * n1 + 1)
 
 
 @compiled(**REORDERED)
-def eliminated(operator, ring):
+def eliminate_coarsest(operator, ring):
     """Eliminate all nodes of an operator, given by its diagonal and conductances; return the `Coarsest` level."""
     centre = operator[0]
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
-    number, width = _numbered(n1, n2, ring)
+    number, width = _number_nodes(n1, n2, ring)
     n = n1 * n2
     # `width` empty rows at the end, so that no loop has to check whether it goes beyond the last node
     band = np.zeros((n + width, width), np.float32)
@@ -109,13 +110,15 @@ def eliminated(operator, ring):
     for i in range(n1):
         for j in range(n2):
             k = number[i, j]
-            rest = centre[i + 1, j + 1]
+            rest = centre[i + 1, j + 1]  # in the end, the conductance to the ends
+            # links to the right, below, below right and below left: operator[1] to operator[4]
             for side in range(1, 5):
                 down = (0, 1, 1, 1)[side - 1]
                 right = (1, 0, 1, -1)[side - 1]
                 link = operator[side]
                 if link.size == 1:
                     continue
+                # the link of this node, and the link of the opposite neighbour to this node
                 rest -= link[i + 1, j + 1] + link[i + 1 - down, j + 1 - right]
                 column = (j + right) % n2 if ring else j + right
                 if i + down < n1 and 0 <= column < n2 and number[i + down, column] != k:
@@ -123,6 +126,7 @@ def eliminated(operator, ring):
                     band[min(k, other), abs(k - other) - 1] += link[i + 1, j + 1]
             if rest > _ROUNDING * centre[i + 1, j + 1]:
                 ends[k] = rest
+    # star-mesh elimination: node k adds links between all its later neighbours, and between them and the ends
     for k in range(n):
         row = band[k]
         later = band[k + 1 : k + 1 + width]
@@ -147,15 +151,18 @@ def solve_coarsest(coarsest, b, ring, x):
     number, band, inverse = coarsest
     n1, n2 = number.shape
     n, width = inverse.size, band.shape[1]
+    # source of each node in the order of elimination, and later its potential
     v = np.zeros(n + width, np.float32)
     for i in range(n1):
         for j in range(n2):
             v[number[i, j]] = b[i + 1, j + 1]
+    # forwards: the source of an eliminated node is distributed over its later neighbours
     for k in range(n):
         here = v[k] * inverse[k]
         v[k] = here
         for a in range(width):
             v[k + 1 + a] += band[k, a] * here
+    # backwards: the potentials of the later neighbours are known
     for k in range(n - 1, -1, -1):
         s = np.float32(0.0)
         for a in range(width):
@@ -169,38 +176,47 @@ def solve_coarsest(coarsest, b, ring, x):
 
 
 @inner(**REORDERED)
-def close_ring(row):
-    """Set the border of a row to the values at its opposite side."""
+def wrap_row(row):
+    """Continue a row of a ring periodically: set both nodes of its border to the values at the opposite side."""
     row[0], row[-1] = row[-2], row[1]
 
 
 @by_rows(**REORDERED)
-def _links(first, end, centre, right, below, along, across, ring):
-    """Compute the diagonal and the conductances of a five-point operator in the rows `first` to `end` − 1."""
+def _five_point_operator(first, end, centre, right, below, along, across, ring):
+    """Compute the fields of a five-point operator, which have a border, in the rows `first` to `end` − 1.
+
+    The conductances `along` and `across` of the stencil have no border. Row i of the fields is row i − 1 of `across`.
+    The links above and below it are the rows i − 1 and i of `along`.
+    """
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
     for i in range(first, end):
         for j in range(1, across.shape[1] + 1):
             right[i, j] = across[i - 1, j - 1]
         if ring:
-            close_ring(right[i])
+            wrap_row(right[i])
         for j in range(1, n2 + 1):
             if i < n1:
                 below[i, j] = along[i, j - 1]
             centre[i, j] = along[i - 1, j - 1] + along[i, j - 1] + right[i, j - 1] + right[i, j]
         if ring:
-            close_ring(below[i])
+            wrap_row(below[i])
 
 
 @inner(**REORDERED)
-def _share(part, whole):
-    """Return part / whole, or 0 unless both are positive."""
-    return part / whole if part > 0.0 and whole > 0.0 else 0.0
+def _fraction(part, total):
+    """Return part / total, or 0 unless both are positive."""
+    return part / total if part > 0.0 and total > 0.0 else 0.0
 
 
 @by_rows(**REORDERED)
-def _along_rows(first, end, w, operator, nine, ring):
-    """Compute the weights w of coarse nodes in their own row: at the node itself (1) and at the nodes beside it."""
+def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
+    """Compute the weights w of coarse nodes in their own row: at the node itself (1) and at the nodes beside it.
+
+    w : array (row, column, 3, 3), as in `Level.weights`. The last two axes are the row and the column of the fine node
+        relative to the coarse node, from 0 to 2.
+    is_nine_point : whether the operator has links along the diagonals.
+    """
     centre, right, below, below_right, below_left = operator
     n2 = centre.shape[1] - 2
     m2 = w.shape[1] - 2
@@ -212,73 +228,81 @@ def _along_rows(first, end, w, operator, nine, ring):
         for j in range(2, n2 + 1, 2):
             west = right[i, j - 1]
             east = right[i, j]
-            if nine:
+            if is_nine_point:
                 west += below_right[i - 1, j - 1] + below_left[i, j]
                 east += below_left[i - 1, j + 1] + below_right[i, j]
-            whole = max(centre[i, j] - below[i - 1, j] - below[i, j], west + east)
-            w[(i + 1) // 2, j // 2, 1, 2] = _share(west, whole)
-            w[(i + 1) // 2, (j // 2) % m2 + 1 if j == n2 else j // 2 + 1, 1, 0] = _share(
-                east, whole
-            )
+            total = max(centre[i, j] - below[i - 1, j] - below[i, j], west + east)
+            # the coarse columns on either side; beyond the last one of a ring comes the first one
+            left = j // 2
+            right_column = (j // 2) % m2 + 1 if j == n2 else j // 2 + 1
+            w[(i + 1) // 2, left, 1, 2] = _fraction(west, total)
+            w[(i + 1) // 2, right_column, 1, 0] = _fraction(east, total)
         if ring:
-            _round(w, (i + 1) // 2, 1)
+            _wrap_weights(w, (i + 1) // 2, 1)
 
 
 @by_rows(**REORDERED)
-def _between_rows(first, end, w, operator, nine, ring):
-    """Compute the weights of coarse nodes in the fine rows between coarse rows; `_along_rows` must have run before."""
+def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
+    """Compute the weights of coarse nodes in the fine rows between coarse rows.
+
+    They depend on the weights that `_weights_in_coarse_rows` has computed before. Parameters are the same.
+    """
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
     m2 = w.shape[1] - 2
     for i in range(2 * first, min(2 * end, n1 + 1), 2):
+        # nodes directly between two coarse nodes, above and below
         for j in range(1, n2 + 1, 2):
             north = below[i - 1, j]
             south = below[i, j]
-            if nine:
+            if is_nine_point:
                 north += below_right[i - 1, j - 1] + below_left[i - 1, j + 1]
                 south += below_left[i, j] + below_right[i, j]
-            whole = max(centre[i, j] - right[i, j - 1] - right[i, j], north + south)
-            w[i // 2, (j + 1) // 2, 2, 1] = _share(north, whole)
-            w[i // 2 + 1, (j + 1) // 2, 0, 1] = _share(south, whole)
+            total = max(centre[i, j] - right[i, j - 1] - right[i, j], north + south)
+            w[i // 2, (j + 1) // 2, 2, 1] = _fraction(north, total)
+            w[i // 2 + 1, (j + 1) // 2, 0, 1] = _fraction(south, total)
+        # Nodes in the middle of four coarse nodes. Their weights follow from those of the four fine nodes around them,
+        # which have been computed before.
         for j in range(2, n2 + 1, 2):
             c = centre[i, j]
             if c <= 0.0:
                 continue
             top, bottom, left = i // 2, i // 2 + 1, j // 2
-            right_one = (j // 2) % m2 + 1 if j == n2 else j // 2 + 1
+            right_column = (j // 2) % m2 + 1 if j == n2 else j // 2 + 1
             north = below[i - 1, j]
             south = below[i, j]
             west = right[i, j - 1]
             east = right[i, j]
             nw = north * w[top, left, 1, 2] + west * w[top, left, 2, 1]
-            ne = north * w[top, right_one, 1, 0] + east * w[top, right_one, 2, 1]
+            ne = north * w[top, right_column, 1, 0] + east * w[top, right_column, 2, 1]
             sw = south * w[bottom, left, 1, 2] + west * w[bottom, left, 0, 1]
-            se = south * w[bottom, right_one, 1, 0] + east * w[bottom, right_one, 0, 1]
-            if nine:
+            se = south * w[bottom, right_column, 1, 0] + east * w[bottom, right_column, 0, 1]
+            if is_nine_point:
                 nw += below_right[i - 1, j - 1]
                 ne += below_left[i - 1, j + 1]
                 sw += below_left[i, j]
                 se += below_right[i, j]
-            w[top, left, 2, 2] = _share(nw, c)
-            w[top, right_one, 2, 0] = _share(ne, c)
-            w[bottom, left, 0, 2] = _share(sw, c)
-            w[bottom, right_one, 0, 0] = _share(se, c)
+            w[top, left, 2, 2] = _fraction(nw, c)
+            w[top, right_column, 2, 0] = _fraction(ne, c)
+            w[bottom, left, 0, 2] = _fraction(sw, c)
+            w[bottom, right_column, 0, 0] = _fraction(se, c)
         if ring:
-            _round(w, i // 2, 2)
-            _round(w, i // 2 + 1, 0)
+            _wrap_weights(w, i // 2, 2)
+            _wrap_weights(w, i // 2 + 1, 0)
 
 
 @inner(**REORDERED)
-def _round(w, i, a):
-    """Set the border of coarse row i of a ring, for the weights at fine row a of each node."""
+def _wrap_weights(w, i, a):
+    """Continue the weights of coarse row i of a ring periodically, at the fine row a relative to the coarse nodes."""
     m2 = w.shape[1] - 2
     for b in range(3):
-        w[i, 0, a, b], w[i, m2 + 1, a, b] = w[i, m2, a, b], w[i, 1, a, b]
+        w[i, 0, a, b] = w[i, m2, a, b]
+        w[i, m2 + 1, a, b] = w[i, 1, a, b]
 
 
 @by_rows(**REORDERED)
-def _galerkin(first, end, w, operator, nine, ring, to):
+def _galerkin_product(first, end, w, operator, is_nine_point, ring, to):
     """Compute the Galerkin product PᵀAP for some rows of the next level.
 
     to : array (5, …, …), diagonal and the four kinds of conductances of the next level.
@@ -287,23 +311,22 @@ def _galerkin(first, end, w, operator, nine, ring, to):
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
     m2 = w.shape[1] - 2
-    row = np.empty(
-        (5, 5)
-    )  # A times the interpolation of one coarse node, at the 5 × 5 fine nodes around it
+    # A times the interpolation of one coarse node, at the 5 × 5 fine nodes around it
+    row = np.empty((5, 5))
     out = np.empty(5)
     for ci in range(first, end):
         for cj in range(1, m2 + 1):
             for a in range(25):
                 row[a // 5, a % 5] = 0.0
             for a in range(3):
-                i = 2 * ci - 2 + a
+                i = 2 * ci - 2 + a  # fine row, from 1 to n1
                 if i < 1 or i > n1:
                     continue
                 for b in range(3):
                     v = w[ci, cj, a, b]
                     j = 2 * cj - 2 + b
                     if j < 1:
-                        j = n2 if ring else 0
+                        j = n2 if ring else 0  # the column before the first one
                     if v == 0.0 or j < 1 or j > n2:
                         continue
                     row[a + 1, b + 1] += centre[i, j] * v
@@ -311,7 +334,7 @@ def _galerkin(first, end, w, operator, nine, ring, to):
                     row[a + 1, b + 2] -= right[i, j] * v
                     row[a, b + 1] -= below[i - 1, j] * v
                     row[a + 2, b + 1] -= below[i, j] * v
-                    if nine:
+                    if is_nine_point:
                         row[a, b] -= below_right[i - 1, j - 1] * v
                         row[a, b + 2] -= below_left[i - 1, j + 1] * v
                         row[a + 2, b] -= below_left[i, j] * v
@@ -320,7 +343,8 @@ def _galerkin(first, end, w, operator, nine, ring, to):
             for k in range(5):
                 di = (0, 0, 1, 1, 1)[k]
                 dj = (0, 1, 0, 1, -1)[k]
-                # in a ring with an odd number of columns, the last and the first coarse node are adjacent fine nodes
+                # In general the fine nodes of two adjacent coarse nodes are shifted by 2 columns against each other. In
+                # a ring with an odd number of columns, the last and the first coarse node are adjacent fine nodes.
                 seam = (dj == 1 and cj == m2) or (dj == -1 and cj == 1)
                 shift = dj if seam and n2 % 2 else 2 * dj
                 s = 0.0
@@ -329,7 +353,7 @@ def _galerkin(first, end, w, operator, nine, ring, to):
                     if y > 4:
                         continue
                     for b in range(3):
-                        x = shift + b + 1
+                        x = shift + b + 1  # (y, x) is the position of the fine node in `row`
                         if 0 <= x <= 4:
                             s += w[ci + di, cj + dj, a, b] * row[y, x]
                 out[k] = s
@@ -338,19 +362,19 @@ def _galerkin(first, end, w, operator, nine, ring, to):
                 to[k, ci, cj] = -out[k]
         if ring:
             for k in range(1, 5):
-                close_ring(to[k, ci])
+                wrap_row(to[k, ci])
 
 
 @leader(**REORDERED)
-def hierarchy(along, across, ring):
+def build_levels(along, across, ring):
     """Build the levels of a stencil, and eliminate the nodes of the coarsest one."""
     fine = np.zeros((3, along.shape[0] + 1, along.shape[1] + 2))
-    _links(fine[0], fine[1], fine[2], along, across, ring)
-    return levels_of(fine, ring)
+    _five_point_operator(fine[0], fine[1], fine[2], along, across, ring)
+    return levels_of_operator(fine, ring)
 
 
 @leader(**REORDERED)
-def levels_of(fine, ring):
+def levels_of_operator(fine, ring):
     """Build the levels of a five-point operator, given by its diagonal and its `right` and `below` conductances.
 
     fine : array (3, n1 + 2, n2 + 2), these fields with a border.
@@ -365,53 +389,55 @@ def levels_of(fine, ring):
         fields = np.zeros((6, n1, n2), np.float32)
         links = fields[0], fields[1], diagonal_links[0], diagonal_links[1]
         inverse = fields[2]
-        _store(inverse, links, operator)
+        _store_operator(inverse, links, operator)
         open_nodes = np.count_nonzero(inverse)
         if not levels:
             fewest = min(_ELIMINATED * open_nodes, _MOST_ELIMINATED)
         is_coarsest = min(n1, n2) - 2 <= FEWEST or open_nodes <= fewest
-        m1, m2 = (0, 0) if is_coarsest else coarser(n1, n2)
+        m1, m2 = (0, 0) if is_coarsest else coarser_shape(n1, n2)
         weights = np.zeros((m1, m2, 3, 3), np.float32)
-        nine = len(levels) > 0  # whether the operator has nine points
+        is_nine_point = len(levels) > 0  # only the operator of the finest level has five points
         levels.append(Level(links, inverse, fields[3], fields[4], fields[5], weights))
         if is_coarsest:
-            return levels, eliminated(operator, ring)
+            return levels, eliminate_coarsest(operator, ring)
         coarse = np.zeros((5, m1, m2))
-        _along_rows(weights, operator, nine, ring)
-        _between_rows(weights, operator, nine, ring)
-        _galerkin(weights, operator, nine, ring, coarse)
+        _weights_in_coarse_rows(weights, operator, is_nine_point, ring)
+        _weights_between_coarse_rows(weights, operator, is_nine_point, ring)
+        _galerkin_product(weights, operator, is_nine_point, ring, coarse)
         operator = coarse[0], coarse[1], coarse[2], coarse[3], coarse[4]
 
 
 @leader(**REORDERED)
-def coarser(n1, n2):
-    """Return the shape of the next coarser level, including the border, from the shape of a level."""
+def coarser_shape(n1, n2):
+    """Compute the shape of the next coarser level from the shape of a level; both include the border."""
     return (n1 + 1) // 2 + 1, (n2 + 1) // 2 + 1
 
 
 @by_rows(**REORDERED)
-def _store(first, end, inverse, links, operator):
-    """Store some rows of an operator in the fields of a level.
+def _store_operator(first, end, inverse, links, operator):
+    """Store some rows of an operator in the fields of a level in single precision.
 
     The Galerkin product may have negative conductances, with which a sweep might diverge. They are set to 0, and the
     diagonal is increased accordingly, so that the sums of the rows do not change.
     """
     centre, right, below, below_right, below_left = operator
     to_right, to_below, to_below_right, to_below_left = links
-    nine = below_right.size > 1
+    is_nine_point = below_right.size > 1
     for i in range(first, end):
         for j in range(centre.shape[1]):
-            to_right[i, j], to_below[i, j] = max(right[i, j], 0.0), max(below[i, j], 0.0)
-            if nine:
+            to_right[i, j] = max(right[i, j], 0.0)
+            to_below[i, j] = max(below[i, j], 0.0)
+            if is_nine_point:
                 to_below_right[i, j] = max(below_right[i, j], 0.0)
                 to_below_left[i, j] = max(below_left[i, j], 0.0)
-            whole = centre[i, j]
-            if whole > 0.0:
-                if nine:
-                    beside = min(right[i, j], 0.0) + min(right[i, j - 1], 0.0)
-                    beside += min(below[i, j], 0.0) + min(below[i - 1, j], 0.0)
-                    beside += min(below_right[i, j], 0.0) + min(below_right[i - 1, j - 1], 0.0)
-                    whole -= (
-                        beside + min(below_left[i, j], 0.0) + min(below_left[i - 1, j + 1], 0.0)
+            diagonal = centre[i, j]
+            if diagonal > 0.0:
+                if is_nine_point:
+                    # sum of the negative conductances of all eight links of the node
+                    negative = min(right[i, j], 0.0) + min(right[i, j - 1], 0.0)
+                    negative += min(below[i, j], 0.0) + min(below[i - 1, j], 0.0)
+                    negative += min(below_right[i, j], 0.0) + min(below_right[i - 1, j - 1], 0.0)
+                    diagonal -= (
+                        negative + min(below_left[i, j], 0.0) + min(below_left[i - 1, j + 1], 0.0)
                     )
-                inverse[i, j] = min(1.0 / whole, _MOST_INVERSE)
+                inverse[i, j] = min(1.0 / diagonal, _MOST_INVERSE)

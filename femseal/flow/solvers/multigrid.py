@@ -18,66 +18,77 @@ from ...base.compiled import NO, REORDERED, YES, by_rows, compiled, inner, leade
 from ...base.errors import NotConverged
 from ..error_bound import error_bound
 from ..grid import Stencil
-from .hierarchy import FEWEST, close_ring, coarser, hierarchy, solve_coarsest
+from .hierarchy import FEWEST, build_levels, coarser_shape, solve_coarsest, wrap_row
 
 #: Largest number of nodes of the coarsest possible level for which multigrid is efficient. Slender grids have more.
 COARSEST_NODES = 128
 #: Damping factor of the Jacobi sweeps.
 _DAMPING = np.float32(0.8)
-#: The iteration stops when the estimated error is below this fraction of the tolerance. The estimate is too small as
-#: long as the slowest error component has not appeared. The first fraction is used at first; the second one is used
-#: after `CHECKED` iterations, when the error is bounded in addition.
-_SHARE, _SHARE_CHECKED = 0.03, 0.3
+#: The iteration stops when the estimated error is below this fraction of the tolerance. The fraction is small, because
+#: the error is underestimated as long as its slowest component has not appeared.
+_STOPPING = 0.03
+#: The same fraction after `BOUNDED_FROM` iterations, when the error is bounded in addition.
+_STOPPING_IF_BOUNDED = 0.3
 #: Number of iterations from which on the error of the rate is bounded by means of a conserved flux.
-CHECKED = 12
-#: Smallest fraction of the tolerance at which an iteration may be asked to stop.
-_LEAST_SHARE = 1e-9
+BOUNDED_FROM = 12
+#: If the bound of the error is too large, this fraction is reduced, but not below the following number.
+_LEAST_STOPPING = 1e-9
 #: Smallest eigenvalues of M⁻¹A that are allowed for in the error estimate although the iteration has not found them:
 #: after few iterations, and in the limit of many iterations. With ten times the first value, the error exceeded the
 #: estimate in 2 of 10,000 random cells of extreme contrast, and in 3 of 1200 smooth gaps with 10 to 35 % in contact.
-_SLOWEST = 2e-4, 1e-7
+_UNSEEN_EIGENVALUES = 2e-4, 1e-7
 #: Largest remaining correction at a node, relative to the tolerance in the energy norm. This is a separate condition,
 #: because nodes that are only connected by narrow links hardly contribute to the energy norm.
-_LARGEST = 100.0
-#: Flags for the case that no nodes are hidden.
-_NONE = np.zeros((0, 0), np.bool_)
+_LARGEST_CORRECTION = 100.0
+#: Flags for the case that no nodes are ignored.
+_NONE_IGNORED = np.zeros((0, 0), np.bool_)
 #: Number of nodes from which on the work is divided between threads.
-_LARGE = 2**18
+_THREADED_NODES = 2**18
 #: Number of iterations after which the total number of iterations is extrapolated.
-_FORESEEN = 10
+_EXTRAPOLATED_FROM = 10
 
 
 def coarsest_nodes(n1: int, n2: int) -> int:
-    """Return the number of nodes of the coarsest possible level for n1 × n2 unknowns; it is large for slender grids."""
-    n1, n2 = n1 + 2, n2 + 2
-    while min(n1, n2) - 2 > FEWEST:
-        n1, n2 = coarser(n1, n2)
-    return (n1 - 2) * (n2 - 2)
+    """Count the nodes of the coarsest possible level for n1 × n2 unknowns; slender grids have many of them."""
+    rows, columns = n1 + 2, n2 + 2  # with a border of one node
+    while min(rows, columns) - 2 > FEWEST:
+        rows, columns = coarser_shape(rows, columns)
+    return (rows - 2) * (columns - 2)
+
+
+class MultigridSolution(NamedTuple):
+    """Solution by multigrid.
+
+    potential : array (n1 + 1, n2), potential φ at the nodes.
+    iterations : number of iterations.
+    error : estimate or bound of the error of φ in the energy norm, relative to the energy.
+    """
+
+    potential: Array
+    iterations: int
+    error: float
 
 
 def solve_multigrid(
     stencil: Stencil,
     rtol: float,
     limit: int,
-    hidden: NDArray[np.bool_] | None = None,
+    ignored: NDArray[np.bool_] | None = None,
     field_rtol: float | None = None,
-    checked: int = CHECKED,
-) -> tuple[Array, int, float]:
+    bounded_from: int = BOUNDED_FROM,
+) -> MultigridSolution:
     """Solve for the potential φ of all nodes for a unit potential drop.
 
     Parameters
     ----------
     stencil : conductances of the links. Each node with open links must be connected to both ends.
-    rtol : largest relative error of the rate Σ c (Δφ)².
+    rtol : largest relative error of the flow rate Σ c (Δφ)².
     limit : largest number of iterations.
-    hidden : flags (n1 − 1, n2) of inner nodes whose potential need not be accurate; by default there are none.
+    ignored : flags (n1 − 1, n2) of inner nodes whose potential need not be accurate; by default there are none.
     field_rtol : largest relative error of φ in the energy norm, if φ itself has to be accurate. At each node that is
-        not hidden, the estimate M⁻¹r of the error must then also be less than 10 times this number.
-    checked : number of iterations from which on the error is bounded.
-
-    Returns
-    -------
-    Potential φ (n1 + 1, n2), number of iterations, and error of φ in the energy norm.
+        not ignored, the estimate M⁻¹r of the error must then also be less than 10 times this number. Here M is the
+        multigrid cycle, and r the residual.
+    bounded_from : number of iterations from which on the error is bounded.
 
     Raises
     ------
@@ -87,25 +98,30 @@ def solve_multigrid(
     -----
     The relative error of the rate is the square of the error e of φ in the energy norm. It satisfies eᵀAe ≤ rᵀM⁻¹r/θ
     with the smallest eigenvalue θ of M⁻¹A, which is estimated from the coefficients of the iteration (Lanczos). If the
-    iteration ends early, θ is reduced to allow for error components that have not appeared yet. After `checked`
+    iteration ends early, θ is reduced to allow for error components that have not appeared yet. After `bounded_from`
     iterations the error is bounded rigorously instead, and the iteration is continued if the bound is too large. Inlet
     and outlet flow have a first-order error. They must agree to within three times the square root of the tolerance.
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
-    along, across, ring = stencil.along, stencil.across, stencil.ring2
     field = np.inf if field_rtol is None else field_rtol
+    network = stencil.along, stencil.across, stencil.ring2
+    # the initial potential is constant in each row; its drop between two rows is proportional to their resistance
     with np.errstate(divide="ignore", invalid="ignore"):
-        resistance = 1 / along.sum(axis=1, dtype=float)
-        drop = resistance / resistance.sum()
-    asked = _Asked(rtol, field, limit, _NONE if hidden is None else hidden, checked)
-    iterated = _at_once if along.size < _LARGE else _iterated
-    x, iterations, error, done = iterated((along, across, ring), drop, asked)
-    if done:
-        return x, iterations, error
+        resistance = 1 / stencil.along.sum(axis=1, dtype=float)
+        row_drop = resistance / resistance.sum()
+    settings = _Settings(
+        rtol, field, limit, _NONE_IGNORED if ignored is None else ignored, bounded_from
+    )
+    is_small = stencil.along.size < _THREADED_NODES
+    iterate = _iterate_in_one_thread if is_small else _iterate
+    φ, iterations, error, has_converged = iterate(network, row_drop, settings)
+    if has_converged:
+        return MultigridSolution(φ, iterations, error)
     reached = f"error {error**2:.1e} of the rate"
     wanted = f"{rtol:.1e}"
     if field_rtol:
-        reached, wanted = f"{reached} and {error:.1e} of the pressure", f"{wanted} and {field:.1e}"
+        reached += f" and {error:.1e} of the pressure"
+        wanted += f" and {field:.1e}"
     raise NotConverged(
         f"flow: {reached} after {iterations} iterations of multigrid, wanted {wanted}; "
         "try the solver 'elimination'",
@@ -113,59 +129,63 @@ def solve_multigrid(
     )
 
 
-class _Asked(NamedTuple):
+class _Settings(NamedTuple):
     """Arguments of `solve_multigrid`; `field` is `field_rtol`, or infinite if only the rate has to be accurate."""
 
     rtol: float
     field: float
     limit: int
-    hidden: NDArray[np.bool_]
-    checked: int
+    ignored: NDArray[np.bool_]
+    bounded_from: int
 
 
 @leader(**REORDERED)
-def _iterated(network, drop, asked):
+def _iterate(network, row_drop, settings):
     """Perform the iteration of `solve_multigrid`.
 
     network : conductances `along` and `across` of the stencil, and whether the columns form a ring.
-    drop : array (n1,), potential drop between adjacent rows for the initial potential.
-    asked : arguments of `solve_multigrid`.
+    row_drop : array (n1,), potential drop between adjacent rows for the initial potential.
+    settings : arguments of `solve_multigrid`.
 
     Returns the potential, the number of iterations, the error in the energy norm, and whether the tolerance is reached.
     """
-    levels, coarsest = hierarchy(network[0], network[1], network[2])
-    b, z = levels[0].b, levels[0].r
-    along, _, ring = network
-    n1, n2 = b.shape
-    x = np.zeros((n1, n2 - 2))
-    r = np.zeros((n1, n2))
-    p = np.zeros((n1, n2), np.float32)
-    sums = np.zeros((2, n1))
-    history = np.zeros((3, asked.limit + 1))
+    along, across, ring = network
+    levels, coarsest = build_levels(along, across, ring)
+    b, z = levels[0].b, levels[0].r  # right-hand side and result of the multigrid cycle
+    n1, n2 = b.shape  # with a border of one node
+    x = np.zeros((n1, n2 - 2))  # potential; the border along the first axis is inlet and outlet
+    r = np.zeros((n1, n2))  # residual
+    p = np.zeros((n1, n2), np.float32)  # search direction
+    sums = np.zeros((2, n1))  # two sums over each row
+    history = np.zeros((3, settings.limit + 1))  # see `_judge`
     x[0] = 1.0
-    rest = np.cumsum(drop[::-1])[::-1]
-    _start(x, r, b, along, (drop, rest), levels[0].inverse)
-    scale, unbalanced, iteration, share = 1.0, 0.0, 0, _SHARE_CHECKED
+    row_potential = np.cumsum(row_drop[::-1])[::-1]  # sum of all drops between a row and the outlet
+    _set_initial_potential(x, r, b, along, (row_drop, row_potential), levels[0].inverse)
+    scale = 1.0  # b is r divided by this number
+    unbalanced = 0.0  # difference between inlet and outlet flow
+    share = _STOPPING_IF_BOUNDED
+    iteration = 0
     while True:
         cycle(levels, coarsest, ring)
-        _product(z, r, asked.field, asked.hidden, sums)
+        _sum_products(z, r, settings.field, settings.ignored, sums)
         rz = scale * sums[0].sum()
         largest = scale * sums[1].max()
         rate = (along[-1] * x[-2]).sum()
         state = rz, largest, unbalanced, rate
-        error, done, hopeless = _judged(iteration, state, history, share, asked)
-        if done and iteration >= asked.checked:
-            bound = error_bound(along, network[1], x, 1.0 - x, asked.hidden)
+        error, done, hopeless = _judge(iteration, state, history, share, settings)
+        if done and iteration >= settings.bounded_from:
+            bound = error_bound(along, across, x, 1.0 - x, settings.ignored)
             error = max(error, np.sqrt(bound))
-            if not bound <= asked.rtol:
+            if not bound <= settings.rtol:
+                # continue until the estimate is smaller by the factor by which the bound is too large, and half of it
                 done = False
-                share *= 0.5 * asked.rtol / bound
-                hopeless = not share > _LEAST_SHARE
+                share *= 0.5 * settings.rtol / bound
+                hopeless = not share > _LEAST_STOPPING
         if done or hopeless:
             break
         ratio = rz / history[0, iteration - 1] if iteration > 0 else 0.0
-        _turn(p, z, scale, ratio)
-        _curvature(p, network, sums)
+        _update_direction(p, z, scale, ratio)
+        _sum_curvature(p, network, sums)
         curvature = sums[0].sum()
         if not curvature > 0.0:
             break
@@ -173,59 +193,65 @@ def _iterated(network, drop, asked):
         history[1, iteration], history[2, iteration] = step, ratio
         # scale the right-hand side of the cycle, so that a small residual is within the range of single precision
         scale = np.sqrt(rz)
-        _advance(x, (r, b, p), network, (step, scale), sums)
+        _update_solution(x, (r, b, p), network, (step, scale), sums)
         unbalanced = max(abs(sums[0].sum()), abs(sums[1].sum()))
         iteration += 1
-    if not done and asked.field == np.inf:
+    if not done and settings.field == np.inf:
         # if rounding errors have stopped the iteration, its error may still be small enough
-        error = np.sqrt(error_bound(along, network[1], x, 1.0 - x, asked.hidden))
-        done = error**2 <= asked.rtol
+        error = np.sqrt(error_bound(along, across, x, 1.0 - x, settings.ignored))
+        done = error**2 <= settings.rtol
     return x, iteration, error, done
 
 
-#: `_iterated` without threads.
-_at_once = compiled(**REORDERED)(_iterated)
+#: `_iterate` without threads.
+_iterate_in_one_thread = compiled(**REORDERED)(_iterate)
 
 
 @leader(**REORDERED)
-def _judged(iteration, state, history, share, asked):
+def _judge(iteration, state, history, share, settings):
     """Estimate the error in the energy norm, and decide whether the iteration has converged or is hopeless.
 
-    state : rᵀM⁻¹r, largest correction, difference between inlet and outlet flow, and rate.
-    history : array (3, limit + 1), rᵀM⁻¹r of each iteration, and step lengths and ratios of the iterations before.
+    state : rᵀM⁻¹r, largest correction, difference between inlet and outlet flow, and flow rate.
+    history : array (3, limit + 1) with the values of each iteration: rᵀM⁻¹r, the step length, and the ratio β of the
+        conjugate gradients. The value of rᵀM⁻¹r at `iteration` is stored here.
     share : fraction of the tolerance at which the iteration stops if the error is then bounded.
 
     Returns the error, whether the iteration has converged, and whether it would need more than `limit` iterations.
     """
     rz, largest, unbalanced, rate = state
-    rtol, field, limit = asked.rtol, asked.field, asked.limit
-    early = iteration < asked.checked or field < np.inf
-    allowed = min((min(_SHARE, share) if early else share) * rtol, (0.1 * field) ** 2)
+    rtol, field, limit = settings.rtol, settings.field, settings.limit
+    # without a bound, the estimate itself must be reliable
+    is_estimate = iteration < settings.bounded_from or field < np.inf
+    if is_estimate:
+        share = min(_STOPPING, share)
+    allowed = min(share * rtol, (0.1 * field) ** 2)
     history[0, iteration] = rz
     error = np.inf
     if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
         # if the error is bounded afterwards, no allowance for unseen error components is needed
-        slowest = _slowest(history[1, :iteration], history[2, :iteration]) if early else 1.0
-        error = np.sqrt(rz / rate / slowest)
-        if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
+        θ = 1.0
+        if is_estimate:
+            θ = _smallest_eigenvalue(history[1, :iteration], history[2, :iteration])
+        error = np.sqrt(rz / rate / θ)
+        if error**2 <= allowed and largest <= _LARGEST_CORRECTION * 0.1 * field:
             return error, True, False
     hopeless = iteration == limit or not 0.0 < rz < np.inf
-    if not hopeless and iteration >= _FORESEEN and rate > 0.0 and rz > allowed * rate:
-        first = history[0, 0]
-        hopeless = (
-            rz >= first or iteration * np.log(first / (allowed * rate)) / np.log(first / rz) > limit
-        )
+    if not hopeless and iteration >= _EXTRAPOLATED_FROM and rate > 0.0 and rz > allowed * rate:
+        # extrapolate the number of iterations, if each one reduces rᵀM⁻¹r by the same factor as on average so far
+        initial = history[0, 0]
+        needed = np.log(initial / (allowed * rate))
+        hopeless = rz >= initial or iteration * needed / np.log(initial / rz) > limit
     return error, False, hopeless
 
 
 @compiled(**REORDERED)
-def _slowest(steps, ratios):
+def _smallest_eigenvalue(steps, ratios):
     """Estimate the smallest eigenvalue of M⁻¹A, with an allowance for eigenvalues that have not appeared yet.
 
     The smallest eigenvalue in the Krylov space, the smallest Ritz value, is found within a factor of two from the
     tridiagonal matrix of the Lanczos process.
 
-    steps, ratios : step lengths and ratios of the conjugate gradients.
+    steps, ratios : step lengths α and ratios β of the conjugate gradients.
     """
     n = steps.size
     diagonal = np.ones(max(n, 1))
@@ -242,72 +268,81 @@ def _slowest(steps, ratios):
         if pivot > 0.0:
             break
         lowest *= 0.5
-    first, last = _SLOWEST
-    return min(max(min(lowest**2 / first, first), last), lowest)
+    # As long as the smallest Ritz value is above the first number, eigenvalues down to this number are allowed for.
+    # Below it, the allowance falls with the square of the Ritz value, down to the second number.
+    after_few, after_many = _UNSEEN_EIGENVALUES
+    return min(max(min(lowest**2 / after_few, after_few), after_many), lowest)
 
 
 @leader(**REORDERED)
 def cycle(levels, coarsest, ring):
     """Perform one V-cycle, which computes `r` of the finest level from its right-hand side `b`."""
     for k in range(len(levels) - 1):
-        here, after = levels[k], levels[k + 1]
-        _begin(here.x, here.b, here.inverse, ring)
-        _sweep(here.r, here, YES, ring)
-        _restrict(after.b, here.r, here.weights)
+        fine, coarse = levels[k], levels[k + 1]
+        _first_sweep(fine.x, fine.b, fine.inverse, ring)
+        _residual_or_sweep(fine.r, fine, YES, ring)
+        _restrict(coarse.b, fine.r, fine.weights)
     solve_coarsest(coarsest, levels[-1].b, ring, levels[-1].r)
     for k in range(len(levels) - 2, -1, -1):
-        after, here = levels[k + 1], levels[k]
-        _prolong(here.x, after.r, here.weights, ring)
-        _sweep(here.r, here, NO, ring)
+        coarse, fine = levels[k + 1], levels[k]
+        _prolong(fine.x, coarse.r, fine.weights, ring)
+        _residual_or_sweep(fine.r, fine, NO, ring)
 
 
 @by_rows(**REORDERED)
-def _begin(first, end, x, b, inverse, ring):
+def _first_sweep(first, end, x, b, inverse, ring):
     """Perform the first sweep of damped Jacobi, which begins with zero, on some rows."""
     for i in range(first, end):
         for j in range(1, b.shape[1] - 1):
             x[i, j] = _DAMPING * b[i, j] * inverse[i, j]
         if ring:
-            close_ring(x[i])
+            wrap_row(x[i])
 
 
 @by_rows(**REORDERED)
-def _sweep(first, end, r, level, down, ring):
-    """Compute, for some rows, the residual after `_begin` if `down`; otherwise perform a sweep of damped Jacobi.
+def _residual_or_sweep(first, end, r, level, after_first_sweep, ring):
+    """Compute the residual of x after `_first_sweep`, or perform a sweep of damped Jacobi, on some rows.
 
-    After `_begin` x = ω b/a with the damping ω and the diagonal a. The diagonal part of the residual is therefore
-    b − a x = (1 − ω) b.
+    Both begin with b plus the sum of the conductances times the neighbours, which is written to r. After `_first_sweep`
+    x = ω b/a with the damping ω and the diagonal a, so that the diagonal part of the residual is b − a x = (1 − ω) b.
+    Otherwise r is the result of the sweep.
     """
-    rights, belows, below_rights, below_lefts = level.links
+    right, below, below_right, below_left = level.links
     x = level.x
     for i in range(first, end):
-        here, up, out = x[i], x[i - 1], r[i]
-        below, right, above, known = x[i + 1], rights[i], belows[i - 1], level.b[i]
-        to_below, own = belows[i], level.inverse[i]
+        # values of x in this row and in the rows above and below
+        x_above, x_here, x_below = x[i - 1], x[i], x[i + 1]
+        # conductances to the nodes beside, below and above
+        to_right, to_below, to_above = right[i], below[i], below[i - 1]
+        b, inverse, out = level.b[i], level.inverse[i], r[i]
         for j in range(1, x.shape[1] - 1):
-            beside = right[j] * here[j + 1] + right[j - 1] * here[j - 1]
-            out[j] = known[j] + beside + to_below[j] * below[j] + above[j] * up[j]
-        if below_rights.size > 1:
-            falling, rising = below_rights[i], below_lefts[i]
-            before, after = below_rights[i - 1], below_lefts[i - 1]
+            beside = to_right[j] * x_here[j + 1] + to_right[j - 1] * x_here[j - 1]
+            out[j] = b[j] + beside + to_below[j] * x_below[j] + to_above[j] * x_above[j]
+        if below_right.size > 1:
+            to_below_right, to_below_left = below_right[i], below_left[i]
+            from_above_left, from_above_right = below_right[i - 1], below_left[i - 1]
             for j in range(1, x.shape[1] - 1):
-                lower = falling[j] * below[j + 1] + rising[j] * below[j - 1]
-                out[j] += lower + before[j - 1] * up[j - 1] + after[j + 1] * up[j + 1]
-        if down:
+                from_below = to_below_right[j] * x_below[j + 1] + to_below_left[j] * x_below[j - 1]
+                out[j] += (
+                    from_below
+                    + from_above_left[j - 1] * x_above[j - 1]
+                    + from_above_right[j + 1] * x_above[j + 1]
+                )
+        if after_first_sweep:
             for j in range(1, x.shape[1] - 1):
-                out[j] -= _DAMPING * known[j]
+                out[j] -= _DAMPING * b[j]
         else:
             for j in range(1, x.shape[1] - 1):
-                out[j] = here[j] + _DAMPING * (own[j] * out[j] - here[j])
+                out[j] = x_here[j] + _DAMPING * (inverse[j] * out[j] - x_here[j])
         if ring:
-            close_ring(out)
+            wrap_row(out)
 
 
 @by_rows(**REORDERED)
 def _restrict(first, end, b, r, w):
-    """Restrict the residual: compute Pᵀ r for some rows of the coarser grid."""
+    """Restrict the residual: compute b = Pᵀ r for some rows of the coarser grid."""
     for ci in range(first, end):
-        i = 2 * ci - 1
+        i = 2 * ci - 1  # coarse node (ci, cj) is fine node (i, j)
         for cj in range(1, b.shape[1] - 1):
             j = 2 * cj - 1
             s = np.float32(0.0)
@@ -325,41 +360,46 @@ def _prolong(first, end, x, coarse, w, ring):
         # a fine row in a coarse row (odd i) has one contribution; a row between two coarse rows has one from each
         for half in range(1 + (i + 1) % 2):
             ci = (i + 1) // 2 + half
+            # row of the weights of the coarse node: 1 in its own fine row, 2 in the row below it, 0 in the row above it
             a = 1 if i % 2 else 2 - 2 * half
             for cj in range(1, coarse.shape[1] - 1):
-                j, v = 2 * cj - 1, coarse[ci, cj]
+                j = 2 * cj - 1
+                v = coarse[ci, cj]
                 x[i, j] += v * w[ci, cj, a, 1]
                 x[i, j + 1] += v * w[ci, cj, a, 2] + coarse[ci, cj + 1] * w[ci, cj + 1, a, 0]
         if ring:
-            close_ring(x[i])
+            wrap_row(x[i])
 
 
 @inner(**REORDERED)
-def _flow_out(network, p, i, beside, y):
+def _apply_to_row(network, p, i, flow_to_right, y):
     """Compute row i of A p from differences of p, and write it to y.
 
-    p has a border of one node, which is 0 at the ends. The flow from each node of the row to the next one is stored in
-    the work array `beside`. Separate loops over few arrays compile to vector instructions and take a third of the time
-    of a single loop.
+    p and y have a border of one node, which is 0 at the ends; the conductances have no border. The flow from each node
+    of the row to the next one is stored in the work array `flow_to_right`. Separate loops over few arrays compile to
+    vector instructions and take a third of the time of a single loop.
     """
     along, across, ring = network
     n2 = along.shape[1]
-    above, below, to_right = along[i - 1], along[i], across[i - 1]
-    before, here, after = p[i - 1], p[i], p[i + 1]
+    to_above, to_below, to_right = along[i - 1], along[i], across[i - 1]
+    p_above, p_here, p_below = p[i - 1], p[i], p[i + 1]
     for j in range(1, n2):
-        beside[j] = to_right[j - 1] * (np.float64(here[j]) - here[j + 1])
-    beside[0] = beside[n2] = to_right[n2 - 1] * (np.float64(here[n2]) - here[1]) if ring else 0.0
+        flow_to_right[j] = to_right[j - 1] * (np.float64(p_here[j]) - p_here[j + 1])
+    # flow over the seam of a ring, which leaves the last node and enters the first one
+    seam = to_right[n2 - 1] * (np.float64(p_here[n2]) - p_here[1]) if ring else 0.0
+    flow_to_right[0] = seam
+    flow_to_right[n2] = seam
     for j in range(1, n2 + 1):
-        x = np.float64(here[j])
+        value = np.float64(p_here[j])
         y[j] = (
-            above[j - 1] * (x - before[j])
-            + below[j - 1] * (x - after[j])
-            + (beside[j] - beside[j - 1])
+            to_above[j - 1] * (value - p_above[j])
+            + to_below[j - 1] * (value - p_below[j])
+            + (flow_to_right[j] - flow_to_right[j - 1])
         )
 
 
 @by_rows(**REORDERED)
-def _turn(first, end, p, z, scale, beta):
+def _update_direction(first, end, p, z, scale, beta):
     """Compute the next search direction p = scale z + β p on some rows."""
     for i in range(first, end):
         for j in range(1, p.shape[1] - 1):
@@ -367,13 +407,13 @@ def _turn(first, end, p, z, scale, beta):
 
 
 @by_rows(**REORDERED)
-def _curvature(first, end, p, network, sums):
-    """Compute the contributions of some rows to p·A p."""
+def _sum_curvature(first, end, p, network, sums):
+    """Compute the contributions of some rows to p·A p, and store them in the first row of `sums`."""
     n2 = p.shape[1] - 2
     y = np.empty(n2 + 2)
-    beside = np.empty(n2 + 1)
+    flow_to_right = np.empty(n2 + 1)
     for i in range(first, end):
-        _flow_out(network, p, i, beside, y)
+        _apply_to_row(network, p, i, flow_to_right, y)
         total = 0.0
         for j in range(1, n2 + 1):
             total += y[j] * p[i, j]
@@ -381,68 +421,76 @@ def _curvature(first, end, p, network, sums):
 
 
 @by_rows(**REORDERED)
-def _advance(first, end, x, others, network, steps, sums):
+def _update_solution(first, end, x, others, network, steps, sums):
     """Perform the step x += step p, r −= step A p on some rows, and compute b = r / scale.
 
-    The sums of r and of r x of each row are written to `sums`. Over all rows, they are the difference between inlet and
-    outlet flow, and the difference between this flow and the rate. A p is computed here again instead of being stored,
-    because memory limits the size of faces.
+    The sums of r and of r x of each row are written to `sums`. Added up over all rows, they are the difference between
+    inlet and outlet flow, and the difference between the flow and the energy. A p is computed here again instead of
+    being stored, because memory limits the size of surfaces.
+
+    others : residual r, right-hand side b of the next cycle, and search direction p.
+    steps : step length, and scale.
     """
     r, b, p = others
     step, scale = steps
     n2 = p.shape[1] - 2
     y = np.empty(n2 + 2)
-    beside = np.empty(n2 + 1)
+    flow_to_right = np.empty(n2 + 1)
     for i in range(first, end):
-        _flow_out(network, p, i, beside, y)
-        xs, rs, ps, bs = x[i], r[i], p[i], b[i]
-        excess = weighted = 0.0
+        _apply_to_row(network, p, i, flow_to_right, y)
+        x_row, r_row, p_row, b_row = x[i], r[i], p[i], b[i]
+        sum_r = 0.0
+        sum_rx = 0.0
         for j in range(1, n2 + 1):
-            value = xs[j - 1] + step * ps[j]
-            rest = rs[j] - step * y[j]
-            xs[j - 1], rs[j] = value, rest
-            excess += rest
-            weighted += rest * value
+            value = x_row[j - 1] + step * p_row[j]  # x has no border along the row
+            residual = r_row[j] - step * y[j]
+            x_row[j - 1] = value
+            r_row[j] = residual
+            sum_r += residual
+            sum_rx += residual * value
         for j in range(1, n2 + 1):
-            bs[j] = rs[j] / scale
-        sums[0, i], sums[1, i] = excess, weighted
+            b_row[j] = r_row[j] / scale
+        sums[0, i] = sum_r
+        sums[1, i] = sum_rx
 
 
 @by_rows(**REORDERED)
-def _product(first, end, z, r, field, hidden, sums):
+def _sum_products(first, end, z, r, field, ignored, sums):
     """Compute the contributions of some rows to r·z; if the field has to be accurate, also the largest |z| of each row.
 
-    Hidden nodes are ignored in |z|.
+    The largest |z| does not include the nodes that are ignored.
     """
     for i in range(first, end):
-        total = largest = 0.0
+        total = 0.0
+        largest = 0.0
         for j in range(1, z.shape[1] - 1):
             total += r[i, j] * z[i, j]
         if field < np.inf:
             for j in range(1, z.shape[1] - 1):
-                if hidden.size == 0 or not hidden[i - 1, j - 1]:
+                if ignored.size == 0 or not ignored[i - 1, j - 1]:
                     largest = max(largest, abs(z[i, j]))
-        sums[0, i], sums[1, i] = total, largest
+        sums[0, i] = total
+        sums[1, i] = largest
 
 
 @by_rows(**{**REORDERED, "fastmath": False})
-def _start(first, end, x, r, b, along, potential, inverse):
+def _set_initial_potential(first, end, x, r, b, along, potential, inverse):
     """Set the initial potential x and its residual r, which is also stored as b.
 
     The initial potential is constant along each row, and has the lowest energy of all such potentials.
 
-    potential : its drop between adjacent rows, and its value in each row.
+    potential : drop of the initial potential between adjacent rows, and its value in each row.
     """
-    drop, rest = potential
+    row_drop, row_potential = potential
     n2 = along.shape[1]
     for i in range(first, end):
         for j in range(n2):
             if inverse[i, j + 1] > 0.0:
-                x[i, j] = rest[i]
-        # flows to the next row, and from the one before
+                x[i, j] = row_potential[i]
+        # flow to the next row, and flow from the previous row
         for j in range(n2):
-            r[i, j + 1] -= along[i, j] * drop[i]
+            r[i, j + 1] -= along[i, j] * row_drop[i]
         for j in range(n2):
-            r[i, j + 1] += along[i - 1, j] * drop[i - 1]
+            r[i, j + 1] += along[i - 1, j] * row_drop[i - 1]
         for j in range(1, n2 + 1):
             b[i, j] = r[i, j]
