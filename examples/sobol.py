@@ -32,7 +32,7 @@ def log_leakage(values: np.ndarray) -> np.ndarray:
     return np.log(found)
 
 
-def indices(count: int = 128) -> tuple[np.ndarray, np.ndarray]:
+def indices(count: int = 64) -> tuple[np.ndarray, np.ndarray]:
     """Return the first-order and the total indices (3,) from 5 × `count` scenes; `count` is a power of 2."""
     found = sobol_indices(
         func=log_leakage, n=count, dists=[loguniform(*ends) for ends in RANGES.values()], rng=1
@@ -41,5 +41,6 @@ def indices(count: int = 128) -> tuple[np.ndarray, np.ndarray]:
 
 
 if __name__ == "__main__":
-    for name, first, total in zip(RANGES, *indices(), strict=True):
+    first_order, total_order = indices()
+    for name, first, total in zip(RANGES, first_order, total_order, strict=True):
         print(f"{name:18} alone {first:.2f}, in total {total:.2f}")

@@ -111,6 +111,7 @@ FORMS = sorted(
 )
 #: These start processes, or run several cases.
 SLOW = {
+    "sweep seal.toml stochastic.length=1mm,10mm,100mm -o results/lengths",
     "sweep seal.toml seed=1,2 material.hardness=0.35GPa,0.8GPa -o results/hardness",
     "run CASE -o DIR --workers N",
     "run CASE -o DIR --scheduler local",

@@ -11,8 +11,6 @@ from femseal.preparation import prepare
 from femseal.runs.forecast import describe
 from femseal.studies.blocks import usual_blocks
 
-pytestmark = pytest.mark.usefixtures("drawn_pictures")
-
 CASE = f"""
 method = "blocks"
 compare = ["deterministic"]

@@ -29,7 +29,10 @@ def wavy(height):
     return rough.with_heights(rough.heights + form)
 
 
-@pytest.mark.parametrize("height", [0.0, 0.5e-6, 2e-6])
+@pytest.mark.parametrize(
+    "height",
+    [2e-6, *(pytest.param(height, marks=pytest.mark.slow) for height in (0.0, 0.5e-6))],
+)
 def test_blocks_leak_as_the_whole_face(height):
     """Also where a form of several times the roughness decides, which no block by itself has."""
     one = scene(wavy(height))
@@ -48,10 +51,10 @@ def test_cells_press_where_the_whole_face_does():
 
 
 def test_cells_carry_the_load_and_come_back():
-    found = fs.by_blocks(scene(wavy(1e-6)), (2, 4))
-    assert found.pressure.shape == (3, 8, 16)
+    found = fs.by_blocks(scene(wavy(1e-6)), (1, 2))
+    assert found.pressure.shape == (3, 4, 8)
     assert_allclose(found.pressure.mean(axis=(1, 2)), [1e8, 3e8, 1e8], rtol=1e-3)
-    elastic = fs.by_blocks(scene(wavy(1e-6), hardness=np.inf), (2, 2))
+    elastic = fs.by_blocks(scene(wavy(1e-6), hardness=np.inf), (1, 2))
     assert_allclose(elastic.leakage[2], elastic.leakage[0], rtol=1e-2)
 
 
