@@ -1,8 +1,9 @@
-"""Combine two faces in contact into one map, which has the same gap when it is pressed on a rigid flat.
+"""Combine two faces in contact into one map, whose gap to a rigid flat is the gap between the two faces.
 
-The second face is mirrored, rotated, shifted and interpolated on the grid of the first. Symbols: p is a position in the
-plane, measured from the middle of the first face [m], and u the position on the second face, measured from its own
-middle. They are related by p = s + R(θ) M u with the shift s, the rotation R and the mirror image M.
+The second face is mirrored, rotated, shifted and interpolated on the grid of the first. Symbols: p is the position of a
+point, measured from the middle of the first face [m]; u is the position of the same point on the second face, measured
+from the middle of the second face. They are related by p = s + R(θ) M u, where M mirrors, R rotates by the angle θ, and
+s is the shift.
 """
 
 from __future__ import annotations
@@ -38,13 +39,15 @@ def combine(
     rotate: float = 0.0,
     shift: Pair = (0.0, 0.0),
 ) -> tuple[Topography, Overlap]:
-    """Add two faces where they overlap. The sum has the same gap when it is pressed on a rigid flat.
+    """Add the heights of two faces where they overlap.
+
+    The gap between the sum and a rigid flat is the gap between the two faces.
 
     The second face is mirrored, then rotated about its centre, then shifted from the centre of the first. If both faces
-    have the same size and coincide, the second is interpolated by its Fourier series, and the sum is periodic where
-    both are. Otherwise waves of the second face that are shorter than two pixels of the first are removed, and it is
-    interpolated by cubic splines. The result is then the largest rectangle that both faces cover, and it is not
-    periodic.
+    have the same size and coincide, the second is interpolated by its Fourier series, and the sum is periodic along the
+    axes along which both faces are periodic. Otherwise, waves of the second face that are shorter than two pixels of
+    the first are removed, and the second face is interpolated by cubic splines. The result is then the largest
+    rectangle that both faces cover, and it is not periodic.
 
     Parameters
     ----------
@@ -101,14 +104,15 @@ def _add_coinciding(first: Topography, second: Topography) -> tuple[Topography, 
 def _add_overlapping(
     first: Topography, second: Topography, angle: float, shift: NDArray
 ) -> tuple[Topography, Overlap]:
-    """Add two faces on the largest rectangle, in pixels of the first, that both cover.
+    """Add two faces on the largest rectangle that both cover. The result has the pixels of the first face.
 
-    angle : rotation of the second face [rad]. shift : its shift (2,) [m].
+    angle : rotation of the second face [rad]. shift : shift of the second face along x1 and x2, (2,) [m].
     """
     if second.undefined_fraction:
         expected = "a map without them: use fill_undefined() first"
         raise InputError("second face", "undefined points", expected)
-    index = _index_into_second(first, second, angle, shift)
+    index = _index_into_second(first, second, angle, shift)  # (axis, n1, n2)
+    # a point is covered up to half a pixel beyond the first and the last pixel centre of the second face
     middle = (np.array(second.shape)[:, None, None] - 1) / 2
     is_covered = np.all(np.abs(index - middle) <= (middle + 0.5) * (1 + 1e-9), axis=0)
     if not is_covered.any():
@@ -118,7 +122,7 @@ def _add_overlapping(
     rows, columns = _largest_rectangle(is_covered)
     if min(second.spacing) < max(first.spacing):
         second = second.low_pass(2 * max(first.spacing))
-    # beyond its last pixel centres a face continues as its mirror image, as everywhere in femseal
+    # beyond its outermost pixel centres a face continues as its mirror image, as everywhere in femseal
     heights = scipy.ndimage.map_coordinates(
         second.heights, index[:, rows, columns], order=3, mode="reflect"
     )
@@ -130,8 +134,8 @@ def _add_overlapping(
 def _index_into_second(
     first: Topography, second: Topography, angle: float, shift: NDArray
 ) -> NDArray:
-    """Return the fractional index into the second face at the pixel centres of the first (axis, n1, n2)."""
-    # u = R(−θ)(p − s); the mirror image has been applied to the second face
+    """Return where the pixel centres of the first face lie on the second, as fractional indices (axis, n1, n2)."""
+    # u = R(−θ)(p − s), because the second face has been mirrored already
     x1 = _centred_positions(first.shape[0], first.spacing[0]) - shift[0]
     x2 = _centred_positions(first.shape[1], first.spacing[1]) - shift[1]
     p1, p2 = np.meshgrid(x1, x2, indexing="ij")
@@ -150,20 +154,21 @@ def _centred_positions(points: int, spacing: float) -> NDArray:
 def _largest_rectangle(inside: Flags) -> tuple[slice, slice]:
     """Return the rows and columns of the largest rectangle in a convex set of pixels.
 
-    inside : pixels of the set (n1, n2).
+    inside : whether each pixel belongs to the set (n1, n2).
     """
     rows = np.flatnonzero(inside.any(axis=1))
+    # In each of these rows the set reaches from first_column to end_column, which is excluded. argmax returns the
+    # position of the first True.
     first_column = np.argmax(inside[rows], axis=1)
-    last_column = inside.shape[1] - np.argmax(inside[rows, ::-1], axis=1)  # exclusive
-    # Because the set is convex, a rectangle from row i to row j is inside if its columns are in both of these rows.
-    # Axes: (i, j).
-    width = np.minimum(last_column[:, None], last_column)
+    end_column = inside.shape[1] - np.argmax(inside[rows, ::-1], axis=1)
+    # Because the set is convex, a rectangle from row i to row j lies inside if its first and its last row do. The
+    # arrays below contain all pairs of rows (i, j); pairs with i > j get the area 0.
+    width = np.minimum(end_column[:, None], end_column)
     width = width - np.maximum(first_column[:, None], first_column)
     height = rows - rows[:, None] + 1
     area = np.triu(height * width)
     i, j = np.unravel_index(int(np.argmax(area)), area.shape)
     row_range = slice(int(rows[i]), int(rows[j]) + 1)
-    column_range = slice(
-        int(max(first_column[i], first_column[j])), int(min(last_column[i], last_column[j]))
-    )
-    return row_range, column_range
+    first = int(max(first_column[i], first_column[j]))
+    end = int(min(end_column[i], end_column[j]))
+    return row_range, slice(first, end)

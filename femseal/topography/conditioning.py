@@ -1,12 +1,12 @@
 """Condition a measured map for contact and flow: remove spikes and form, fill undefined points, and low-pass it.
 
 The form is fitted to the defined points before anything is filled, because filled points would distort it. Points that
-are taken for spikes may be real: if the surface has its highest or deepest points only because of them, they decide
-contact and leakage. `spikes_extreme` measures this.
+are taken for spikes may be real parts of the surface. If they are among its highest or deepest points, contact and
+leakage depend on whether they are removed; `spikes_extreme` measures how many of these points are spikes.
 
-The shortest wave that an instrument sees follows from its tip radius or its lateral resolution. A round tip of radius R
-follows a wave of amplitude a and wavelength λ if the wave is blunter than the tip, a(2π/λ)² <= 1/R, which means
-λ >= 2π√(aR). For a spectrum of waves, a(2π/λ)² is replaced by √2 times the rms curvature of the profiles.
+The shortest wave that an instrument resolves follows from its tip radius or its lateral resolution. A round tip of
+radius R follows a wave of amplitude a and wavelength λ if the wave is blunter than the tip, a(2π/λ)² <= 1/R, which
+means λ >= 2π√(aR). For a spectrum of waves, a(2π/λ)² is replaced by √2 times the rms curvature of the profiles.
 
 Sources: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate in Fourier
 space so that the shortest wave is resolved by at least 8 pixels; Church and Takacs, Proc. SPIE 1332 (1991) 504 (tip);
@@ -40,14 +40,12 @@ from .patches import Patches, Surface
 from .texture import Spectrum, spectrum
 from .topography import SLACK, Topography
 
-#: Fractions of the highest and of the lowest points of a surface: contact consists of the highest points, and the last
-#: open paths of the lowest ones.
+#: Fractions of the points of a surface that count as its highest and as its lowest points. The highest points form the
+#: contact, and the lowest points the last open paths.
 _EXTREMES = (0.01, 0.03, 0.1)
 #: Fraction of the extreme points above which spikes may decide the leakage.
 _NOTABLE = 0.01
-
-
-#: Ratio of the longest to the shortest of the unseen waves that count as removed.
+#: Waves that the instrument does not see count as removed down to the shortest visible wave divided by this ratio.
 UNSEEN = 10.0
 
 
@@ -62,7 +60,7 @@ class Instrument:
     resolution : float, optional
         Lateral period limit [m], if it is known.
     generated_wave : float, optional
-        Shortest wave [m] of a generated surface. None for a measured one.
+        Shortest wave of a generated surface [m]. None for a measured surface.
     """
 
     tip_radius: float | None = None
@@ -70,16 +68,16 @@ class Instrument:
     generated_wave: float | None = None
 
     def spectrum(self, flat: Surface) -> Spectrum:
-        """Return the summary of the spectrum of a map without its form.
+        """Summarise the spectrum of a map whose form was subtracted.
 
-        The shortest wave of a generated surface is known and is not estimated.
+        For a generated surface the summary contains the shortest wave that was generated, and nothing is estimated.
         """
         if self.generated_wave is not None:
             return Spectrum(self.generated_wave, 0.0, None)
         return spectrum(flat)
 
     def shortest_wave(self, flat: Surface) -> float:
-        """Return the shortest wave [m] of a map that the instrument sees; 0 if no limit is known."""
+        """Return the wavelength [m] of the shortest waves of a map that the instrument sees; 0 if no limit is known."""
         limits = [self.resolution or 0.0]
         if self.tip_radius is not None:
             for patch in flat.patches:
@@ -93,17 +91,18 @@ UNKNOWN = Instrument()
 
 
 def _shortest_followed_wave(flat: Topography, axis: int, radius: float) -> float:
-    """Return the shortest wave [m] of the profiles along an axis that a tip follows; 0 if it follows all of them.
+    """Return the wavelength [m] of the shortest waves of profiles that a tip follows; 0 if it follows all waves.
 
-    radius : radius of the tip [m].
+    axis : axis along which the profiles run. radius : radius of the tip [m].
     """
     q, density = flat.psd(axis)
-    # mean square curvature of the waves up to each wave number (waves,)
+    # Mean square curvature of all waves up to each wave number, (waves,). The tip follows waves whose curvature, √2
+    # times the rms curvature, is at most 1/radius.
     square_curvature = np.cumsum(q**4 * density) * np.diff(q, prepend=0.0) / pi
     not_followed = np.flatnonzero(2 * square_curvature > radius**-2)
     if not not_followed.size:
         return 0.0
-    last_followed = max(not_followed[0] - 1, 1)
+    last_followed = max(not_followed[0] - 1, 1)  # q[0] = 0 is not a wave
     return float(2 * pi / q[last_followed])
 
 
@@ -120,7 +119,7 @@ class Repair:
     form : Form
         The form of the defined points, which was subtracted.
     removed : array, (n1, n2)
-        Heights of the spikes above the surface by which they were replaced [m], 0 elsewhere.
+        Height of each spike above the surface that replaced it [m], 0 at all other points.
     """
 
     undefined_fraction: float
@@ -138,7 +137,7 @@ def repair(
 ) -> tuple[Topography, Repair]:
     """Subtract the form of a map, and fill its spikes and undefined points.
 
-    They are filled by the harmonic surface through the points around them.
+    Spikes and undefined points are filled by the harmonic surface through the points around them.
 
     Parameters
     ----------
@@ -193,9 +192,9 @@ def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float
     flat : Topography
         The map with filled spikes.
     removed : array, (n1, n2)
-        Heights of the spikes above their filling [m], 0 elsewhere.
+        Height of each spike above the surface that replaced it [m], 0 at all other points.
     wavelength : float
-        Shortest wave [m]; the maps are compared after the low-pass.
+        Shortest wave [m]. The maps with and without spikes are low-passed at this wavelength and then compared.
     """
     if not removed.any():
         return 0.0
@@ -209,7 +208,7 @@ def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float
 
 
 def _extreme_points(heights: NDArray) -> list[Flags]:
-    """Return whether each point is among the highest and among the lowest ones, for several fractions of the points."""
+    """Return two maps for each fraction in `_EXTREMES`: of the highest and of the lowest points, (n1, n2) each."""
     extreme = []
     for fraction in _EXTREMES:
         low, high = np.quantile(heights, (fraction, 1 - fraction))
@@ -261,7 +260,10 @@ class Conditioning(Labelled):
 
     @property
     def kept_slope(self) -> float:
-        """Ratio of the rms slope to that which includes removed waves (except noise) and unseen waves."""
+        """Rms slope after conditioning over the rms slope of all waves, 0 to 1.
+
+        All waves include those that were removed (but not noise) and those that the instrument did not see.
+        """
         total = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
         if not total:
             return 1.0
@@ -281,7 +283,10 @@ class Conditioning(Labelled):
 
     @property
     def unseen(self) -> str:
-        """A sentence on the waves that the instrument does not see; "" if no limit is known or they were added."""
+        """A sentence on the waves that the instrument does not see.
+
+        It is "" if no limit of the instrument is known, or if these waves were added to the map.
+        """
         if self.shortest_seen is None or self.unseen_slope == 0:
             return ""
         limit = f"the instrument does not see waves below {to_text(self.shortest_seen, 'm', 3)}"
@@ -311,7 +316,7 @@ def condition(
     """Prepare a measured map for contact and flow.
 
     The form of the defined points is subtracted, spikes and undefined points are filled, short waves are removed, and
-    the map is interpolated on another grid if that is wanted.
+    the map is interpolated on the grid `shape`, if it is given.
 
     Parameters
     ----------
@@ -323,9 +328,10 @@ def condition(
         Order of the form: 0 mean, 1 tilt, 2 tilt and curvature. Default: the tilt, except along axes on which the map
         is periodic without a step, see `Topography.form`.
     shortest_wave : float, optional
-        Shortest wave that is kept [m]. Default: 8 pixels of the final grid, but not less than the shortest wave above
-        noise and cut-off (see `describe_surface`) or 8 measured pixels, whichever is shorter, and not less than the
-        instrument sees. A wave of less than 8 measured pixels needs a `shape` with at least 8 pixels per wave.
+        Shortest wave that is kept [m]. The default is the longest of three wavelengths: 8 pixels of the final grid; the
+        shortest wave that the instrument sees; and the shortest wave above noise and cut-off (see `describe_surface`),
+        or 8 measured pixels if these are shorter. To keep waves of less than 8 measured pixels, give a `shape` with at
+        least 8 pixels per wave.
     max_undefined : float
         Largest fraction of undefined points, from 0 to 1, that may be filled, including spikes.
     shape : tuple of two int, optional
@@ -360,7 +366,7 @@ def condition(
         shortest_wave = shortest_wavelength
     final_shape = topography.shape if shape is None else validate.grid("shape", shape)
     if shortest_wave is not None:
-        # checked on the shortest patch before any work, with its share of the final points
+        # check the wave before any work, on the shortest patch and with the points that this patch will have
         patch = topography.shortest_patch
         columns = round(final_shape[1] * patch.shape[1] / topography.shape[1])
         check_wave(shortest_wave, patch.size, (final_shape[0], columns))
@@ -416,12 +422,13 @@ def smooth(
     measured = waves.shortest_wave
     unseen_slope = None
     if waves.law and seen:
-        # Without a power law, unseen waves cannot be estimated; what the map shows of them is then a lower bound.
+        # Without a power law the unseen waves cannot be estimated. Their part that the map does contain is then a lower
+        # bound.
         measured = max(measured, seen)
         unseen_slope = sqrt(waves.law.slope_power(measured, measured / UNSEEN))
     wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, shape)
-    # before the result takes memory
+    # computed before the result is, so that the temporary maps do not add to its memory
     extreme = max(spikes_extreme(face, part.removed, shortest) for face, part in parts)
     result = flat.low_pass(shortest).resample(shape)
     tilt1, tilt2 = form.slopes
@@ -450,8 +457,8 @@ def smooth(
 def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
     """Return the shortest wave [m] that is kept on a grid by default, see `condition`.
 
-    Without knowledge of the instrument, a wave longer than 8 measured pixels would be a guess; noise is removed only on
-    demand.
+    Noise does not make it longer than 8 measured pixels: without knowledge of the instrument, a longer wave would be a
+    guess.
     """
     measured = instrument.spectrum(flat).shortest_wave
     carried_by_map = resolved_wave(flat.size, flat.shape)
@@ -465,7 +472,7 @@ def resolved_wave(size: Pair, shape: Shape) -> float:
 
 
 def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
-    """Return the number of points at which a wave has 8 pixels or a few more, and Fourier transforms are fast.
+    """Choose the number of points so that a wave has 8 pixels or a few more, and Fourier transforms are fast.
 
     Parameters
     ----------
@@ -489,9 +496,9 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
 
 
 def check_wave(wave: float, size: Pair, shape: Shape) -> float:
-    """Check that a wave [m] has at least 8 pixels of a grid and is shorter than a surface, and return it.
+    """Check that a wave has at least 8 pixels on a grid and is shorter than the surface, and return it.
 
-    size : sides of the surface [m]. shape : number of points of the grid.
+    wave : wavelength [m]. size : sides of the surface [m]. shape : number of points of the grid.
     """
     shortest = validate.number("shortest_wave", wave, unit="m")
     resolved = resolved_wave(size, shape)

@@ -1,8 +1,8 @@
 """Read tables of numbers that are not a plain matrix of heights.
 
-Such a table may hold coordinates x y z on a regular grid, a profile, or a matrix with its axes in the first line or
-column. A table x y z lists the points of a grid in any order; points that it does not list are undefined. Coordinates
-are rounded when they are written, so that equal steps may differ by a few per cent.
+Such a table may contain coordinates x y z on a regular grid, a profile, or a matrix with its axes in the first line or
+column. A table x y z lists the points of a grid in any order; points of the grid that are not in the table are
+undefined. Because coordinates are rounded when they are written, equal steps may differ by a few per cent.
 """
 
 from collections.abc import Sequence
@@ -125,7 +125,7 @@ def refuse_profile(table: NDArray) -> None:
 
 
 def profile_error(z: NDArray, given: str) -> InputError:
-    """Make an InputError about heights along a line, which says how a profile can be used.
+    """Make an InputError about a file that contains a profile; it says how a profile can be used instead.
 
     z : heights (points,), NaN where undefined. given : what the file contains.
     """
@@ -176,6 +176,7 @@ def _column_with_name(names: Sequence[str], beginnings: str | tuple[str, ...]) -
 
 def _has_only_coordinates(table: NDArray, columns: Columns) -> bool:
     """Return whether a table has no columns but x, y, z and perhaps an index, and is too long for a matrix."""
+    # an index is the column before x, so that min(columns) is 1 with an index and 0 without
     return table.shape[1] - min(columns) == 3 and len(table) >= _FEWEST_LINES
 
 
@@ -194,7 +195,9 @@ def _read_grid(table: NDArray, columns: Columns) -> MapOfTable | None:
     if x_lattice is None or y_lattice is None:
         return None
     n1, n2 = x_lattice.points, y_lattice.points
-    flat_index = x_lattice.index * n2 + y_lattice.index
+    flat_index = (
+        x_lattice.index * n2 + y_lattice.index
+    )  # of each line of the table in the grid, row by row
     filled_points = np.unique(flat_index).size
     has_only_coordinates = _has_only_coordinates(table, columns)
     if filled_points < len(table) and not has_only_coordinates:
@@ -216,7 +219,8 @@ def _read_grid(table: NDArray, columns: Columns) -> MapOfTable | None:
 def _check_unique_heights(x: NDArray, y: NDArray, z: NDArray, stored: NDArray) -> None:
     """Raise InputError if a point has several heights.
 
-    x, y, z : the table (lines,). stored : the height that was stored at the point of each line (lines,).
+    x, y, z : columns of the table (lines,). stored : height that the grid has at the point of each line (lines,). If
+    several lines have the same point, the last one has overwritten the others.
     """
     differs = (stored != z) & ~(np.isnan(stored) & np.isnan(z))
     if differs.any():
@@ -265,10 +269,10 @@ class Lattice:
 def find_lattice(values: NDArray) -> Lattice | None:
     """Find the regular lattice on which values lie; return None if they do not lie on one.
 
-    Some points of the lattice may be missing. The step is first estimated from the smallest distances between values,
-    and then twice improved by a straight line through all values over their index.
+    Some points of the lattice may be missing. The step is first estimated from the smallest distances between values.
+    It is then improved twice by a straight line, which is fitted to all values over their index.
 
-    values : (values,) in any order.
+    values : array (values,), in any order.
     """
     if not np.isfinite(values).all():
         return None
@@ -280,7 +284,7 @@ def find_lattice(values: NDArray) -> Lattice | None:
     index = np.concatenate([[0], np.cumsum(np.rint(distances / step))])
     for _ in range(2):
         if index[-1] < 1 or index[-1] > 100 * values.size:
-            return None
+            return None  # a single point, or a lattice that is almost empty
         start, step = np.polynomial.polynomial.polyfit(index, positions, 1)
         if not step > 0:
             return None
@@ -304,6 +308,7 @@ def _irregular_error(table: NDArray, columns: Columns) -> InputError:
     """Make an InputError about coordinates that are not on a regular grid."""
     x, y, z = table[:, columns.x], table[:, columns.y], table[:, columns.z]
     different_x, different_y = np.unique(x).size, np.unique(y).size
+    # all points lie on a line if one coordinate is constant and the other one never repeats
     is_line = {different_x, different_y} == {1, len(table)}
     if is_line:
         return profile_error(z, "coordinates x y z along one line")

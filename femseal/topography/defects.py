@@ -1,14 +1,15 @@
 """Find what has to be removed from a measured map: its form, spikes and undefined points.
 
-Form: mean, tilted plane or quadratic surface, fitted by least squares. With u and v, which are x1 and x2 scaled to
-(−1, 1) across the map, z ≈ Σ a_ij uⁱ vʲ with i + j <= order.
+Form: mean, tilted plane or quadratic surface, fitted by least squares. The form is z ≈ Σ a_ij uⁱ vʲ with i + j <=
+order, where u and v are x1 and x2 scaled to the range (−1, 1) over the map.
 
-Spikes: isolated points far above or below their surroundings, an error of confocal instruments. For a window of 5 × 5
-points around each point, m is the median of the heights and s = 1.4826 MAD their robust standard deviation. Source: the
-Hampel identifier, Davies and Gather, J. Am. Stat. Assoc. 88 (1993) 782, with an additional test of isolation.
+Spikes: isolated points far above or below their surroundings, a typical error of confocal instruments. In a window of
+5 × 5 points around each point, m denotes the median of the heights, and s = 1.4826 MAD their robust standard deviation
+(MAD: median absolute deviation). Source: the Hampel identifier, Davies and Gather, J. Am. Stat. Assoc. 88 (1993) 782,
+with an additional test that the spike is isolated.
 
-Undefined points: they are filled by the harmonic surface through the points around them, ∇²z = 0. It is an error if
-there are too many of them.
+Undefined points: they are filled by the harmonic surface, ∇²z = 0, through the points around them. A map with too many
+undefined points is an error.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class Form:
     Parameters
     ----------
     coefficients : array, (3, 3)
-        a_ij [m].
+        Coefficients a_ij of the polynomial [m].
     shape : tuple of two int
         Shape of the map.
     size : tuple of two float
@@ -52,7 +53,7 @@ class Form:
         return u @ self.coefficients @ v.T
 
     def at(self, selected: Flags) -> Array:
-        """Return the heights [m] of the form at selected points, (points,) of a map (n1, n2)."""
+        """Return the heights of the form (points,) [m] at the points where `selected` (n1, n2) is True."""
         row, column = np.nonzero(selected)
         u, v = (_powers(n, 3) for n in self.shape)
         return np.einsum("pi,ij,pj->p", u[row], self.coefficients, v[column])
@@ -89,9 +90,9 @@ def _powers(n: int, count: int) -> NDArray:
 def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True, True)) -> Form:
     """Fit a polynomial surface to the defined points of a map by least squares.
 
-    The normal equations need only the moments Σ uⁱ vʲ and Σ z uⁱ vʲ, which are two matrix products, so that no design
-    matrix of the size of the map is needed. A term that the points do not determine, as in a map of a single row, is 0
-    (minimum-norm solution).
+    The normal equations contain only the moments Σ uⁱ vʲ and Σ z uⁱ vʲ, which are computed as matrix products. A design
+    matrix with a row for each point would take several times the memory of the map. A term that the points do not
+    determine, such as the tilt along x1 of a map with a single row, is 0 (minimum-norm solution).
 
     Parameters
     ----------
@@ -100,9 +101,9 @@ def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True,
     size : tuple of two float
         Sides of the map [m].
     order : int
-        0 (mean), 1 (and tilt) or 2 (and curvature).
+        0 for the mean, 1 for mean and tilt, 2 for mean, tilt and curvature.
     tilted : tuple of two bool
-        Whether the form may vary along x1 and x2.
+        Whether the form may vary along x1, and whether it may vary along x2.
 
     Raises
     ------
@@ -144,7 +145,7 @@ SPIKES = 6.0
 MOST_POINTS = 4
 #: Number of points from the middle of a window to its edge.
 _REACH = 2
-#: Fraction of the points that share one height if the heights are quantised. They are at least as many as a window has.
+#: Fraction of the points that share one height if the heights are quantised (but at least as many as a window has).
 _COMMON = 1e-3
 #: Neighbourhood of a point, including its diagonal neighbours.
 ALL_NEIGHBOURS = np.ones((3, 3))
@@ -153,10 +154,11 @@ ALL_NEIGHBOURS = np.ones((3, 3))
 def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     """Find the spikes of a map.
 
-    A spike is a group of at most four points with |z − m| > `threshold` · s that stands alone: no point next to it
-    deviates with the same sign by more than half as much as its tip. Ridges, edges and corners of real asperities
-    continue in a neighbouring point and are not spikes, nor is any summit that the instrument resolves. s is at least
-    its median over the map and at least a step of quantised heights, and it grows with the local slope.
+    A spike is a group of at most four points with |z − m| > `threshold` · s that stands alone: no point next to the
+    group deviates, in the same direction, by more than half of the deviation of its tip. Ridges, edges and corners of
+    real asperities continue in a neighbouring point, and so do all summits that the instrument resolves; therefore they
+    are not spikes. For this test s is not smaller than its median over the map or than a step of quantised heights.
+    Where the surface is steep, s is larger.
 
     Parameters
     ----------
@@ -202,7 +204,7 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
 
 
 def _stands_alone(group: Flags, flat: NDArray, median: NDArray) -> bool:
-    """Return True if no point next to a group deviates more than half as much as the tip of the group.
+    """Return whether no point next to a group deviates by more than half of the deviation of the tip of the group.
 
     group : points of the group in a window. flat, median : heights and their medians in this window [m].
     """
@@ -228,18 +230,19 @@ def _blocks(shape: tuple[int, ...]) -> Iterator[slice]:
 def _window_medians(z: NDArray) -> tuple[NDArray, NDArray]:
     """Return the median in the window of each point, and the median absolute deviation from it, both (n1, n2).
 
-    The deviation, which is compared with a threshold only, is in single precision to save memory.
+    The deviation is in single precision to save memory, which is enough for comparing it with a threshold.
     """
     side = 2 * _REACH + 1
     median = np.empty_like(z)
     deviation = np.empty(z.shape, np.float32)
     for block in _blocks(z.shape):
+        # rows that the windows of the block need beyond the upper and the lower border of the map
         above = max(0, _REACH - block.start)
         below = max(0, block.stop + _REACH - z.shape[0])
         rows = z[max(0, block.start - _REACH) : block.stop + _REACH]
         padded = np.pad(rows, ((above, below), (_REACH, _REACH)), constant_values=np.nan)
         windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side))
-        values = windows.reshape(-1, side * side)
+        values = windows.reshape(-1, side * side)  # (point of the block, point of its window)
         block_median = _row_medians(values)
         block_deviation = _row_medians(np.abs(values - block_median[:, None]))
         median[block] = block_median.reshape(-1, z.shape[1])
@@ -252,7 +255,8 @@ def _row_medians(values: NDArray) -> NDArray:
     ordered = np.sort(values, axis=1)  # NaN comes last
     count = np.count_nonzero(~np.isnan(ordered), axis=1)
     row = np.arange(len(ordered))
-    # for a row without numbers both indices lead to a NaN
+    # The median is the mean of the two middle numbers, which coincide if their count is odd. In a row without numbers,
+    # both indices lead to a NaN.
     lower = ordered[row, np.maximum(count - 1, 0) // 2]
     upper = ordered[row, np.minimum(count // 2, count.max() - 1)]
     return (lower + upper) / 2
@@ -262,7 +266,8 @@ def _height_step(heights: NDArray) -> float:
     """Return the step between the heights of quantised data [m], at least the size of rounding errors."""
     ordered = heights[~np.isnan(heights)]
     ordered.sort()
-    # A height that m points share is equal to that m − 1 places later; the first of these places is taken.
+    # A height that at least m points share is equal to the height m − 1 positions later in this order. If more than m
+    # points share it, this holds for several positions in succession, of which only the first is kept.
     m = ceil(max(_COMMON * ordered.size, 25))
     is_shared = ordered[: max(ordered.size - m + 1, 0)] == ordered[m - 1 :]
     is_first = is_shared.copy()
@@ -274,16 +279,16 @@ def _height_step(heights: NDArray) -> float:
 
 
 class TooManyUndefined(InputError):
-    """Report that more points of a map are undefined than may be filled."""
+    """Report that a map has more undefined points than may be filled."""
 
 
 def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     """Fill undefined points by the harmonic surface through the points around them.
 
-    The five-point Laplacian is solved in the holes, with the defined neighbours as Dirichlet values. Periodic axes wrap
-    around, and there is no flux through other borders. A plane is reproduced exactly in holes that do not touch a
-    border. The filled heights stay between the extremes of the heights around a hole (maximum principle), so that no
-    new summit appears.
+    Laplace's equation is solved by finite differences on five points. The unknowns are the heights in the holes, and
+    the defined heights next to a hole are Dirichlet values. A periodic axis wraps around; at any other border the
+    normal derivative is 0. A plane is reproduced exactly in holes that do not touch a border. The filled heights stay
+    between the lowest and the highest height around a hole (maximum principle), so that no new summit appears.
 
     Parameters
     ----------
@@ -302,8 +307,10 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     hole = np.isnan(heights)
     if not hole.any():
         return heights
-    place = np.nonzero(hole)  # row and column of each point of the holes
-    index = np.ravel_multi_index(place, hole.shape)
+    position = np.nonzero(hole)  # rows and columns of the unknown heights
+    index = np.ravel_multi_index(
+        position, hole.shape
+    )  # numbers of these points in the map, row by row
     count = index.size
     laplacian = scipy.sparse.csr_array((count, count))
     right_side = np.zeros(count)
@@ -312,14 +319,16 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
         mode: Any = "wrap" if periodic[axis] else "clip"
         weight = (spacing[0] / spacing[axis]) ** 2
         for step in (-1, 1):
-            moved = list(place)
-            moved[axis] = place[axis] + step
+            moved = list(position)
+            moved[axis] = position[axis] + step
             neighbour = np.ravel_multi_index((moved[0], moved[1]), hole.shape, mode=mode)
             neighbour_height = heights.ravel()[neighbour]
             is_known = ~np.isnan(neighbour_height)
             right_side[is_known] += weight * neighbour_height[is_known]
             (unknown,) = np.nonzero(~is_known)
-            column = np.searchsorted(index, neighbour[unknown])
+            column = np.searchsorted(
+                index, neighbour[unknown]
+            )  # number of the neighbour among the unknowns
             off_diagonal = scipy.sparse.coo_array(
                 (np.full(unknown.size, weight), (unknown, column)), shape=(count, count)
             )

@@ -4,10 +4,10 @@ The roughness parameters of profiles and of the surface are those after Gaussian
 exp(−π(x/αλ)²)/αλ, α² = ln 2/π, which transmit half of a wave of the cut-off λ. The filter λs removes shorter waves, the
 filter λc longer ones. Beyond its borders the map continues as its mirror image.
 
-The core of the material ratio curve is a straight line, fitted by least squares to the 40 % of the area over which the
-secant falls least, and extended from 0 to 100 %. The peaks and valleys beyond it are replaced by triangles of equal
-area. Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk),
-ISO 21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
+The core of the material ratio curve is a straight line. It is fitted by least squares to the part of the curve, 40 % of
+the area wide, over which the height falls least, and is then extended from 0 to 100 %. The peaks above this line and
+the valleys below it are replaced by triangles of equal area. Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std,
+Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk), ISO 21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from .topography import Topography
 class SurfaceReport(Labelled):
     """Hold the parameters of a map after its form was subtracted.
 
-    NaN and None mean that the surface does not have a parameter.
+    A parameter that cannot be determined is NaN or None.
 
     Heights are those of the defined points, including spikes, as instruments evaluate them. Slopes, texture, spectrum
     and the parameters after Gaussian filters are those of the map without spikes and with undefined points filled.
@@ -97,7 +97,7 @@ def describe_surface(
         Order of the form that is subtracted first: 0 mean, 1 tilt, 2 tilt and curvature. Default: the tilt, except
         along axes on which the map is periodic without a step, see `Topography.form`.
     spikes : float
-        Threshold of `find_spikes`. If infinite, no spikes are looked for.
+        Threshold of `find_spikes`. If infinite, no points are taken for spikes.
     max_undefined : float
         Largest fraction of points, from 0 to 1, that may be filled for slopes, texture and spectrum.
 
@@ -153,9 +153,9 @@ def describe_surface(
 
 
 class _CutOff(NamedTuple):
-    """Hold a pair of filters of the standard series.
+    """Hold the cut-offs of a pair of filters of the standard series.
 
-    least_ra : Ra above which these filters are used [m]. long, short : λc and λs [m].
+    least_ra : smallest Ra for which these filters are used [m]. long, short : cut-offs λc and λs [m].
     """
 
     least_ra: float
@@ -178,11 +178,13 @@ _SECTIONS = 5
 def roughness(flat: Topography) -> dict[str, Any]:
     """Return the roughness parameters of a map by their names in `SurfaceReport`.
 
-    The parameters of profiles are given along x1 and along x2, as means over all profiles. λc is the longest filter of
-    the standard series that fits into the profile and suits the Ra after it, NaN if none fits. The parameters of the
-    surface are those after the filters of the longer λc of both directions, applied along both axes.
+    The parameters of profiles are means over all profiles along x1, and over all profiles along x2. For each direction,
+    λc is the longest cut-off of the standard series that is not longer than the profile and for which the filtered
+    profiles have an Ra in the range for which the standard recommends it; it is NaN if every cut-off is longer than the
+    profile. For the parameters of the surface, the filters with the longer λc of both directions are applied along both
+    axes.
 
-    flat : the map without its form and without undefined points.
+    flat : map without its form and without undefined points.
     """
     along_x1, along_x2 = (_profile_parameters(flat, axis) for axis in (0, 1))
     cut_off = max((c for c in (along_x1.cut_off, along_x2.cut_off) if c > 0), default=nan)
@@ -222,17 +224,18 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
     sq = float(z.std())
     if not sq > 0:
         return {"sk": sq, "spk": sq, "svk": sq, "smr": (nan,) * 3}
-    falling = np.sort(z, axis=None)[::-1]  # the material ratio curve
+    falling = np.sort(z, axis=None)[::-1]  # the material ratio curve, over equal steps of the area
     n = z.size
     core_points = max(1, round(_CORE * (n - 1)))
+    # fall of the height over 40 % of the area, for all positions of the first point
     drops = falling[: n - core_points] - falling[core_points:]
-    # if several secants fall equally, the one in the middle is taken
+    # if the fall is smallest at several positions, the one in the middle is taken
     flattest = np.flatnonzero(drops <= drops.min() * (1 + 1e-9))
     begin = int(np.median(flattest))
     core = slice(begin, begin + core_points + 1)
     ratio = (np.arange(n)[core] + 0.5) / n
     slope, top = np.polyfit(ratio, falling[core], 1)
-    bottom = top + slope
+    bottom = top + slope  # height of the line at a ratio of 1
     peaks = falling[falling > top] - top
     valleys = bottom - falling[falling < bottom]
     smr = tuple(float(np.mean(z >= z.mean() + c)) for c in (sq, 0.0, -sq))
@@ -240,7 +243,10 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
 
 
 def _triangle(heights: NDArray) -> float:
-    """Return the height [m] of a triangle with the same base and area as the heights above the base (points,)."""
+    """Return the height [m] of the triangle with the same base and area as a part of the material ratio curve.
+
+    heights : heights of the points of this part above its base (points,) [m].
+    """
     return 2 * float(heights.mean()) if heights.size else 0.0
 
 
@@ -267,6 +273,7 @@ class _ProfileParameters(NamedTuple):
 def _profile_parameters(flat: Topography, axis: int) -> _ProfileParameters:
     """Return the roughness parameters of the profiles along an axis; NaN if they are shorter than every cut-off."""
     parameters = _ProfileParameters()
+    # from the longest cut-off to the shortest, until the Ra is large enough for the filters
     for filters in _SERIES:
         if filters.long > flat.size[axis] * (1 + 1e-9):
             continue
@@ -289,14 +296,15 @@ def _profile_parameters(flat: Topography, axis: int) -> _ProfileParameters:
 def _gaussian_filter(
     flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...]
 ) -> NDArray:
-    """Apply the Gaussian filter with a cut-off [m] along axes; NaN if the cut-off is NaN.
+    """Apply the Gaussian filter with a given cut-off [m] along some axes; return NaN if the cut-off is NaN.
 
-    flat : the map, for its spacing. z : heights (n1, n2) [m], which continue as their mirror image.
+    flat : map that gives the spacing. z : heights (n1, n2) [m], which continue as their mirror image.
     """
     if not cut_off > 0:
         return np.full(z.shape, nan)
     for axis in axes:
         n = z.shape[axis]
+        # standard deviation of the Gaussian weighting function, in pixels
         deviation = sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
         transmission = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
         waves = scipy.fft.dct(z, axis=axis) * np.expand_dims(transmission, 1 - axis)
@@ -305,7 +313,7 @@ def _gaussian_filter(
 
 
 class _Moments(NamedTuple):
-    """Hold the arithmetic mean height [m], the rms height [m] and the skewness [-], all about the mean."""
+    """Hold the mean absolute height [m], the rms height [m] and the skewness [-], all about the mean."""
 
     mean: float
     rms: float
@@ -313,7 +321,7 @@ class _Moments(NamedTuple):
 
 
 def _moments(z: NDArray) -> _Moments:
-    """Return the moments about the mean along the last axis, averaged over the other axes."""
+    """Compute the moments along the last axis, such as those of each profile, and average them over all other axes."""
     z = z - z.mean(axis=-1, keepdims=True)
     rms = np.sqrt(np.mean(z**2, axis=-1))
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -1,7 +1,7 @@
-"""Read height maps from files of several formats. Each reader turns a file into the same raw record.
+"""Read height maps from files of several formats. Each reader returns a `Raw` record.
 
-Orientation: axis 0 is the x axis of the file, axis 1 its y axis. In a text, x runs along a line. NumPy arrays are taken
-as they are. Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the text export of Gwyddion.
+Orientation: axis 0 of the heights is the x axis of the file, and axis 1 its y axis. In a text file, x runs along a
+line. NumPy arrays are not transposed. Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the text export of Gwyddion.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,7 +18,7 @@ from .instruments import pick, read_instrument
 from .raw import Raw, Reading, bad_file
 from .text_files import TEXT, is_text, read_text
 
-#: Memory that reading needs, over the size of the file.
+#: Ratio of the memory needed for reading to the size of the file.
 _MEMORY_FACTOR = 3
 #: Kinds of arrays that hold numbers, see `numpy.dtype.kind`.
 _NUMBERS = "bfiu"
@@ -32,7 +32,7 @@ _WYKO = b"Wyko ASCII Data File"
 def reading(path: Path) -> Iterator[None]:
     """Turn every error while a file is read into an InputError that names the file.
 
-    A file that needs more than the free memory is refused, either because of its size or while it is unpacked.
+    This includes files that need more than the free memory, as far as their size shows it or reading them does.
     """
     length, free = path.stat().st_size, free_memory()
     if _MEMORY_FACTOR * length > free:
@@ -63,8 +63,8 @@ def read_npy(path: Path, options: Reading) -> Raw:
 def read_npz(path: Path, options: Reading) -> Raw:
     """Read heights from a .npz archive.
 
-    The heights are the array named `options.array`, or the only map. An array `spacing` is the pixel size [m]; points
-    where an array `mask` is not 0 are masked.
+    The heights are the array named `options.array`, or the only map in the archive. If there is an array `spacing`, it
+    is the pixel size [m]. If there is an array `mask`, the points where it is not 0 are masked.
     """
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         arrays = dict(archive)
@@ -80,7 +80,8 @@ def read_npz(path: Path, options: Reading) -> Raw:
 
 
 def _select_map(arrays: dict[str, NDArray], name: str | None) -> NDArray:
-    """Return the array of a name, or the only map."""
+    """Return the array with the given name, or the only map; raise InputError if there is none or more than one."""
+    # a single array is returned whatever its shape, so that `_check_map` can explain what is wrong with it
     maps = [key for key, array in arrays.items() if array.ndim == 2 or len(arrays) == 1]
     selected = [key for key in maps if key == name] if name else maps
     if len(selected) != 1:
@@ -91,7 +92,7 @@ def _select_map(arrays: dict[str, NDArray], name: str | None) -> NDArray:
 
 
 def _check_spacing(spacing: NDArray | None) -> Pair | None:
-    """Return the pixel size [m] of an archive."""
+    """Check the pixel size of an archive and return it [m]; return None if the archive has none."""
     if spacing is None:
         return None
     if spacing.shape != (2,) or spacing.dtype.kind not in _NUMBERS:
@@ -136,9 +137,9 @@ def read_sdf(path: Path, options: Reading) -> Raw:
 
 
 def read_any_text(path: Path, options: Reading) -> Raw:
-    """Read heights from a text, see `read_text`.
+    """Read heights from a text file, see `read_text`.
 
-    The ASCII export of Wyko is divided into blocks and is read by SurfaceTopography.
+    An ASCII export of Wyko, which consists of several blocks, is read by SurfaceTopography.
     """
     with path.open("rb") as file:
         is_wyko = file.read(len(_WYKO)) == _WYKO
@@ -158,7 +159,7 @@ def read_file(path: Path, options: Reading) -> Raw:
 
 
 def _map_of_array(numbers: NDArray, spacing: Pair | None, options: Reading) -> Raw:
-    """Return an array of heights as it is, or the heights of an array of coordinates on a regular grid.
+    """Make a raw record from an array, which is a map of heights or a table of coordinates on a regular grid.
 
     numbers : heights (n1, n2), or coordinates (points, 3 or 4). spacing : pixel size [m], if it is known.
     """
@@ -186,7 +187,7 @@ def _check_map(array: NDArray) -> NDArray:
         if array.ndim == 1 and has_numbers:
             expected += "; a single line of heights is a profile, not a map"
         raise InputError("file", given, expected)
-    with np.errstate(invalid="ignore"):  # a damaged file may contain bytes that are not a number
+    with np.errstate(invalid="ignore"):  # the bytes of a damaged file may not represent a number
         return array.astype(np.float64, copy=False)
 
 

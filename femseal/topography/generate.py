@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ..base import InputError, Lengths, Pair, Shape, to_text, validate
 from .topography import SLACK, Topography
 
-#: Default number of pixels (of the larger spacing) per shortest wave, which is enough to resolve contact and flow.
+#: Default number of pixels per shortest wave, which is enough to resolve contact and flow. If the pixels are not
+#: square, the larger spacing counts.
 PIXELS_PER_WAVE = 8
 #: Number of waves that are handled at a time, to save memory.
 _WAVES_AT_ONCE = 2**20
@@ -34,10 +35,10 @@ def self_affine(
 ) -> Topography:
     """Generate a periodic, isotropic self-affine surface with exactly the given spectrum and random phases.
 
-    The spectral density is constant for q < 2π/roll_off, proportional to q^(−2−2H) from there to q = 2π/cut_off, and 0
-    from there on. The phases are drawn in the order from the longest to the shortest wave. Therefore the same seed
-    gives the same surface on every grid that resolves `cut_off`, and a shorter `cut_off` only adds waves, apart from
-    the common scale.
+    The spectral density is constant for q < 2π/roll_off, proportional to q^(−2−2H) between 2π/roll_off and 2π/cut_off,
+    and 0 for larger q. The random phases are assigned in order, from the longest to the shortest wave. Therefore the
+    same seed gives the same surface on every grid that resolves `cut_off`. A shorter `cut_off` adds waves and
+    multiplies all heights by a common factor.
 
     Parameters
     ----------
@@ -48,8 +49,8 @@ def self_affine(
     hurst : float
         Hurst exponent H in (0, 1].
     rms_slope, rms_height : float
-        Rms slope [-] or rms height [m]. Exactly one of the two must be given. The surface has this value
-        up to rounding errors.
+        Rms slope [-] or rms height [m] of the surface, exact up to rounding errors. Exactly one of the two must be
+        given.
     roll_off : float, optional
         Wavelength above which the spectrum is constant [m]. Default: the larger side.
     cut_off : float, optional
@@ -119,10 +120,10 @@ def turned(
 ) -> Topography:
     """Generate a surface turned on a lathe: grooves along x2, one per pitch along x1, with sharp ridges between them.
 
-    Groove k is the arc of the tool nose, at the height (x1 − x1_k)²/2r above its bottom. The surface is the lowest of
-    all passes, with heights above the nominal bottom. Waviness along x1 and self-affine roughness are added. Because a
-    grid cannot carry the sharp ridges, the sum is low-passed at `cut_off`; the given depth, waviness and roughness are
-    those before the low-pass.
+    In pass k the tool nose cuts a groove of the height (x1 − x1_k)²/2r above its bottom. The surface at each point is
+    the lowest of all passes; heights are counted from the nominal bottom of the grooves. Waviness along x1 and
+    self-affine roughness are added. Because a grid cannot represent the sharp ridges, the sum is low-passed at
+    `cut_off`. The given depth, waviness and roughness are those before the low-pass.
 
     Parameters
     ----------
@@ -133,16 +134,17 @@ def turned(
     pitch : float
         Feed per turn [m], longer than `cut_off` and at most `size[0]`.
     depth : float
-        Depth of cut [m]. Without `nose_radius` it is the height of the ridges above the bottoms, and the radius of the
-        tool nose is r = pitch²/(8 depth).
+        Depth of cut [m]. Without `nose_radius` it is the height of the ridges above the bottom of the grooves, and the
+        radius of the tool nose is r = pitch²/(8 depth).
     nose_radius : float, optional
-        Radius r of the tool nose [m]. The ridges have the height pitch²/8r. If that is more than `depth`, flat lands at
-        the height `depth` stay between the grooves.
+        Radius r of the tool nose [m]. The ridges then have the height pitch²/8r. If this is more than `depth`, flat
+        lands at the height `depth` remain between the grooves.
     feed_error : float
-        Rms error of the position of a groove, in pitches, from 0 to 0.5.
+        Rms error of the position of a groove as a fraction of the pitch, from 0 to 0.5.
     depth_error : float
-        Rms error of the depth of a groove, in depths, from 0 to 1. Half of the mean square of both errors is constant
-        along a groove; the other half is a sinusoidal wander with the period `size[1]` and a random phase.
+        Rms error of the depth of a groove as a fraction of `depth`, from 0 to 1. Half of the mean square of each error
+        is constant along a groove. The other half varies along the groove as a sine with the period `size[1]` and a
+        random phase.
     waviness : float
         Rms height of a wave along x1 [m].
     waviness_length : float, optional
@@ -194,10 +196,10 @@ def turned(
 
     rng = _check_generator(rng)
     pitches_fit = _is_whole(size[0] / pitch)
-    # A surface that is not periodic needs one more pass than fit into it, for the groove that is cut by its end.
+    # A surface that is not periodic needs one more pass, for the groove of which only a part lies on the surface.
     passes = round(size[0] / pitch) if pitches_fit else int(size[0] / pitch) + 1
     x1 = ((np.arange(shape[0]) + 0.5) * spacing[0])[:, None]  # (n1, 1)
-    angle = 2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1]  # (n2,), of the workcell
+    angle = 2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1]  # (n2,), of the workpiece
     rms_errors = (feed_error * pitch, depth_error * depth)
     z = _cut_grooves(x1, angle, passes, pitch, radius, rms_errors, rng)
     if nose_radius is not None:
@@ -232,38 +234,38 @@ def _cut_grooves(
     x1 : positions across the grooves (n1, 1) [m]. angle : positions along the grooves (n2,) [rad].
     rms_errors : of the position and the depth of a groove [m].
     """
-    # A random constant and a sinusoidal wander along each groove. Axes: (position or depth, pass, n2).
-    constant, wander = rng.standard_normal((2, 2, passes, 1))
-    wave = np.cos(angle + 2 * np.pi * rng.random((2, passes, 1)))
-    relative_errors = np.sqrt(0.5) * constant + wander * wave
-    shift, drop = np.reshape(rms_errors, (2, 1, 1)) * relative_errors
+    # Each error has a part that is constant along a groove, and a part that is a sine of the angle. Axes of the arrays:
+    # (position or depth, pass, n2).
+    constant, sine_amplitude = rng.standard_normal((2, 2, passes, 1))
+    sine = np.cos(angle + 2 * np.pi * rng.random((2, passes, 1)))
+    relative_errors = np.sqrt(0.5) * constant + sine_amplitude * sine
+    shift, extra_depth = np.reshape(rms_errors, (2, 1, 1)) * relative_errors  # (pass, n2) each [m]
     # The nearest pass is within pitch/2 + largest shift. A pass further away than `farthest` cannot be the lowest.
     largest_shift = np.abs(shift).max()
-    farthest = np.sqrt((pitch / 2 + largest_shift) ** 2 + 2 * radius * np.ptp(drop))
+    farthest = np.sqrt((pitch / 2 + largest_shift) ** 2 + 2 * radius * np.ptp(extra_depth))
     neighbours = int(np.ceil((farthest + largest_shift) / pitch))
     nearest_pass = np.floor(x1[:, 0] / pitch).astype(int)  # (n1,)
     z = np.full((x1.size, angle.size), np.inf)
     for k in range(-neighbours, neighbours + 1):
         pass_number = nearest_pass + k
-        # Passes beyond the ends of the surface reuse the errors of others: they must exist, no matter with which
-        # errors.
+        # passes beyond the ends of the surface also cut it; they take the random errors of other passes
         groove = pass_number % passes
         distance = x1 - (pass_number[:, None] + 0.5) * pitch - shift[groove]
-        np.minimum(z, distance**2 / (2 * radius) - drop[groove], out=z)
+        np.minimum(z, distance**2 / (2 * radius) - extra_depth[groove], out=z)
     return z
 
 
 def random_waves(
     shape: Shape, numbers: tuple[NDArray, NDArray], amplitude: NDArray, rng: np.random.Generator
 ) -> NDArray:
-    """Add up waves with random phases.
+    """Return the sum of waves with given amplitudes and random phases.
 
     Parameters
     ----------
     shape : tuple of two int
         Number of points along x1 and x2.
     numbers : two arrays of int, (waves,)
-        Wave numbers k1 and k2, see `wave_numbers`.
+        Numbers k1 and k2 of periods along both sides, see `wave_numbers`.
     amplitude : array, (waves,)
         Amplitude of each wave and of its conjugate [m].
     rng : numpy.random.Generator
@@ -285,31 +287,31 @@ def random_waves(
         phase += np.pi * (row / shape[0] + column / shape[1])
         waves = amplitude[block] * np.exp(1j * phase)
         spectrum[row, column] = waves
-        # the transform of real heights expects the conjugates in the column 0 only
+        # The transform of real heights supplies the conjugates of all waves, except of those with k2 = 0.
         is_first_column = column == 0
         spectrum[-row[is_first_column], 0] = waves[is_first_column].conj()
     return scipy.fft.irfft2(spectrum, s=shape, norm="forward", overwrite_x=True)
 
 
 def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
-    """Return the numbers k1 and k2 of all waves of a half plane that are longer than `cut_off`, longest first.
+    """Return the numbers of all waves longer than `cut_off` in a half plane of wave vectors, longest waves first.
 
-    The order decides which phase a wave gets. It depends only on the ratio of the sides, not on the grid.
+    The order decides which random phase a wave gets. It depends on the ratio of the sides, but not on the grid.
 
     Parameters
     ----------
     size : tuple of two float
         Sides [m].
     cut_off : float
-        Shortest wave [m], which is excluded.
+        Shortest wave [m]; waves of exactly this length are excluded.
 
     Returns
     -------
     k1, k2 : arrays of int, (waves,)
-        Wave numbers.
+        Numbers of periods of each wave along x1 and x2; k1 may be negative.
     """
     most = [int(length / cut_off) for length in size]
-    # 32 bits save memory: a surface has half as many waves as points
+    # 32-bit integers save memory, because a surface may have half as many waves as points
     range1 = np.arange(-most[0], most[0] + 1, dtype=np.int32)
     range2 = np.arange(most[1] + 1, dtype=np.int32)
     k1, k2 = np.meshgrid(range1, range2, indexing="ij")
@@ -326,7 +328,7 @@ def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
 def _check_cut_off(cut_off: float | None, spacing: Pair, size: Pair) -> float:
     """Return the shortest wave [m], by default 8 pixels.
 
-    Raises InputError if the grid or the surface cannot carry such a wave.
+    Raises InputError if it is shorter than 2 pixels, or not shorter than the larger side.
     """
     pixel, longest = max(spacing), max(size)
     wave = PIXELS_PER_WAVE * pixel if cut_off is None else cut_off

@@ -1,6 +1,6 @@
 """Read files of instruments with SurfaceTopography, which knows dozens of formats with their channels, units and masks.
 
-If the library does not know a unit, the unit of the caller is used. Channels whose unit is not a length are read if the
+If the library does not know a unit, the caller has to give it. Channels whose unit is not a length are read if the
 caller gives a unit of height. The same holds for fields of Gwyddion (.gwy) without units, which the library ignores.
 """
 
@@ -22,7 +22,7 @@ from .raw import Raw, Reading, length_unit
 
 #: Longest list of channels in a message [characters].
 _LONGEST_LIST = 300
-#: Positions of the units in a .sur file [byte].
+#: Positions in a .sur file at which the units begin [byte].
 _SURF_UNITS = range(180, 276, 16)
 #: Length of each of these units [byte].
 _SURF_UNIT_LENGTH = 16
@@ -36,7 +36,7 @@ _GIVE_UNITS = (
 def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] = ()) -> Raw:
     """Read a map from the file of an instrument with SurfaceTopography, an optional package.
 
-    other_suffixes : suffixes that are read without this package, for a message.
+    other_suffixes : suffixes of files that femseal reads without this package, which an error message lists.
     """
     suffix = path.suffix.lower()
     opened = _open(path, suffix, other_suffixes)
@@ -55,10 +55,10 @@ def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] 
 class _OpenFile(NamedTuple):
     """Hold a file that SurfaceTopography has opened.
 
-    content : changed bytes of the file, which must live as long as it is read; None if it is read as it is.
-    unclear : unit of the file that cannot be read, for messages.
-    file : the file, as the library has opened it.
-    channels : its channels.
+    content : changed bytes of the file, which must exist until the file has been read; None if nothing was changed.
+    unclear : unit in the file that cannot be read, for messages.
+    file : file object of the library.
+    channels : channels of the file.
     """
 
     content: io.BytesIO | None
@@ -113,9 +113,9 @@ def _select_channel(channels: list[Any], options: Reading) -> Any:
 
 
 def _read_channel(channel: Any, suffix: str) -> Raw:
-    """Read a channel that SurfaceTopography has found."""
-    # SurfaceTopography insists on lateral sizes. If the file lacks them, the number of points is passed in their place,
-    # so that the numbers stay as they are.
+    """Read the heights of a channel, with their unit, pixel size, mask and instrument."""
+    # SurfaceTopography needs the sides of the map. If they are not in the file, the numbers of points are passed
+    # instead, and the pixel size below stays unknown.
     placeholders: dict[str, Any] = {}
     if channel.physical_sizes is None:
         placeholders["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
@@ -196,10 +196,11 @@ def _is_usual(unit: str) -> bool:
 
 
 def _gwyddion_fields(file: Any, kind: str = "data") -> dict[int, dict[str, Any]]:
-    """Return the fields of a .gwy file by their number; they contain everything but the heights.
+    """Return the entries of the fields of a .gwy file, by the number of the field.
 
-    file : as SurfaceTopography has opened it. A file of another format has no fields.
-    kind : "data" for the maps, or "mask" for their masks.
+    The entries say where the heights are in the file, but do not contain them. Files of other formats have no fields.
+
+    file : file object of SurfaceTopography. kind : "data" for the maps, or "mask" for their masks.
     """
     fields = {}
     for key, value in getattr(file, "_metadata", {}).items():
@@ -242,7 +243,7 @@ def _read_gwyddion_field(path: Path, file: Any, options: Reading) -> Raw:
 
 
 def _gwyddion_unit(field: dict[str, Any], name: str) -> str:
-    """Return a unit of a field of Gwyddion, "none" if it has none."""
+    """Return the unit of a field of Gwyddion that has the given name; "none" if the field does not have it."""
     return field.get(name, {}).get("GwySIUnit", {}).get("unitstr") or "none"
 
 
@@ -255,7 +256,7 @@ def _gwyddion_numbers(path: Path, field: dict[str, Any]) -> Array:
 
 
 def _instrument(parameters: dict[str, Any]) -> Instrument:
-    """Return the instrument from what SurfaceTopography knows about it: values with their units."""
+    """Return the limits of the instrument from its parameters in SurfaceTopography, which are values with units."""
     lengths = {}
     for name in ("tip_radius", "resolution"):
         entry = parameters.get(name, {})
@@ -266,7 +267,7 @@ def _instrument(parameters: dict[str, Any]) -> Instrument:
 
 @contextmanager
 def unprinted() -> Iterator[None]:
-    """Suppress everything that Python prints in this context. The readers print what they find in damaged files."""
+    """Suppress everything that Python prints within this context, because some readers print faults of a file."""
     with (
         open(os.devnull, "w", encoding="utf-8") as nothing,
         redirect_stdout(nothing),
@@ -276,16 +277,16 @@ def unprinted() -> Iterator[None]:
 
 
 def pick(choices: list[Any], channel: int | str, kind: str, names: Sequence[str] = ()) -> Any:
-    """Return the channel with a number, or with a name that only one of them has.
+    """Select a channel by its number, or by a name that no other channel has.
 
     Parameters
     ----------
     choices : list
-        All channels.
+        All channels of the file.
     channel : int or str
-        Number or name of the channel.
+        Number (from 0) or name of the channel.
     kind : str
-        What the file calls a channel, for the message.
+        Word of the file format for a channel, such as "layer", for the message.
     names : sequence of str
         Names of the channels.
 
@@ -308,5 +309,5 @@ def pick(choices: list[Any], channel: int | str, kind: str, names: Sequence[str]
 
 
 def _list_channels(numbers: Sequence[int], names: Sequence[str]) -> str:
-    """Write the numbers of channels with their names."""
+    """List the numbers of channels with their names, for a message."""
     return shortened(", ".join(f"{n} ({names[n]})" for n in numbers), _LONGEST_LIST)

@@ -1,11 +1,11 @@
 """Find the numbers in a file that mark undefined points.
 
-Some programs write one number, such as −9999, for every point that was not measured. If the file or the caller names
-this number, its points are undefined. Otherwise it is recognised by a pattern that no measured surface shows: many
-points at exactly the highest or lowest number of the map, far from all others. If it is a number that programs use as
-such a mark, such as −9999 or 32767, its points are taken for undefined, and a note says so. Any other number, such as
-0, may also be a stop, a flat bottom or an upper edge. Only the user can know, so it is an error that says how to
-decide.
+Some programs write one number, such as −9999, for every point that was not measured. If the file or the caller states
+this number, the points with this number are undefined. Otherwise the number is recognised by a pattern that no measured
+surface shows: many points have exactly the highest or the lowest number of the map, which is far from all other
+numbers. If it is a number that programs commonly write, such as −9999 or 32767, its points are taken for undefined, and
+a note says so. Any other number, such as 0, may also be a real height, such as that of a flat bottom. Only the user
+knows; the file is then refused with an error that says how to state it.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _DEVIATIONS = 5.0
 _PART_OF_RANGE = 0.1
 #: About this many rows of a map are examined.
 _ROWS = 256
-#: Smallest number of different heights on a surface; a map with fewer has levels instead of heights.
+#: Smallest number of different heights of a surface. A map with fewer numbers contains classes or levels.
 _DIFFERENT = 10
 #: Largest number of different marks in one file.
 _MOST = 4
@@ -52,7 +52,7 @@ class Defined:
     notes : tuple of str
         Sentences that say which points were taken for undefined.
     errors : tuple of InputError
-        What only the user can decide; `read_topography` raises the first.
+        Errors about numbers of which only the user knows the meaning. `read_topography` raises the first of them.
     """
 
     heights: NDArray
@@ -60,8 +60,8 @@ class Defined:
     errors: tuple[InputError, ...] = ()
 
 
-def without_no_data(
-    path: Path, heights: NDArray, named: Sequence[float], given: float | str | None
+def mark_undefined_points(
+    path: Path, heights: NDArray, file_marks: Sequence[float], given: float | str | None
 ) -> Defined:
     """Mark the undefined points of a map as NaN.
 
@@ -71,11 +71,11 @@ def without_no_data(
         The file, for messages.
     heights : array, (n1, n2)
         Numbers of the file.
-    named : sequence of float
+    file_marks : sequence of float
         Numbers that mark undefined points according to the file.
     given : float or str, optional
         Number that marks undefined points according to the caller; "none" if every number is a height. None to use
-        `named` and to look for further marks.
+        `file_marks` and to search for further marks.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def without_no_data(
     if given is not None:
         heights, notes = _mark_numbers(heights, [_check_number(given)], "no_data says")
         return Defined(heights, tuple(notes))
-    heights, notes = _mark_numbers(heights, named, "the file says")
+    heights, notes = _mark_numbers(heights, file_marks, "the file says")
     for _ in range(_MOST):
         value = _find_suspicious_number(heights)
         if value is None:
@@ -103,8 +103,8 @@ def without_no_data(
                 f"heights. With no_data={value:g} (--no-data {value:g}) such points count as not "
                 "measured, with no_data='none' (--no-data none) as heights"
             )
-            question = bad_file(path, description, expected)
-            return Defined(heights, tuple(notes), (question,))
+            error = bad_file(path, description, expected)
+            return Defined(heights, tuple(notes), (error,))
         heights = np.where(has_value, np.nan, heights)
         notes.append(f"{description}: taken for undefined; no_data = 'none' keeps them as heights")
     return Defined(heights, tuple(notes))
@@ -113,9 +113,9 @@ def without_no_data(
 def _mark_numbers(
     heights: NDArray, numbers: Sequence[float], source: str
 ) -> tuple[NDArray, list[str]]:
-    """Replace numbers by NaN; return the heights and a note for each number that was found.
+    """Replace some numbers by NaN; return the heights and a note for each of these numbers that the map contains.
 
-    source : origin of the statement that the numbers mark undefined points.
+    source : words that say who states that these numbers mark undefined points, for the notes.
     """
     notes = []
     for number in numbers:
@@ -127,7 +127,7 @@ def _mark_numbers(
 
 
 def _check_number(given: float | str) -> float:
-    """Return the number that a caller gives, perhaps as text."""
+    """Convert the number that the caller has given, perhaps as text; raise InputError if it is not a number."""
     try:
         value = float(given)
     except (TypeError, ValueError):
@@ -139,13 +139,13 @@ def _check_number(given: float | str) -> float:
 
 
 def _points(flags: NDArray) -> str:
-    """Write the number of true points and their percentage."""
+    """Write how many points are True, with their percentage."""
     fraction = as_text(float(flags.mean()), percent=True)
     return f"{counted(np.count_nonzero(flags), 'point')} ({fraction})"
 
 
 def _is_mark(value: float) -> bool:
-    """Return whether programs use a number to mark undefined points."""
+    """Return whether programs commonly write a number for undefined points."""
     return abs(value) >= _NO_HEIGHT or any(np.isclose(value, mark, rtol=1e-7) for mark in _MARKS)
 
 
@@ -168,6 +168,7 @@ def _is_far(heights: NDArray, value: float, sign: int, *, is_shared: bool) -> bo
 
     is_shared : whether many points share the number. If not, its distance must exceed the range of all others.
     """
+    # for the highest number the map is turned upside down, so that the number is the lowest in both cases
     upwards = sign * heights
     lowest = sign * value
     nearest = float(np.min(upwards, initial=np.inf, where=upwards > lowest))

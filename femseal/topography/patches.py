@@ -1,8 +1,8 @@
 """Hold several measured patches of one surface, side by side along x2.
 
-Contact is solved in each patch separately, and the flow through all of them together. Waves, slopes, form and all other
-properties that depend on neighbouring points are those within the patches, because the heights do not match where two
-patches meet.
+Contact is solved in each patch separately, and the flow is solved through all of them together. Waves, slopes, form and
+all other properties that depend on neighbouring points are computed within each patch, because the heights of two
+patches do not match where they meet.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _UNLIKE_PIXELS = 4.0
 #: Largest ratio of the rms height of a patch to the median of all patches; beyond it the unit is probably wrong.
 _UNLIKE_HEIGHTS = 20.0
 #: Largest ratio of the mean wavelength of a patch, 2π rms height over rms slope, to the median of all patches; beyond
-#: it the surface or the instrument is another one.
+#: it the patch probably shows another surface or was measured by another instrument.
 _UNLIKE_WAVES = 2.5
 #: Patches of different lengths are cut to multiples of the shortest length divided by this number.
 _PARTS = 8
@@ -37,11 +37,12 @@ _PARTS = 8
 class Patches(Plotted):
     """Hold several measured patches of one surface.
 
-    The operations act on each patch separately. Any other operation can be applied to the elements of `patches`.
+    The methods act on each patch separately. Other operations of `Topography` can be applied to the elements of
+    `patches`.
 
-    Patches of different size or resolution are made alike: they are cut symmetrically to the width of the
-    narrowest, and resampled to the coarsest pixel size, within half a pixel. Along x2 each patch is cut to a multiple
-    of one eighth of the shortest length.
+    Patches of different size or resolution are adapted to each other. Along x1 they are cut symmetrically to the width
+    of the narrowest patch. All are resampled to the coarsest pixel size, within half a pixel. Along x2 each patch is
+    cut to a multiple of one eighth of the length of the shortest patch.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ class Patches(Plotted):
     Raises
     ------
     InputError
-        There are fewer than two patches; one of them is given twice; pixel sizes or heights show that they are not
+        There are fewer than two patches; a patch is given twice; the pixel sizes or heights are too different for
         measurements of the same surface; or a patch that has to be resampled has undefined points.
 
     Examples
@@ -65,7 +66,7 @@ class Patches(Plotted):
     patches: tuple[Topography, ...]
 
     def __init__(self, patches: Iterable[Topography]) -> None:
-        """Check the patches and make them alike."""
+        """Check the patches and adapt them to each other."""
         try:
             maps = list(patches)
         except TypeError:
@@ -115,7 +116,7 @@ class Patches(Plotted):
 
     @property
     def shortest_patch(self) -> Topography:
-        """The patch that is shortest along x2. A case gives the number of points and cells of this patch."""
+        """The patch that is shortest along x2, to which the numbers of points and cells in a case refer."""
         return min(self.patches, key=lambda patch: patch.shape[1])
 
     @property
@@ -125,7 +126,7 @@ class Patches(Plotted):
 
     @property
     def rms_height(self) -> float:
-        """Rms height in the patches, each relative to its own mean [m]."""
+        """Rms height of the patches, each about the mean of the patch [m]."""
         return float(np.sqrt(self._mean([p.rms_height**2 for p in self.patches])))
 
     @property
@@ -150,7 +151,7 @@ class Patches(Plotted):
         return float(np.average(values, weights=self.widths))
 
     def split(self, values: NDArray) -> list[NDArray]:
-        """Split values (…, n1, n2) at the points of all patches into a list of arrays, one for each patch."""
+        """Split values (…, n1, n2) at the points of all patches side by side into one array for each patch."""
         return split_patches(values, self.widths)
 
     def check_waves(self) -> None:
@@ -163,52 +164,55 @@ class Patches(Plotted):
 
     def detrend(self, order: int | None = 1) -> Patches:
         """Remove the form of each patch, see `Topography.detrend`."""
-        return self.of_each(lambda p: p.detrend(order))
+        return self.apply_to_each(lambda p: p.detrend(order))
 
     def low_pass(self, wavelength: float) -> Patches:
         """Keep only the waves of each patch that are at least as long as `wavelength` [m]."""
-        return self.of_each(lambda p: p.low_pass(wavelength))
+        return self.apply_to_each(lambda p: p.low_pass(wavelength))
 
     def high_pass(self, wavelength: float) -> Patches:
         """Remove the waves of each patch that `low_pass` would keep."""
-        return self.of_each(lambda p: p.high_pass(wavelength))
+        return self.apply_to_each(lambda p: p.high_pass(wavelength))
 
     def flip(self, axis: int) -> Patches:
         """Reverse each patch along an axis; the patches keep their order."""
-        return self.of_each(lambda p: p.flip(axis))
+        return self.apply_to_each(lambda p: p.flip(axis))
 
     def without_spikes(self, threshold: float = SPIKES) -> Patches:
         """Mark the spikes of each patch as undefined, see `Topography.without_spikes`."""
-        return self.of_each(lambda p: p.without_spikes(threshold))
+        return self.apply_to_each(lambda p: p.without_spikes(threshold))
 
     def fill_undefined(self, max_share: float = 0.05) -> Patches:
         """Fill the undefined points of each patch, of which at most the fraction `max_share` may be undefined."""
-        return self.of_each(lambda p: p.fill_undefined(max_share))
+        return self.apply_to_each(lambda p: p.fill_undefined(max_share))
 
     def resample(self, shape: Shape) -> Patches:
         """Interpolate each patch by its Fourier series, so that all together have about `shape` points.
 
         The number of points along x2 is exact if it can be divided between the patches in proportion to their lengths.
         """
+        # each patch consists of parts of this many columns; a part gets the same number of new columns in all patches
         part = reduce(gcd, self.widths)
         points = max(1, round(shape[1] * part / self.shape[1]))
-        return self.of_each(lambda p: p.resample((shape[0], p.shape[1] // part * points)))
+        return self.apply_to_each(lambda p: p.resample((shape[0], p.shape[1] // part * points)))
 
     def with_form(self, profile: NDArray) -> Patches:
         """Add a profile along x1 (n1,) [m] to each patch."""
-        return self.of_each(lambda p: p.with_form(profile))
+        return self.apply_to_each(lambda p: p.with_form(profile))
 
     def with_heights(self, heights: NDArray) -> Patches:
         """Return patches with other heights (n1, n2) [m] at the same points."""
-        cells = zip(self.patches, self.split(heights), strict=True)
-        return self.with_patches([p.with_heights(z) for p, z in cells])
+        heights_of_patches = self.split(heights)
+        return self.with_patches(
+            [p.with_heights(z) for p, z in zip(self.patches, heights_of_patches, strict=True)]
+        )
 
-    def of_each(self, change: Callable[[Topography], Topography]) -> Patches:
+    def apply_to_each(self, change: Callable[[Topography], Topography]) -> Patches:
         """Apply a function to each patch. The results must have the same pixels."""
         return self.with_patches([change(p) for p in self.patches])
 
     def with_patches(self, patches: Sequence[Topography]) -> Patches:
-        """Return an object with other patches, which must already be alike and are not checked again."""
+        """Return an object with other patches, which must already have the same pixels and are not checked again."""
         result = object.__new__(Patches)
         object.__setattr__(result, "patches", tuple(patches))
         return result
@@ -245,7 +249,7 @@ def check_single_patch(name: str, surface: object) -> None:
 
 
 def split_patches(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
-    """Split values (…, n1, n2) of patches side by side along the last axis into a list of arrays, one for each patch.
+    """Split values (…, n1, n2) of patches side by side along the last axis into one array for each patch.
 
     widths : number of points of each patch along x2.
     """
@@ -287,11 +291,12 @@ def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None
     values : array, (patches,)
         A length of each patch [m].
     most : float
-        Largest allowed ratio of a value to the median, or of the median to a value.
+        Largest allowed ratio between a value and the median, whichever is larger.
     expected : str
         What is expected of the patches, for the message.
     """
     median = float(np.median(values))
+    # a value of 0 or an undefined value counts as an infinite ratio
     with np.errstate(divide="ignore", invalid="ignore"):
         log_ratios = np.nan_to_num(np.abs(np.log(values / median)), nan=np.inf)
     n = int(np.argmax(log_ratios))
@@ -306,6 +311,7 @@ def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None
 def _resample_to_same_pixels(patches: Sequence[Topography]) -> list[Topography]:
     """Cut patches to the width of the narrowest along x1, and resample them to the largest pixel size."""
     pixel = max(p.spacing[0] for p in patches), max(p.spacing[1] for p in patches)
+    # number of new rows in the narrowest patch, rounded
     rows = int(min(p.size[0] for p in patches) / pixel[0] + 0.5)
     resampled = []
     for patch in patches:

@@ -1,7 +1,8 @@
-"""Roughness parameters of a generated surface as a drawing states them: Ra and Rz of profiles across its marks.
+"""Compute the roughness parameters that a drawing states, Ra and Rz of profiles across the lay, of a generated surface.
 
-The long-wave filter is that of the mean spacing of the profile (RSm), which is the feed per turn of a turned surface.
-A surface that is shorter than this filter is taken as it is. Sources: ISO 21920-2 (Ra, Rz), ISO 21920-3 (filters).
+The long-wave filter is chosen by the mean spacing RSm of the profile elements, which is the feed per revolution of a
+turned surface. If the surface is shorter than the cut-off of this filter, it is not filtered. Sources: ISO 21920-2 (Ra,
+Rz), ISO 21920-3 (filters).
 """
 
 from dataclasses import dataclass
@@ -19,14 +20,14 @@ _SECTIONS = 5
 
 @dataclass(frozen=True)
 class ProfileRoughness:
-    """Roughness of profiles along x1.
+    """Hold the roughness of profiles along x1.
 
     Attributes
     ----------
     ra, rz : float
-        Arithmetic mean deviation, and mean height of the sections of a profile [m].
+        Arithmetic mean deviation Ra, and mean height Rz of the sections of a profile [m].
     cut_off : float
-        Long-wave filter λc [m]; NaN if the surface is too short for one.
+        Cut-off λc of the long-wave filter [m]; NaN if the surface is too short to be filtered.
     """
 
     ra: float
@@ -42,7 +43,8 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
     surface : Topography
         The surface, without undefined points.
     spacing : float, optional
-        Mean spacing of the profile RSm [m], from which the filter follows; without it, Ra decides on the filter.
+        Mean spacing RSm of the profile elements [m], by which the filter is chosen. Without it, the filter is chosen by
+        Ra.
 
     Returns
     -------
@@ -59,6 +61,7 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
     0.63
     """
     if spacing is None:
+        # NaN if the surface is shorter than every cut-off
         parameters = _profile_parameters(surface, 0)
         if np.isfinite(parameters.ra):
             return ProfileRoughness(parameters.ra, parameters.rz, parameters.cut_off)
@@ -78,7 +81,7 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
 
 
 def long_wave_filter(spacing: float) -> float:
-    """Return the long-wave filter λc [m] for a mean spacing of the profile RSm [m].
+    """Return the cut-off λc [m] of the long-wave filter for a mean spacing RSm of the profile elements [m].
 
     >>> long_wave_filter(0.15e-3)
     0.0008

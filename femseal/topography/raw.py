@@ -1,4 +1,4 @@
-"""Define what a reader of a file of heights gets from the caller, and what it returns."""
+"""Define the options that a reader of height files receives, and the record that it returns."""
 
 import os
 from dataclasses import dataclass
@@ -20,21 +20,21 @@ class Raw:
     Parameters
     ----------
     heights : array, (n1, n2)
-        Numbers as they stand in the file, NaN where undefined.
+        Numbers as they are in the file, NaN where undefined.
     height_unit : float, optional
-        Metres per number. None if the file does not say it.
+        Length in metres that the number 1 stands for. None if the file does not state it.
     spacing : tuple of two float, optional
-        Pixel size [m]. None if the file does not say it.
+        Pixel size [m]. None if the file does not state it.
     needs_unit : bool
-        Whether the unit has to be known. If not, numbers without a unit are in metres.
+        Whether numbers without a unit are refused. If False, they are in metres.
     mask : array of bool, (n1, n2), optional
         Points that are masked in the file.
     instrument : Instrument
-        What the file says about the instrument.
+        Limits of the instrument according to the file.
     no_data : tuple of float
         Numbers that mark undefined points according to the header of the file.
     unclear : str
-        Text of the file about its unit or pixel size that could not be read, for messages.
+        Text in the file about its unit or pixel size that could not be understood, for messages.
     notes : tuple of str
         Sentences on how the file was understood, where this is not obvious.
     """
@@ -52,7 +52,7 @@ class Raw:
 
 @dataclass(frozen=True)
 class Reading:
-    """Hold the arguments with which the caller describes a file of heights, see `read_topography`."""
+    """Hold the options for reading a file of heights, which `read_topography` explains."""
 
     size: Lengths | None = None
     spacing: Lengths | None = None
@@ -78,7 +78,7 @@ def bad_file(path: Path, given: object, allowed: str) -> InputError:
 
 
 def length_unit(text: str) -> float | None:
-    """Return the length [m] of a unit as files write it; None if the text is not a unit of length.
+    """Return the length [m] of a unit that is written as in a file; None if the text is not a unit of length.
 
     Brackets around the unit and "/pixel" after it are ignored. A micro sign may be garbled: "Âµm" was written in UTF-8
     and read in an older encoding, "æm" comes from DOS.

@@ -1,8 +1,8 @@
 """Read measured height maps from files of any kind; refuse maps whose unit or pixel size is unknown or implausible.
 
-A mask may be in a file of its own: an image, a text or an array whose points other than 0 are undefined. It has the
-same orientation as the heights in their file. A line of an image or a text runs along the file's x, and the first line
-is at the first y; NumPy arrays are taken as they are.
+A mask of undefined points may be in a separate file: an image, a text or an array, whose values are not 0 at undefined
+points. The mask has the same orientation as the heights in their file. A line of an image or a text runs along the x
+axis of the file, and the first line is at the first y; NumPy arrays are not transposed.
 """
 
 import logging
@@ -21,7 +21,7 @@ from .conditioning import Instrument
 from .coordinates import profile_error
 from .formats import READERS, read_file, reading
 from .instruments import unprinted
-from .no_data import without_no_data
+from .no_data import mark_undefined_points
 from .raw import Raw, Reading, bad_file
 from .text_files import TEXT, is_text
 from .topography import Topography
@@ -40,28 +40,28 @@ _ROWS = 256
 _ANY_PIXEL = (1e-6, 1e-6)
 #: Largest relative difference of units and pixel sizes that are taken for equal.
 _SAME = 1e-4
-#: Number of points up to which a single line is not called a profile.
+#: A single line with at most this many points is not called a profile.
 _SHORTEST_PROFILE = 2
-#: Files that may contain a mask that a user has drawn.
+#: Suffixes of files that may contain a mask.
 _MASKED = (".gwy", ".npz")
 
 
 @dataclass(frozen=True)
 class Look:
-    """Hold a map that is looked at, although `read_topography` may refuse it.
+    """Hold a map for inspection, even if `read_topography` refuses it.
 
     Parameters
     ----------
     topography : Topography
         The map.
     errors : tuple of InputError
-        Why `read_topography` refuses the map; empty if it does not.
+        Reasons why `read_topography` refuses the map; empty if it accepts the map.
     masked_fraction : float
         Fraction of points that are masked in the file.
     is_known : tuple of two bool
-        Whether the pixel size and the unit of height are known, from the file or the caller.
+        Whether the pixel size is known, and whether the unit of height is known, from the file or from the caller.
     instrument : Instrument
-        What the file and the caller say about the instrument.
+        Limits of the instrument according to the file and the caller.
     notes : tuple of str
         Sentences on how the file was understood, where this is not obvious.
     """
@@ -79,23 +79,23 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
 
     Undefined points are NaN, and the heights are as measured, including their tilt. The format follows from the suffix:
 
-    - .npy and .npz: heights in metres. The pixel size is `spacing` in the .npz, or given by the caller.
+    - .npy and .npz: heights in metres. The pixel size is the array `spacing` in the .npz, or is given by the caller.
     - .csv .asc .txt .xyz .tsv .prn .dat: texts with a matrix of heights, or coordinates x y z on a regular grid, in
-      metres unless the header says another unit.
+      metres unless the header states another unit.
     - .x3p and .sdf.
     - every other format through SurfaceTopography (femseal[surface]).
 
-    The file's x is x1, and a line of a text runs along x1. NumPy arrays are taken as they are. A size, spacing or unit
-    that the caller gives overrides that of the file, because units in files are sometimes wrong. Assumptions about the
-    file are logged.
+    The x axis of the file becomes x1, and a line of a text runs along x1. NumPy arrays are not transposed. A size,
+    spacing or unit that the caller gives overrides that of the file, because units in files are sometimes wrong.
+    Assumptions about the file are logged.
 
     Parameters
     ----------
     path : path
         The file.
     size, spacing : float or tuple of two float, optional
-        Sides of the whole map, or pixel size, along x1 and x2 after `transpose` [m]. One of them is needed if the file
-        does not say it.
+        Sides of the whole map, or pixel size, along x1 and x2 after `transpose` [m]. One of the two is needed if the
+        pixel size is not in the file.
     height_unit : str, optional
         Unit of the numbers in the file, such as "um".
     delimiter : str, optional
@@ -105,20 +105,21 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     channel : int or str
         Number or name of the layer or channel in files with several.
     transpose : bool
-        Whether to exchange x and y, so that the lay runs along x2, the direction along the seal.
+        Whether to exchange x and y. The lay should run along x2, which is the direction along the seal.
     mask : path, optional
-        File whose points other than 0 are undefined: an image, a text or a .npy file, with the orientation of the
-        heights in their file.
+        File that marks undefined points by values other than 0: an image, a text or a .npy file with the same
+        orientation as the file of the heights.
     file_mask : bool
-        Whether points under a mask in the file itself (.gwy, or `mask` in an .npz) are undefined. If not, they have the
-        heights that are stored there.
+        Whether points under a mask in the file itself (.gwy, or `mask` in an .npz) are undefined. If False, they have
+        the heights that the file contains.
     no_data : float or "none", optional
-        Number that marks points that were not measured, such as -9999. "none": every number is a height. Default: the
-        number that the header names, or a number that programs use as a mark and that lies far from all others.
+        Number that marks points that were not measured, such as -9999. With "none", every number is a height. Default:
+        the number that the header states, or a number that programs commonly use as a mark and that is far from all
+        other numbers.
     verify_checksum : bool
         Whether to refuse an .x3p file with a wrong checksum.
     crop : tuple of four float, optional
-        Part of the map to keep: x1 from, x1 to, x2 from, x2 to [m].
+        Part of the map to keep: start and end along x1, start and end along x2 [m].
     periodic : tuple of two bool
         Whether the surface is periodic along x1 and x2 of the result.
     tip_radius, resolution : float, optional
@@ -132,10 +133,11 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     Raises
     ------
     InputError
-        The file cannot be read; it is a profile, or its points are not on a grid; its size or unit is unknown; many
-        points share one number far from all others; or a mask or crop does not fit. Implausible maps are refused as
-        well: sides outside 1 nm to 1 m unless the caller gives `size` or `spacing`, Sq above 10 mm unless the caller
-        gives `height_unit`, and slopes above 10 on half of the points unless the caller gives both.
+        The file cannot be read; it contains a profile, or points that are not on a grid; the pixel size or the unit is
+        unknown; many points have the same number, which is far from all other numbers; or the mask or the crop does not
+        fit the map. Implausible maps are refused as well: sides outside 1 nm to 1 m unless the caller gives `size` or
+        `spacing`, Sq above 10 mm unless the caller gives `height_unit`, and slopes above 10 at half of the points
+        unless the caller gives both.
 
     Examples
     --------
@@ -154,7 +156,7 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
 
 
 def read_measured(path: str | os.PathLike[str], **options: Any) -> Look:
-    """Read a map like `read_topography`, together with its instrument and the notes on it."""
+    """Read a map like `read_topography`; return it together with its instrument and the notes on the file."""
     look = read_for_a_look(path, **options)
     if look.errors:
         raise look.errors[0]
@@ -162,7 +164,7 @@ def read_measured(path: str | os.PathLike[str], **options: Any) -> Look:
 
 
 def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
-    """Read a map even if `read_topography` refuses it, and say why it does.
+    """Read a map even if `read_topography` would refuse it, and return the reasons for refusing it.
 
     An unknown pixel size is replaced by 1 µm, and heights of an unknown unit are taken for metres.
 
@@ -176,7 +178,7 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     _check_options(path, given)
     with reading(path):
         raw = read_file(path, given)
-    defined = without_no_data(path, raw.heights, raw.no_data, given.no_data)
+    defined = mark_undefined_points(path, raw.heights, raw.no_data, given.no_data)
     height_unit = raw.height_unit
     if given.height_unit is not None:
         height_unit = to_si(f"1 {given.height_unit}", "m", "height_unit")
@@ -188,7 +190,7 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     heights = _apply_masks(defined.heights, file_mask, given)
     pixel = _pixel_size(raw.spacing, given, heights.shape)
     unclear, needs_unit = raw.unclear, raw.needs_unit
-    del raw, defined, file_mask  # large maps: no more than two are in memory at once
+    del raw, defined, file_mask  # so that at most two arrays as large as the map are in memory
 
     pixel_errors = _pixel_errors(path, pixel, heights.shape, unclear)
     errors += pixel_errors
@@ -209,14 +211,14 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     return Look(topography, tuple(errors), masked_fraction, is_known, instrument, notes)
 
 
-def _combine_instruments(of_file: Instrument, given: Reading) -> Instrument:
-    """Return the instrument that the file describes, with the lengths that the caller gives."""
+def _combine_instruments(file_instrument: Instrument, given: Reading) -> Instrument:
+    """Return the limits of the instrument from the file, replaced by those that the caller gives."""
     lengths = {}
     for name in ("tip_radius", "resolution"):
         length = getattr(given, name)
         if length is not None:
             lengths[name] = validate.number(name, length, unit="m")
-    return replace(of_file, **lengths)
+    return replace(file_instrument, **lengths)
 
 
 def _apply_masks(heights: NDArray, file_mask: Flags | None, given: Reading) -> NDArray:
@@ -229,23 +231,23 @@ def _apply_masks(heights: NDArray, file_mask: Flags | None, given: Reading) -> N
     return heights.T if given.transpose else heights
 
 
-def _pixel_size(of_file: Pair | None, given: Reading, shape: tuple[int, ...]) -> Pair | None:
+def _pixel_size(file_pixel: Pair | None, given: Reading, shape: tuple[int, ...]) -> Pair | None:
     """Return the pixel size along x1 and x2 [m], which the caller or the file gives.
 
-    of_file : pixel size along the file's x and y. shape : of the map after `transpose`.
+    file_pixel : pixel size along x and y of the file [m]. shape : number of points of the map after `transpose`.
     """
     if given.spacing is not None:
         return validate.lengths("spacing", given.spacing)
     if given.size is not None:
         first, second = validate.lengths("size", given.size)
         return first / shape[0], second / shape[1]
-    if of_file and given.transpose:
-        return of_file[1], of_file[0]
-    return of_file
+    if file_pixel and given.transpose:
+        return file_pixel[1], file_pixel[0]
+    return file_pixel
 
 
 def _notes_on_overrides(raw: Raw, given: Reading, height_unit: float | None) -> Iterator[str]:
-    """Report where a unit or size given by the caller differs from that of the file, or replaces an unclear one."""
+    """Yield a note if a unit or size from the caller differs from that of the file, or replaces an unclear one."""
     if given.height_unit is not None and height_unit is not None:
         file_unit = raw.height_unit
         if file_unit is None and raw.unclear and raw.needs_unit:
@@ -262,7 +264,7 @@ def _notes_on_overrides(raw: Raw, given: Reading, height_unit: float | None) -> 
     if given.transpose:
         n1, n2 = n2, n1
         file_pixel = file_pixel[1], file_pixel[0]
-    # without a spacing of the caller this is the pixel size that follows from the caller's size
+    # the pixel size that the caller gives, directly or by the sides of the map
     pixel = _pixel_size(None, given, (n1, n2))
     assert pixel is not None
     if any(abs(a / b - 1) > _SAME for a, b in zip(file_pixel, pixel, strict=True)):
@@ -281,7 +283,7 @@ def _check_options(path: Path, given: Reading) -> None:
     suffix = path.suffix.lower()
     has_text = is_text(path)
     is_array = suffix in (".npy", ".npz")
-    # option, files that it is for, whether this file is one of them
+    # option, kind of files to which it applies, whether it applies to this file
     applicable = (
         ("array", ".npz files", suffix == ".npz"),
         ("delimiter", f"{', '.join(TEXT)} files", has_text),
@@ -299,7 +301,7 @@ def _check_options(path: Path, given: Reading) -> None:
 
 
 def _profile_errors(path: Path, raw: Raw) -> list[InputError]:
-    """Return an error if a map is a single line."""
+    """Return a list with an error if the map is a single line; otherwise an empty list."""
     if 1 not in raw.heights.shape or raw.heights.size <= _SHORTEST_PROFILE:
         return []
     error = profile_error(raw.heights.ravel(), "a single line")
@@ -309,9 +311,9 @@ def _profile_errors(path: Path, raw: Raw) -> list[InputError]:
 def _pixel_errors(
     path: Path, pixel: Pair | None, shape: tuple[int, ...], unclear: str
 ) -> list[InputError]:
-    """Return an error if the pixel size is unknown or not positive.
+    """Return a list with an error if the pixel size is unknown or not positive; otherwise an empty list.
 
-    unclear : text of the file about the unit that could not be read.
+    unclear : text in the file about the unit that could not be understood.
     """
     if pixel is None:
         hint = f"; it says {unclear}" if unclear else ""
@@ -328,7 +330,7 @@ def _pixel_errors(
 def _unknown_unit(path: Path, unclear: str) -> InputError:
     """Make an InputError about a file without a unit of height.
 
-    unclear : text of the file about the unit that could not be read.
+    unclear : text in the file about the unit that could not be understood.
     """
     given = "no unit of height in the file"
     if unclear:
@@ -337,9 +339,9 @@ def _unknown_unit(path: Path, unclear: str) -> InputError:
 
 
 def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator[InputError]:
-    """Yield an error for each value that only a wrong unit can explain.
+    """Yield an error for each value that is so implausible that its unit must be wrong.
 
-    Units that the caller gives are not questioned. The slope is examined only if size and heights are plausible.
+    Units that the caller gives are not checked. The slope is checked only if size and heights are plausible.
     """
     is_size_given = given.size is not None or given.spacing is not None
     is_unit_given = given.height_unit is not None
@@ -364,7 +366,7 @@ def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator
 
 
 def _sampled_deviation(topography: Topography) -> float:
-    """Return the standard deviation of the heights on some rows [m]."""
+    """Return the standard deviation of the heights in a sample of rows [m]."""
     z = topography.heights[:: max(1, topography.shape[0] // _ROWS)]
     defined = z[~np.isnan(z)]
     with np.errstate(over="ignore"):
@@ -372,14 +374,14 @@ def _sampled_deviation(topography: Topography) -> float:
 
 
 def _median_slope(topography: Topography) -> float:
-    """Return the median slope between neighbouring points along the steeper axis.
+    """Return the median slope between neighbouring points along the steeper axis, in a sample of lines.
 
     The median is not affected by spikes and undefined points.
     """
     medians = [0.0]
-    for z, spacing in zip(
-        (topography.heights.T, topography.heights), topography.spacing, strict=True
-    ):
+    heights = topography.heights
+    # in each of these views, the lines along one axis are the rows
+    for z, spacing in zip((heights.T, heights), topography.spacing, strict=True):
         lines = z[:: max(1, len(z) // _ROWS)]
         slopes = np.abs(np.diff(lines, axis=1)) / spacing
         defined = slopes[~np.isnan(slopes)]
@@ -388,20 +390,21 @@ def _median_slope(topography: Topography) -> float:
     return max(medians)
 
 
-#: Suffixes of image formats without loss.
+#: Suffixes of lossless image formats, and of arrays, that a mask may have.
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif")
 _ARRAYS = (".npy", *TEXT)
 
 
 def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
-    """Read the undefined points of a map from a file: those that are not 0.
+    """Read a mask of undefined points from a file. Points whose value is not 0 are undefined.
 
     Parameters
     ----------
     path : path
-        .png, .tif, .bmp or .gif (any colour but black is not 0; transparency is ignored), .npy, .csv, .asc or .txt.
+        Image (.png, .tif, .bmp or .gif), of which black points are 0 and transparency is ignored; or numbers in .npy,
+        .csv, .asc or .txt.
     shape : tuple of two int
-        Shape of the heights as they lie in their file, x first.
+        Shape of the heights in their file, with x as first axis.
 
     Returns
     -------
@@ -430,7 +433,7 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
 
 
 def _read_image(path: Path, options: Reading) -> Raw:
-    """Read the brightest colour of each point of an image."""
+    """Read an image; the value of a point is the largest of its red, green and blue."""
     from PIL import Image
 
     with unprinted(), Image.open(path) as image:

@@ -1,8 +1,8 @@
 """Describe the forms of seats: the nominal profile z(x1) across the seal, which is added to the measured roughness.
 
-The highest point has z = 0, and x1 is measured from the middle of the seal's width towards the outlet. The contact
-problem then yields the width of the contact, and the pressure in each row of pixels. The faces are half-spaces, so the
-slopes have to stay small.
+The highest point has z = 0, and x1 is measured from the middle of the seal's width towards the outlet. The width of the
+contact and the pressure in each row of pixels are then results of the contact problem. The slopes of the form must be
+small, because the faces are treated as half-spaces.
 Sources: Johnson, Contact Mechanics, 1985, ch. 4 (line contact); Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (rough
 surfaces).
 """
@@ -29,7 +29,7 @@ def _radius(meaning: str, example: str) -> Any:
 
 
 class Seat:
-    """Define what a form of a seat provides. Each form is a frozen dataclass with the method `depth`."""
+    """Base class of the forms of seats. A form is a frozen dataclass that defines `depth`."""
 
     kind: ClassVar[str]
 
@@ -49,7 +49,7 @@ class Seat:
         return ", ".join(texts)
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """Return the depth of the form below its highest point, up to a constant.
+        """Return the depth of the form below its highest point, plus any constant.
 
         Parameters
         ----------
@@ -67,7 +67,7 @@ class Seat:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wave of the form [m], which is infinite: a measured patch contains no part of the form."""
+        """Shortest wave of the form [m]. It is infinite, because a measured patch contains no waves of the form."""
         return np.inf
 
     def heights(self, points: Array, frame: Any) -> Array:
@@ -94,6 +94,7 @@ class Seat:
             raise InputError("seat", f"{self} on a mesh", "a strip or a ring")
         inlet, outlet = frame.ends
         breadth = abs(outlet - inlet)
+        # distance from the inlet, measured from the middle of the width
         x = np.abs(frame.across(points) - inlet) - breadth / 2
         return -self.depth(x, breadth)
 
@@ -113,7 +114,7 @@ class Seat:
         return self.add_to(face)
 
     def row_depths(self, rows: int, spacing: float) -> Array:
-        """Return how deep each row of pixels lies below the highest one.
+        """Return the depth of each row of pixels below the highest row.
 
         Parameters
         ----------
@@ -142,20 +143,20 @@ class Seat:
 def check_form(
     key: str, shown: str, heights: Array, spacing: Sequence[float], inside: Array | bool = True
 ) -> None:
-    """Raise InputError if a form is unknown at a point, or steeper than an elastic half-space allows.
+    """Raise InputError if the height of a form is unknown at a point, or if it is too steep for a half-space.
 
     Parameters
     ----------
     key : str
         Name of the input, for the message.
     shown : str
-        The form as the user has given it, for the message.
+        Text that describes the form to the user, for the message.
     heights : array, (n1,) or (n1, n2)
         Heights of the form [m], NaN where it is unknown.
     spacing : sequence of float
         Distances between the points along each axis [m].
     inside : array or bool
-        Points that belong to the seal. Other points may be unknown.
+        Whether each point belongs to the seal. At other points the height may be unknown.
     """
     known = np.where(inside, heights, np.nan)
     slope = 0.0
@@ -237,7 +238,7 @@ class BallOnCone(Seat):
         return float(1 / np.sin(self.angle))
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """Return R − √(R² − x²), NaN beyond the ball."""
+        """Return R − √(R² − x²), and NaN for |x| > R."""
         with np.errstate(invalid="ignore"):
             return self.radius - np.sqrt(self.radius**2 - x**2)
 

@@ -1,7 +1,8 @@
 """Read texts with heights: a matrix, or a table of coordinates x y z, with the encodings and headers of instruments.
 
-A line of a matrix runs along x. The separator of the numbers is found automatically, and so are decimal commas, if
-commas have no other meaning. The lines before the numbers, and comments, form the header, see `text_header`.
+A line of a matrix runs along x. The separator of the numbers is recognised automatically. Decimal commas are recognised
+if commas have no other meaning in the text. Comments and the lines before the numbers form the header, see
+`text_header`.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _PLACEHOLDER = re.compile(r"-+|\*+|\?+")
 _NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
 #: Largest number of lines before the numbers.
 _LONGEST_HEADER = 1000
-#: The numbers begin where this many lines in succession have equally many numbers.
+#: The table of numbers begins where this many lines in succession contain equally many numbers.
 _ALIKE = 3
 #: Number of bytes that are examined to recognise a text and its encoding.
 _HEAD = 2**16
@@ -51,7 +52,7 @@ def is_text(path: Path) -> bool:
 
 
 def encoding_of(path: Path) -> str:
-    """Return the encoding of a text: UTF-8, UTF-16 or, if it is neither, cp1252, the former encoding of Windows.
+    """Return the encoding of a text: UTF-8, UTF-16, or cp1252 (the former encoding of Windows) if it is neither.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def encoding_of(path: Path) -> str:
         if block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             return "utf-16"
         if b"\0" in block:
-            # UTF-16 writes a digit as two bytes, one of which is zero
+            # UTF-16 encodes a digit by two bytes, of which the high byte is zero
             for name, high_bytes in (("utf-16-le", block[1::2]), ("utf-16-be", block[::2])):
                 if high_bytes.count(0) > 0.9 * len(high_bytes):
                     return name
@@ -87,8 +88,8 @@ def read_text(path: Path, options: Reading) -> Raw:
     Raises
     ------
     InputError
-        The text contains no numbers, or lines that are not numbers or of different lengths; it is a profile; or its
-        points are not on a grid.
+        The text contains no numbers, other words between the numbers, or lines of different lengths; it is a profile;
+        or its points are not on a grid.
     """
     with path.open(encoding=encoding_of(path), errors="replace") as file:
         numbers, header = _read_numbers(file, options.delimiter)
@@ -114,9 +115,10 @@ def read_text(path: Path, options: Reading) -> Raw:
 def _apply_column_units(header: Header, table: MapOfTable, *, is_unit_given: bool) -> None:
     """Set the pixel size and the unit of height of a table of coordinates from the units of its columns.
 
-    If no unit is known at all, all columns are in metres. A unit of height alone says nothing about the coordinates.
+    If no unit is known at all, all columns are taken to be in metres. If only the unit of height is known, the pixel
+    size stays unknown.
 
-    header : changed in place. is_unit_given : whether the caller gives the unit of height.
+    header : header of the table, which is changed. is_unit_given : whether the caller gives the unit of height.
     """
     assert table.steps is not None
     if header.column_units:
@@ -135,7 +137,7 @@ def _apply_column_units(header: Header, table: MapOfTable, *, is_unit_given: boo
 
 
 def _read_numbers(file: TextIO, delimiter: str | None) -> tuple[NDArray, Header]:
-    """Read the numbers (lines, columns) of a text, and its header."""
+    """Return the table of numbers (lines, columns) in a text, and its header."""
     lines = enumerate(file, start=1)
     first_lines = list(islice(lines, _LONGEST_HEADER))
     begin = _find_first_numbers([line for _, line in first_lines], delimiter)
@@ -166,11 +168,11 @@ def _refuse_second_map(text: str, comments: list[str], line_number: int) -> None
 
 
 class _RowReader:
-    """Read the lines of numbers of a text, one after the other, and put them together to a table."""
+    """Read the lines of numbers in a text one after another, and join them to a table."""
 
     def __init__(self, layout: _Layout) -> None:
         self.layout = layout
-        #: Numbers in the first line.
+        #: How many numbers the first line contains; 0 before it is read.
         self.width = 0
         self._numbers = array("d")
         self._first_line = 0
@@ -204,8 +206,8 @@ class _RowReader:
     def table(self, points: tuple[int, int] | None) -> NDArray:
         """Return the table (lines, columns).
 
-        points : numbers along x and y according to the header. If the header is right, lines of any length are allowed,
-        because some programs break long lines.
+        points : numbers of points along x and y according to the header. If the text contains this many numbers, its
+        lines may have different lengths, because some programs break long lines.
         """
         numbers = np.frombuffer(self._numbers)
         if points is not None and numbers.size == points[0] * points[1]:
@@ -214,10 +216,11 @@ class _RowReader:
             raise self._unequal_lines
         table = numbers.reshape(-1, self.width)
         if self._ends_with_delimiter:
-            # a delimiter at the end of every line does not mean an undefined point
+            # if every line ends with a delimiter, the empty entry after it is not an undefined point
             table = table[:, :-1]
         if points is not None:
-            # one side of the header fits and the other does not; if neither fits, the header is about something else
+            # The file is incomplete if one of the numbers in the header agrees with the table and the other does not.
+            # If neither does, the header describes something else.
             has_lines = table.shape[0] == points[1]
             has_columns = table.shape[1] == points[0]
             if has_lines != has_columns:
@@ -230,9 +233,9 @@ class _RowReader:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Describe how the numbers of a line are written.
+    """Describe how the numbers in a line are written.
 
-    mark : separator, None for blanks.
+    mark : separator between numbers, None for blanks.
     has_comma : whether the numbers have decimal commas.
     """
 
@@ -240,7 +243,7 @@ class _Layout:
     has_comma: bool = False
 
     def split(self, text: str, *, as_shown: bool = False) -> list[str]:
-        """Split a line into its fields, with decimal points unless they are wanted `as_shown` in the file."""
+        """Split a line into its fields. Decimal commas are replaced by points, unless `as_shown` is True."""
         if self.mark is None:
             fields = _NO_DATA.sub("nan", text).replace('"', " ").split()
         elif '"' in text:
@@ -253,9 +256,9 @@ class _Layout:
 
 
 def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
-    """Find out how the numbers in lines are written.
+    """Determine how the numbers in some lines are written.
 
-    delimiter : separator, None to find it.
+    delimiter : separator between numbers that the caller gives, None to find it in the first line.
     """
     texts = [line.strip(" \r\n") for line in lines]
     texts = [text for text in texts if text.strip() and not _is_comment(text)]
@@ -271,17 +274,18 @@ def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
 
 
 def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
-    """Return the index of the line where the numbers begin, because it and the next lines have equally many numbers.
+    """Return the index of the line at which the table of numbers begins.
 
-    If no lines are alike, it is the first line of numbers, or the first one that begins with a digit, so that a message
-    can show it.
+    It is the first of three lines in succession that contain equally many numbers, or the line above if that is a
+    faulty row of the table. If there are no such lines, it is the first line of numbers, or otherwise the first line
+    that begins with a digit, so that an error message can quote it.
     """
     contents = [_content(line, delimiter) for line in lines]
     candidates = [n for n, content in enumerate(contents) if content is not None]
     for k, n in enumerate(candidates):
         count = contents[n]
-        next_contents = [contents[m] for m in candidates[k : k + _ALIKE]]
-        if isinstance(count, int) and next_contents == [count] * _ALIKE:
+        contents_from_here = [contents[m] for m in candidates[k : k + _ALIKE]]
+        if isinstance(count, int) and contents_from_here == [count] * _ALIKE:
             previous = candidates[k - 1] if k else n
             return previous if _is_faulty_row(lines[previous], delimiter, count) else n
     numeric = [n for n in candidates if isinstance(contents[n], int)]
@@ -294,7 +298,7 @@ def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
 
 
 def _content(line: str, delimiter: str | None) -> int | str | None:
-    """Return the number of numbers in a line; "text" for another line, None for a comment or an empty line."""
+    """Return how many numbers a line contains; "text" for other words, None for a comment or an empty line."""
     text = line.strip(" \r\n")
     if not text.strip() or _is_comment(text):
         return None
@@ -306,11 +310,11 @@ def _content(line: str, delimiter: str | None) -> int | str | None:
 
 
 def _is_faulty_row(line: str, delimiter: str | None, count: int) -> bool:
-    """Return whether the line above the numbers is a row of numbers with an unknown word or with missing numbers.
+    """Return whether the line above the table is a row of the table that has an unknown word or missing numbers.
 
-    Numbers in equal steps are an axis instead.
+    A line whose numbers increase in equal steps is an axis instead, and not a row.
 
-    count : number of numbers in the lines below.
+    count : how many numbers the lines below contain.
     """
     text = line.strip(" \r\n")
     mark = _find_delimiter(text) if delimiter is None else delimiter
@@ -325,7 +329,7 @@ def _is_faulty_row(line: str, delimiter: str | None, count: int) -> bool:
 
 
 def _is_comment(text: str) -> bool:
-    """Return whether a line is a comment. Words of spreadsheets such as "#n/a" look like one but are not."""
+    """Return whether a line is a comment. Words of spreadsheets such as "#n/a" do not begin a comment."""
     text = text.lstrip()
     if not text.startswith(COMMENT_MARKS):
         return False
@@ -334,7 +338,7 @@ def _is_comment(text: str) -> bool:
 
 
 def _is_number(field: str) -> bool:
-    """Return whether a field is a number, or stands for an undefined one."""
+    """Return whether a field is a number, or stands for an undefined number."""
     try:
         float(field)
     except ValueError:
@@ -349,7 +353,7 @@ def _is_undefined(field: str) -> bool:
 
 
 def _find_delimiter(line: str) -> str | None:
-    """Return the separator of the numbers of a line: a semicolon, a tab, a comma, or None for blanks."""
+    """Return the separator between the numbers in a line: a semicolon, a tab, a comma, or None for blanks."""
     outside_quotes = re.sub(r'"[^"]*"', "", line)
     delimiter = next((mark for mark in DELIMITERS if mark in outside_quotes), None)
     words = line.split()
@@ -360,9 +364,9 @@ def _find_delimiter(line: str) -> str | None:
 
 
 def _parse_value(line_number: int, text: str, original: str) -> float:
-    """Return the number that a text means, NaN if it stands for an undefined one.
+    """Return the number that a text stands for, NaN if it is undefined; raise InputError if it is not a number.
 
-    original : the text as it is in the file, for the message.
+    original : text as it is in the file, for the message.
     """
     try:
         return float(text)

@@ -1,8 +1,8 @@
 """Read the header of a text with heights: pixel size, units, number of points and marks of undefined points.
 
-A line of the header has a name and a value, perhaps behind a comment mark, such as "# Width: 1 mm", "cellsize 2",
-"NODATA_value -9999" or '"XY Calibration","1.383","um"'. The names are those that Gwyddion, SPIP, Esri rasters, Keyence
-and Zygo export. The last line may contain the names of the columns, such as "X [mm]; Y [mm]; Z [µm]".
+A line of the header consists of a name and a value, and may begin with a comment mark. Examples are "# Width: 1 mm",
+"cellsize 2", "NODATA_value -9999" and '"XY Calibration","1.383","um"'. The names are those in files of Gwyddion, SPIP,
+Esri rasters, Keyence and Zygo. The last line may contain the names of the columns, such as "X [mm]; Y [mm]; Z [µm]".
 """
 
 import csv
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from .raw import length_unit
 
-#: Names in headers by their meaning. Names are compared in lower case, with one blank between words.
+#: Names in headers by their meaning, in lower case and with one blank between words.
 _MEANINGS = {
     "side 1": "width, breite, largeur, x length, length x",
     "side 2": "height, höhe, hauteur, y length, length y",
@@ -48,7 +48,7 @@ _SHOWN_LINES, _SHOWN_CHARACTERS = 3, 50
 
 @dataclass
 class Header:
-    """Hold the content of the header of a text file. A value is None or empty if it is not in the header.
+    """Hold the content of the header of a text file. Values that are not in the header are None or empty.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Header:
     pixel : tuple of two float, optional
         Pixel size along x and y [m].
     unit : float, optional
-        Metres per number of the heights.
+        Length in metres that the number 1 in the heights stands for.
     unknown_unit : bool
         Whether the header names a unit of height that cannot be read.
     points : tuple of two int, optional
@@ -67,9 +67,9 @@ class Header:
     columns : tuple of str
         Names of the columns in lower case.
     column_units : tuple of float or None
-        Metres per number of each column, None if its unit is unknown.
+        The same for each column, None if the unit of the column is unknown.
     unread : list of str
-        Lines about units or pixels that were not understood.
+        Lines about units or pixels that could not be understood.
     """
 
     sides: tuple[float, float] | None = None
@@ -84,13 +84,13 @@ class Header:
 
     @property
     def unclear(self) -> str:
-        """Lines that were not understood, for messages."""
+        """Quotation of the first lines that could not be understood, for messages."""
         lines = [line[:_SHOWN_CHARACTERS] for line in self.unread[:_SHOWN_LINES]]
         return ", ".join(map(repr, lines))
 
 
 def meaning_of(line: str) -> str:
-    """Return what a line of a header is about, as in `_MEANINGS`; "" if its name is unknown."""
+    """Return the meaning of the name in a line of a header, a key of `_MEANINGS`; "" if the name is unknown."""
     name, _ = _name_and_value(line)
     return _MEANING_OF.get(name, "")
 
@@ -103,7 +103,7 @@ def read_header(lines: Sequence[str], columns: int) -> Header:
     lines : sequence of str
         Lines before the numbers, and comments between them.
     columns : int
-        Number of numbers in a line.
+        How many numbers a line of the table contains.
     """
     header = Header()
     entries: dict[str, str] = {}  # meaning: value
@@ -166,7 +166,7 @@ def _without_marks(line: str) -> str:
 
 
 def _name_and_value(line: str) -> tuple[str, str]:
-    """Return the name, in lower case with single blanks, and the value of a line; "" if it has none."""
+    """Return the name in a line, in lower case with single blanks, and its value; each is "" if there is none."""
     text = _without_marks(line)
     parts = _split_at_delimiter(text)
     if len(parts) < 2:
@@ -186,7 +186,7 @@ def _split_at_delimiter(text: str) -> list[str]:
             continue
         fields = next(csv.reader([text], delimiter=mark, skipinitialspace=True))
         parts = [field.strip() for field in fields if field.strip()]
-        # the comma of "Width: 9,0 um" is a decimal comma
+        # a delimiter does not come after a colon: the comma in "Width: 9,0 um" is a decimal comma
         begins_with_entry = parts and re.search("[:=]", parts[0])
         if parts and not begins_with_entry:
             return parts
@@ -196,9 +196,9 @@ def _split_at_delimiter(text: str) -> list[str]:
 def _two_lengths(
     entries: dict[str, str], first: str, second: str, lateral_unit: float | None
 ) -> tuple[float, float] | None:
-    """Return two lengths [m] by their meanings; None unless the header has both with a unit.
+    """Return two lengths [m] with given meanings; None unless the header has both of them with a unit.
 
-    lateral_unit : unit of numbers without one [m], None if it is not in the header.
+    lateral_unit : unit of lengths that are written without a unit [m], None if the header does not have it.
     """
     length1 = _parse_length(entries.get(first, ""), lateral_unit)
     length2 = _parse_length(entries.get(second, ""), lateral_unit)
@@ -208,9 +208,9 @@ def _two_lengths(
 
 
 def _parse_length(text: str, lateral_unit: float | None) -> float | None:
-    """Return a length [m] from its text; None if it is not a length.
+    """Return the length [m] that a text stands for; None if it is not a length.
 
-    lateral_unit : unit of a number without one [m].
+    lateral_unit : unit of a length that is written without a unit [m].
     """
     match = _LENGTH.fullmatch(text)
     if match is None:
@@ -235,7 +235,7 @@ def _read_zygo(header: Header, lines: Sequence[str]) -> None:
 
 
 def _read_columns(header: Header, line: str, columns: int) -> None:
-    """Set the names and units of the columns from the last line of a header, if it has one name for each column."""
+    """Set the names and units of the columns, if the last line of the header contains a name for each column."""
     text = _without_marks(line).replace('"', "")
     names_and_units = _COLUMN.findall(text)
     if len(names_and_units) == columns:

@@ -1,9 +1,10 @@
 """Evaluate the spectrum and the texture of a map: its shortest wave, power law, autocorrelation length and lay.
 
-Symbols: q angular wave number [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). The radial
-average of a surface of parallel grooves falls with the same exponent as that of an isotropic surface with the same H.
-Sal and Str are distances in which the autocorrelation decays to 0.2; Std is the direction of the lay, counted from x1
-towards x2. Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std).
+Symbols: q angular wave number [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). For a
+surface of parallel grooves, C is the average over all directions. It falls with the same exponent as C of an isotropic
+surface with the same H. Sal is the distance in which the autocorrelation decays to 0.2 in the direction of fastest
+decay, Str is the ratio of Sal to the distance of slowest decay, and Std is the direction of the lay. Sources: Jacobs,
+Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std).
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from ..base import Array
 from .patches import Surface
 from .topography import SLACK, Topography
 
-#: Bins of the spectrum per decade of wavelength, and positions per decade that are tried for the end of a plateau.
+#: Number of bins of the spectrum per decade of wavelength, and number of positions per decade that are tried for the
+#: end of a plateau.
 _BINS_PER_DECADE = 12
 _BENDS_PER_DECADE = 48
 #: Largest rms deviation of log10 C from a power law, beyond the scatter that the number of waves explains.
@@ -42,14 +44,15 @@ _ROUNDING = 1e-16
 _CUT = 0.1
 #: Largest Hurst exponent of a fit.
 _LARGEST_HURST = 1.1
-#: Standard deviation of log10 C about a power law that holds, beside the scatter by the number of waves.
+#: Standard deviation of log10 C about a valid power law, in addition to the scatter due to the finite number of waves.
 _MODEL_SCATTER = 0.02
 #: Relative standard error of the level of white noise.
 _NOISE_ERROR = 0.3
-#: Stated standard error of H over that of the fit, because the range is chosen by the fit. Measured on 768 Gaussian
-#: surfaces with and without plateau, noise and lay: 96 % of the exponents are within two stated errors.
+#: Ratio of the reported standard error to that of the fit. The fit underestimates it, because it also chooses the
+#: range. Measured on 768 Gaussian surfaces with and without plateau, noise and lay: 96 % of the exponents are within
+#: two reported errors.
 _ERROR = 1.6
-#: A law with a plateau is preferred to one without unless its error is more than this many times larger.
+#: A law with a plateau is preferred to a law without, unless its error is more than this many times larger.
 _PREFER_PLATEAU = 1.5
 #: The density is multiplied by this power of q before it is averaged in a bin, so that it is nearly constant there.
 _FLATTENING = 3.0
@@ -68,7 +71,7 @@ class PowerLaw:
     density : float
         C at the longest wave [m⁴].
     roll_off : float
-        Wavelength at which a plateau of longer waves begins [m], which equals `longest`; NaN without a plateau.
+        Wavelength above which the spectrum has a plateau [m], equal to `longest`; NaN without a plateau.
     """
 
     hurst: float
@@ -117,14 +120,16 @@ class Spectrum:
 def spectrum(topography: Surface) -> Spectrum:
     """Summarise the spectral density of a map without its form and without undefined points.
 
-    The shortest wave is the longest of three: two pixels of the larger spacing; the wave at which C is four times the
-    white noise, if the spectrum ends with noise; and the wave below which C is less than a tenth of the power law. The
-    last two are limits of the instrument. Of several patches, the one with the longest such wave is described.
+    The shortest wave that was measured is the longest of three wavelengths: two pixels of the larger spacing; if the
+    spectrum ends with white noise, the wavelength at which C is four times the noise; and the wavelength below which C
+    is less than a tenth of the power law. The last two are limits of the instrument. Of several patches, the one with
+    the longest such wave is described.
     """
     if not isinstance(topography, Topography):
         summaries = [spectrum(patch) for patch in topography.patches]
         return max(summaries, key=lambda summary: summary.shortest_wave)
-    # A step at a border that is called periodic would add waves of all lengths; a mirrored map has no step.
+    # If a map is called periodic but has a step at its border, the step adds waves of all lengths. The map is then
+    # mirrored instead, which leaves no step.
     if topography.seamless != topography.periodic:
         topography = Topography(topography.heights, topography.spacing, topography.seamless)
     q, density = topography.radial_psd()
@@ -135,7 +140,7 @@ def spectrum(topography: Surface) -> Spectrum:
         return Spectrum(2 * pi / nyquist, 0.0, None)
     floor = _noise_floor(q, density, nyquist)
     is_signal = density > max(_ABOVE_NOISE * floor, _ROUNDING * density.max())
-    # a map of pure noise has no measured wave, so that only the longest one is left
+    # a map of pure noise has no measured waves; its longest wave is taken
     last_signal = q[is_signal].max() if is_signal.any() else q[0]
     shortest = 2 * pi / (last_signal if last_signal < q[-1] else nyquist)
     # The ring at the end of the signal may contain only some of its waves, and waves longer than half the map were
@@ -152,9 +157,10 @@ def spectrum(topography: Surface) -> Spectrum:
 
 
 def _noise_floor(q: NDArray, density: NDArray, nyquist: float) -> float:
-    """Return the density of white noise [m⁴], the level at the end of the spectrum; 0 if it does not end level.
+    """Return the density of white noise [m⁴], which is the level of a spectrum with a flat end; 0 without a flat end.
 
-    q : wave numbers (rings,) [rad/m]. density : at these [m⁴]. nyquist : largest wave number [rad/m].
+    q : wave numbers (rings,) [rad/m]. density : spectral density at the wave numbers (rings,) [m⁴]. nyquist : largest
+    wave number [rad/m].
     """
     is_end = (q > 0.75 * nyquist) & (density > _ROUNDING * density.max())
     if np.count_nonzero(is_end) < 8:
@@ -167,12 +173,12 @@ def _noise_floor(q: NDArray, density: NDArray, nyquist: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Bins:
-    """Spectrum averaged in bins of equal width in log q.
+    """Hold a spectrum that was averaged in bins of equal width in log q.
 
     Attributes
     ----------
     x, y : arrays (bins,), log10 of the wavenumber [rad/m] and of the density [m⁴].
-    variance : array (bins,), variance of y by the finite number of waves in the bin and by the noise.
+    variance : array (bins,), variance of y due to the finite number of waves in a bin and to the noise.
     """
 
     x: Array
@@ -202,11 +208,13 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
     signal = density[is_used] - floor
     if not q.size:
         return _Bins(q, q, q)
+    # width of the rings: the larger step between wave numbers, 2π/L on a periodic axis and π/L on a mirrored one
     width = max(
         pi * (1 + wraps) / side
         for wraps, side in zip(topography.periodic, topography.size, strict=True)
     )
     waves = prod(topography.size) * q * width / (2 * pi)
+    # number of the bin of each ring
     number = np.floor(np.log10(q / q[0]) * _BINS_PER_DECADE + SLACK).astype(int)
     count = np.bincount(number, waves)  # wave vectors in each bin
     is_full = count > 0
@@ -215,7 +223,7 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
     flattened = np.bincount(number, waves * signal * q**_FLATTENING)[is_full] / count
     y = np.log10(flattened) - _FLATTENING * x
     noise = floor / 10**y
-    # variance by the count/2 independent waves, and by the error of the noise level
+    # due to the finite number of independent waves, count/2, and to the error of the noise level
     relative_variance = 2 / count * (1 + noise) ** 2 + (_NOISE_ERROR * noise) ** 2
     return _Bins(x, y, relative_variance / log(10) ** 2)
 
@@ -260,19 +268,19 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
     bends = bends[bins_behind >= _LEAST_BINS]
     if not bends.size:
         return None
-    # for each bend, the sum of squares that is explained by the best fit y = level + slope · fall
+    # for each bend, the part of the sum of squares that the best fit y = level + slope · fall explains
     fall = np.maximum(x - bends[:, None], 0.0)  # (bend, bin)
     fall -= (fall @ weight / weight.sum())[:, None]
     deviation = bins.y - bins.y @ weight / weight.sum()
-    explained = (fall @ (weight * deviation)) ** 2 / (fall**2 @ weight)
+    explained = (fall @ (weight * deviation)) ** 2 / (fall**2 @ weight)  # (bend,)
     return _fit_from(bins, float(bends[np.argmax(explained)]), has_plateau=True)
 
 
 def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None:
     """Fit y = level + slope · max(x − bend, 0) by weighted least squares; return None if no power law holds.
 
-    With a plateau, the error of the slope includes that of the bend. The error is increased if the deviations are
-    larger than expected from the variances.
+    With a plateau, the error of the slope includes the error of the bend. It is increased if the deviations from the
+    fit are larger than the variances explain.
     """
     fall = np.maximum(bins.x - bend, 0.0)
     weight = bins.weight
@@ -302,7 +310,7 @@ def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None
     )
 
 
-#: The autocorrelation has decayed where it is below this value (ISO 25178-2).
+#: Value below which the autocorrelation has decayed (ISO 25178-2).
 _DECAYED = 0.2
 #: Directions in which the autocorrelation is evaluated, from x1 towards x2 [rad].
 _ANGLES = np.deg2rad(np.arange(180))
@@ -323,7 +331,8 @@ class Texture:
     aspect_ratio_is_bound : bool
         Whether `aspect_ratio` is only an upper bound.
     lay_direction : float
-        Direction Std of the lay [rad], counted from x2; NaN if there is none.
+        Direction Std of the lay [rad]: its angle from x2, in (−π/2, π/2] and positive in the sense from x1 towards x2.
+        NaN if the surface has no lay.
     """
 
     correlation_length: float
@@ -335,10 +344,11 @@ class Texture:
 def texture(topography: Topography) -> Texture:
     """Evaluate the texture of a map without its form and without undefined points.
 
-    Sal is the shortest distance in which the autocorrelation falls to 0.2, and Str its ratio to the longest one. If the
-    map ends before the autocorrelation has fallen, the size of the map replaces the longest distance, and Str is an
-    upper bound. Std is the direction, to a degree, in which the autocorrelation is largest on average; it is NaN if Str
-    > 0.5. All values are NaN if the map is flat or a single row.
+    Sal is the shortest distance, over all directions, in which the autocorrelation falls to 0.2. Str is the ratio of
+    Sal to the longest of these distances. If the autocorrelation does not fall to 0.2 within the map, the size of the
+    map takes the place of the longest distance, and Str is an upper bound. Std is the direction, rounded to a degree,
+    in which the mean autocorrelation is largest; it is NaN if Str > 0.5. All values are NaN if the map is flat or a
+    single row.
     """
     if topography.rms_height == 0 or min(topography.shape) < 2:
         return Texture(nan, nan, False, nan)
@@ -364,14 +374,16 @@ def texture(topography: Topography) -> Texture:
     if ratio <= ISOTROPIC:
         # averages over distances that are inside the map in all directions
         mean_correlation = correlation[:, distance < border.min()].mean(axis=1)
-        lay = pi / 2 - (-_ANGLES[np.argmax(mean_correlation)]) % pi
+        angle_from_x1 = _ANGLES[np.argmax(mean_correlation)]
+        # a lay has no sense of direction: its angle from x2 is reduced to (−π/2, π/2]
+        lay = pi / 2 - (-angle_from_x1) % pi
     return Texture(float(shortest), ratio, not bool(decays.all()), float(lay))
 
 
 def autocorrelation(topography: Topography) -> Array:
     """Return the autocorrelation of a map, as the mean over all pairs of points with the same lag.
 
-    Nothing is assumed about the surface beyond the borders of the map.
+    No assumption is made about the surface beyond the borders of the map.
 
     Returns
     -------
@@ -381,6 +393,7 @@ def autocorrelation(topography: Topography) -> Array:
     z = topography.heights - topography.heights.mean()
     n1, n2 = topography.shape
     m1, m2 = n1 // 2, n2 // 2
+    # zeros beyond the borders, so that the transform does not pair points from opposite borders
     padded = [scipy.fft.next_fast_len(2 * n, real=True) for n in (n1, n2)]
     spectrum = scipy.fft.rfft2(z, padded)
     for row in spectrum:  # one row at a time and in place, to save memory
@@ -390,7 +403,7 @@ def autocorrelation(topography: Topography) -> Array:
     lag1 = np.arange(-m1, m1 + 1)
     lag2 = np.arange(-m2, m2 + 1)
     pairs = np.outer(n1 - np.abs(lag1), n2 - np.abs(lag2))
-    correlation = sums[np.ix_(lag1, lag2)]
+    correlation = sums[np.ix_(lag1, lag2)]  # negative lags are at the end of each axis
     correlation /= pairs
     correlation /= correlation[m1, m2].copy()
     return correlation

@@ -3,10 +3,10 @@
 Conventions: x1 = axis 0 is the leakage direction, x2 = axis 1 runs along the seal. Heights are sampled at pixel
 centres; pixel (i, j) covers [iΔ1, (i+1)Δ1] × [jΔ2, (j+1)Δ2]. All values are in SI.
 
-Waves: a periodic axis is described by a Fourier series. Along any other axis the map continues as its mirror image,
-which for cell-centred samples is the cosine transform DCT-II on the same n points. A wave with the number k along a
-periodic axis of length L is exp(i q x) with q = 2πk/L and k = −n/2 … n/2; along a mirrored axis it is cos(q x) with q =
-πk/L and k = 0 … n−1. x = 0 is the edge of the first pixel.
+Waves: along a periodic axis the map is a Fourier series. Along any other axis the map continues as its mirror image;
+for cell-centred samples, this means the cosine transform DCT-II of the n points. Along a periodic axis of length L,
+wave k is exp(i q x) with q = 2πk/L and k = −n/2 … n/2. Along a mirrored axis, wave k is cos(q x) with q = πk/L and k =
+0 … n−1. In both cases x = 0 is the edge of the first pixel.
 
 Symbols: z heights (n1, n2) [m], d spacing [m], q angular wave number [rad/m], Sq rms height about the mean [m],
 C spectral density. Sources of the definitions: ISO 25178-2 (Sq); Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop.
@@ -39,15 +39,15 @@ from ..base import (
 )
 from .defects import SPIKES, Form, TooManyUndefined, fill_holes, find_spikes, fit_form
 
-#: A periodic axis has a step at its border if the rms change of height there exceeds that between neighbouring points
-#: by this factor.
+#: A map that is called periodic has a step at its border if the rms change of height there is more than this many times
+#: the rms change between neighbouring points.
 _STEP = 2.0
-#: Relative tolerance of limits of the wave number, so that rounding errors do not decide about a wave at the limit.
+#: Relative tolerance of comparisons with a wave number, so that rounding errors do not matter for a wave at the limit.
 SLACK = 1e-9
 
 
 def wave_powers(z: NDArray, periodic: Periodic) -> NDArray:
-    """Return the contribution (n1, n2) [m²] of each wave to the mean square of `z`.
+    """Return the contribution of each wave to the mean square of the heights `z`, (n1, n2) [m²].
 
     The sum of all contributions is the mean square (Parseval's theorem).
     """
@@ -56,18 +56,21 @@ def wave_powers(z: NDArray, periodic: Periodic) -> NDArray:
     if not wrapped:
         return half**2 / z.size
     powers = np.empty(z.shape)
-    # In these views the axis of the real transform is the last one.
+    # `half` lacks the waves of negative numbers along one axis, which is the last axis of these views. They are the
+    # conjugates of the others and contribute equally much.
     half_view = half.swapaxes(-1, wrapped[-1])
     powers_view = powers.swapaxes(-1, wrapped[-1])
     n = z.shape[wrapped[-1]]
-    count = n // 2 + 1  # number of waves of the real transform
+    count = n // 2 + 1  # number of waves in `half` along this axis
     np.square(half_view.real, out=powers_view[:, :count])
     for row, waves in zip(powers_view, half_view, strict=True):
         row[:count] += waves.imag**2
     powers_view[:, :count] /= z.size
+    # wave −k is stored at n − k: the waves of positive numbers in reverse order, without the mean and the Nyquist wave
     conjugates = powers_view[:, 1 : n - count + 1][:, ::-1]
     if len(wrapped) == 2:
-        # the conjugate of wave (k1, k2) is (−k1, −k2)
+        # the conjugate of wave (k1, k2) is (−k1, −k2); row 0 is its own mirror image, and row k1 is exchanged with n1 −
+        # k1
         powers_view[0, count:] = conjugates[0]
         powers_view[1:, count:] = conjugates[:0:-1]
     else:
@@ -76,10 +79,10 @@ def wave_powers(z: NDArray, periodic: Periodic) -> NDArray:
 
 
 def half_spectrum(z: NDArray, periodic: Periodic) -> NDArray[Any]:
-    """Return the coefficients of the waves of `z`, with an orthonormal transform.
+    """Return the coefficients of the waves of `z` by an orthonormal transform.
 
-    Along the last periodic axis, only waves with numbers k >= 0 are contained, which takes half the memory: the others
-    are conjugates. `half_multiplicity` says how many waves each coefficient stands for.
+    Along the last periodic axis, the result contains only waves with numbers k >= 0, to save memory. The waves with
+    negative numbers are their conjugates. `half_multiplicity` counts the waves that each coefficient represents.
     """
     mirrored, wrapped = _mirrored_and_periodic_axes(periodic)
     coefficients = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
@@ -87,9 +90,10 @@ def half_spectrum(z: NDArray, periodic: Periodic) -> NDArray[Any]:
 
 
 def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArray]:
-    """Return the multiplicities of the rows (n1,) and columns (n2,) of a `half_spectrum`.
+    """Return the numbers of waves that the rows and the columns of a `half_spectrum` represent.
 
-    The number of waves that a coefficient represents is the product of both.
+    A coefficient represents as many waves as the product of the entry of its row (n1,) and the entry of its column
+    (n2,).
     """
     _, wrapped = _mirrored_and_periodic_axes(periodic)
     rows, columns = np.ones(shape[0]), np.ones(shape[1])
@@ -104,7 +108,7 @@ def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArra
 
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
-    """Return the wave numbers (n,) [rad/m] of an axis in the order of the transforms; signed on a periodic axis."""
+    """Return the wave numbers along an axis in the order of the transform (n,) [rad/m]; signed if it is periodic."""
     if periodic:
         return 2 * np.pi * scipy.fft.fftfreq(n, d)
     return np.pi * np.arange(n) / (n * d)
@@ -118,7 +122,7 @@ def wavenumber_grids(shape: Shape, spacing: Pair, periodic: Periodic) -> tuple[N
 
 
 def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDArray:
-    """Return the waves of `z` with |q| <= `limit` [rad/m]."""
+    """Return the heights `z` without their waves with |q| > `limit` [rad/m]."""
     mirrored, wrapped = _mirrored_and_periodic_axes(periodic)
     coefficients = half_spectrum(z, periodic)
     q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
@@ -137,10 +141,11 @@ def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDA
 
 
 def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
-    """Interpolate `z` at the centres of `n` pixels along an axis, and leave out waves that are too short for them.
+    """Interpolate `z` at the centres of `n` pixels along an axis, without waves that are too short for these pixels.
 
-    The result is exact for band-limited data. With m points before and n points after, the phase of coefficient k
-    changes by πk(1/n − 1/m), because the centre of the first pixel moves from d_m/2 to d_n/2.
+    The result is exact for band-limited data. If the number of points changes from m to n, the centre of the first
+    pixel moves from d_m/2 to d_n/2, where d is the spacing; therefore the phase of coefficient k changes by πk(1/n −
+    1/m).
     """
     m = z.shape[axis]
     if m == n:
@@ -149,8 +154,8 @@ def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
         return scipy.fft.idct(scipy.fft.dct(z, axis=axis), n=n, axis=axis) * (n / m)
     k = np.arange(min(m, n) // 2 + 1)
     factor = np.exp(1j * np.pi * k * (1 / n - 1 / m)) * (n / m)
-    # The sampled Nyquist wave stands for the pair ±k. On a finer grid it is divided between both; on a coarser grid it
-    # contains both.
+    # The sampled Nyquist wave contains the waves k and −k. On a finer grid its coefficient is divided between them; on
+    # a coarser grid it is the sum of both.
     if min(m, n) % 2 == 0:
         factor[-1] *= 0.5 if m < n else 2.0
     coefficients = np.take(scipy.fft.rfft(z, axis=axis), k, axis)
@@ -168,9 +173,9 @@ def _mirrored_and_periodic_axes(periodic: Periodic) -> tuple[list[int], list[int
 class Topography(Plotted):
     """Hold heights on a regular grid.
 
-    Along a periodic axis the map repeats itself, along any other axis it continues as its mirror image. All spectral
-    quantities and operations below assume this between and beyond the samples. Most operations raise InputError if the
-    map has undefined points; fill them first.
+    Along a periodic axis the map repeats itself; along any other axis it continues as its mirror image. All spectral
+    quantities and operations are based on this. Most operations raise InputError if the map has undefined points, which
+    must be filled first.
 
     Parameters
     ----------
@@ -238,8 +243,8 @@ class Topography(Plotted):
     def seamless(self) -> Periodic:
         """Whether the map is periodic along each axis and has no step where it repeats itself.
 
-        A measured map has such a step even if it is called periodic. So does a periodic map from which a plane was
-        subtracted, because a plane is not periodic.
+        A measured map has such a step even if it is called periodic. A periodic map also has a step after a plane was
+        subtracted from it, because a plane is not periodic.
         """
         return self._is_seamless(0), self._is_seamless(1)
 
@@ -263,32 +268,33 @@ class Topography(Plotted):
 
     @cached_property
     def rms_slopes(self) -> Pair:
-        """Rms of ∂z/∂x1 and of ∂z/∂x2 [-], each √(Σ q_i² |c|²) over the waves of the map (Parseval's theorem).
+        """Rms of ∂z/∂x1 and of ∂z/∂x2 [-].
 
-        It is exact for band-limited data. Along an axis that is not periodic the mirrored map is used, so that a tilt
-        counts fully.
+        Each is √(Σ q_i² |c|²) over the waves of the map with the coefficients c (Parseval's theorem), which is exact
+        for band-limited data. Along an axis that is not periodic the map is mirrored, so that its tilt is included.
         """
         return self._rms_slopes(inf)
 
     def rms_slope_of_long_waves(self, wavelength: float) -> float:
-        """Rms of |∇z| [-] of the waves that `low_pass` keeps, without the memory of another map."""
+        """Rms of |∇z| [-] of the waves that `low_pass` keeps, computed without a low-passed map."""
         return float(np.hypot(*self._rms_slopes(2 * np.pi / wavelength)))
 
     def _rms_slopes(self, limit: float) -> Pair:
         """Rms of ∂z/∂x1 and of ∂z/∂x2 of the waves with |q| <= `limit` [rad/m]."""
         half = half_spectrum(self._defined("rms_slope"), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
-        square2 = q2[0, : half.shape[1]] ** 2
-        along1 = along2 = 0.0
-        rows, columns = half_multiplicity(self.shape, self.periodic)
-        for row, waves in enumerate(half):
-            square1 = q1[row, 0] ** 2
-            powers = rows[row] * columns * np.abs(waves) ** 2
-            powers[square1 + square2 > (limit * (1 + SLACK)) ** 2] = 0
-            along1 += square1 * powers.sum()
-            along2 += square2 @ powers
+        q2_squared = q2[0, : half.shape[1]] ** 2
+        row_waves, column_waves = half_multiplicity(self.shape, self.periodic)
+        # sums of the squares of both slopes over all waves, one row of the spectrum at a time, to save memory
+        sum1 = sum2 = 0.0
+        for row, coefficients in enumerate(half):
+            q1_squared = q1[row, 0] ** 2
+            powers = row_waves[row] * column_waves * np.abs(coefficients) ** 2
+            powers[q1_squared + q2_squared > (limit * (1 + SLACK)) ** 2] = 0
+            sum1 += q1_squared * powers.sum()
+            sum2 += q2_squared @ powers
         points = self.heights.size
-        return float(np.sqrt(along1 / points)), float(np.sqrt(along2 / points))
+        return float(np.sqrt(sum1 / points)), float(np.sqrt(sum2 / points))
 
     @property
     def rms_slope(self) -> float:
@@ -311,9 +317,9 @@ class Topography(Plotted):
     def form(self, order: int | None = None) -> Form:
         """Fit the mean (order 0), mean and tilt (1), or mean, tilt and curvature (2) to the defined points.
 
-        A periodic map has no tilt: a plane that is fitted to it is part of its waves, and subtracting it leaves a step
-        where the map repeats itself. Therefore the order None fits the mean, and the tilt only along axes along which
-        the map is not `seamless`.
+        A periodic map has no tilt. A plane that is fitted to it is part of its waves, and subtracting this plane leaves
+        a step where the map repeats itself. Therefore, if the order is None, the tilt is only fitted along axes along
+        which the map is not `seamless`; the mean is always fitted.
 
         Raises
         ------
@@ -349,9 +355,8 @@ class Topography(Plotted):
     def resample(self, shape: Shape) -> Topography:
         """Interpolate the map by its Fourier series on another grid of the same area.
 
-        It is exact for band-limited data on finer and coarser grids. Waves that are too short for the new grid are left
-        out, so that there is no aliasing. The shift of the pixel centres is taken into account, so that the surface
-        does not move.
+        The interpolation is exact for band-limited data. Waves that are too short for the new grid are removed, so that
+        there is no aliasing. The surface does not move, although the pixel centres do.
 
         Parameters
         ----------
@@ -378,8 +383,8 @@ class Topography(Plotted):
         Parameters
         ----------
         threshold : float
-            Deviation of an isolated point from its surroundings, in robust standard deviations, above which it is a
-            spike. If infinite, there are no spikes.
+            An isolated point is a spike if it deviates from its surroundings by more than this many robust standard
+            deviations. If infinite, there are no spikes.
 
         Raises
         ------
@@ -402,7 +407,7 @@ class Topography(Plotted):
         Raises
         ------
         InputError
-            More points are undefined, or all of them.
+            More points than this are undefined, or all points.
         """
         fraction = self.undefined_fraction
         limit = validate.number("max_share", max_share, inclusive=True)
@@ -418,7 +423,7 @@ class Topography(Plotted):
         return self._with_new(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: Shape, start: Shape = (0, 0)) -> Topography:
-        """Cut out a part of the map. Along an axis that loses points the result is not periodic.
+        """Cut out a part of the map. The part is not periodic along an axis along which points are cut off.
 
         Parameters
         ----------
@@ -445,17 +450,17 @@ class Topography(Plotted):
         return Topography(part, self.spacing, periodic)
 
     def crop_to(self, part: tuple[float, float, float, float]) -> Topography:
-        """Cut out a part of the map that is given by lengths, rounded to whole pixels; see `crop`.
+        """Cut out a part of the map that is given by lengths, which are rounded to whole pixels; see `crop`.
 
         Parameters
         ----------
         part : tuple of four float
-            x1 from, x1 to, x2 from, x2 to [m].
+            Start and end of the part along x1, and start and end along x2 [m].
 
         Raises
         ------
         InputError
-            The lengths are not four, contain no pixel, or reach beyond the map.
+            There are not four lengths, or the part contains no pixel or reaches beyond the map.
         """
         try:
             begin1, end1, begin2, end2 = (
@@ -473,7 +478,7 @@ class Topography(Plotted):
         return self.with_heights(np.flip(self.heights, validate.axis_number(axis)))
 
     def __add__(self, other: Topography) -> Topography:
-        """Add two faces on the same grid. The sum is periodic where both are.
+        """Add two faces on the same grid. The sum is periodic along the axes along which both faces are.
 
         Raises
         ------
@@ -493,7 +498,7 @@ class Topography(Plotted):
         return Topography(heights, self.spacing, periodic)
 
     def with_form(self, profile: NDArray) -> Topography:
-        """Add a profile along x1 (n1,) [m] to the heights. Along x1 the result is not periodic."""
+        """Add a profile along x1 (n1,) [m] to the heights. The result is not periodic along x1."""
         return Topography(self.heights + profile[:, None], self.spacing, (False, self.periodic[1]))
 
     def gap(self) -> Array:
@@ -504,9 +509,9 @@ class Topography(Plotted):
     def psd(self, axis: int) -> tuple[Array, Array]:
         """Return the spectral density of the profiles along an axis, averaged over all profiles.
 
-        The density is two-sided, C(q) = C(−q), and is given for q >= 0. Then Sq² = (1/2π)∫C dq over all q, which is
-        exactly (1/π)Σ C Δq with half the weight at q = 0. C(0) contains the variance of the means of the profiles. Δq
-        is 2π/L on a periodic axis and π/L on a mirrored one.
+        The density is two-sided, C(q) = C(−q), and is given for q >= 0. The mean square height Sq² is the integral of
+        C/2π over all q, which equals the sum of C Δq/π over q >= 0, if q = 0 has half the weight. C(0) contains the
+        variance of the means of the profiles. Δq is 2π/L on a periodic axis and π/L on a mirrored axis.
 
         Returns
         -------
@@ -519,20 +524,22 @@ class Topography(Plotted):
         powers = self._centred_power("psd").sum(axis=1 - axis)
         step = float(self._wave_steps[axis])
         if self.periodic[axis]:
-            # add the waves of negative numbers to those of positive numbers
+            # add the waves of negative numbers, which are stored in reverse order at the end, to those of positive
+            # numbers
             n = powers.size
             powers[1 : (n + 1) // 2] += powers[: n // 2 : -1]
             powers = powers[: n // 2 + 1]
         density = powers * (np.pi / step)
-        density[0] *= 2
+        density[0] *= 2  # q = 0 has half the weight
         return step * np.arange(density.size, dtype=np.float64), density
 
     def radial_psd(self) -> tuple[Array, Array]:
-        """Return the spectral density averaged over directions.
+        """Return the two-dimensional spectral density, averaged over all directions of the wave vector.
 
-        The density is that of the plane of wave vectors, with Sq² = (1/4π²)∫C2D d²q. It is averaged in rings of |q|
-        that are as wide as the larger step between wave numbers. A ring beyond the Nyquist number of an axis is
-        averaged over the part that the grid can represent. Rings without waves are left out.
+        The mean square height Sq² is the integral of C2D/4π² over the plane of wave vectors. The density is averaged in
+        rings of |q|, which are as wide as the larger step between wave numbers. Where a ring lies partly beyond the
+        Nyquist wave number of an axis, the average is over the part that the grid can represent. Rings without waves
+        are left out.
 
         Returns
         -------
@@ -544,7 +551,7 @@ class Topography(Plotted):
         z = self._defined("radial_psd")
         half = half_spectrum(z - z.mean(), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
-        # A wave along a mirrored axis represents itself and its mirror image in the plane of wave vectors.
+        # Along a mirrored axis, each wave except k = 0 represents two wave vectors: its own and the mirror image of it.
         row_copies, column_copies = (
             np.where(is_periodic | (np.arange(n) == 0), 1.0, 2.0)
             for n, is_periodic in zip(self.shape, self.periodic, strict=True)
@@ -560,14 +567,16 @@ class Topography(Plotted):
             q = np.hypot(q1[row], q2[0, :columns])
             ring = np.rint(q / step).astype(int) + 1
             if row == 0:
-                ring[0] = 0  # the mean of the map has a ring of its own, which is left out
+                ring[0] = (
+                    0  # the mean of the map is in a separate ring, number 0, which is not returned
+                )
             waves = row_waves[row] * column_waves
             copies = waves * row_copies[row] * column_copies[:columns]
             powers = waves * np.abs(coefficients) ** 2 / z.size
             count += np.bincount(ring, copies, rings)
             q_sum += np.bincount(ring, q * copies, rings)
             power_sum += np.bincount(ring, powers, rings)
-        filled = np.flatnonzero(count)[1:]
+        filled = np.flatnonzero(count)[1:]  # without ring 0
         mean_q = q_sum[filled] / count[filled]
         mean_power = power_sum[filled] / count[filled]
         area_per_wave = self._wave_steps[0] * self._wave_steps[1]
@@ -592,14 +601,14 @@ class Topography(Plotted):
         return Topography(heights, self.spacing, self.periodic)
 
     def _with_new(self, heights: NDArray) -> Topography:
-        """Return a map with an array of heights that nothing else uses, which is not copied."""
+        """Return a map with an array of heights that is not copied, because nothing else uses it."""
         heights.flags.writeable = False
         return self.with_heights(heights)
 
     def _defined(self, purpose: str) -> Array:
         """Return the heights; raise InputError if points are undefined.
 
-        purpose : what the heights are needed for, for the message.
+        purpose : operation that needs the heights, for the message.
         """
         fraction = self.undefined_fraction
         if fraction:
@@ -643,7 +652,7 @@ def _mean_square(values: NDArray) -> float:
 def _clean(heights: Any) -> Array:
     """Return a read-only contiguous copy of heights, with masked points as NaN.
 
-    An array that has its own memory and is read-only already is not copied.
+    An array that owns its memory and is read-only already is not copied.
     """
     if isinstance(heights, np.ma.MaskedArray) and heights.dtype.kind in "biuf":
         heights = np.ma.filled(heights.astype(np.float64), np.nan)

@@ -4,9 +4,9 @@ Shorter waves: the power law of the measured spectrum is continued with random p
 at a wave vector q, L1 and L2 sides of the map. A wave and its conjugate have the amplitude √(C/L1 L2) each, so that
 Sq² = (1/4π²)∫C d²q. Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001 (densities, slope).
 
-Longer waves: it is estimated how many of the longest waves a patch contains, and whether longer ones exist. If the
-spectrum has a plateau, the longest wave is the roll-off wavelength. Otherwise it is Sal/0.27: on self-affine patches
-with a roll-off, Sal is 0.25 to 0.30 of the roll-off wavelength if they contain 3 to 5 of these waves.
+Longer waves: the longest wave of the surface is estimated, and how many of these waves the patch contains. If the
+spectrum has a plateau, the longest wave is the roll-off wavelength. Otherwise it is Sal/0.27, because Sal is 0.25 to
+0.30 of the roll-off wavelength on self-affine patches that contain 3 to 5 waves of this length.
 """
 
 from dataclasses import dataclass
@@ -52,21 +52,22 @@ class Continuation:
     def add_to(self, face: Surface, realisation: int = 0, *, factor: float = 1.0) -> Surface:
         """Add these waves to a surface, as far as its pixels can resolve them.
 
-        The same seed and realisation give the same waves on every grid. Along an axis that is not periodic the waves
-        are symmetric about both borders, as the map is.
+        The same seed and realisation give the same waves on every grid. Along an axis that is not periodic, the waves
+        are symmetric about both borders, because the map continues there as its mirror image.
 
         Parameters
         ----------
         face : Topography or Patches
             The surface.
         realisation : int
-            Number of the realisation. All except the first (0) also have a random exponent of the power law, within
-            its error.
+            Number of the realisation of the random phases. In all realisations except the first (0), the exponent of
+            the power law is random too, within its error.
         factor : float
-            Factor of the heights of the waves.
+            Factor by which the heights of the waves are multiplied.
         """
         # zeros at the end of a seed would have no effect, hence + 1
         rng = np.random.default_rng([*self.seed, realisation + 1])
+        # the random number is also drawn for realisation 0, where the exponent does not change
         exponent_change = -2 * self.law.hurst_error * rng.standard_normal() * (realisation > 0)
         patch_rngs = rng.spawn(len(face.patches))
         waves = [
@@ -80,7 +81,8 @@ class Continuation:
     ) -> NDArray:
         """Return the heights (n1, n2) [m] of the waves on a patch.
 
-        exponent_change : change of the exponent of the power law, which keeps the density in the middle of its range.
+        exponent_change : change of the exponent of the power law. The density in the middle of its range is not
+        changed.
         """
         # along an axis that is not periodic, the map and its mirror image form one period
         n1, n2 = (
@@ -105,10 +107,10 @@ class Continuation:
         return sqrt(self.rms_slope**2 + self.law.slope_power(self.longest, wave))
 
     def shortest_relevant_wave(self, hardness: float, modulus: float) -> float:
-        """Return the wavelength [m] below which the hardness alone decides the contact area; 0 if there is none.
+        """Return the wavelength [m] below which waves do not change the contact area; 0 if all waves change it.
 
-        By Persson's theory, the mean pressure in the contact is E*h'/2, which rises with every wave that is added until
-        it reaches the hardness. Shorter waves are flattened.
+        By Persson's theory, the mean pressure in the contact is E*h'/2, with the rms slope h' of the waves. It rises
+        with every shorter wave until it reaches the hardness. Waves that are shorter still are flattened.
 
         Parameters
         ----------
@@ -120,7 +122,8 @@ class Continuation:
         missing_square_slope = (2 * hardness / modulus) ** 2 - self.rms_slope**2
         if missing_square_slope <= 0:
             return self.longest
-        # solve ∫ q³ C(q)/2π dq = missing square slope for the upper limit, with C(q) = C₀ (q/q₀)^(−2−2H)
+        # The upper limit of ∫ q³ C(q)/2π dq at which the integral is the missing square slope, in closed form, with
+        # C(q) = C₀ (q/q₀)^(−2−2H).
         q0 = 2 * pi / self.longest
         exponent = 2 - 2 * self.law.hurst
         scaled = missing_square_slope * 2 * pi / (q0**4 * self.law.at(q0))
@@ -153,14 +156,14 @@ def continuation_of(
     cut_off : float
         Shortest wave [m].
     longest : float, optional
-        Wavelength below which measured waves are replaced [m]. Default: the end of the power law.
+        Wavelength below which measured waves are replaced [m]. Default: the shortest wave of the power law.
     rng : int or sequence of int
         Seed of the phases.
 
     Raises
     ------
     InputError
-        The spectrum does not follow a power law, or the waves down to the cut-off are measured.
+        The spectrum does not follow a power law, or all waves down to the cut-off were measured.
     """
     shortest = validate.number("continue_spectrum", cut_off, unit="m")
     law = spectrum(flat).law
@@ -187,8 +190,8 @@ def continue_spectrum(
 ) -> Surface:
     """Return a surface on a finer grid, with added waves that its instrument could not see.
 
-    The power law of the spectrum (see `describe_surface`) is continued below its shortest wave with random phases, the
-    same in all directions. Measured waves below that wavelength are removed.
+    The power law of the spectrum (see `describe_surface`) is continued below its shortest wave, isotropically and with
+    random phases. Measured waves below that wavelength are removed.
 
     Parameters
     ----------
@@ -201,8 +204,8 @@ def continue_spectrum(
     rng : int or sequence of int
         Seed of the phases.
     realisation : int
-        Number of the realisation. All except the first (0) also have a random exponent of the power law, within its
-        error.
+        Number of the realisation of the random phases. In all realisations except the first (0), the exponent of the
+        power law is random too, within its error.
 
     Returns
     -------
@@ -212,8 +215,8 @@ def continue_spectrum(
     Raises
     ------
     InputError
-        The spectrum does not follow a power law, the waves down to the cut-off are measured, or the grid has fewer than
-        8 pixels per shortest wave.
+        The spectrum does not follow a power law, all waves down to the cut-off were measured, or the grid has fewer
+        than 8 pixels per shortest wave.
 
     Examples
     --------
@@ -231,11 +234,11 @@ def continue_spectrum(
     return continuation.add_to(measured, realisation)
 
 
-#: Number of its longest waves that a patch should contain along its shorter side. On patches of self-affine surfaces
-#: the standard deviation of ln(leakage) was 0.5 with one such wave, 0.3 to 0.5 with three, 0.15 to 0.25 with five and
-#: 0.1 to 0.15 with eight.
+#: Number of periods of the longest wave that a patch should contain along its shorter side. On patches of self-affine
+#: surfaces the standard deviation of ln(leakage) was 0.5 with one period, 0.3 to 0.5 with three, 0.15 to 0.25 with five
+#: and 0.1 to 0.15 with eight.
 LEAST_WAVES = 3
-#: Autocorrelation length Sal of a surface, over its roll-off wavelength.
+#: Ratio of the autocorrelation length Sal of a surface to its roll-off wavelength.
 _SAL_OF_WAVE = 0.27
 #: The spectrum rises towards long waves if the mean density of the octave of the longest waves exceeds that of the next
 #: octave by this factor. It is 1 for a plateau, and 5 to 16 for a power law.
@@ -253,14 +256,14 @@ class Representative:
     roll_off : float, optional
         Wavelength where the plateau of the spectrum ends [m], None without a plateau.
     waves : tuple of two float
-        Number of longest waves in the patch along x1 and x2.
+        Number of periods of the longest wave in the patch along x1 and x2.
     rises : bool
         Whether the spectrum rises up to the size of the patch, so that longer waves are to be expected.
     octave, density : float
-        Middle of the octave of the longest waves [m], and the spectral density there [m⁴].
+        Wavelength in the middle of the octave of the longest waves [m], and mean spectral density in this octave [m⁴].
     hurst : float
-        Hurst exponent from that octave and the next one, limited to 0 to 1, by which the spectrum continues to longer
-        waves if it rises.
+        Hurst exponent of the power law through this octave and the next one, limited to the range 0 to 1. If the
+        spectrum rises, it continues to longer waves by this power law.
     """
 
     longest: float
@@ -299,11 +302,11 @@ class Representative:
 
 
 def representative(patch: Surface) -> Representative:
-    """Find the longest waves of a surface without its form and without undefined points.
+    """Estimate the longest waves of a surface, and how many of them a patch contains.
 
-    Of several patches, the one that contains the fewest of its longest waves is described. If a patch is so narrow that
-    one of the two octaves contains no waves, its spectrum does not count as rising, and density and middle of the
-    octave are NaN.
+    The surface must be without its form and without undefined points. Of several patches, the one that contains the
+    fewest of its longest waves is described. If a patch is so narrow that one of the two octaves contains no waves, its
+    spectrum does not count as rising, and the density and the wavelength of the octave are NaN.
     """
     if not isinstance(patch, Topography):
         descriptions = [representative(single) for single in patch.patches]
@@ -312,6 +315,7 @@ def representative(patch: Surface) -> Representative:
     roll_off = law.roll_off if law and isfinite(law.roll_off) else None
     longest = roll_off or texture(patch).correlation_length / _SAL_OF_WAVE
     q, density = patch.radial_psd()
+    # number of periods of each wave on the shorter side
     waves_per_side = q * min(patch.size) / (2 * pi)
     longest_octave = (waves_per_side >= 1) & (waves_per_side < 2)
     next_octave = (waves_per_side >= 2) & (waves_per_side < 4)
@@ -325,7 +329,9 @@ def representative(patch: Surface) -> Representative:
         rises=roll_off is None and rise > _RISE,
         octave=2 * pi / _mean_or_nan(q[longest_octave]),
         density=octave_density,
-        hurst=float(np.clip(0.5 * np.log2(rise) - 1, 0.0, 1.0)),
+        hurst=float(
+            np.clip(0.5 * np.log2(rise) - 1, 0.0, 1.0)
+        ),  # C falls by 2^(2 + 2H) in an octave
     )
 
 
