@@ -107,8 +107,11 @@ def kind_of(table: type[Table]) -> str | None:
 
 
 def summary(table: type[Table]) -> str:
-    """Return the phrase at the beginning of the docstring of a table, which says what the table describes."""
-    text = " ".join((table.__doc__ or "").split())
+    """Return the phrase at the beginning of the docstring of a table, which says what the table describes.
+
+    The first sentence of "Describe a straight strip, see …" becomes "a straight strip".
+    """
+    text = " ".join((table.__doc__ or "").split()).removeprefix("Describe ")
     text = text[:1].lower() + text[1:]
     for end in (":", ";", ".", ", see"):
         text = text.partition(end)[0]

@@ -1,7 +1,8 @@
-"""Regular grid over a seal, on which the contact of the whole seal is solved.
+"""Cover a seal with a regular grid, on which the contact of the whole seal is solved.
 
-A ring is unrolled: the rows of the grid follow each other along the radius, beginning at the inlet, and the columns
-along the mean circumference. A mesh is covered by a rectangle of squares; squares outside of the seal are ignored.
+A ring is unrolled: the rows of the grid run around the ring, one behind the other from the inlet to the outlet, and the
+length of a row is the mean circumference. A mesh is covered by a rectangle of squares; squares outside of the seal are
+ignored.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from .tiles import SealTiles
 
 #: Smallest numbers of rows and columns over a strip or a ring.
 _ROWS, _COLUMNS = 24, 64
-#: Smallest number of rows if the form does not vary along the seal, so that a row costs little.
+#: Smallest number of rows if the form does not vary along the seal. The contact is then solved on a single column.
 ROWS_OF_PROFILES = 384
 #: Largest number of grid cells.
 _MOST_CELLS = 2**15
@@ -29,7 +30,7 @@ _FEWEST_CELLS = 64
 
 @dataclass(frozen=True, eq=False)
 class ContactGrid:
-    """Regular grid of cells over a seal.
+    """Hold a regular grid of cells over a seal.
 
     Attributes
     ----------
@@ -42,7 +43,7 @@ class ContactGrid:
     tile : array of int, (n1, n2)
         Number of the tile in which each cell lies, −1 outside of the seal.
     averaging : sparse array, (tiles, n1·n2)
-        Matrix that maps values at the cells, row by row, to their means over the tiles. A tile in which no cell lies
+        Matrix by which the values at the cells, row by row, are averaged over each tile. A tile that contains no cell
         takes the value of the nearest cell.
     """
 
@@ -63,22 +64,24 @@ class ContactGrid:
         frame : Frame
             Coordinates of the seal.
         profile : bool
-            True if the form of the seal does not vary along the seal. The grid then has more rows.
+            Whether the form of the seal does not vary along the seal. The grid then has more rows.
         """
         if tiles.grid is None:
             return cls._over_mesh(tiles)
         rows, columns = tiles.grid
         breadth, length = tiles.seal.size
         inlet, outlet = frame.ends or (0.0, 0.0)
-        # a short strip repeats its columns of tiles; the grid covers them once
+        # the grid leaves out the repeated columns of a short strip
         length *= tiles.unrepeated_elements.size / tiles.tile.size
         fewest_rows = ROWS_OF_PROFILES if profile else _ROWS
-        # a whole number of cells for each tile, unless there are very many tiles
+        # Each tile gets a whole number of rows and columns of cells, unless there are very many tiles. -(-a // b) is
+        # a/b rounded up.
         n1 = fewest_rows
         if rows <= fewest_rows:
             n1 = rows * -(-fewest_rows // rows)
         n2 = max(_COLUMNS, min(columns * -(-_COLUMNS // columns), _MOST_CELLS // n1))
-        x1, x2 = ((np.arange(n) + 0.5) / n for n in (n1, n2))  # fractions of breadth and length
+        # centres of the rows and columns, as fractions of breadth and length
+        x1, x2 = ((np.arange(n) + 0.5) / n for n in (n1, n2))
         across, along = np.meshgrid(inlet + (outlet - inlet) * x1, x2, indexing="ij")
         if frame.size is not None:
             points = np.stack([across, length * along], axis=-1)
@@ -93,16 +96,16 @@ class ContactGrid:
 
     @classmethod
     def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
-        """Cover a mesh by squares with half the side of a mean tile, within limits of their number."""
+        """Cover a mesh by squares, whose side is half that of a tile of mean size, within limits of their number."""
         import pyvista
 
         mesh = tiles.seal.mesh
         lower_corner = mesh.p.min(axis=1)
         sides = mesh.p.max(axis=1) - lower_corner  # of the rectangle around the mesh
-        wanted = 0.5 * (tiles.size[0] * tiles.size[1] / tiles.count) ** 0.5
+        preferred = 0.5 * (tiles.size[0] * tiles.size[1] / tiles.count) ** 0.5
         smallest = float(np.prod(sides) / _MOST_CELLS) ** 0.5
         largest = float(sides.max()) / _FEWEST_CELLS
-        side = min(max(wanted, smallest), largest)
+        side = min(max(preferred, smallest), largest)
         n1, n2 = (max(1, int(np.ceil(length / side))) for length in sides)
         spacing = (float(sides[0] / n1), float(sides[1] / n2))
         points = lower_corner + middles(sides, (n1, n2))
@@ -121,7 +124,10 @@ class ContactGrid:
         tile: Indices,
         tiles: SealTiles,
     ) -> ContactGrid:
-        """Build the grid with its averaging matrix from the number of the tile in which each cell lies."""
+        """Make the grid with the matrix that averages over tiles.
+
+        tile : number of the tile in which each cell lies (n1, n2), −1 outside of the seal.
+        """
         from scipy.sparse import csr_array
         from scipy.spatial import cKDTree
 
@@ -129,7 +135,7 @@ class ContactGrid:
         empty_tiles = np.setdiff1d(np.arange(tiles.count), tile)
         tree = cKDTree(points.reshape(-1, 2)[inside])
         _, nearest = tree.query(tiles.middles[empty_tiles])
-        # entries of the matrix: tile i averages cell j with the weight 1 / (number of its cells)
+        # entry (i, j) of the matrix is 1 / (number of cells in tile i), if cell j lies in tile i
         i = np.r_[tile.ravel()[inside], empty_tiles]
         j = np.r_[inside, inside[nearest]]
         weights = 1 / np.bincount(i)[i]
@@ -138,12 +144,12 @@ class ContactGrid:
 
     @property
     def has_rows(self) -> bool:
-        """True for strips and rings, whose rows of cells run along the seal, one behind the other."""
+        """Whether the rows of cells run along the seal, as on strips and rings."""
         return self.boundary[1] == "periodic"
 
     @property
     def inside(self) -> Array:
-        """True for the cells on the seal, array (n1, n2)."""
+        """Whether each cell lies on the seal (n1, n2)."""
         return np.asarray(self.tile >= 0)
 
     def means(self, values: Array) -> Array:
@@ -157,6 +163,7 @@ class ContactGrid:
         Returns
         -------
         array, (…, tiles)
+            Means over the tiles.
         """
         at_all_cells = np.broadcast_to(values, (*values.shape[:-2], *self.tile.shape))
         return np.asarray(at_all_cells.reshape(*values.shape[:-2], -1) @ self.averaging.T)

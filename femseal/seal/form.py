@@ -1,4 +1,4 @@
-"""Form of a whole seal: heights measured by a flatness tester or a coarser instrument, or idealised waves.
+"""Describe the form of a whole seal: heights from a flatness tester or a coarse instrument, or idealised waves.
 
 A form is a frozen dataclass with the members of `SealForm`. The forms of both faces are added.
 """
@@ -22,23 +22,24 @@ from .plane import middles, plane_points
 from .pressure_map import Frame
 from .seal_files import TEXTS, columns_of, read_columns
 
-#: Heights may be extrapolated up to the larger of these distances from a measured point: a multiple of the typical
-#: distance of neighbouring measured points, and a fraction of the longer side of the seal.
+#: Heights are extrapolated to points whose distance from the nearest measured point is at most the larger of two
+#: lengths: this multiple of the typical distance between measured points, and this fraction of the longer side of the
+#: seal.
 _EXTRAPOLATION_POINTS, _EXTRAPOLATION_SEAL = 3.0, 0.2
-#: Shortest wavelength that a measured form resolves, in typical distances of its points. Measured on 20 faces with
-#: forms of 4 × 4 and 8 × 8 heights: with a limit of 2 distances, stochastic seals leak 0.80 and 0.84 of what the
-#: surface leaks, with 3 distances 1.0 and 0.96, with 4 distances 1.03 and 1.08.
+#: Shortest wavelength that a measured form resolves, in typical distances between its points. Measured on 20 faces with
+#: forms of 4 × 4 and 8 × 8 heights: with a limit of 2 distances, stochastic seals leak 0.80 and 0.84 times as much as
+#: the surface; with 3 distances 1.0 and 0.96 times; with 4 distances 1.03 and 1.08 times as much.
 _RESOLVED_DISTANCES = 3.0
-#: Largest number of points of a form. More points are averaged over squares.
+#: Largest number of points of a form. If there are more, they are averaged over squares.
 _MOST_POINTS = 4096
 
 
 class SealForm(Protocol):
-    """Interface of the forms."""
+    """Define the interface of a form."""
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wavelength that the form contains [m]; inf if its waves are all longer than a measured patch."""
+        """Shortest wavelength of the form [m]; inf if all its waves are longer than a measured patch."""
         ...
 
     def heights(self, points: Array, frame: Frame) -> Array:
@@ -54,7 +55,7 @@ class SealForm(Protocol):
         Returns
         -------
         array, (n,)
-            Heights towards the other face [m], up to a constant.
+            Heights towards the other face [m], plus any constant.
 
         Raises
         ------
@@ -66,7 +67,7 @@ class SealForm(Protocol):
 
 @dataclass(frozen=True)
 class WavyForm:
-    """Waves around a seal, such as the lobes of a flange between its bolts.
+    """Describe waves around a seal, such as the lobes of a flange between its bolts.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ class WavyForm:
     lobes : int or None
         Number of waves around the seal.
     wavelength : float or None
-        Wavelength [m], in place of the number of waves. It is adjusted so that a whole number of waves fits the seal.
+        Wavelength [m], instead of `lobes`. It is adjusted so that a whole number of waves fits around the seal.
 
     Raises
     ------
@@ -111,7 +112,7 @@ class WavyForm:
         return inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Return the heights (n,) [m] of a cosine wave around the seal at points (n, 2) [m]."""
+        """Return the height (n,) [m] of a cosine wave around the seal at each of the points (n, 2) [m]."""
         return 0.5 * self.height * np.cos(self._wave_count(frame) * frame.angle(points))
 
     def __str__(self) -> str:
@@ -121,7 +122,7 @@ class WavyForm:
         return f"{waves} {to_text(self.height, 'm')} high"
 
     def _wave_count(self, frame: Frame) -> int:
-        """Return the number of waves around the seal; raise InputError if not even one wavelength fits it."""
+        """Return the number of waves around the seal; raise InputError if the wavelength is longer than the seal."""
         if self.wavelength is None:
             assert self.lobes is not None
             return self.lobes
@@ -136,9 +137,10 @@ class WavyForm:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredForm:
-    """Heights measured over a whole seal. `of` and `of_map` make one from points or from a map.
+    """Hold heights measured over a whole seal.
 
-    The least-squares plane is subtracted, because faces align when they are clamped.
+    `of` makes a form from points, and `of_map` from a map of heights. The least-squares plane is subtracted from the
+    heights, because faces align with each other when they are clamped.
 
     Attributes
     ----------
@@ -148,10 +150,10 @@ class MeasuredForm:
     values : array, (n,)
         Measured heights [m].
     polar : bool
-        True if the points are given by radius and angle.
+        Whether the points are given by radius and angle.
     middle : tuple of two float or None
-        Centre of a map [m], which is placed at the centre of a ring or mesh. On a strip, the corner of the map lies at
-        the corner of the strip. None for points that are not from a map.
+        Centre of a map [m], which is placed at the centre of a ring or mesh. On a strip, the corner of the map is
+        placed at the corner of the strip instead. None if the points are not those of a map.
     """
 
     points: Array = field(repr=False)
@@ -161,7 +163,7 @@ class MeasuredForm:
 
     @classmethod
     def of(cls, points: ArrayLike, heights: ArrayLike, *, polar: bool = False) -> MeasuredForm:
-        """Make a form from heights measured at any points, which may also lie on one line.
+        """Make a form from heights measured at any points, which may also lie on a line.
 
         Parameters
         ----------
@@ -170,12 +172,12 @@ class MeasuredForm:
         heights : array, (n,)
             Heights towards the other face [m].
         polar : bool
-            True if the points are given by radius and angle.
+            Whether the points are given by radius and angle.
 
         Raises
         ------
         InputError
-            There are fewer than three points, another number of heights than of points, or numbers that are not
+            There are fewer than three points, the number of heights is not the number of points, or a number is not
             finite.
         """
         checked_points = plane_points("form", points)
@@ -202,8 +204,8 @@ class MeasuredForm:
     def _typical_distance(self) -> float:
         """Median distance [m] of a point from its second nearest neighbour.
 
-        On a line and on a grid with different spacings this is a step of the pattern; scattered points may have one
-        neighbour that is exceptionally near.
+        For points on a line or on a grid this is a spacing of the points. Of scattered points, the nearest neighbour
+        may be exceptionally near and is therefore not used.
         """
         from scipy.spatial import cKDTree
 
@@ -219,6 +221,7 @@ class MeasuredForm:
             radius, angle = points.T
             points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
         all_points = points
+        # side of the squares, which is increased until at most `_MOST_POINTS` squares contain points
         side = (float(np.prod(np.ptp(points, axis=0))) / _MOST_POINTS) ** 0.5
         while len(points) > _MOST_POINTS:
             _, square = np.unique(np.floor(all_points / side), axis=0, return_inverse=True)
@@ -234,8 +237,8 @@ class MeasuredForm:
     def heights(self, points: Array, frame: Frame) -> Array:
         """Interpolate the measured heights at points of a seal by linear radial basis functions.
 
-        Parameters and errors are those of `SealForm.heights`. Radius and angle are not accepted on a strip. The
-        least-squares plane through the given points is subtracted from the result.
+        The parameters and errors are those of `SealForm.heights`. A form in polar coordinates is not accepted on a
+        strip. The least-squares plane of the interpolated heights is subtracted from them.
         """
         from scipy.interpolate import RBFInterpolator
         from scipy.spatial import cKDTree
@@ -263,14 +266,14 @@ class MeasuredForm:
 
 @dataclass(frozen=True)
 class FileForm:
-    """Heights over a seal from a file, see `read_form`.
+    """Describe heights over a seal that are read from a file, see `read_form`.
 
     Parameters
     ----------
     path : Path
         File with the heights.
     unit : str or None
-        Unit of the heights, such as "um", by default the unit given in the file.
+        Unit of the heights, such as "um". By default the unit that the file states.
     length_unit : str
         Unit of the coordinates x and y, or of the radius.
     """
@@ -294,7 +297,7 @@ class FileForm:
 
     @cached_property
     def measured(self) -> MeasuredForm:
-        """Form with the heights of the file, which is read only once."""
+        """Form with the heights in the file. The file is read only once."""
         return read_form(self.path, unit=self.unit, length_unit=self.length_unit)
 
     @property
@@ -319,18 +322,18 @@ def read_form(
     Parameters
     ----------
     path : str or PathLike
-        A .csv or .txt file with columns x, y and z, or r, theta [°] and z, named in the first line; or a map of
-        heights in any format that `read_topography` reads. The corner of a map is placed at the corner of a strip, and
-        the centre of a map at the centre of a ring or mesh.
+        Either a .csv or .txt file with columns x, y and z, or r, theta [°] and z, whose first line contains these
+        names; or a map of heights in any format that `read_topography` reads. On a strip, the corner of a map is placed
+        at the corner of the strip; on a ring or mesh, the centre of a map is placed at the centre of the seal.
     unit : str or None
-        Unit of the heights. A map may do without, if its file states the unit.
+        Unit of the heights. It is not needed for a map whose file states the unit.
     length_unit : str
         Unit of the coordinates x and y, or of the radius.
 
     Raises
     ------
     InputError
-        The file does not exist or cannot be read, or it has columns and no unit of the heights is given.
+        The file does not exist or cannot be read, or `unit` is missing for a file with columns.
     """
     from ..topography import read_topography
 
@@ -357,7 +360,7 @@ FORMS: dict[str, Any] = {form.kind: form for form in (FileForm, WavyForm)}
 
 @dataclass(frozen=True)
 class ScaledForm:
-    """A form whose heights are those of another form, multiplied by a factor."""
+    """Describe a form by the heights of another form, multiplied by a factor."""
 
     form: SealForm
     factor: float

@@ -1,6 +1,7 @@
-"""Direction of the lay over a seal.
+"""Describe the direction of the lay on a seal.
 
-The marks of machining run along x2 of the measured surface. The lay says in which direction x2 points on the seal.
+The marks of machining run along x2 of the measured surface. The lay of a seal is the direction in which x2 of the
+surface points on the seal.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _LARGEST_DISTANCE = 2.0
 
 @dataclass(frozen=True)
 class Lay:
-    """Direction in which x2 of the cells points on the seal. Opposite directions are the same lay.
+    """Describe the direction in which x2 of the cells points on the seal. Opposite directions are the same lay.
 
     A lay is given by a name, by an angle, as a spiral, or as a vector field; exactly one of these is set.
 
@@ -36,7 +37,8 @@ class Lay:
         Lead of a spiral [m]: the distance by which a groove advances across the seal in one turn. It is the distance
         between neighbouring grooves times the number of starts.
     circumference : float or None
-        Circumference of the seal of which a strip with a spiral is a part [m], by default the length of the strip.
+        For a strip with spiral grooves that is a part of a ring, the circumference of the ring [m]. By default it is
+        the length of the strip.
     file : Path or None
         File with a vector field along the lay.
     array : str
@@ -70,8 +72,8 @@ class Lay:
         Raises
         ------
         InputError
-            A point lies at the centre, or the vector field cannot be read, contains no vectors of that name, or does
-            not cover the points.
+            A point lies at the centre; or the file of the vector field cannot be read, contains no vectors of the given
+            name, or does not cover the points.
         """
         if self.file is not None:
             return _directions_from_field(self.file, self.array, points, unit)
@@ -91,7 +93,7 @@ class Lay:
         return np.tile([np.cos(angle), np.sin(angle)], (len(points), 1))
 
     def check_lead(self, breadth: float) -> None:
-        """Raise InputError if the spiral crosses a seal of the given breadth [m] in less than one turn."""
+        """Raise InputError if a spiral groove crosses a seal of the given breadth [m] in less than one turn."""
         if self.lead > breadth:
             given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
             expected = "at most the breadth: the groove would cross it within a turn"
@@ -106,7 +108,10 @@ class Lay:
 
 
 def check_size(name: str, size: float, unit: str = "") -> None:
-    """Raise InputError if the size of a seal [m] is so small or so large that its unit is probably wrong."""
+    """Raise InputError if a seal is so small or so large that its unit is probably wrong.
+
+    name : parameter that states the size. size : size of the seal [m]. unit : unit that the user has given.
+    """
     low, high = _SIZES
     if not low <= size <= high:
         given = f"a seal {to_text(size, 'm', 3)} across{f' with the unit {unit!r}' if unit else ''}"
@@ -115,7 +120,7 @@ def check_size(name: str, size: float, unit: str = "") -> None:
 
 
 def check_inlet(inlet: Any) -> None:
-    """Raise InputError if the inlets of a mesh are given with pressures, which only earlier versions accepted."""
+    """Raise InputError if a pressure is given for each inlet of a mesh, which only earlier versions accepted."""
     if isinstance(inlet, Mapping):
         expected = (
             "names of boundaries, which all have the inlet pressure of the fluid: the highest of several "
@@ -134,9 +139,9 @@ def check_ring(inner: float, outer: float, inlet: str) -> None:
 
 
 def _directions_from_field(file: Path, array: str, points: Array, unit: float) -> Array:
-    """Return the directions (n, 2) that a vector field has at its nodes nearest to the points (n, 2) [m].
+    """Return the unit vectors (n, 2) of a vector field at the nodes that are nearest to points (n, 2) [m].
 
-    Raises InputError if the array holds no vectors, or if the nodes are too far from the points.
+    Raises InputError if the array contains no vectors, or if a point is too far from all nodes.
     """
     from scipy.spatial import cKDTree
 
@@ -152,7 +157,7 @@ def _directions_from_field(file: Path, array: str, points: Array, unit: float) -
     tree = cKDTree(nodes)
     spacing = np.inf
     if len(nodes) > 1:
-        # the nearest node of a node is itself, the second nearest its neighbour
+        # the nearest node of a node is the node itself, so that the second nearest is its neighbour
         distances, _ = tree.query(nodes, k=2)
         spacing = distances[:, 1].max()
     distance, nearest = tree.query(points)

@@ -1,7 +1,7 @@
-"""Shapes of seals that a case can choose. Each shape covers a seal of real size with tiles.
+"""Define the shapes of seals that a case can choose. A shape covers a seal of real size with tiles.
 
-To add a shape, write a frozen dataclass that has the members of `Layout` and the parameters that a case gives (see
-`base.validate`), and add it to `LAYOUTS`.
+To add a shape, write a frozen dataclass that has the members of `Layout`, and fields for its parameters in a case (see
+`base.validate`). Then add it to `LAYOUTS`.
 """
 
 from __future__ import annotations
@@ -34,15 +34,16 @@ _SMALLEST_CIRCUMFERENCE = 1e-6
 
 
 def parse_lay(given: Any, folder: Path = Path()) -> Lay:
-    """Make a `Lay` from any form in which a case can give it.
+    """Make a `Lay` from the value of the key `lay` in a case.
 
     Parameters
     ----------
     given : str, dict or Lay
-        A name such as "radial"; {"angle": "30 deg"} or an angle in radians; {"kind": "spiral", "lead": "60 um",
-        "starts": 1} or a lead in metres; {"field": "file.vtu:name"}; or a `Lay`, which is returned unchanged.
+        One of: a name such as "radial"; a table {"angle": "30 deg"}, in which the angle may also be a number [rad]; a
+        table {"kind": "spiral", "lead": "60 um", "starts": 1}, in which the lead may also be a number [m]; a table
+        {"field": "file.vtu:name"}; or a `Lay`, which is returned unchanged.
     folder : Path
-        Folder of the file with a vector field.
+        Folder to which the path of a file with a vector field is relative.
 
     Raises
     ------
@@ -62,7 +63,8 @@ def parse_lay(given: Any, folder: Path = Path()) -> Lay:
                 name = "lay.circumference"
                 circumference = _to_length(circumference, name, _SMALLEST_CIRCUMFERENCE)
             starts = validate.count("lay.starts", given.get("starts", 1))
-            # a case gives the distance of neighbouring grooves, which a turn covers once for each start
+            # a case gives the distance between neighbouring grooves; in one turn, a groove advances by this distance
+            # times the number of starts
             groove_distance = _to_length(given.get("lead"), "lay.lead")
             lead = groove_distance * starts
             return Lay(name="spiral", lead=lead, circumference=circumference)
@@ -74,7 +76,10 @@ def parse_lay(given: Any, folder: Path = Path()) -> Lay:
 
 
 def _to_si_value(given: Any, unit: str, name: str) -> float:
-    """Convert text with a unit to a value in SI units; a finite number is in SI units already."""
+    """Convert text with a unit to a value in SI units. A finite number is returned unchanged.
+
+    unit : SI unit, such as "m". name : name of the key, for messages.
+    """
     if isinstance(given, (int, float)) and not isinstance(given, bool) and isfinite(given):
         return float(given)
     return to_si(given, unit, name)
@@ -90,10 +95,10 @@ def _to_length(given: Any, name: str, smallest: float = 0.0) -> float:
 
 
 class Layout(Protocol):
-    """Interface of the shapes of seals that studies accept. `str` of a shape describes the seal to the user."""
+    """Define the interface of a shape of seals. `str` of a shape describes the seal to the user."""
 
     kind: ClassVar[str]
-    #: True if the sampling sets the length of the seal, False if the shape itself has a length.
+    #: True if the length of the seal is a parameter of the sampling, False if it follows from the shape.
     has_length: ClassVar[bool]
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
@@ -102,19 +107,18 @@ class Layout(Protocol):
         Raises
         ------
         InputError
-            The length is missing, a length or breadth is given although the shape has its own, or the cells are
-            broader than the seal.
+            The length of the seal is missing; a length or breadth is given although it follows from the shape; or the
+            cells are broader than the seal.
         """
         ...
 
     def frame(self, size: Pair) -> Frame:
-        """Return the coordinates in which pressure maps are given on a seal of this breadth and length [m]."""
+        """Return the coordinates for pressure maps on a seal of the given breadth and length [m]."""
         ...
 
 
+#: Explanations of the keys `inlet` and `lay` of a case.
 _INLET = "side of the ring, or boundaries of the mesh"
-
-
 _LAY = (
     "direction of x2 of the face on the seal; tables {angle = '30 deg'}, "
     "{kind = 'spiral', lead = '60 um', starts = 1}, {field = 'file.vtu:name'}"
@@ -123,11 +127,11 @@ _LAY = (
 
 @dataclass(frozen=True)
 class RectangularLayout:
-    """A straight strip, periodic along x2.
+    """Describe a straight strip that is periodic along x2.
 
     Parameters
     ----------
-    lay : Lay, or a form of it that `parse_lay` accepts
+    lay : Lay, or any value that `parse_lay` accepts
         Direction of the lay on the strip, by default along x2, as on the measured surface.
     """
 
@@ -139,7 +143,7 @@ class RectangularLayout:
         lay = parse_lay(self.lay)
         if lay.name == "radial" or lay.file is not None:
             raise InputError("lay", f"'{lay}' on a strip", "x1, x2, a spiral or an angle")
-        # on a strip, x2 is the circumferential direction; a spiral without a lead runs along it too
+        # x2 is the circumferential direction of a strip; the grooves of a spiral with the lead 0 run along it too
         if lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0):
             lay = Lay(name="x2")
         object.__setattr__(self, "lay", lay)
@@ -169,7 +173,7 @@ class RectangularLayout:
 
 @dataclass(frozen=True)
 class AnnularLayout:
-    """A ring-shaped seal with radial leakage.
+    """Describe a ring-shaped seal with radial leakage.
 
     Parameters
     ----------
@@ -177,7 +181,7 @@ class AnnularLayout:
         Radii of the ring [m].
     inlet : "inner" or "outer"
         Radius at which the fluid enters.
-    lay : Lay, or a form of it that `parse_lay` accepts
+    lay : Lay, or any value that `parse_lay` accepts
         Direction of the lay on the ring, by default circumferential.
     """
 
@@ -205,7 +209,7 @@ class AnnularLayout:
         check_size("outer_radius", 2 * self.outer_radius)
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
-        """Cover the ring with rows of tiles, one behind the other along the radius, and columns along the angle."""
+        """Cover the ring with rows of tiles, which run around the ring one behind the other from inlet to outlet."""
         _refuse_sizes(self.kind, cell_size)
         from .tiles import cover_ring
 
@@ -236,7 +240,7 @@ class AnnularLayout:
 
 @dataclass(frozen=True)
 class MeshLayout:
-    """A seal of any plan shape, from a mesh file.
+    """Describe a seal of any plan shape that is given by a mesh file.
 
     Parameters
     ----------
@@ -246,7 +250,7 @@ class MeshLayout:
         Unit of the coordinates in the file, such as "mm".
     inlet, outlet : str or tuple of str
         Names of the boundaries that form the inlet and the outlet. All other boundaries are closed.
-    lay : Lay, or a form of it that `parse_lay` accepts
+    lay : Lay, or any value that `parse_lay` accepts
         Direction of the lay on the seal, by default circumferential.
     centre : tuple of two float
         Centre of a radial or circumferential lay, and of pressure maps in polar coordinates [m].
@@ -286,7 +290,7 @@ class MeshLayout:
                 object.__setattr__(self, name, tuple(names))
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
-        """Make each element of the mesh a tile; elements smaller than a cell share a tile with their neighbours."""
+        """Make each element of the mesh a tile. Neighbouring elements that are smaller than a cell share a tile."""
         _refuse_sizes(self.kind, cell_size)
         from .tiles import cover_mesh
 
@@ -294,7 +298,7 @@ class MeshLayout:
 
     @cached_property
     def _seal(self) -> MeshSeal:
-        """Seal on the mesh of the file. The file is read only once, although a run calls `lay_out` several times."""
+        """Seal on the mesh in the file. The file is read only once, although a run calls `lay_out` several times."""
         from .mesh_seal import MeshSeal
 
         return MeshSeal(self.path, self.inlet, self.outlet, self.unit)
@@ -308,7 +312,7 @@ class MeshLayout:
 
 
 def _refuse_sizes(kind: str, cell_size: CellSize) -> None:
-    """Raise InputError if a length or breadth is given for a seal whose shape has its own."""
+    """Raise InputError if a length or breadth is given for a seal whose shape determines them."""
     for name, value in (("length", cell_size.length), ("breadth", cell_size.breadth)):
         if value is not None:
             expected = f"none with a seal of kind {kind}: it has its own"

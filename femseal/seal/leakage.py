@@ -1,9 +1,9 @@
 """Compute the leakage and the fluid pressure of a whole seal from its permeability and a fluid.
 
 If the permeability depends on the fluid pressure, the nonlinear problem ∇·(k(p) ρ/η ∇p) = 0 is solved by fixed-point
-iteration over linear flow problems, in terms of the potential ψ of a representative gap (see `flow.pressure_drop`). In
-every iteration, the permeability of an element is the mean between the lowest and the highest pressure at its corners,
-∫ k(p) (ρ/η) dp / ∫ dψ.
+iteration, in terms of the potential ψ of a representative gap (see `flow.pressure_drop`). Each iteration solves a
+linear flow problem, in which the permeability of an element is the mean ∫ k(p) (ρ/η) dp / ∫ dψ between the lowest and
+the highest pressure at its corners.
 """
 
 from dataclasses import dataclass, field, replace
@@ -45,9 +45,9 @@ def pressure_dependent_flow(
     Returns
     -------
     flow : DarcyFlow
-        Flow for a unit drop of the potential φ of viscous flow; its potential is a fraction of the drop of φ.
+        Flow for a unit drop of the potential φ of viscous flow. `flow.potential` is φ as a fraction of this drop.
     permeability : array
-        Permeability of each element for which a linear flow in φ carries the same rate [m³].
+        Permeability of each element with which the linear flow problem in φ has the same solution [m³].
 
     Raises
     ------
@@ -56,7 +56,7 @@ def pressure_dependent_flow(
     """
     drop = PressureDrop(fluid, inlet, outlet)
     if drop.law.depends_on_pressure:
-        # the potential ψ is that of a gap with a typical permeability
+        # ψ is the potential in a gap that has the typical permeability of the table
         pressure, k = table.typical
         if k > 0:
             drop = replace(drop, gap=drop.law.gap(k, pressure))
@@ -64,12 +64,14 @@ def pressure_dependent_flow(
     curve = PressureCurve(table.pressures, values, table.piecewise)
 
     def permeability(fraction: Array) -> Array:
-        # without a pressure, as in isolated points, any permeability will do
+        """Return the permeability of the elements for a potential ψ at the points, as a fraction of the drop of ψ."""
+        # isolated points have no potential (NaN), and their permeability does not matter
         p = np.maximum(drop.pressure(np.nan_to_num(fraction, nan=0.5)), drop.least_pressure)
         lowest, highest = _corner_range(seal, p, curve.shape)
         return curve.mean_between(lowest, highest, drop.mobility)
 
     def solve(element_permeability: Array) -> tuple[float, Array, DarcyFlow]:
+        """Solve the linear flow problem; return the flow rate, the potential and the whole solution."""
         flow = seal.flow(element_permeability, solver=solver)
         return flow.conductance, flow.potential, flow
 
@@ -100,9 +102,9 @@ def pressure_dependent_flow(
 
 
 def _element_values(seal: Seal, values: Array) -> Array:
-    """Bring the values of a table at m pressures into the shape (m, n), or (m, n, 2) for two axes, of n elements.
+    """Bring permeabilities at m pressures into the shape (m, n) for n elements, or (m, n, 2) if they have two axes.
 
-    Raises InputError if the values do not fit the elements of the seal.
+    Raises InputError if the shape of the values does not fit the elements of the seal.
     """
     count = seal.element_shapes[0]
     if values.ndim == 1:
@@ -116,9 +118,10 @@ def _element_values(seal: Seal, values: Array) -> Array:
 
 
 def _corner_range(seal: Seal, at_points: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
-    """Return the lowest and the highest value at the corners of each element.
+    """Return the lowest and the highest value at the corners of each of n elements.
 
-    The results have the shape (n,), or (n, 1) if the permeability of the given shape (n, 2) has two axes.
+    at_points : values at the points of the seal. shape : shape of the permeability, (n,) or (n, 2). The results have
+    the shape (n,) or (n, 1) accordingly, so that they can be combined with it.
     """
     corners = seal.corner_values(at_points)  # (element, corner)
     lowest, highest = corners.min(axis=1), corners.max(axis=1)
@@ -127,13 +130,16 @@ def _corner_range(seal: Seal, at_points: Array, shape: tuple[int, ...]) -> tuple
 
 
 def _quantity(unit: str, long_name: str, **options: Any) -> Any:
-    """Define a field of `Leakage` with its unit and meaning."""
+    """Declare a field of `Leakage` with its unit and meaning."""
     return field(metadata={"unit": unit, "long_name": long_name}, **options)
 
 
 @dataclass(frozen=True, repr=False)
 class Leakage(Shown):
-    """Leakage from inlet to outlet, negative if the outlet pressure is higher. Its printed form shows the units."""
+    """Hold the leakage from inlet to outlet, which is negative if the outlet pressure is higher.
+
+    Printing it shows each value with its unit.
+    """
 
     volume_rate: float = _quantity("m^3/s", "leakage")
     mass_rate: float = _quantity("kg/s", "mass leakage")
@@ -175,18 +181,18 @@ def seal_leakage(
     seal : Seal
         Shape of the seal.
     permeability : float, array or PermeabilityTable
-        Permeability k >= 0 [m³]: a number, a number for each element (n_elements,), two numbers along the axes of each
-        element (n_elements, 2), or symmetric tensors (n_elements, 2, 2). The axes are x1 and x2 of a strip, radius and
+        Permeability k >= 0 [m³]: a number; a number for each element (n_elements,); two numbers for each element, along
+        its axes (n_elements, 2); or symmetric tensors (n_elements, 2, 2). The axes are x1 and x2 of a strip, radius and
         angle of a ring, and x and y of a mesh. Strips and rings of (n1, n2) cells also accept arrays (n1, n2) and
-        (n1, n2, 2). A `PermeabilityTable` without tensors contains the permeability at several fluid pressures, as a
-        rarefied gas needs it; otherwise the permeability does not depend on the pressure.
+        (n1, n2, 2). A permeability that depends on the fluid pressure, as that of a rarefied gas, is given by a
+        `PermeabilityTable`, which must not contain tensors.
     fluid : Fluid
         A `Liquid`, an `IdealGas` or any other fluid with a pressure potential.
     inlet_pressure, outlet_pressure : float
         Fluid pressures at inlet and outlet [Pa], absolute for a gas.
     bounds : bool
-        Whether to compute a `lower` and an `upper` bound of the leakage, which are NaN otherwise. They are bounds for
-        the exact shape with a permeability that is constant on each element. An `ElementSeal` always has bounds.
+        Whether to compute a `lower` and an `upper` bound of the leakage, which are NaN otherwise. They enclose the
+        leakage of the exact shape if the permeability is constant on each element. An `ElementSeal` always has bounds.
     solver : str
         Solver of the linear system: "multigrid" or "elimination" for strips and rings only, "direct", "amg", or
         "auto".
@@ -196,15 +202,15 @@ def seal_leakage(
     Returns
     -------
     Leakage
-        Volume rates are given at the reference density of the fluid. `fluid_pressure` is given at the corners of the
-        elements: an array (n1 + 1, n2) from inlet to outlet for a strip or a ring, (n_vertices,) for a mesh. Points
-        that are connected to one end only have the pressure of that end; points that are connected to neither have
-        NaN.
+        Volume rates refer to the reference density of the fluid. `fluid_pressure` is given at the corners of the
+        elements: an array (n1 + 1, n2) from inlet to outlet for a strip or a ring, and (n_vertices,) for a mesh. Points
+        that are connected only to the inlet or only to the outlet have the pressure of this end. Points that are
+        connected to neither end have NaN.
 
     Raises
     ------
     InputError
-        A permeability is negative, not finite or of the wrong shape, or the fluid cannot have a given pressure.
+        A permeability is negative, not finite or of the wrong shape, or a pressure is outside the range of the fluid.
     NotConverged
         The flow rates at inlet and outlet differ.
 
@@ -234,10 +240,11 @@ def seal_leakage(
         )
     else:
         flow = seal.flow(permeability, bounds=bounds, solver=solver)
-    # flow is solved for a unit drop; this factor makes it a volume rate for the drop of the fluid
+    # the flow was solved for a unit drop of φ; this factor converts it to the volume rate for the actual drop
     to_volume = drop / fluid.reference_density
     lower, upper = sorted((flow.lower * to_volume, flow.upper * to_volume))
-    # rounding errors, and elements with oblique tensors, may exceed the end pressures
+    # the clip is needed because of rounding errors and of elements with oblique tensors, whose potential may lie beyond
+    # those of the ends
     potential = φ_out + drop * np.clip(flow.potential, 0.0, 1.0)
     volume_rate = flow.conductance * to_volume
     return Leakage(

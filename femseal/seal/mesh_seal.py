@@ -1,7 +1,8 @@
-"""Seals on meshes: `MeshSeal` has any plan shape, `ElementSeal` has a random permeability in each element.
+"""Define seals on meshes: `MeshSeal` has any plan shape, `ElementSeal` has a random permeability in each element.
 
-A mesh is checked for elements that overlap. Elements may overlap even if none overlaps its neighbour, for example
-where two separate parts of the mesh lie on top of each other. One of the overlapping elements then lies at an outline.
+A mesh is checked for overlapping elements. Elements may overlap even if no element overlaps its neighbours, for example
+where two separate parts of the mesh lie on top of each other. At least one of two such elements is at the boundary of
+the mesh.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from .seal_files import NAME_BOUNDARIES, read_mesh
 
 #: Names of boundaries, one or several.
 Names = str | Sequence[str]
-#: A cell that is closed along one axis keeps, along this axis, the fraction `CLOSED_AXIS` of its other permeability, so
-#: that the tensor stays invertible. The flow through a square seal that only this fraction opens was 0.002 to 7e3 times
-#: the median of these small permeabilities; that through an open seal was 7e6 times or more. A flow below this multiple
-#: counts as 0.
+#: An element that is closed along one axis gets a small permeability along this axis, `CLOSED_AXIS` times that along
+#: the other axis, so that the tensor is invertible. The flow through a square seal that is open only due to these small
+#: permeabilities was 0.002 to 7e3 times their median; the flow through an open seal was at least 7e6 times their
+#: median. A flow below the following multiple of the median counts as 0.
 _CLOSED_BELOW = 2e5
 #: Allowed overlap of elements, as a fraction of the extent of the smaller one: coordinates are rounded, and straight
 #: edges approximate arcs.
@@ -41,14 +42,15 @@ _ROUNDING = 1e-12
 
 
 def first_overlap(mesh: Mesh) -> tuple[int, ...]:
-    """Find two elements that overlap, of which at least one lies at an outline of the mesh.
+    """Find two overlapping elements, of which at least one is at the boundary of the mesh.
 
-    Convex polygons are separate if their projections on the normal of one of their edges are (separating axis theorem).
+    Two convex polygons do not overlap if their projections on the normal of one of their edges do not (separating axis
+    theorem).
 
     Parameters
     ----------
     mesh : Mesh
-        Triangles or quadrilaterals that are not tangled and do not overlap their neighbours.
+        Triangles or quadrilaterals, which are not tangled and do not overlap their neighbours.
 
     Returns
     -------
@@ -60,28 +62,29 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     x_max, y_max = corners.max(axis=1).T
     edges = np.roll(corners, -1, axis=1) - corners
     normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
-    outline_elements = np.unique(mesh.f2t[0, mesh.boundary_facets()])
-    for i in outline_elements.tolist():
+    boundary_elements = np.unique(mesh.f2t[0, mesh.boundary_facets()])
+    for i in boundary_elements.tolist():
+        # only elements whose bounding boxes overlap that of element i are compared with it
         boxes_meet = (x_min < x_max[i]) & (x_max > x_min[i])
         boxes_meet &= (y_min < y_max[i]) & (y_max > y_min[i])
         for j in np.flatnonzero(boxes_meet).tolist():
             if i == j:
                 continue
             axes = np.concatenate([normals[i], normals[j]])
-            # coordinates of the corners along each axis, (corner, axis)
-            along_i = corners[i] @ axes.T
-            along_j = corners[j] @ axes.T
-            start = np.maximum(along_i.min(axis=0), along_j.min(axis=0))
-            end = np.minimum(along_i.max(axis=0), along_j.max(axis=0))
-            smaller = np.minimum(np.ptp(along_i, axis=0), np.ptp(along_j, axis=0))
-            if (end - start > _ALLOWED_OVERLAP * smaller).all():
+            # projections of the corners on the axes, (corner, axis)
+            projection_i = corners[i] @ axes.T
+            projection_j = corners[j] @ axes.T
+            start = np.maximum(projection_i.min(axis=0), projection_j.min(axis=0))
+            end = np.minimum(projection_i.max(axis=0), projection_j.max(axis=0))
+            smaller_extent = np.minimum(np.ptp(projection_i, axis=0), np.ptp(projection_j, axis=0))
+            if (end - start > _ALLOWED_OVERLAP * smaller_extent).all():
                 return i, j
     return ()
 
 
 @dataclass(frozen=True)
 class MeshSeal:
-    """A seal of any plan shape, meshed with linear triangles or quadrilaterals.
+    """Define a seal of any plan shape by a mesh of linear triangles or quadrilaterals.
 
     Parameters
     ----------
@@ -97,8 +100,8 @@ class MeshSeal:
     Raises
     ------
     InputError
-        The file is missing or is not a mesh, the mesh has no boundary of a given name, inlet and outlet touch or are
-        not connected by the mesh, or elements are degenerate, tangled or overlapping.
+        The file is missing or is not a mesh; the mesh has no boundary with a given name; inlet and outlet touch, or the
+        mesh does not connect them; or elements are degenerate, tangled or overlapping.
     """
 
     path: str | PathLike[str] | Mesh = field(repr=False)
@@ -140,7 +143,9 @@ class MeshSeal:
     @property
     def length(self) -> float:
         """Length of the outlet [m]."""
-        start, end = np.moveaxis(self.mesh.p[:, self.mesh.facets[:, self.ends[1]]], 1, 0)
+        _, outlet = self.ends
+        # coordinates of the two ends of each facet, (axis, facet) each
+        start, end = np.moveaxis(self.mesh.p[:, self.mesh.facets[:, outlet]], 1, 0)
         return float(np.hypot(*(end - start)).sum())
 
     @property
@@ -155,7 +160,7 @@ class MeshSeal:
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes that an array of the permeability may have, apart from tensors."""
+        """Shapes that a permeability may have if it is not a tensor."""
         return (self.mesh.nelements,), (self.mesh.nelements, 2)
 
     def corner_values(self, values: Array) -> Array:
@@ -172,7 +177,7 @@ class MeshSeal:
         bounds : bool
             Whether to compute bounds of the flow as well.
         solver : str
-            "amg", "direct" or "auto". The solvers of rectangular elements are replaced by "auto".
+            "amg", "direct" or "auto". The names of the solvers for rectangular elements are accepted and mean "auto".
         """
         check_solver(solver)
         solver = solver if solver in PLAIN_SOLVERS else "auto"
@@ -212,7 +217,7 @@ def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[
 
 
 def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
-    """Yield a warning for each connected boundary, such as the rim of a hole, that belongs to no named boundary.
+    """Yield a warning for each connected line of the boundary, such as the rim of a hole, that has no name.
 
     Parameters
     ----------
@@ -222,7 +227,7 @@ def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
     named = [np.asarray(facets) for facets in (mesh.boundaries or {}).values()]
     unnamed = np.setdiff1d(mesh.boundary_facets(), np.concatenate([*named, []]))
     ends = mesh.facets[:, unnamed]  # vertices at the two ends, (2, facet)
-    part = _connected_parts(mesh, ends)[ends[0]]
+    part = _connected_parts(mesh, ends)[ends[0]]  # number of the line to which each facet belongs
     length = np.hypot(*(mesh.p[:, ends[1]] - mesh.p[:, ends[0]]))
     for number in np.unique(part):
         is_in_part = part == number
@@ -233,11 +238,11 @@ def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
 
 
 def _connected_parts(mesh: Mesh, corners: Indices) -> Indices:
-    """Number the connected parts of a mesh, and return the number of the part of each vertex.
+    """Number the connected parts of a mesh, and return the number of the part to which each vertex belongs.
 
-    corners : array (k, n), vertices of n elements or facets with k corners. The corners of each of them are connected.
+    corners : array (k, n) with the vertices of n elements or facets, which connect their k corners.
     """
-    # it is enough to connect the first corner with all others
+    # links from the first corner to all others are enough
     starts = np.tile(corners[0], len(corners) - 1)
     ends = corners[1:].ravel()
     shape = (mesh.nvertices, mesh.nvertices)
@@ -247,13 +252,13 @@ def _connected_parts(mesh: Mesh, corners: Indices) -> Indices:
 
 
 def _centre_text(mesh: Mesh, corners: Indices) -> str:
-    """Return the mean position of some corners as text for a message."""
+    """Write the mean position of some vertices, for a message."""
     x, y = (to_text(float(c[corners].mean()), "m", 3) for c in mesh.p)
     return f"({x}, {y})"
 
 
 def _check_boundary_names(mesh: Mesh, role: str, names: Names) -> None:
-    """Raise InputError if the mesh has no boundary of a given name; `role` is "inlet" or "outlet"."""
+    """Raise InputError if the mesh has no boundary with a given name. `role` is "inlet" or "outlet"."""
     boundaries = mesh.boundaries or {}
     for name in _names(names) or (names,):
         if name in boundaries:
@@ -282,8 +287,9 @@ def _check_elements(mesh: Mesh) -> None:
     if bad.size:
         given = f"a mesh whose element {bad[0]} is degenerate or tangled"
         raise InputError("path", given, "a valid mesh")
-    # Two elements on either side of an edge, both passed anticlockwise, pass their common edge in opposite directions.
-    # The sign of the difference of the vertex numbers is the direction; the signs of neighbours add up to 0.
+    # If the boundaries of two neighbouring elements are traversed anticlockwise, they pass the common edge in opposite
+    # directions; otherwise the elements overlap. The direction is 1 or −1, depending on which vertex number is larger,
+    # and the directions of two neighbours add up to 0.
     vertices, edge = mesh.t.T, mesh.t2f.T  # (element, corner)
     direction = np.sign(np.roll(vertices, -1, axis=1) - vertices)
     direction *= np.sign(polygon_areas(corners))[:, None].astype(int)
@@ -304,16 +310,16 @@ def _names(given: Names) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class ElementSeal:
-    """A seal whose permeability is constant on each element and varies at random from one element to the next.
+    """Define a seal whose permeability is constant on each element and varies at random from element to element.
 
-    The flow is the geometric mean of an upper bound, from continuous pressures, and a lower bound, from continuous
-    fluxes. For random permeabilities with a symmetric distribution of ln k the error of this mean is within 3 %,
-    although the bounds differ by factors.
+    The flow is computed as the geometric mean of an upper bound, from continuous pressures, and a lower bound, from
+    continuous fluxes. For random permeabilities with a symmetric distribution of ln k, the error of this mean is at
+    most 3 %, even where the upper bound is several times the lower bound.
 
     Attributes
     ----------
     mesh : Mesh
-        Linear triangles or quadrilaterals. The coordinates of the mesh of a ring are (ln r, θ).
+        Mesh of linear triangles or quadrilaterals. The coordinates of the mesh of a ring are (ln r, θ).
     inlet, outlet : arrays of int
         Boundary facets of the mesh.
     size : tuple of two float
@@ -323,7 +329,7 @@ class ElementSeal:
     axes : array, (n, 2, 2)
         Unit vectors across and along the lay of each element, in the coordinates of the mesh.
     rectangles : Rectangles or None
-        Elements of a strip or a ring, for which there is a fast solver; None for other meshes.
+        Elements of a strip or a ring as rectangles, for which there is a fast solver; None for other meshes.
     """
 
     value_needs_bounds: ClassVar[bool] = True
@@ -338,12 +344,12 @@ class ElementSeal:
 
     @cached_property
     def _operators(self) -> MeshOperators:
-        """Element matrices, which are kept because the flow is computed for many permeabilities."""
+        """Element matrices, which are stored because the flow is computed for many permeabilities."""
         return MeshOperators(self.mesh, (self.inlet, self.outlet))
 
     @property
     def length(self) -> float:
-        """Length along the seal by which leakage is divided [m]."""
+        """Length of the seal [m], by which the leakage is divided to obtain the leakage per length."""
         return self.size[1]
 
     @property
@@ -355,7 +361,7 @@ class ElementSeal:
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes that an array of the permeability may have, apart from tensors."""
+        """Shapes that a permeability may have if it is not a tensor."""
         return (self.mesh.nelements,), (self.mesh.nelements, 2)
 
     def corner_values(self, values: Array) -> Array:
@@ -368,8 +374,8 @@ class ElementSeal:
         Parameters
         ----------
         permeability : float or array, (n,), (n, 2) or (n, 2, 2)
-            Permeability of the n elements [m³]: a number, a number for each element, values across and along the lay,
-            or tensors in these two directions.
+            Permeability of the n elements [m³]: a number; a number for each element; values across and along the lay;
+            or tensors with the components across and along the lay.
 
         Returns
         -------
@@ -394,8 +400,8 @@ class ElementSeal:
         permeability : float or array, (n,), (n, 2) or (n, 2, 2)
             Permeability of the n elements as in `tensors` [m³].
         bounds : bool
-            Whether to compute both bounds and their geometric mean. Otherwise the flow on a mesh is the upper bound,
-            from linear elements, with the same potential.
+            Whether to compute both bounds and, as flow, their geometric mean. Otherwise the flow on a mesh is the upper
+            bound, which results from linear elements; the potential is the same.
         solver : str
             "multigrid" or "elimination" for rectangles whose lay is parallel to their edges, "amg" or "direct" on the
             mesh, or "auto".
@@ -420,7 +426,7 @@ class ElementSeal:
     def _flow_over_rectangles(
         self, rectangles: Rectangles, tensors: Array, bounds: bool, solver: str
     ) -> DarcyFlow:
-        """Compute the flow with the fast solver for rectangles, and order the potential as the vertices of the mesh."""
+        """Compute the flow by the fast solver for rectangles, and sort the potential like the vertices of the mesh."""
         k1, k2 = (tensors[:, a, a].reshape(rectangles.shape) for a in (0, 1))
         flow = rectangles.flow(k1, k2, bounds=bounds, solver=solver)
         potential, complement = np.empty((2, self.mesh.nvertices))
@@ -429,9 +435,9 @@ class ElementSeal:
         return replace(flow, potential=potential, complement=complement)
 
     def _flow_of_closed_axes(self, permeability: Any) -> float:
-        """Return the flow [m³] for a unit drop that elements closed along one axis may carry by regularisation alone.
+        """Return the largest flow for a unit drop [m³] that may be due to the regularisation of closed axes alone.
 
-        A computed flow that is not larger counts as 0, see `_CLOSED_BELOW`.
+        A computed flow that is not larger than this counts as 0, see `_CLOSED_BELOW`.
         """
         smaller, larger = principal_values(self.tensors(permeability))
         is_half_closed = (larger > 0) & (smaller <= 1e-14 * larger)

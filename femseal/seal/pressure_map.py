@@ -1,8 +1,8 @@
-"""Maps of the contact pressure over a seal, which depends on bolts, waviness and the bending of a flange.
+"""Describe how the contact pressure varies over a seal, due to bolts, waviness or the bending of a flange.
 
-A map gives values at points of a seal in any unit. `PressedSeal.fractions` divides them by their mean over the seal, so
-that the map describes the distribution only, and the nominal pressure its level. A map is a frozen dataclass with the
-method `at`.
+A pressure map gives values at points of a seal, in any unit. `PressedSeal.fractions` divides them by their mean over
+the seal. A map therefore determines only how the pressure is distributed; the nominal pressure determines its mean. A
+map is a frozen dataclass with the method `at`.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from numpy.typing import ArrayLike
 from ..base import Array, Indices, InputError, Pair, counted, to_text, validate
 from .plane import in_space, plane_points, polygon_areas
 
-#: A Delaunay triangle is taken for a gap in the field, such as the hole of a ring, if its longest side is this many
-#: times the median. For points on rings, this removes all triangles in the hole except a few at its rim.
+#: A Delaunay triangle is taken for a gap in the field, such as the hole of a ring, if its longest side is more than
+#: this many times the median of all longest sides. For points on rings, this removes all triangles in the hole except a
+#: few at its rim.
 GAP = 4.0
-#: A point outside of the triangles is extrapolated up to this fraction of the height of a triangle, because straight
-#: edges cut off the arcs of a ring.
+#: A point outside of all triangles takes the pressure of the nearest triangle, if its distance is at most this fraction
+#: of the height of the triangle. On a ring there are such points, because straight edges cut off the arcs.
 OUTSIDE = 0.1
 #: Allowed rounding error of a coordinate, as a fraction of a section of a profile or of a radius.
 _ROUNDING = 1e-9
@@ -30,7 +31,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Frame:
-    """Coordinates of a seal: x1 and x2 of a strip, or radius and angle of a ring or mesh.
+    """Define the coordinates of a seal: x1 and x2 of a strip, or radius and angle of a ring or mesh.
 
     Attributes
     ----------
@@ -52,11 +53,14 @@ class Frame:
         return cls(size=size, ends=(0.0, size[0]))
 
     def across(self, points: Array) -> Array:
-        """Return x1 on a strip, or the radius on other seals (n,) [m]."""
+        """Return x1 on a strip, or the radius on other seals, at points (n, 2) [m]."""
         return points[:, 0] if self.size else np.hypot(*(points - self.centre).T)
 
     def angle(self, points: Array) -> Array:
-        """Return the polar angle (n,) [rad]. On a strip it is 2π x2/L2, as if the strip were bent to a ring."""
+        """Return the polar angle (n,) [rad] of points (n, 2) [m].
+
+        On a strip it is 2π x2/L2, as if the strip were bent to a ring.
+        """
         if self.size:
             return 2 * pi * points[:, 1] / self.size[1]
         x, y = (points - self.centre).T
@@ -64,7 +68,7 @@ class Frame:
 
 
 class PressureMap(Protocol):
-    """Interface of the maps."""
+    """Define the interface of a pressure map."""
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Evaluate the map at points of a seal.
@@ -91,7 +95,7 @@ class PressureMap(Protocol):
 
 @dataclass(frozen=True)
 class Uniform:
-    """The nominal pressure everywhere."""
+    """Describe a pressure that is equal to the nominal pressure everywhere."""
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Return the value 1 at each point."""
@@ -100,7 +104,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Profile:
-    """Pressure that varies between inlet and outlet only.
+    """Describe a pressure that varies only between inlet and outlet.
 
     Parameters
     ----------
@@ -108,13 +112,13 @@ class Profile:
         Values >= 0 in any unit.
     positions : tuple of float
         Increasing positions of the values [m], between which the pressure is linear: x1 of a strip, counted from the
-        inlet, or the radius of a ring or mesh. Without positions, the seal is divided into sections of equal breadth
-        with one value each, of which the first is that at the inlet.
+        inlet, or the radius of a ring or mesh. Without positions, the seal is divided into sections of equal breadth,
+        each of which has one of the values, beginning with the section at the inlet.
 
     Raises
     ------
     InputError
-        A number is invalid, or the positions do not increase or have another number than the values.
+        A number is invalid, the positions do not increase, or there are not as many positions as values.
     """
 
     fractions: tuple[float, ...]
@@ -128,50 +132,52 @@ class Profile:
     def at(self, points: Array, frame: Frame) -> Array:
         """Return the values (n,) at points (n, 2) [m] of a seal.
 
-        They are linear between positions. Without positions they are constant in each section, and the mean of both
-        sections on their common edge.
+        The values are linear between positions. Without positions they are constant in each section; a point on the
+        edge between two sections takes the mean of both.
         """
         values = np.array(self.fractions)
         across = frame.across(points)
         if self.positions:
-            low, high = self.positions[0], self.positions[-1]
-            least, most = float(across.min()), float(across.max())
-            if least < low - _ROUNDING * high or most > high * (1 + _ROUNDING):
+            first, last = self.positions[0], self.positions[-1]
+            lowest, highest = float(across.min()), float(across.max())
+            if lowest < first - _ROUNDING * last or highest > last * (1 + _ROUNDING):
                 given, needed = (
-                    f"{to_text(a, 'm')} to {to_text(b, 'm')}"
-                    for a, b in ((low, high), (least, most))
+                    f"{to_text(start, 'm')} to {to_text(end, 'm')}"
+                    for start, end in ((first, last), (lowest, highest))
                 )
                 raise InputError("positions", given, f"one that holds all tiles, {needed}")
             return np.interp(across, self.positions, values)
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")
         inlet, outlet = frame.ends
-        section = (across - inlet) / (outlet - inlet) * values.size
-        # the sections on both sides of a point, which differ only on an edge; axes: (side, point)
+        section = (
+            (across - inlet) / (outlet - inlet) * values.size
+        )  # fractional number of the section
+        # The sections on both sides of each point, (side, point). They differ only for a point on an edge.
         both_sides = np.floor([section - _ROUNDING, section + _ROUNDING]).astype(int)
         return values[np.clip(both_sides, 0, values.size - 1)].mean(axis=0)
 
 
 @dataclass(frozen=True)
 class AngleTable:
-    """Pressure that varies around the seal only, for example under bolts or due to a wavy flange.
+    """Describe a pressure that varies only around the seal, for example due to bolts or to a wavy flange.
 
-    The pressure is linear between the angles and periodic.
+    The pressure is periodic, and linear between the angles.
 
     Parameters
     ----------
     fractions : tuple of float
         Values >= 0 in any unit.
     angles : tuple of float
-        Increasing angles of the values [rad], from 0 to less than one period. By default they are equally spaced and
-        begin at 0. An angle of 2π corresponds to the length of a strip.
+        Increasing angles of the values [rad], at least 0 and less than one period. By default they are equally spaced
+        and begin at 0. On a strip, the angle 2π corresponds to the length of the strip.
     repeat : int
         Number of periods around the seal.
 
     Raises
     ------
     InputError
-        A number is invalid, or the angles do not increase, exceed the period or have another number than the values.
+        A number is invalid, the angles do not increase or exceed the period, or there are not as many angles as values.
     """
 
     fractions: tuple[float, ...]
@@ -199,9 +205,9 @@ class AngleTable:
 
 @dataclass(frozen=True, eq=False)
 class PressureField:
-    """Pressure field in the plane of the seal, such as the result of a flange calculation; `of` makes one.
+    """Hold a pressure field in the plane of the seal, such as the result of a flange calculation.
 
-    The pressure is linear on each triangle.
+    The method `of` makes such a field. The pressure is linear on each triangle.
 
     Attributes
     ----------
@@ -221,7 +227,7 @@ class PressureField:
     def of(
         cls, points: ArrayLike, pressure: ArrayLike, triangles: ArrayLike | None = None
     ) -> PressureField:
-        """Make a pressure field from values at points.
+        """Make a pressure field from the pressures at points.
 
         Parameters
         ----------
@@ -257,7 +263,8 @@ class PressureField:
         A point slightly outside of all triangles takes the pressure at the edge of the nearest triangle.
         """
         triangle, weights = self._barycentric(points)
-        # a negative weight is the distance from an edge, as a fraction of the height of the triangle
+        # If a point is outside of a triangle, a weight is negative: it is the distance from the edge, divided by the
+        # height of the triangle.
         uncovered = np.flatnonzero(weights.min(axis=1) < -OUTSIDE)
         if uncovered.size:
             ends = zip("xy", self.points.min(axis=0), self.points.max(axis=0), strict=True)
@@ -270,23 +277,27 @@ class PressureField:
         return (inside * self.pressure[self.triangles[triangle]]).sum(axis=1)
 
     def _barycentric(self, points: Array) -> tuple[Indices, Array]:
-        """Find the triangle that contains each point (n, 2), or the nearest one, and the barycentric coordinates in it.
+        """Find the triangle that contains each of the points (n, 2) or is nearest to it.
 
-        Returns the numbers of the triangles (n,) and the coordinates (n, 3), which are the weights of the corners.
+        Returns the numbers of the triangles (n,), and the barycentric coordinates of the points (n, 3), which are the
+        weights of the corners.
         """
         import pyvista
 
         corners = self.triangles.astype(int)
         surface = pyvista.PolyData.from_regular_faces(in_space(self.points), corners)
         triangle = np.atleast_1d(surface.find_closest_cell(in_space(points)))
-        origin, second, third = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
-        edges = np.stack([second - origin, third - origin], axis=-1)  # columns of a matrix
-        weights = np.linalg.solve(edges, (points - origin)[..., None])[..., 0]
+        first, second, third = np.moveaxis(
+            self.points[self.triangles[triangle]], 1, 0
+        )  # corners, (n, 2) each
+        # the weights of the second and third corner solve a linear system whose matrix has these edges as columns
+        edges = np.stack([second - first, third - first], axis=-1)  # (n, 2, 2)
+        weights = np.linalg.solve(edges, (points - first)[..., None])[..., 0]
         return triangle, np.column_stack([1 - weights.sum(axis=1), weights])
 
 
 def _delaunay_without_gaps(points: Array) -> Indices:
-    """Return the Delaunay triangles (t, 3) between points, without those that span gaps; none if all lie on a line."""
+    """Return the Delaunay triangles (t, 3) of points (m, 2) that span no gaps; none if all points lie on a line."""
     from scipy.spatial import Delaunay, QhullError
 
     try:
@@ -303,10 +314,10 @@ def _delaunay_without_gaps(points: Array) -> Indices:
 
 @dataclass(frozen=True, eq=False)
 class MapsAtLoads:
-    """Maps for several nominal pressures, for example of a flange that bends with the load.
+    """Hold maps for several nominal pressures, for example for a flange that bends with the load.
 
-    Between the given nominal pressures the fractions are interpolated linearly, and beyond them they are constant. They
-    depend on the present nominal pressure only, also on unloading, as for a flange that bends elastically.
+    Between the given nominal pressures the fractions are interpolated linearly; beyond them they are constant. They
+    depend only on the present nominal pressure, on loading and on unloading, as for a flange that bends elastically.
 
     Parameters
     ----------
@@ -318,7 +329,7 @@ class MapsAtLoads:
     Raises
     ------
     InputError
-        There is no map, or the pressures do not increase or have another number than the maps.
+        There is no map, the pressures do not increase, or there are not as many pressures as maps.
     """
 
     pressures: tuple[float, ...]
@@ -337,18 +348,18 @@ class MapsAtLoads:
         object.__setattr__(self, "pressures", pressures)
 
 
-#: Everything that `PressedSeal.fractions` accepts.
+#: Types of maps that `PressedSeal.fractions` accepts.
 AnyMap = PressureMap | MapsAtLoads
 
 
 def is_uniform(pressure_map: Any) -> bool:
-    """Return True if the nominal pressure acts everywhere."""
+    """Return whether the pressure is equal to the nominal pressure everywhere."""
     return isinstance(pressure_map, Uniform)
 
 
 @dataclass(frozen=True, eq=False)
 class PressedSeal:
-    """A seal on which pressure maps are evaluated.
+    """Define the seal over which pressure maps are averaged.
 
     Attributes
     ----------
@@ -376,7 +387,7 @@ class PressedSeal:
         return float(np.average(pressure_map.at(self.centres, self.frame), weights=self.areas))
 
     def fractions(self, pressure_map: AnyMap, points: Array, nominal: ArrayLike) -> Array:
-        """Return the contact pressure at points of the seal over the nominal pressure.
+        """Return the ratio of the contact pressure at points of the seal to the nominal pressure.
 
         Parameters
         ----------
@@ -403,25 +414,30 @@ class PressedSeal:
         if not isinstance(pressure_map, MapsAtLoads) or len(tabulated) == 1:
             return np.broadcast_to(tabulated[0], (loads.size, len(points)))
         # linear interpolation between the maps below and above each load
-        knots = pressure_map.pressures
-        position = np.interp(loads, knots, np.arange(len(knots)))  # fractional number of the map
-        below = np.minimum(position.astype(int), len(knots) - 2)
-        weight = (position - below)[:, None]
+        map_pressures = pressure_map.pressures
+        position = np.interp(
+            loads, map_pressures, np.arange(len(map_pressures))
+        )  # fractional number of the map
+        below = np.minimum(position.astype(int), len(map_pressures) - 2)
+        weight = (position - below)[:, None]  # of the map above
         return (1 - weight) * tabulated[below] + weight * tabulated[below + 1]
 
     def _normalised(self, pressure_map: PressureMap, points: Array) -> Array:
-        """Return the values (n,) of a map at points (n, 2) over the mean of the map over the seal."""
-        over_area = pressure_map.at(self.centres, self.frame)
+        """Return the values (n,) of a map at points (n, 2), divided by the mean of the map over the seal."""
+        at_centres = pressure_map.at(self.centres, self.frame)
         values = pressure_map.at(points, self.frame)
-        highest = over_area.max()
+        highest = at_centres.max()
         if not highest > 0:
             raise InputError("map", "a pressure that is 0 all over the seal", "one > 0 somewhere")
-        # division by the highest value first makes the fractions of a uniform map exactly 1
-        return values / highest / np.average(over_area / highest, weights=self.areas)
+        # the values are first divided by the highest value, so that the fractions of a uniform map are exactly 1
+        return values / highest / np.average(at_centres / highest, weights=self.areas)
 
 
 def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[float, ...]:
-    """Check a list of numbers and return it as a tuple; raise InputError if it is not a list."""
+    """Check a list of numbers and return it as a tuple; raise InputError if it is not a list of numbers.
+
+    expected : text that says what is expected. limits : limits of the numbers, see `validate.number`.
+    """
     try:
         return tuple(validate.number(name, v, **limits) for v in values)
     except TypeError:
@@ -437,7 +453,7 @@ def _fractions(values: Any) -> tuple[float, ...]:
 
 
 def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
-    """Check that there are `count` increasing numbers, or none, and return them as a tuple."""
+    """Check that `values` are `count` increasing numbers, or an empty list, and return them as a tuple."""
     numbers = _numbers(name, values, f"a list of numbers {unit}", above=-np.inf)
     if numbers and len(numbers) != count:
         raise InputError(name, counted(len(numbers), "number"), f"{count}, one for each value")
@@ -451,7 +467,8 @@ def _pressures(values: ArrayLike, count: int) -> Array:
     pressure = np.array(values, dtype=float)
     if pressure.shape != (count,):
         raise InputError("pressure", f"shape {pressure.shape}", f"{(count,)}, one for each point")
-    if bad := np.count_nonzero(~np.isfinite(pressure) | (pressure < 0)):
+    bad = np.count_nonzero(~np.isfinite(pressure) | (pressure < 0))
+    if bad:
         least = to_text(float(pressure.min()), "Pa")
         given = f"{bad} of {count} values not finite or negative, the least {least}"
         raise InputError("pressure", given, "finite contact pressures >= 0 [Pa]")

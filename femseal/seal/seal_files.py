@@ -1,8 +1,8 @@
 """Read the mesh of a seal with its named boundaries, and fields of contact pressure, from files.
 
-meshio reads the mesh. The names of boundaries come from cell sets (Abaqus and others) or from physical groups (gmsh);
-a line of a file belongs to the facet of the mesh with the same two vertices. A field is read from a mesh file such as
-.vtu, or from a text file with columns.
+The mesh is read by meshio. The names of boundaries are those of cell sets (Abaqus and others) or of physical groups
+(gmsh). A line element of the file names the facet of the mesh that has the same two vertices. A field is read from a
+mesh file such as .vtu, or from a text file with columns.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 #: Mesh class of scikit-fem for each type of cells in files.
 _KINDS = {"triangle": "MeshTri1", "quad": "MeshQuad1"}
 _SECOND_ORDER = ("triangle6", "quad8", "quad9")
-#: Names of cell data that contain the number of a boundary for each line, for example in a .vtu written by meshio.
+#: Names of cell data that contain the number of the boundary of each line, for example in a .vtu written by meshio.
 _TAGS = ("gmsh:physical", "medit:ref", "boundary")
 #: Smallest ratio of the memory needed for reading a mesh to the size of its file.
 _READING_FACTOR = 4
@@ -52,9 +52,9 @@ NAME_BOUNDARIES = (
 def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     """Read a mesh of linear triangles or quadrilaterals with named boundaries.
 
-    The elements keep the order of the file. Nodes that belong to no element are omitted. A physical group without a
-    name takes its number as name; the same holds for lines in a .vtu file, which are numbered by their cell data
-    "gmsh:physical" or "boundary".
+    The elements are in the order of the file. Nodes that belong to no element are omitted. The name of a physical group
+    without a name is its number. In a .vtu file, the boundary to which a line belongs has the number in the cell data
+    "gmsh:physical" or "boundary", and this number is its name.
 
     Parameters
     ----------
@@ -95,12 +95,14 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
         raise InputError("path", given, _SAVE_GROUPS)
     points = _plane_points_of(file, data, cells, 1e-9) * unit
     # keep only the nodes of elements, and renumber them
-    used, renumbered = np.unique(cells, return_inverse=True)
+    kept_nodes, renumbered = np.unique(cells, return_inverse=True)
     elements = renumbered.reshape(cells.shape)
     mesh_class = getattr(skfem, _KINDS[kind])
-    mesh = mesh_class(np.ascontiguousarray(points[used].T), np.ascontiguousarray(elements.T))
-    vertex = np.full(len(points), -1)  # vertex of each node of the file, −1 if it was omitted
-    vertex[used] = np.arange(used.size)
+    mesh = mesh_class(np.ascontiguousarray(points[kept_nodes].T), np.ascontiguousarray(elements.T))
+    vertex = np.full(
+        len(points), -1
+    )  # number of the vertex for each node of the file, −1 if it was omitted
+    vertex[kept_nodes] = np.arange(kept_nodes.size)
     boundaries = {}
     for name, lines in _named_lines(data).items():
         facets = _facets_with_ends(mesh, vertex[lines])
@@ -141,16 +143,22 @@ def _fields(data: Any) -> str:
 
 
 def _plane_points_of(file: Path, data: Any, cells: Any, rtol: float) -> Array:
-    """Return the points (n, 2) of a mesh file; raise InputError if its cells do not lie in a plane of constant z."""
+    """Return the points (n, 2) of a mesh file; raise InputError if its cells do not lie in a plane of constant z.
+
+    cells : numbers of the points of the cells. rtol : allowed variation of z, as a fraction of the size of the mesh.
+    """
     points = np.asarray(data.points, dtype=float)
-    used = points[np.ravel(cells)]
-    if used.shape[1] > 2 and np.ptp(used[:, 2]) > rtol * np.ptp(used, axis=0).max():
+    corners = points[np.ravel(cells)]
+    if corners.shape[1] > 2 and np.ptp(corners[:, 2]) > rtol * np.ptp(corners, axis=0).max():
         raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
     return points[:, :2]
 
 
 def _check_size(file: Path, factor: float, what: str) -> None:
-    """Raise InputError if a file does not exist, or if `factor` times its size does not fit into free memory."""
+    """Raise InputError if a file does not exist, or if `factor` times its size does not fit into the free memory.
+
+    what : kind of file, for the message.
+    """
     if not file.is_file():
         raise InputError("path", f"'{file}'", f"an existing {what}")
     size = file.stat().st_size
@@ -170,7 +178,7 @@ def read_data(file: Path) -> Any:
     _check_size(file, _READING_FACTOR, "mesh file")
     silent = io.StringIO()
     try:
-        # a file meshio cannot read makes it print and exit
+        # if meshio cannot read a file, it prints a message and ends the program by SystemExit
         with (
             contextlib.redirect_stdout(silent),
             contextlib.redirect_stderr(silent),
@@ -191,13 +199,16 @@ def read_data(file: Path) -> Any:
 
 
 def _has_tag(data: Any, tag: int) -> bool:
-    """Return True if any line of a mesh has the number of a physical group."""
+    """Return whether any line of a mesh belongs to the physical group with the number `tag`."""
     line_tags = data.cell_data_dict.get(_TAGS[0], {}).get("line", [])
     return bool(np.any(np.asarray(line_tags) == tag))
 
 
 def _named_lines(data: Any) -> dict[str, Indices]:
-    """Return the end nodes (m, 2) of the lines that belong to each name, from cell sets and from numbers of lines."""
+    """Return the end nodes (m, 2) of the lines of each named boundary.
+
+    The lines of a boundary are those in its cell set, or otherwise those that have its number.
+    """
     named: dict[str, list[Indices]] = {}
     for name, members in data.cell_sets.items():
         if name.startswith("gmsh:"):
@@ -208,7 +219,7 @@ def _named_lines(data: Any) -> dict[str, Indices]:
             for block, numbers in zip(data.cells, members, strict=True)
             if block.type == "line" and numbers is not None
         ]
-    # tags are unique within a dimension only: a surface may have the same number as a line
+    # names of the numbered boundaries; only groups of lines count, because a surface may have the same number as a line
     names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if dimension == 1}
     tag_keys = [key for key in _TAGS if key in data.cell_data]
     tags = data.cell_data_dict[tag_keys[0]].get("line", []) if tag_keys else []
@@ -220,12 +231,14 @@ def _named_lines(data: Any) -> dict[str, Indices]:
 
 
 def _facets_with_ends(mesh: Mesh, ends: Indices) -> Indices:
-    """Return the facets whose vertices are a given pair (m, 2); pairs that are not a facet are ignored."""
+    """Return the facets whose two vertices are among given pairs (m, 2). Pairs that are not a facet are ignored."""
     n = mesh.nvertices
-    # one number for each pair of vertices, whatever their order
+    # a pair of vertices is represented by a single number, which does not depend on their order
     facet_ends = np.sort(mesh.facets, axis=0)
     facet_key = facet_ends[0].astype(np.int64) * n + facet_ends[1]
-    ends = np.sort(ends[(ends >= 0).all(axis=1)], axis=1)
+    ends = np.sort(
+        ends[(ends >= 0).all(axis=1)], axis=1
+    )  # without omitted nodes, whose number is −1
     wanted_key = ends[:, 0] * n + ends[:, 1]
     return np.flatnonzero(np.isin(facet_key, wanted_key))
 
@@ -249,10 +262,10 @@ def read_pressure_field(
     Parameters
     ----------
     path : str or PathLike
-        Either a mesh file that meshio can read, such as .vtu, with triangles or quadrilaterals in a plane of constant
-        z, and point data (linear in each cell) or cell data (constant in each cell) called `name`. Or a .csv or .txt
-        file with columns x, y and `name`, named in the first line and separated by commas, semicolons, tabs or blanks;
-        its points are connected by triangles.
+        Either a mesh file that meshio can read, such as .vtu, or a text file, .csv or .txt. The mesh must consist of
+        triangles or quadrilaterals in a plane of constant z, and have point data (linear in each cell) or cell data
+        (constant in each cell) called `name`. The text must have columns x, y and `name`, separated by commas,
+        semicolons, tabs or blanks, and their names in the first line; its points are connected to triangles.
     length_unit, pressure_unit : str
         Units of the numbers in the file, such as "mm" and "MPa".
     name : str
@@ -261,6 +274,7 @@ def read_pressure_field(
     Returns
     -------
     PressureField
+        The field, with the pressure linear on triangles.
 
     Raises
     ------
@@ -307,8 +321,8 @@ def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]
             text = file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError, MemoryError) as error:
         raise InputError(what, f"'{file}' ({shortened(error)})", "a text with columns") from None
-    lines = {n: line.strip() for n, line in enumerate(text.splitlines(), 1)}
-    lines = {n: line for n, line in lines.items() if line and line[0] != "#"}
+    all_lines = {n: line.strip() for n, line in enumerate(text.splitlines(), 1)}
+    lines = {n: line for n, line in all_lines.items() if line and line[0] != "#"}
     if not lines:
         raise InputError(what, f"'{file}', which is empty", "a text with columns")
     first_line = next(iter(lines.values()))
@@ -318,7 +332,9 @@ def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]
         entries = csv.reader(lines.values(), delimiter=delimiter)
     else:
         entries = map(str.split, lines.values())
-    return [(*line, row) for line, row in zip(lines.items(), entries, strict=False)]
+    # the reader of .csv files may join lines inside quotes, so that there may be fewer entries than lines
+    numbered_lines = zip(lines.items(), entries, strict=False)
+    return [(number, line, row) for (number, line), row in numbered_lines]
 
 
 def columns_of(file: Path) -> list[str]:
@@ -328,13 +344,14 @@ def columns_of(file: Path) -> list[str]:
 
 
 def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
-    """Read columns of numbers (n, columns) from a text file whose first line contains their names.
+    """Read the columns with the names `wanted` from a text file whose first line contains the names, (n, columns).
 
     Raises InputError if the file cannot be read, a column is missing or occurs twice, or an entry is not a number.
     """
     (_, _, head), *rows = text_rows(file)
     names = [column.strip() for column in head]
-    if missing := [column for column in wanted if names.count(column) != 1]:
+    missing = [column for column in wanted if names.count(column) != 1]
+    if missing:
         given = f"'{file}' with the columns {', '.join(names)}"
         expected = f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
         raise InputError("path", given, expected)
@@ -353,7 +370,8 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
 def _read_triangles(file: Path, name: str) -> tuple[Any, Any, Any]:
     """Read the points (n, 2), their values (n,) and the triangles (t, 3) of a field in a mesh file.
 
-    For cell data, which jump from cell to cell, each triangle has three separate points with the value of its cell.
+    Cell data are constant in each cell. For them, each triangle gets three points of its own, which all have the value
+    of the cell, so that the field jumps from cell to cell.
     """
     data = read_data(file)
     # (number of the block of cells, corners of its triangles)
@@ -382,7 +400,7 @@ def _read_triangles(file: Path, name: str) -> tuple[Any, Any, Any]:
 
 
 def _numbers(values: Any, file: Path, name: str) -> Any:
-    """Return data as an array of one number for each point or cell; raise InputError if they are anything else."""
+    """Return data as an array with a number for each point or cell; raise InputError if they are anything else."""
     array = np.asarray(values)
     if array.dtype.kind not in "iuf" or array.size != len(array):
         given = f"'{name}' in '{file}' with shape {array.shape}"

@@ -1,8 +1,8 @@
-"""Strips and rings, and the interface of all shapes of seals.
+"""Define strips and rings, and the interface of all shapes of seals.
 
-Both consist of rows of rectangles, one behind the other from the inlet to the outlet, and are periodic along the seal.
-The coordinates of a strip are (x1, x2), those of a ring (ln r, θ), in which Darcy's law has the same form. The
-permeability is constant in each rectangle. `femseal.flow.rectangles` computes the flow.
+Strips and rings consist of rows of rectangles, one behind the other from the inlet to the outlet, and are periodic
+along the seal. The coordinates of a strip are (x1, x2). Those of a ring are (ln r, θ), in which Darcy's law has the
+same form. The permeability is constant in each rectangle. `femseal.flow.rectangles` computes the flow.
 
 A shape is a frozen dataclass that has the members of `Seal`.
 """
@@ -25,26 +25,26 @@ from .mesh_seal import ElementSeal
 
 
 class Seal(Protocol):
-    """Interface of the shapes that `seal_leakage` accepts.
+    """Define the interface of the shapes that `seal_leakage` accepts.
 
     Attributes
     ----------
     value_needs_bounds : bool
         Whether the flow is computed from its two bounds, so that `flow` must be called with `bounds=True`.
     element_shapes : tuple of tuple of int
-        Shapes that an array of the permeability may have, apart from tensors; the first is (n_elements,).
+        Shapes that a permeability may have if it is not a tensor. The first is (n_elements,).
     """
 
     value_needs_bounds: ClassVar[bool]
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes that an array of the permeability may have, apart from tensors."""
+        """Shapes that a permeability may have if it is not a tensor."""
         ...
 
     @property
     def length(self) -> float:
-        """Length along the seal by which leakage is divided [m]."""
+        """Length of the seal [m], by which the leakage is divided to obtain the leakage per length."""
         ...
 
     @property
@@ -62,19 +62,19 @@ class Seal(Protocol):
 
 
 class PeriodicSeal:
-    """Base class of strips and rings. A subclass defines `cells` and `rectangles`."""
+    """Implement what strips and rings have in common. A subclass defines `cells` and `rectangles`."""
 
     cells: Shape
     value_needs_bounds: ClassVar[bool] = False
 
     @property
     def rectangles(self) -> Rectangles:
-        """Rectangles in the coordinates in which Darcy's law has the form of a plane strip."""
+        """Elements as rectangles, in coordinates in which Darcy's law has the same form as on a plane strip."""
         raise NotImplementedError
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes that an array of the permeability may have, apart from tensors."""
+        """Shapes that a permeability may have if it is not a tensor."""
         n1, n2 = self.cells
         return (n1 * n2,), (n1, n2), (n1 * n2, 2), (n1, n2, 2)
 
@@ -93,14 +93,15 @@ class PeriodicSeal:
         Parameters
         ----------
         permeability : float or array
-            Permeability [m³]: a number, a number for each element (n1, n2), or two numbers for each element
-            (n1, n2, 2), along x1 and x2 of a strip or along radius and angle of a ring. With the n = n1 n2 elements in
-            one sequence, row by row, arrays (n,), (n, 2) and tensors (n, 2, 2) are accepted as well.
+            Permeability [m³]: a number; a number for each element (n1, n2); or two numbers for each element (n1, n2,
+            2), along x1 and x2 of a strip or along radius and angle of a ring. If the n = n1 n2 elements are in a
+            single sequence, row by row, the shapes are (n,) and (n, 2), or (n, 2, 2) for tensors.
         bounds : bool
             Whether to compute a `lower` and an `upper` bound, which include the error of the solver.
         solver : str
             "multigrid" or "elimination" (fast solvers for rectangles), "amg" or "direct" (on a scikit-fem mesh), or
-            "auto". Tensors whose principal axes are oblique to the rectangles are always solved on the mesh.
+            "auto". If the principal axes of tensors are oblique to the rectangles, the flow is always solved on the
+            mesh.
 
         Returns
         -------
@@ -116,10 +117,13 @@ class PeriodicSeal:
         """
         check_solver(solver)
         k = self._element_permeability(permeability)
-        is_oblique = k.ndim == 4 and bool(k[..., 0, 1].any())
-        if is_oblique or solver in PLAIN_SOLVERS:
-            return self._flow_on_mesh(k, bounds, solver if solver in PLAIN_SOLVERS else "auto")
-        k1, k2 = (k[..., 0], k[..., 1]) if k.ndim == 3 else (k[..., 0, 0], k[..., 1, 1])
+        are_tensors = k.ndim == 4
+        is_oblique = are_tensors and bool(k[..., 0, 1].any())
+        if solver in PLAIN_SOLVERS:
+            return self._flow_on_mesh(k, bounds, solver)
+        if is_oblique:
+            return self._flow_on_mesh(k, bounds, "auto")
+        k1, k2 = (k[..., 0, 0], k[..., 1, 1]) if are_tensors else (k[..., 0], k[..., 1])
         return self.rectangles.flow(k1, k2, bounds=bounds, solver=solver)
 
     def _element_permeability(self, permeability: Any) -> Array:
@@ -136,8 +140,10 @@ class PeriodicSeal:
         k = checked_permeability("permeability", permeability, *self.element_shapes, tensors)
         if k.shape == tensors:
             return permeability_tensors(k, n1 * n2).reshape(n1, n2, 2, 2)
-        if k.shape in ((), (n1, n2), (n1 * n2,)):
-            k = k.reshape(self.cells if k.ndim else (1, 1))[..., None]
+        if k.shape == ():
+            k = k.reshape(1, 1, 1)
+        elif k.shape in ((n1, n2), (n1 * n2,)):
+            k = k.reshape(n1, n2, 1)
         else:
             k = k.reshape(n1, n2, 2)
         return np.broadcast_to(k, (n1, n2, 2))
@@ -145,12 +151,13 @@ class PeriodicSeal:
     def _flow_on_mesh(self, permeability: Array, bounds: bool, solver: str) -> DarcyFlow:
         """Compute the flow by scikit-fem for a permeability (n1, n2, 2) or (n1, n2, 2, 2).
 
-        A periodic mesh needs `FEWEST_COLUMNS` columns. Fewer columns are repeated, and the flow is that of one period.
+        A periodic mesh needs at least `FEWEST_COLUMNS` columns. A seal with fewer columns is repeated along its length;
+        the flow that is returned is that of the seal without repetitions.
         """
         n2 = self.cells[1]
-        times = -(-FEWEST_COLUMNS // n2)  # rounded up
+        repetitions = -(-FEWEST_COLUMNS // n2)  # rounded up
         strip = self.rectangles
-        repeated = Rectangles(strip.lines, times * strip.period, times * n2)
+        repeated = Rectangles(strip.lines, repetitions * strip.period, repetitions * n2)
         outlines = repeated.outlines
         elements = ElementSeal(
             repeated.mesh,
@@ -159,14 +166,14 @@ class PeriodicSeal:
             outlines=outlines,
             axes=np.broadcast_to(np.eye(2), (len(outlines), 2, 2)),
         )
-        k = np.concatenate([permeability] * times, axis=1)
+        k = np.concatenate([permeability] * repetitions, axis=1)
         flow = elements.flow(k.reshape(-1, *k.shape[2:]), bounds=True, solver=solver)
         vertices = repeated.vertices[:, :n2]
         return replace(
             flow,
-            conductance=flow.conductance / times,
-            lower=flow.lower / times if bounds else np.nan,
-            upper=flow.upper / times if bounds else np.nan,
+            conductance=flow.conductance / repetitions,
+            lower=flow.lower / repetitions if bounds else np.nan,
+            upper=flow.upper / repetitions if bounds else np.nan,
             potential=flow.potential[vertices],
             complement=flow.complement[vertices],
         )
@@ -174,10 +181,10 @@ class PeriodicSeal:
 
 @dataclass(frozen=True)
 class RectangularSeal(PeriodicSeal):
-    """A straight seal with the inlet at x1 = 0 and the outlet at x1 = L1, periodic along x2.
+    """Define a straight seal with the inlet at x1 = 0 and the outlet at x1 = L1, periodic along x2.
 
-    The seal consists of equal rectangles in n1 rows and n2 columns. Each rectangle has its own permeability along x1
-    and along x2. The fluid pressure is given at the corners of the rectangles.
+    The seal consists of equal rectangles in n1 rows and n2 columns. The permeability along x1 and along x2 may differ
+    from rectangle to rectangle. The fluid pressure is given at the corners of the rectangles.
 
     Parameters
     ----------
@@ -228,12 +235,12 @@ class RectangularSeal(PeriodicSeal):
 
 @dataclass(frozen=True)
 class AnnularSeal(PeriodicSeal):
-    """A ring-shaped seal with radial leakage.
+    """Define a ring-shaped seal with radial leakage.
 
-    The ring consists of n_r rows of equal breadth, one behind the other from the inlet to the outlet, with n_θ elements
-    each. Every element has its own permeability along the radius and along the angle. In the coordinates (ln r, θ) the
-    elements are rectangles, so that the flow is exact if the permeability does not vary around the ring. The fluid
-    pressure is given at the corners of the elements.
+    The ring consists of n_r rows of equal breadth, one behind the other from the inlet to the outlet. Each row has n_θ
+    elements. The permeability along the radius and along the angle may differ from element to element. In the
+    coordinates (ln r, θ) the elements are rectangles, so that the flow is exact if the permeability does not vary
+    around the ring. The fluid pressure is given at the corners of the elements.
 
     Parameters
     ----------
@@ -247,7 +254,7 @@ class AnnularSeal(PeriodicSeal):
     Raises
     ------
     InputError
-        The radii are not > 0 or do not increase, or the cells or the inlet are invalid.
+        The inner radius is not > 0 or not smaller than the outer radius, or the cells or the inlet are invalid.
 
     Examples
     --------

@@ -1,8 +1,8 @@
 """Cover a seal of any shape with tiles. Each tile takes the permeability of a cell of the surface.
 
-The permeability of a cell has the principal values k1 across the lay and k2 along it. A strip is periodic along x2. A
-ring is a strip in the coordinates (ln r, θ), in which Darcy's law has the same form. Any other seal is a mesh, whose
-elements share a tile if they are smaller than a cell.
+The permeability of a cell has the principal values k1 across the lay and k2 along the lay. A strip is periodic along
+x2. A ring is treated as a strip in the coordinates (ln r, θ), in which Darcy's law has the same form. Any other seal is
+a mesh; neighbouring elements that are smaller than a cell share a tile.
 """
 
 from dataclasses import dataclass, field, replace
@@ -20,21 +20,21 @@ from .plane import middles, polygon_areas
 
 #: Largest number of tiles between inlet and outlet.
 MOST_ROWS = 1000
-#: A ring must be at least this many cells broad. A warning is given if the tiles at its inner radius are narrower than
-#: this fraction of a cell, and an error below the smaller fraction.
+#: Smallest breadth of a ring, in cells. A warning is given if the width of the tiles at its inner radius is less than
+#: the same fraction of a cell, and an error if it is less than the second fraction.
 _NARROW, _NARROWEST = 0.7, 0.35
-#: An element of a mesh is called much larger than a cell if it has room for this many cells. The leakage then scatters
-#: twice as much as it should.
+#: An element of a mesh counts as much larger than a cell if its area is more than this many times that of a cell. At
+#: this ratio the leakage scatters twice as much as it should.
 _MUCH_LARGER = 4.0
 #: A warning is given if much larger elements cover more than this fraction of the seal.
 _NOTABLE_PART = 0.1
-#: Relative difference up to which two breadths are equal.
+#: Relative difference up to which two breadths count as equal.
 _SAME = 1e-6
 
 
 @dataclass(frozen=True)
 class CellSize:
-    """Size of the cells of a surface, and the wanted size of a seal.
+    """Hold the size of the cells of a surface, and the intended size of the seal.
 
     Attributes
     ----------
@@ -45,8 +45,8 @@ class CellSize:
     length, breadth : float or None
         Length and breadth of the seal [m]; None if they are not known.
     most_tiles : int or None
-        Largest number of tiles. A longer strip or ring that does not vary along the seal is represented by a part of
-        its length. None to cover the whole seal.
+        Largest number of tiles. If a strip or ring that does not vary along its length needs more tiles, only a part of
+        its length is covered. None to cover the whole seal.
     """
 
     size: Pair
@@ -55,34 +55,33 @@ class CellSize:
     breadth: float | None = None
     most_tiles: int | None = None
 
-    def columns(self, rows: int, wanted: int) -> int:
-        """Return the number of columns to simulate for a seal with the wanted number of columns, see `most_tiles`."""
-        return (
-            wanted
-            if self.most_tiles is None
-            else min(wanted, max(FEWEST_COLUMNS, self.most_tiles // rows))
-        )
+    def covered_columns(self, rows: int, columns: int) -> int:
+        """Return how many columns of tiles are covered of a seal with these rows and columns, see `most_tiles`."""
+        if self.most_tiles is None:
+            return columns
+        return min(columns, max(FEWEST_COLUMNS, self.most_tiles // rows))
 
 
 @dataclass(frozen=True, eq=False)
 class SealTiles:
-    """A seal of tiles, each of which takes a random cell of a surface.
+    """Hold a seal that is covered with tiles, each of which takes a random cell of a surface.
 
     Attributes
     ----------
     seal : ElementSeal
         Finite elements of the seal.
     lay : array, (n, 2)
-        Unit vectors along the lay of the elements, in the plane of the seal.
+        Unit vector along the lay in each element, in the plane of the seal.
     tile : array of int, (n,)
-        Number of the tile of each element.
+        Number of the tile to which each element belongs.
     grid : tuple of two int or None
         Numbers of rows (from inlet to outlet) and columns of the tiles of a strip or a ring, which are numbered row by
         row; None for meshes.
     in_order : bool
-        Whether each row of tiles takes cells from the row of the surface at the same distance from the inlet.
+        Whether a row of tiles takes only cells from the row of the surface at the same distance from the inlet.
     tangent : array, (n,), or None
-        Tangent of the angle α between spiral grooves and the circumferential direction; None without a spiral.
+        Tangent of the angle α between the spiral grooves and the circumferential direction in each element; None
+        without a spiral.
     part : float
         Fraction of the length of the seal that the tiles cover.
     warnings : tuple of str
@@ -110,30 +109,34 @@ class SealTiles:
 
     @cached_property
     def unrepeated_elements(self) -> Indices:
-        """Numbers of the elements, without the repeated columns of a short strip."""
+        """Numbers of the elements, without those that `_strip` repeats if a strip is short."""
         if self.grid is None:
             return np.arange(len(self.tile))
-        return np.unique(self.tile, return_index=True)[1]
+        # the first element of each tile
+        _, first_elements = np.unique(self.tile, return_index=True)
+        return first_elements
 
     @property
     def size(self) -> Pair:
-        """Breadth and length of the whole seal, without repeated columns [m]."""
+        """Breadth and length of the whole seal [m], of which the tiles may cover a part."""
         breadth, length = self.seal.size
-        return breadth, length * (self.unrepeated_elements.size / self.tile.size) / self.part
+        unrepeated_fraction = self.unrepeated_elements.size / self.tile.size
+        return breadth, length * unrepeated_fraction / self.part
 
     @property
     def middles(self) -> Array:
         """Centres of the tiles (tiles, 2) [m]."""
         tile = self.tile[self.unrepeated_elements]
         centres = self.outlines[self.unrepeated_elements].mean(axis=1)
-        # a tile of several elements has the mean of their centres
-        return np.stack([np.bincount(tile, x) / np.bincount(tile) for x in centres.T], axis=1)
+        # the centre of a tile of several elements is the mean of their centres
+        element_count = np.bincount(tile)
+        return np.stack([np.bincount(tile, x) / element_count for x in centres.T], axis=1)
 
     def choose_cells(self, cells: Shape, rng: np.random.Generator) -> Indices:
         """Choose a random cell for each tile.
 
-        The columns of tiles are filled one after another, so that a longer seal begins with the same cells as a shorter
-        one.
+        The random numbers are assigned to the tiles column by column, so that a longer seal begins with the same cells
+        as a shorter seal.
 
         Parameters
         ----------
@@ -147,34 +150,34 @@ class SealTiles:
         array of int, (tiles,)
             Number of the cell of each tile. Cells are numbered row by row.
         """
-        m1, m2 = cells
+        cell_rows, cell_columns = cells
         rows, columns = self.grid or (1, self.count)
-        random = rng.random(
-            (columns, rows, 2)
-        )  # (column of tiles, row of tiles, axis of the cells)
-        cell_row = (random[..., 0] * m1).astype(np.int64)
+        # numbers in [0, 1), with the axes (column of tiles, row of tiles, row or column of the cell)
+        random = rng.random((columns, rows, 2))
+        cell_row = (random[..., 0] * cell_rows).astype(np.int64)
         if self.in_order:
             cell_row = np.broadcast_to(np.arange(rows), cell_row.shape)
-        cell_column = (random[..., 1] * m2).astype(np.int64)
-        cell = cell_row * m2 + cell_column
-        return np.ascontiguousarray(cell.T).ravel()
+        cell_column = (random[..., 1] * cell_columns).astype(np.int64)
+        cell = cell_row * cell_columns + cell_column
+        return np.ascontiguousarray(cell.T).ravel()  # row by row, as tiles are numbered
 
     def permeability(self, along_x1: Array, along_x2: Array) -> Array:
         """Compute the permeability of the elements from the permeability of the tiles.
 
-        A spiral groove passes through all tiles of a row, so that the flow along it is governed by their harmonic mean.
-        In the direction of the leakage the permeability is then k₁ cos²α + k₂ sin²α.
+        A spiral groove passes through all tiles of a row. The permeability along the groove, which limits the flow in
+        it, is therefore the harmonic mean of k₂ over the row. In the direction of the leakage the permeability is then
+        k₁ cos²α + k₂ sin²α.
 
         Parameters
         ----------
         along_x1, along_x2 : arrays, (…, tiles)
-            Permeabilities k1 across the lay and k2 along the lay of the tiles [m³].
+            Permeabilities k1 across the lay and k2 along the lay of the tiles [m³]. The lay is x2 of the cells.
 
         Returns
         -------
         array, (…, n, 2)
-            Permeability of the elements across and along the lay [m³]. With a spiral the two directions are the radial
-            and the circumferential one.
+            Permeability of the elements across and along the lay [m³]; with a spiral, along the radial and the
+            circumferential direction.
         """
         across, along = along_x1, along_x2
         if self.tangent is None:
@@ -190,15 +193,16 @@ class SealTiles:
         return np.stack([radial, circumferential], axis=-1)
 
     def element_means(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
-        """Reduce the result to one number for each element, for pictures.
+        """Reduce permeability (n, 2) [m³] and fluid pressure (n_vertices,) [Pa] to a number for each element.
 
-        Returns the geometric mean of the two permeabilities (n,) [m³], and the mean fluid pressure (n,) [Pa].
+        Returns the geometric mean of the two permeabilities (n,) [m³], and the mean fluid pressure at the corners (n,)
+        [Pa].
         """
         at_vertices = fluid_pressure[self.seal.mesh.t]
         return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), at_vertices.mean(axis=0)
 
     def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
-        """Compute the volume rate per width at the centre of each element.
+        """Compute the volume flow rate per unit width at the centre of each element.
 
         Parameters
         ----------
@@ -207,12 +211,13 @@ class SealTiles:
         potential : array, (n_vertices,)
             Potential at the vertices, divided by the density to which volume rates refer [1/s].
         rate : float
-            Leakage of the seal [m³/s]. The flux is scaled to carry it; the unscaled flux would carry the upper bound.
+            Leakage of the seal [m³/s]. The flux is multiplied by a factor so that it carries this leakage. Without the
+            factor it would carry the upper bound of the leakage.
 
         Returns
         -------
         array, (n, 2)
-            Volume rate per width in the plane of the seal [m²/s].
+            Volume flow rate per unit width, as a vector in the plane of the seal [m²/s].
         """
         corners = self.seal.outlines  # (element, corner, 2)
         corner_potential = np.nan_to_num(potential)[self.seal.mesh.t.T]  # (element, corner)
@@ -227,7 +232,7 @@ class SealTiles:
         gradient = np.linalg.solve(steps, differences[..., None])[..., 0]
         axes = _axes(self.lay)
         flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
-        # the dissipation of the flow is its rate times the drop of potential
+        # the flow rate is the dissipation divided by the drop of potential
         dissipation = -float(np.abs(polygon_areas(corners)) @ (flux * gradient).sum(axis=1))
         drop = float(np.ptp(potential[np.isfinite(potential)]))
         return flux * (abs(rate) * drop / dissipation if dissipation > 0 else 0.0)
@@ -238,10 +243,10 @@ class SealTiles:
         return f"{counted(self.count, 'tile')} in {counted(len(self.tile), 'element')}"
 
 
-def harmonic_row_means(across: Array) -> Array:
-    """Return the harmonic mean (…, rows) of permeabilities (…, rows, columns) in each row; 0 if any of them is 0."""
+def harmonic_row_means(permeability: Array) -> Array:
+    """Return the harmonic mean (…, rows) of permeabilities (…, rows, columns) over each row; 0 if any of them is 0."""
     with np.errstate(divide="ignore"):
-        return 1 / np.mean(1 / across, axis=-1)
+        return 1 / np.mean(1 / permeability, axis=-1)
 
 
 def face_tiles(size: Pair, cells: Shape) -> SealTiles:
@@ -253,19 +258,20 @@ def face_tiles(size: Pair, cells: Shape) -> SealTiles:
 def cover_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
     """Cover a strip with tiles.
 
-    If the strip is as broad as the surface and has the same lay, each row of tiles takes cells from the same row of the
-    surface (`SealTiles.in_order`).
+    If the strip and the surface have the same breadth and the same lay, each row of tiles takes only cells from the
+    same row of the surface (`SealTiles.in_order`).
     """
     assert cell_size.length is not None
+    # sides of the tiles across and along the seal
     d1, d2 = _tile_sides(cell_size.size, lay, "x2", "x1")
     surface_breadth = cell_size.rows * cell_size.size[0]
     breadth = surface_breadth if cell_size.breadth is None else cell_size.breadth
     rows = _row_count(breadth, d1, "breadth", breadth)
     all_columns = max(1, round(cell_size.length / d2))
-    columns = cell_size.columns(rows, all_columns)
+    columns = cell_size.covered_columns(rows, all_columns)
     size = breadth, columns * d2
     is_spiral = lay.name == "spiral"
-    # the slight angle of a spiral is in `tangent`; its elements are those of a lay along x2
+    # a spiral deviates little from x2: the elements have a lay along x2, and `tangent` contains the deviation
     element_lay = Lay(name="x2") if is_spiral else lay
     directions = element_lay.directions(middles(size, (rows, columns)))
     tiles = _strip(size, (rows, columns), directions)
@@ -280,10 +286,12 @@ def cover_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
 
 
 def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
-    """Return the side lengths of tiles across and along the seal [m] for cells of the given size along x1 and x2 [m].
+    """Return the side lengths of tiles across and along the seal [m].
 
-    `along` and `across` are the names of the lays along and across the seal, for which tiles have the shape of a cell.
-    For any other lay they are squares with the area of a cell.
+    If the lay is along or across the seal, tiles have the shape of a cell. For any other lay they are squares with the
+    area of a cell.
+
+    size : sides of a cell along x1 and x2 [m]. along, across : names of the lays along and across the seal.
     """
     if lay.name in (along, "spiral"):
         return size
@@ -296,7 +304,9 @@ def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
 def _row_count(breadth: float, side: float, name: str, given: float) -> int:
     """Return the number of tiles between inlet and outlet.
 
-    Raises InputError if there are too many. The message names the length `given` [m] of the parameter `name`.
+    breadth : breadth of the seal [m]. side : side of a tile across the seal [m]. name, given : name of the parameter
+    that determines the breadth, and its value [m], for the message of the InputError that is raised if there are too
+    many tiles.
     """
     rows = max(1, round(breadth / side))
     if rows > MOST_ROWS:
@@ -306,11 +316,13 @@ def _row_count(breadth: float, side: float, name: str, given: float) -> int:
 
 
 def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
-    """Cover a ring between two radii [m] with tiles, in the coordinates (ln r, θ), beginning at the inlet.
+    """Cover a ring between two radii [m] with tiles, beginning at the inlet.
 
-    Raises InputError if the ring is narrower than a cell, or so small that its innermost tiles become very narrow.
+    The mesh of the ring has the coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet. Raises InputError if
+    the ring is narrower than a cell, or so small that its innermost tiles are much narrower than a cell.
     """
     inner, outer = radii
+    # sides of the tiles across and along the seal
     d1, d2 = _tile_sides(cell_size.size, lay, "circumferential", "radial")
     breadth, middle = outer - inner, (inner + outer) / 2
     if breadth < _NARROW * d1:
@@ -319,37 +331,30 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
         raise InputError("outer_radius", given, f"a ring at least as broad as a cell, {sides}")
     rows = _row_count(breadth, d1, "outer_radius", outer)
     all_columns = max(FEWEST_COLUMNS, round(2 * pi * middle / d2))
-    narrow = 2 * pi * inner / (all_columns * d2)  # width of tiles at the inner radius over d2
-    given = f"a ring with {counted(all_columns, 'column')} of tiles, {narrow:.0%} as wide as cells at its inner radius"
-    if narrow < _NARROWEST:
-        expected = f"at least {_NARROWEST:.0%}; a mesh has none of them"
-        raise InputError("inner_radius", given, expected)
-    warnings: tuple[str, ...] = ()
-    if narrow < _NARROW:
-        warnings = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
+    warnings = _check_innermost_tiles(inner, all_columns, d2)
     is_spiral = lay.name == "spiral"
     # a part of the ring can stand for the whole only if the lay does not vary around it
     columns = all_columns
     if is_spiral or lay.name in ("radial", "circumferential"):
-        columns = cell_size.columns(rows, all_columns)
+        columns = cell_size.covered_columns(rows, all_columns)
     part = columns / all_columns
-    sign = 1.0 if inlet == "inner" else -1.0  # direction of the flow along the radius
-    radius = np.linspace(inner, outer, rows + 1)[:: int(sign)]  # from inlet to outlet
-    ring = Rectangles(np.abs(np.log(radius / radius[0])), 2 * pi * part, columns)
+    # 1 if the radius increases in the direction of the flow, −1 if it decreases
+    sign = 1.0 if inlet == "inner" else -1.0
+    row_radii = np.linspace(inner, outer, rows + 1)[
+        :: int(sign)
+    ]  # of the row boundaries, from inlet to outlet
+    inlet_radius = row_radii[0]
+    ring = Rectangles(np.abs(np.log(row_radii / inlet_radius)), 2 * pi * part, columns)
     plain = ring.plain_mesh
-
-    def polar(points: Array) -> tuple[Array, Array]:
-        """Return radius and radial unit vector (2, …) at points (|ln r/r₀|, θ) of shape (2, …)."""
-        outward = np.array([np.cos(points[1]), np.sin(points[1])])
-        return radius[0] * np.exp(sign * points[0]), outward
-
-    vertex_radius, outward = polar(plain.p)
-    outlines = (vertex_radius * outward).T[plain.t.T]
-    centre_radius, outward = polar(plain.p[:, plain.t].mean(axis=1))
-    # the slight angle of a spiral is in `tangent`; its elements are those of a circumferential lay
+    vertex_radius, outward = _radius_and_direction(plain.p, inlet_radius, sign)
+    outlines = (vertex_radius * outward).T[plain.t.T]  # (element, corner, 2)
+    centres = plain.p[:, plain.t].mean(axis=1)
+    centre_radius, outward = _radius_and_direction(centres, inlet_radius, sign)
+    # a spiral deviates little from the circumferential direction: the elements have a circumferential lay, and
+    # `tangent` contains the deviation
     element_lay = Lay(name="circumferential") if is_spiral else lay
     direction = element_lay.directions((centre_radius * outward).T)  # (n, 2) in the plane
-    # components of the lay in the coordinates of the mesh: along the flow and along the angle
+    # components of the lay in the coordinates of the mesh: in the direction of the flow and of the angle
     around = np.array([-outward[1], outward[0]])
     local_axes = np.stack([sign * outward, around]).transpose(2, 0, 1)  # (element, axis, 2)
     lay_in_mesh = np.einsum("nab,nb->na", local_axes, direction)
@@ -373,6 +378,33 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
         part=part,
         warnings=warnings,
     )
+
+
+def _check_innermost_tiles(inner: float, columns: int, side: float) -> tuple[str, ...]:
+    """Warn if the tiles at the inner radius [m] are narrow; raise InputError if they are very narrow.
+
+    columns : number of tiles around the ring. side : side of a tile along the seal at the mean radius [m].
+    """
+    relative_width = 2 * pi * inner / (columns * side)
+    count = counted(columns, "column")
+    given = (
+        f"a ring with {count} of tiles, {relative_width:.0%} as wide as cells at its inner radius"
+    )
+    if relative_width < _NARROWEST:
+        expected = f"at least {_NARROWEST:.0%}; a mesh has none of them"
+        raise InputError("inner_radius", given, expected)
+    if relative_width < _NARROW:
+        return (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
+    return ()
+
+
+def _radius_and_direction(points: Array, inlet_radius: float, sign: float) -> tuple[Array, Array]:
+    """Return the radius (n,) [m] and the radial unit vector (2, n) at points (2, n) of the mesh of a ring.
+
+    The coordinates of the points are (|ln r/r₀|, θ). sign : 1 if the inlet is the inner radius, −1 if the outer.
+    """
+    outward = np.array([np.cos(points[1]), np.sin(points[1])])
+    return inlet_radius * np.exp(sign * points[0]), outward
 
 
 def cover_mesh(
@@ -401,7 +433,7 @@ def cover_mesh(
     seal_length = length or mesh_seal.length
     mean_breadth = mesh_seal.area / seal_length
     seal = ElementSeal(mesh, *ends, (mean_breadth, seal_length), outlines, _axes(direction))
-    # elements whose centres fall into the same square, as large as a cell, share a tile
+    # elements whose centres lie in the same square of a grid share a tile; a square has the area of a cell
     side = (cell_size.size[0] * cell_size.size[1]) ** 0.5
     _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
     warnings = (
@@ -415,8 +447,8 @@ def cover_mesh(
 def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, ...]:
     """Warn if elements are much larger than cells, because each element takes the permeability of a single cell.
 
-    The scatter of the leakage is inversely proportional to the square root of the number of independent tiles.
-    Elements with room for N cells therefore increase the scatter √N times.
+    The scatter of the leakage is inversely proportional to the square root of the number of independent tiles. If the
+    elements are N times as large as a cell, the scatter is therefore √N times as large as it should be.
 
     Parameters
     ----------
@@ -444,21 +476,25 @@ def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, .
 
 
 def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
-    """Make tiles of a periodic strip of the given size [m], with the lay (tiles, 2) of each tile.
+    """Make a periodic strip of rectangular tiles.
 
-    A periodic mesh needs `FEWEST_COLUMNS` columns; fewer columns are repeated. Repeated elements share a tile.
+    A periodic mesh needs at least `FEWEST_COLUMNS` columns. A strip with fewer columns is repeated along its length,
+    and the repeated elements belong to the same tiles.
+
+    size : breadth and length [m]. cells : numbers of rows and columns of tiles. lay : unit vector along the lay in each
+    tile, (tiles, 2).
     """
-    times = -(-FEWEST_COLUMNS // cells[1])  # rounded up
-    n1, n2 = cells[0], times * cells[1]
-    repeated_size = size[0], times * size[1]
+    repetitions = -(-FEWEST_COLUMNS // cells[1])  # rounded up
+    n1, n2 = cells[0], repetitions * cells[1]
+    repeated_size = size[0], repetitions * size[1]
     strip = Rectangles(np.linspace(0.0, size[0], n1 + 1), repeated_size[1], n2)
-    tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, times)).ravel()
+    tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, repetitions)).ravel()
     axes = _axes(lay[tile])
     seal = ElementSeal(strip.mesh, *strip.ends, repeated_size, strip.outlines, axes, strip)
     return SealTiles(seal, lay[tile], tile, cells)
 
 
 def _axes(lay: Array) -> Array:
-    """Return unit vectors across and along the lay (n, axis, 2), from unit vectors along the lay (n, 2)."""
+    """Return unit vectors across and along the lay, (n, axis, 2), for unit vectors along the lay (n, 2)."""
     across = np.stack([lay[:, 1], -lay[:, 0]], axis=1)
     return np.stack([across, lay], axis=1)
