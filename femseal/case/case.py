@@ -24,7 +24,7 @@ from ..scene.choices import FLUID_EFFECTS
 from ..seal.layouts import Layout, MeshLayout, parse_lay
 from .completion import complete, least_detrend
 from .faces import Face, FileFace, SurfaceTable
-from .faults import inside, unusable
+from .faults import errors_in_table, invalid_value
 from .load import LoadTable
 from .output_table import OutputTable
 from .quantity_types import (
@@ -69,11 +69,11 @@ class FlowTable(Table):
 
 
 class CellsTable(Table):
-    """How a measured surface is cut into cells, for all methods but the deterministic."""
+    """How a measured surface is cut into cells, for all methods except the deterministic one."""
 
     count: tuple[Count, Count] | None = key(
-        "number of cells along x1 and x2; unless given, as the realisations need, for two scales "
-        "eight shortest waves per side, for blocks a quarter of a block, at most 256 points",
+        "number of cells along x1 and x2; unless given, as many as the realisations need; for two "
+        "scales, cells of eight shortest waves; for blocks, of a quarter of a block, at most 256 points",
         None,
         example=[4, 8],
     )
@@ -84,7 +84,7 @@ class CellsTable(Table):
     @model_validator(mode="after")
     def _check_keys(self) -> CellsTable:
         if self.count is not None and self.size is not None:
-            raise unusable("one of `count` and `size`")
+            raise invalid_value("one of `count` and `size`")
         return self
 
 
@@ -108,7 +108,7 @@ class StochasticTable(Table):
     def _check_quantiles(self) -> StochasticTable:
         lower, upper = self.quantiles
         if lower >= upper:
-            raise unusable("two rising `quantiles`")
+            raise invalid_value("two rising `quantiles`")
         return self
 
 
@@ -210,16 +210,17 @@ class Case(Table):
             raise InputError("load", to_text(self.load.highest, "Pa"), expected)
 
     def _check_pressures(self, table_key: str, table: FluidTable) -> None:
-        """Raise an InputError if the inlet pressure of a fluid is not above the outlet pressure, or is out of range.
+        """Raise an InputError if the inlet pressure of a fluid is not above the outlet pressure.
 
-        A fluid has a range of pressures in which its properties are defined.
+        The same error is raised if the inlet pressure is outside the range in which the properties of the fluid are
+        defined.
         """
         if not table.inlet_pressure > table.outlet_pressure:
             outlet = to_text(table.outlet_pressure, "Pa")
             expected = f"a pressure above that of the outlet, {outlet}"
             given = to_text(table.inlet_pressure, "Pa")
             raise InputError(f"{table_key}.inlet_pressure", given, expected)
-        with inside(table_key):
+        with errors_in_table(table_key):
             potential_of(table.fluid, "inlet_pressure", table.inlet_pressure)
 
     def _check_output(self) -> None:
@@ -236,7 +237,7 @@ class Case(Table):
             kind = "gas" if service_basis.is_gas else "liquid"
             given = f"{unit.name} for a {kind}"
             raise InputError("output.leakage_unit", given, service_basis.lacks(unit))
-        with inside("output"):
+        with errors_in_table("output"):
             check_classes(output.classes, output.nominal_diameter, test_basis)
 
     def _check_faces(self) -> None:
@@ -244,10 +245,10 @@ class Case(Table):
         first = self.face[0]
         if isinstance(first, FileFace) and first.placement:
             given = ", ".join(sorted(first.placement))
-            raise InputError("face.0", given, "it in the table of the second face")
+            raise InputError("face.0", given, "these keys in the table of the second face only")
 
     def _check_seal(self) -> None:
-        """Raise an InputError if the seal shape is not possible with the method, or with a length in [stochastic]."""
+        """Raise an InputError if the method or a length in [stochastic] does not suit the shape of the seal."""
         layout = self.layout
         if layout.has_length:
             return
@@ -285,7 +286,7 @@ class Case(Table):
             raise InputError("seal.kind", given, "a strip or a ring")
 
     def _check_map_and_form(self) -> None:
-        """Raise an InputError if the case has a pressure map or a form, and they exclude its methods or each other."""
+        """Raise an InputError if a pressure map or a form excludes a method of the case, or each other."""
         if self.load.map is not None:
             why = "the other methods have one nominal pressure"
             self._check_stochastic_alone("load.map", "a map", why)
@@ -297,13 +298,13 @@ class Case(Table):
                 raise InputError("load.map", "a map with seal.form", expected)
 
     def _check_stochastic_alone(self, name: str, given: str, why: str) -> None:
-        """Raise an InputError if the case has a method besides stochastic, for which a key has no meaning.
+        """Raise an InputError if a key that only the stochastic method can use is combined with another method.
 
         Parameters
         ----------
-        name : key in the case.
-        given : short description of its value for the message.
-        why : reason why the other methods cannot use the key.
+        name : name of the key.
+        given : short description of its value, for the message.
+        why : reason why the other methods cannot use the key, for the message.
         """
         others = self.methods - {"stochastic"}
         if others:
@@ -357,21 +358,21 @@ class Case(Table):
 
     @property
     def solids(self) -> tuple[Solid, Solid | None]:
-        """Solids below their coatings: that with the rough surface, and that of the counter-face or None (rigid)."""
+        """Solids without their coatings: that with the rough surface, and that of the counter-face or None if rigid."""
         counter = self.counter_material
         return self.material.solid, None if counter is None else counter.solid
 
     @property
     def bodies(self) -> tuple[Solid | Coated, Solid | Coated | None]:
-        """The two bodies with their coatings; None is rigid."""
+        """The two bodies, which are solids with their coatings; the second is None if the counter-face is rigid."""
         counter = self.counter_material
         return self.material.body, None if counter is None else counter.body
 
     @property
     def law(self) -> ContactLaw:
-        """Contact law of the softer solid; elastic if none of them yields.
+        """Contact law of the softer solid; elastic if neither solid yields.
 
-        If the hardness curves of the two solids cross, the lower one counts at each depth.
+        If the hardness curves of the two solids cross, the lower hardness counts at each depth.
         """
         counter = self.counter_material
         return softer_of(self.material.law, None if counter is None else counter.law)
@@ -391,7 +392,7 @@ class Case(Table):
 
     @property
     def modulus(self) -> float | Bodies:
-        """Contact modulus [Pa], or the two bodies where one of them is coated."""
+        """Contact modulus [Pa]; if one of the bodies is coated, the two bodies instead."""
         return checked_modulus(self.bodies)
 
     def echo(self) -> dict[str, Any]:

@@ -22,13 +22,13 @@ from ..fluids import FLUIDS
 from ..materials import HARDNESS_FACTOR, named_solid
 from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
 from ..seal.seal_files import columns_of, read_columns
-from .faults import inside
+from .faults import errors_in_table
 from .quantity_types import Amount, in_si, value_of
 
 #: Table of a case before validation: texts and numbers by key.
 RawTable = dict[str, Any]
 
-#: Tables that this module completes, or whose keys it needs.
+#: Tables that this module completes, or from which it needs keys.
 _TABLES = (
     "surface",
     "material",
@@ -41,7 +41,7 @@ _TABLES = (
 )
 #: Former keys of [face] and their present names. They are read until the next version.
 _RENAMED_FACE_KEYS = {"places": "patches"}
-#: A property may differ from that of the named fluid or solid by this factor without a warning.
+#: Largest factor by which a property may differ from that of the named fluid or solid without a warning.
 _ODD_RATIO = 2.0
 #: Units of the properties of a named solid.
 _SOLID_UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
@@ -55,11 +55,11 @@ HARDNESS_COLUMNS = (
 def complete(data: RawTable) -> RawTable:
     """Return the tables of a case, completed as described at the top of this module.
 
-    The entry `named_warnings` of the returned data has warnings of renamed keys, and of properties that differ much
-    from those of a named fluid or solid.
+    The entry `named_warnings` of the returned data contains warnings about renamed keys, and about properties that
+    differ much from those of a named fluid or solid.
     """
-    # Where a table is expected but another value is given, an empty table is completed instead. The value is put back
-    # at the end, so that the validation reports it.
+    # If another value is given where a table is expected, an empty table is completed in its place. At the end the
+    # value is put back, so that the validation reports it.
     no_tables = {name: data[name] for name in _TABLES if not isinstance(data.get(name, {}), dict)}
     data = data | {name: {} for name in no_tables}
     warnings: list[str] = []
@@ -77,7 +77,7 @@ def complete(data: RawTable) -> RawTable:
 
 
 def as_tables(value: Any) -> Any:
-    """Return a list of tables, also if a single table is given.
+    """Return a list of tables, even if a single table is given.
 
     A table that names files by `path` or `patches` gets the kind "file" unless it has another kind.
     """
@@ -97,9 +97,9 @@ def _names_files(table: Any) -> bool:
 def _with_tables_for_methods(data: RawTable) -> RawTable:
     """Add the method if it is missing, and the table [stochastic] if one of the methods needs it.
 
-    The default method is "stochastic". It is "deterministic" if the case asks for an accuracy and describes a face
-    only: it has no table [stochastic], and its seal is a strip, whose length that table would give. The method "auto"
-    of earlier versions is "deterministic".
+    The default method is "stochastic". If the case asks for an accuracy but does not describe a whole seal, the default
+    is "deterministic". This is the case if there is no table [stochastic] and the seal is a strip, because the length
+    of a strip would be in this table. The method "auto" of earlier versions is replaced by "deterministic".
     """
     is_strip = data.get("seal", {}).get("kind", "rectangular") == "rectangular"
     has_accuracy = data.get("accuracy") is not None
@@ -140,10 +140,10 @@ def _with_present_keys(face: Any, warnings: list[str]) -> Any:
 
 
 def least_detrend(kind: object) -> int:
-    """Return the lowest order of the form that must be removed from a measured surface on a seat of the given kind.
+    """Return the lowest order of the form that must be removed from a measured surface for a seat of the given kind.
 
-    The order is 0 for the mean, 1 for the tilt and 2 for the curvature, as in `surface.detrend`. The form of the seat
-    would count twice if it remained in the measured surface.
+    The order is 0 for the mean, 1 for the tilt and 2 for the curvature, as in `surface.detrend`. If the form of the
+    seat remained in the measured surface, it would count twice.
     """
     return {"flat": 0, "tilted": 1}.get(str(kind), 2)
 
@@ -166,8 +166,9 @@ def _with_detrending(data: RawTable) -> RawTable:
 def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
     """Convert the pressures of the fluid and the test fluid to absolute ones, and add the properties of named fluids.
 
-    Gauge pressures are relative to `ambient_pressure` in [fluid], or in the table of the test fluid if it has this key.
-    If a table has gauge pressures or an ambient pressure, the default pressure at its outlet is the ambient pressure.
+    Gauge pressures are relative to `ambient_pressure` in [fluid]. For the test fluid, an `ambient_pressure` in its own
+    table replaces that in [fluid]. If a table has gauge pressures or an ambient pressure, its default outlet pressure
+    is the ambient pressure.
     """
     data = dict(data)
     fluid = data.get("fluid")
@@ -207,10 +208,13 @@ def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | N
     return {**defaults, **fluid, **absolute}
 
 
-def _absolute(value: Any, ambient: float | None, table_key: str) -> Any:
-    """Convert a pressure that is marked as gauge or absolute to an absolute one [Pa]; return other values unchanged."""
+def _absolute(value: Any, ambient: float | None, key: str) -> Any:
+    """Convert a text such as "99 bar(g)" or "100 bar(a)" to an absolute pressure; return other values unchanged.
+
+    ambient : ambient pressure [Pa], None for the standard pressure. key : key in the case, for messages.
+    """
     reference = STANDARD_PRESSURE if ambient is None else ambient
-    pressure = absolute_pressure(value, reference, table_key)
+    pressure = absolute_pressure(value, reference, key)
     return value if pressure is None else Amount(pressure, "Pa")
 
 
@@ -229,7 +233,7 @@ def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> Raw
     temperature = _temperature(fluid, table_key)
     outlet = value_of(fluid, "outlet_pressure", "Pa", STANDARD_PRESSURE)
     inlet = value_of(fluid, "inlet_pressure", "Pa", outlet)
-    with inside(table_key):
+    with errors_in_table(table_key):
         if fluid.get("kind") == RealGas.kind:
             RealGas(fluid["name"], temperature)  # raises an error for an unknown name
             return fluid
@@ -254,7 +258,7 @@ def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> Raw
 
 
 def _units_of(kind: str) -> dict[str, str]:
-    """Return the unit of each parameter of a kind of fluid that is a quantity."""
+    """Return the units of those parameters of a kind of fluid that are quantities, by their names."""
     parameters = fields(FLUIDS[kind])
     return {field.name: field.metadata["unit"] for field in parameters if "unit" in field.metadata}
 
@@ -278,7 +282,8 @@ def _with_dynamic_viscosity(
     ----------
     fluid : table of the fluid.
     table_key : key of the table in the case.
-    named_density : density to use if the table has none, that of the named fluid [kg/m³]; None if it has no name.
+    named_density : density of the named fluid [kg/m³], which is used if the table has no density; None for a fluid
+        without a name.
 
     Raises
     ------
@@ -309,7 +314,7 @@ def _with_dynamic_viscosity(
 def _temperature(fluid: RawTable, table_key: str) -> float:
     """Return the temperature of a named fluid [K], by default 20 °C.
 
-    It is checked here because the table of a liquid has no such key, so that the validation would not check it.
+    The temperature is checked here, because the validation does not check it: the table of a liquid has no such key.
     """
     if "temperature" not in fluid:
         return TABLE_TEMPERATURE
@@ -372,7 +377,7 @@ def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: lis
         table["hardness_table"] = _hardness_rows(folder / path, f"{table_key}.hardness_table")
     if "name" not in table:
         return table
-    with inside(table_key):
+    with errors_in_table(table_key):
         named = named_solid(table["name"])
     assert named.yield_stress is not None
     values = {
@@ -399,7 +404,7 @@ def _hardness_rows(path: Path, key: str) -> list[list[str]]:
 
     Returns
     -------
-    Depth and hardness of each row, as texts with units.
+    Rows of depth and hardness, as texts with units.
 
     Raises
     ------
@@ -411,7 +416,8 @@ def _hardness_rows(path: Path, key: str) -> list[list[str]]:
     try:
         matches = [_COLUMN.match(heading) for heading in columns_of(path)]
         by_name = {match[1]: match for match in matches if match}
-        columns = by_name["depth"], by_name["hardness"]  # of each: [0] heading, [1] name, [2] unit
+        # each column is a match of its heading, with the groups [1] name and [2] unit; [0] is the whole heading
+        columns = by_name["depth"], by_name["hardness"]
         numbers = read_columns(path, tuple(column[0] for column in columns))
     except (InputError, KeyError):
         raise InputError(key, name, HARDNESS_COLUMNS) from None

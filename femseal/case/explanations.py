@@ -1,4 +1,4 @@
-"""Translate errors of the validation by pydantic to errors that name the keys of the case file.
+"""Translate the errors of pydantic's validation to errors that name the keys of the case file.
 
 pydantic locates an error by a path of fields, positions in lists, and kinds of tables, such as
 ("face", 0, "turned", "pitch"). The key in the file is "face.pitch", or "face.0.pitch" if there are two faces.
@@ -25,7 +25,7 @@ _LONGEST_KEY, _LONGEST_EXPLANATION = 40, 300
 
 
 def explain(error: ValidationError, data: dict[str, Any]) -> list[InputError]:
-    """Return an InputError for each error of a validation, without repetition.
+    """Return an InputError for each error of a validation, without repetitions.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def explain(error: ValidationError, data: dict[str, Any]) -> list[InputError]:
     """
     by_message: dict[str, InputError] = {}
     for details in error.errors():
-        # pydantic reports a list with an invalid item a second time, as too short
+        # if an item of a list is invalid, pydantic also reports that the list is too short
         if details["type"] == "too_short" and details["input"]:
             continue
         explained = _explain(dict(details), data)
@@ -78,7 +78,7 @@ def _explain_input_error(key: str, value: Any, cause: InputError) -> InputError:
     cause : error of the validator.
     """
     if cause.what:
-        # such an error can come from any function of the package, and its explanation can be long
+        # such an error may have been raised by any function of the package, and may have a long explanation
         return InputError(key, cause.given, shortened(cause.expected, _LONGEST_EXPLANATION))
     given = cause.given
     if isinstance(given, str) and not given:
@@ -102,9 +102,9 @@ def _explain_missing(path: list[str], table: type[Table]) -> InputError:
 
 
 def _known_keys(path: list[str], table: type[Table]) -> str:
-    """List the keys of a table, and guess which key the user meant by an unknown one.
+    """List the keys of a table, and suggest which key the user may have meant by an unknown key.
 
-    It may be a key of another kind of the same table, a key of another table, or a misspelt key.
+    The suggestion is a key of another kind of the same table, a key of another table, or a key with a similar name.
     """
     name = path[-1]
     known = list(keys_of(table))
@@ -133,8 +133,8 @@ def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
 
     Returns
     -------
-    Parts of the dotted key, without the kinds of tables; and the table that contains the key, or if the value of the
-    key is a table, all kinds of this table.
+    The parts of the dotted key, without the kinds of tables; and the class of the table that contains the key. If the
+    value of the key is a table itself, the classes for all its kinds are returned instead.
     """
     path: list[str] = []
     tables: list[type[Table]] = [Case]
@@ -152,10 +152,10 @@ def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
 
 
 def _as_in_file(path: list[str], data: Any) -> list[str]:
-    """Remove positions in lists that the file does not contain.
+    """Remove positions in lists that are not in the file.
 
-    Where one or several tables are possible, such as [face], pydantic always gives a position. It is removed if the
-    file has a single table.
+    If a key can be one or several tables, such as [face], pydantic always states the position of the table in a list.
+    The position is removed if the file has a single table.
     """
     result = []
     value = data

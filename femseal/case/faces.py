@@ -24,7 +24,7 @@ from ..topography import (
     self_affine,
     turned,
 )
-from .faults import unusable
+from .faults import invalid_value
 from .quantity_types import (
     Angle,
     Channel,
@@ -42,7 +42,8 @@ from .quantity_types import (
 )
 from .table_types import Table, key
 
-#: Lengths with their usual ranges: side of a surface, size of a pixel, wavelength, and height of roughness or texture.
+#: Types of lengths that differ in their usual range: side of a surface, size of a pixel, wavelength, height of
+#: roughness.
 Side = Annotated[Length, UsualRange(1e-7, 1.0, "m")]
 Pixel = Annotated[Length, UsualRange(1e-10, 1e-3, "m")]
 Wave = Annotated[Length, UsualRange(1e-9, 0.1, "m")]
@@ -50,7 +51,7 @@ Relief = Annotated[Length, UsualRange(1e-10, 1e-3, "m")]
 
 
 class FaceMap(NamedTuple):
-    """Map of heights, with the resolution of its instrument and notes on how its file was interpreted."""
+    """Hold a map of heights, the limits of its instrument, and notes on how its file was understood."""
 
     topography: Topography
     instrument: Instrument
@@ -87,7 +88,7 @@ class GeneratedFace(Table):
         return [self]
 
     def make(self, folder: Path, rng: np.random.Generator) -> FaceMap:
-        """Generate the surface. Its shortest wave is stored like the resolution limit of an instrument."""
+        """Generate the surface. Its shortest wave is stored as `Instrument.generated_wave`."""
         parameters = self.model_dump(exclude={"kind", "points", "size", "ra", "rz"})
         heights = type(self).make_heights(self.points, self.size, rng=rng, **parameters)
         shortest_wave = self.cut_off or resolved_wave(self.size, self.points)
@@ -113,7 +114,7 @@ class TurnedFace(GeneratedFace):
     pitch: Wave = key("feed per turn", start="60 um")
     depth: Relief = key("height of the ridges", start="2.5 um")
     nose_radius: Wave | None = key(
-        "nose radius of the tool; what its grooves leave between them remains flat",
+        "nose radius of the tool; between grooves that do not meet, the surface stays flat",
         None,
         example="0.4 mm",
     )
@@ -129,13 +130,13 @@ class TurnedFace(GeneratedFace):
 
 
 def _check_crop(value: Any) -> Any:
-    """Return the value of the key `crop`; raise an InputError unless it is a flat list of four values."""
+    """Check that the value of the key `crop` is a flat list of four values, and return it."""
     if value is None:
         return value
     is_list = isinstance(value, (list, tuple))
     if is_list and len(value) == 4 and not any(isinstance(end, (list, tuple)) for end in value):
         return value
-    raise unusable(
+    raise invalid_value(
         "four lengths in one list, x1 from and to, x2 from and to: "
         "['0.1 mm', '0.9 mm', '0 mm', '0.5 mm']"
     )
@@ -220,8 +221,8 @@ PatchTables = Annotated[
 class FileFace(MapFile):
     """A measured surface: one map, or several `patches`.
 
-    Keys of the table apply to every patch that does not give them itself. `mirror`, `rotate` and `shift` position the
-    second of two faces on the first, see `topography.combined`.
+    A key of the table applies to all patches, except to those whose own table has this key. `mirror`, `rotate` and
+    `shift` position the second of two faces on the first, see `topography.combined`.
     """
 
     kind: Literal["file"]
@@ -284,7 +285,7 @@ class FileFace(MapFile):
         return maps
 
     def _patch(self, patch: MapFile, path: Path) -> FileFace:
-        """Return the table of a patch, which takes the keys of the face unless the patch has other values."""
+        """Return the table of a patch: the keys of the face, replaced by those of the patch if it has them."""
         keys = {name: getattr(patch, name) for name in patch.model_fields_set}
         return self.model_copy(update={**keys, "patches": None, "path": path})
 
@@ -311,7 +312,7 @@ class FileFace(MapFile):
 
 
 def _paths_of(patch: MapFile, folder: Path) -> list[Path]:
-    """Return the path of a patch, or all paths that match its pattern."""
+    """Return the path of a patch; if the path is a pattern, return all paths that match it."""
     if patch.path is None:
         raise InputError("face.patches", "a patch without path", "a path in every patch")
     pattern = str(patch.path)

@@ -1,8 +1,8 @@
-"""Raise errors in validators of a case, such that the key of each error can be found.
+"""Raise errors in validators of a case in such a way that the key of each error can be determined.
 
-Validators raise an `InputError`, and pydantic records for which table or key. The error of a table names a key in this
-table: `InputError("inlet_pressure", …)`, raised while [fluid] is validated, concerns the key `fluid.inlet_pressure`.
-The error of a single value has an empty name; it concerns the key with this value.
+Validators raise an `InputError`, and pydantic records which table or key was validated. If the error concerns a table,
+its name is a key in this table: `InputError("inlet_pressure", …)`, raised while [fluid] is validated, concerns the key
+`fluid.inlet_pressure`. If the error concerns a single value, its name is empty.
 """
 
 from collections.abc import Iterator
@@ -33,28 +33,28 @@ EXPECTED_TYPES = {
 }
 
 
-def unusable(expected: str) -> InputError:
-    """Return an error about a single value or a whole table; pydantic knows its key."""
+def invalid_value(expected: str) -> InputError:
+    """Return an error about the value or the table that is validated, whose key pydantic records."""
     return InputError("", "", expected)
 
 
 @contextmanager
-def of_value(expected: str = "") -> Iterator[None]:
-    """Convert an InputError of the code inside to an error about a single value.
+def as_value_error(expected: str = "") -> Iterator[None]:
+    """Convert an InputError that is raised within this context to an error about the value that is validated.
 
     Parameters
     ----------
-    expected : description of the expected value; by default that of the error.
+    expected : description of the expected value; by default the description in the error.
     """
     try:
         yield
     except InputError as error:
-        raise unusable(expected or error.expected) from None
+        raise invalid_value(expected or error.expected) from None
 
 
 @contextmanager
-def inside(table: str) -> Iterator[None]:
-    """Prepend the key of a table to the key that an InputError of the code inside names."""
+def errors_in_table(table: str) -> Iterator[None]:
+    """Prepend the key of a table to the key in an InputError that is raised within this context."""
     try:
         yield
     except InputError as error:

@@ -13,14 +13,14 @@ _UNQUOTED = re.compile(r"\s*([\w.-]+)\s*=\s*([-+]?[\d.][^\"'#\[\]{}]*?)\s*(?:#.*
 
 
 def with_line_numbers(error: InputError, text: str) -> InputErrors:
-    """Add a line number to each error of a case: that of its key in the text of the file, or that of its table."""
+    """Add to each error of a case the number of the line in which the file has its key or, without it, its table."""
     line_of_key = dict(_lines_of_keys(text))
     errors = error.faults if isinstance(error, InputErrors) else (error,)
     return InputErrors([_with_line_number(fault, line_of_key) for fault in errors])
 
 
 def _with_line_number(error: InputError, line_of_key: dict[str, int]) -> InputError:
-    """Add the line number of its key to an error, or that of the innermost table around a key without a line."""
+    """Add the number of the line of its key to an error, or without such a line, that of the innermost table."""
     key = error.what
     while key not in line_of_key:
         key, dot, _name = key.rpartition(".")
@@ -32,8 +32,8 @@ def _with_line_number(error: InputError, line_of_key: dict[str, int]) -> InputEr
 def _lines_of_keys(text: str) -> Iterator[tuple[str, int]]:
     """Yield the dotted names of all keys and tables of a TOML file with their line numbers.
 
-    Tables in double brackets are numbered: the first table [[face]] is "face.0", the next one is "face.1". Keys of an
-    inline table in braces are not found; their errors get the line of this table.
+    Tables in double brackets are numbered: the first table [[face]] is "face.0", the next one is "face.1". Keys inside
+    an inline table (in braces) are not included; their errors get the line of the inline table.
     """
     table = ""
     counts = Counter[str]()
@@ -52,7 +52,7 @@ def _lines_of_keys(text: str) -> Iterator[tuple[str, int]]:
 
 
 def likely_meaning(text: str, message: str) -> str:
-    """Suggest a correction of the line in which tomllib found an error; return "" if none is likely.
+    """Suggest a correction of the line in which tomllib found an error; return "" if there is no likely correction.
 
     Usual faults are missing quotes around a number with its unit, a decimal comma, and a number such as ".5".
 

@@ -23,7 +23,7 @@ from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
 from ..scene.choices import NOMINALS
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, Profile, Uniform
 from ..seal.seal_files import read_pressure_field
-from .faults import unusable
+from .faults import invalid_value
 from .quantity_types import (
     Amount,
     Angle,
@@ -46,7 +46,7 @@ _EXPECTED_LOAD = (
 
 
 def _read_load(value: Any) -> Amount:
-    """Read a pressure, a force or a force per length, which differ by their units."""
+    """Read a load, which is a pressure, a force or a force per length depending on its unit."""
     if isinstance(value, Amount):
         return value
     unit = _unit_of_load(value)
@@ -57,7 +57,7 @@ def _read_load(value: Any) -> Amount:
 
 
 def _unit_of_load(value: Any) -> str | None:
-    """Return the SI unit of a load that is given as text, None if the value is not a load."""
+    """Return the SI unit of a load that is given as text, None if the text is not a load."""
     for unit in LOAD_UNITS:
         if value_of({"load": value}, "load", unit) is not None:
             return unit
@@ -67,14 +67,15 @@ def _unit_of_load(value: Any) -> str | None:
 def _unusable_load(value: Any) -> InputError:
     """Return the error for a value that is not a load.
 
-    If reading the value as a pressure gives a more specific error, for example about a decimal comma, it is returned.
+    If the value cannot be read as a pressure for a more specific reason, such as a decimal comma, that error is
+    returned.
     """
     try:
         Quantity("Pa", lambda load: True, _EXPECTED_LOAD).read(value)
     except InputError as error:
         if not error.expected.startswith("text with a number and a unit"):
             return error
-    return unusable(_EXPECTED_LOAD)
+    return invalid_value(_EXPECTED_LOAD)
 
 
 def _write_load(load: Amount) -> float | str:
@@ -204,25 +205,25 @@ class LoadTable(Table):
         loads = [*self.loading, *self.unload_from, *self.unloading, *self._map_loads]
         units = dict.fromkeys(_unit_in(load) for load in loads)
         if len(units) > 1:
-            raise unusable(f"loads of one kind, not {' and '.join(units)}")
+            raise invalid_value(f"loads of one kind, not {' and '.join(units)}")
         return self
 
     @model_validator(mode="after")
     def _check_maps(self) -> LoadTable:
-        """Raise an InputError unless there is one map, or several at rising loads."""
+        """Raise an InputError unless there is a single map, or several maps at increasing loads."""
         if self.map is None or len(self.map) == 1:
             return self
         loads = self._map_loads
         is_rising = loads == sorted(set(loads))
         if not self.map or len(loads) < len(self.map) or not is_rising:
-            raise unusable(
+            raise invalid_value(
                 "one table `map`, or several that all have `at`, and whose `at` rise from one to the next"
             )
         return self
 
     @model_validator(mode="after")
     def _check_programme(self) -> LoadTable:
-        """Raise an InputError if the load cycle has too many steps, or if its loads are not in a possible order."""
+        """Raise an InputError if the load cycle has too many steps, or if the order of its loads is impossible."""
         if self.steps > _MOST_STEPS:
             raise InputError("", f"{self.steps} steps", f"at most {_MOST_STEPS} steps")
         LoadProgramme.of(**self.pressures(1.0, 1.0), unit=self.unit)
@@ -250,15 +251,15 @@ class LoadTable(Table):
 
     @property
     def steps(self) -> int:
-        """Largest possible number of load steps."""
-        steps_per_peak = 1 + len(self.unloading)
+        """Upper bound of the number of load steps."""
+        steps_per_peak = 1 + len(self.unloading)  # the peak itself, and the loads on the way down
         if self.relaxation:
             steps_per_peak += len(self.peaks)
         return len(self.loading) + len(self.peaks) * steps_per_peak
 
     @property
     def _map_loads(self) -> list[float]:
-        """Loads of the pressure maps that have one."""
+        """Loads at which the pressure maps apply, without maps that have no load."""
         return [table.at for table in self.map or () if table.at is not None]
 
     def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:
@@ -296,7 +297,7 @@ class LoadTable(Table):
         return MapsAtLoads(pressures, maps)
 
     def _pressure(self, load: float, area: float, length: float) -> float:
-        """Convert a load of the case to a nominal pressure [Pa]."""
+        """Convert a load, whose unit is `unit`, to a nominal pressure [Pa]."""
         return nominal_pressure(float(load), self.unit, area=area, length=length)
 
 

@@ -11,24 +11,24 @@ from ..base.leak_rates import BUBBLE, DROP, KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..budget.error_parts import MODEL_PARTS
 from ..results.file_options import FIELDS_LIMIT, FORMATS
-from .faults import of_value
+from .faults import as_value_error
 from .quantity_types import FileSize, Length, Temperature, UsualRange, Volume, VolumeRate
 from .seal_tables import AnyFluid
 from .table_types import Table, key
 
-#: Keys that choose which files are written, without an effect on the results.
+#: Keys that determine which files are written, without an effect on the results.
 FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
 
 
 def _read_unit(value: Any) -> str:
     """Return the name of a leakage unit; raise an InputError if it is unknown."""
-    with of_value():
+    with as_value_error():
         return leak_unit(value).name
 
 
 def _read_class(value: Any) -> str:
     """Return the name of a leakage class; raise an InputError if it is unknown."""
-    with of_value():
+    with as_value_error():
         leak_classes([value])
     return str(value)
 
@@ -94,7 +94,7 @@ class OutputTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _leave_out_report(cls, data: Any) -> Any:
-        """Leave out the report if there are no pictures, unless the case asks for it."""
+        """Set `report` to False if there are no pictures, unless the case asks for the report."""
         if isinstance(data, dict) and data.get("pictures") is False:
             return {"report": False, **data}
         return data

@@ -22,17 +22,17 @@ from pydantic_core import core_schema
 
 from ..base import InputError, to_si
 from ..materials import YOUNG_LIMITS
-from .faults import expected_value, of_value, unusable
+from .faults import as_value_error, expected_value, invalid_value
 
-#: Largest absolute value of a quantity in SI units. Its inverse is the smallest one other than 0. Within these limits,
-#: products of several quantities remain finite.
+#: Largest absolute value of a quantity in SI units. The smallest absolute value, apart from 0, is the inverse of it.
+#: Within these limits, products of several quantities remain finite.
 _LARGEST = 1e30
-#: Largest count, which is more than any array has elements.
+#: Largest count. No array has as many elements.
 _LARGEST_COUNT = 10**12
 
 
 class Amount(float):
-    """Number in SI units that knows its unit, such as a load or a value derived from other keys."""
+    """Hold a number in SI units together with its unit, such as a load or a value derived from other keys."""
 
     unit: str
 
@@ -80,7 +80,7 @@ def value_of(table: dict[str, Any], name: str, unit: str, default: Any = None) -
 
 @dataclass(frozen=True)
 class Quantity:
-    """Annotation of a float that a case gives as text with a unit, or as a number if it has no unit.
+    """Annotate a float that is given in a case as text with a unit, or as a number if it has no unit.
 
     Attributes
     ----------
@@ -105,13 +105,13 @@ class Quantity:
         ------
         InputError : the value cannot be read, or is outside the allowed range.
         """
-        with of_value("" if self.unit else self.expected):
+        with as_value_error("" if self.unit else self.expected):
             number = in_si(value, self.unit, self.example)
         if not self.is_allowed(number):
-            raise unusable(self.expected)
+            raise invalid_value(self.expected)
         if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
             limits = f"from {1 / _LARGEST:g} to {_LARGEST:g} {self.unit}".rstrip()
-            raise unusable(f"{self.expected}, {limits}")
+            raise invalid_value(f"{self.expected}, {limits}")
         return number
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
@@ -127,11 +127,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class UsualRange:
-    """Annotation of a quantity with the usual range of its values in SI units.
+    """Annotate a quantity with the usual range of its values in SI units.
 
-    A value outside the range is valid, but causes a warning, because its unit may be wrong. If an annotation has
-    several ranges with the same unit, the last one counts, so that a key can narrow the range of its type. A type that
-    allows several units has a range for each of them.
+    A value outside the range is valid, but leads to a warning, because its unit may be wrong. If an annotation has
+    several ranges with the same unit, the last one counts, so that a key can have a narrower range than its type. A
+    type that allows several units has a range for each of them.
     """
 
     low: float
@@ -141,7 +141,7 @@ class UsualRange:
 
 @dataclass(frozen=True)
 class OneForBothAxes:
-    """Annotation of a pair of values for x1 and x2, which a case can also give as a single value for both axes."""
+    """Annotate a pair of values for x1 and x2, for which a case can also have a single value for both axes."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         return core_schema.no_info_wrap_validator_function(self._read, handler(source))
@@ -160,7 +160,7 @@ class OneForBothAxes:
             return validate_pair((value, value))
         except ValidationError as error:
             expected = expected_value(dict(error.errors()[0]))
-            raise unusable(f"{expected}, or a list of two") from None
+            raise invalid_value(f"{expected}, or a list of two") from None
 
 
 def quantity_schema(expected: str) -> dict[str, Any]:
@@ -175,11 +175,11 @@ def _read_channel(value: Any) -> int | str:
     is_number = isinstance(value, int) and not isinstance(value, bool)
     if is_number and 0 <= value <= _LARGEST_COUNT:
         return int(value)
-    raise unusable("the number of a channel, from 0, or its name")
+    raise invalid_value("the number of a channel, from 0, or its name")
 
 
 def _read_length_unit(value: Any) -> Any:
-    with of_value("a unit of length, such as 'mm'"):
+    with as_value_error("a unit of length, such as 'mm'"):
         to_si(f"1 {value}", "m")
     return value
 

@@ -5,8 +5,8 @@ from typing import Any
 from .case import Case
 from .faults import INTERNAL
 
-#: Entries of pydantic's schema that are removed. Editors do not need them, and defaults are not in the form that a case
-#: gives them, but in SI units.
+#: Entries of pydantic's schema that are removed. Editors do not need them; and the defaults are in SI units, not as
+#: texts with units, as a case would state them.
 _LEFT_OUT = ("title", "default", "discriminator", "start", "since", "instead", "needed")
 _DRAFT = "http://json-schema.org/draft-07/schema#"
 
@@ -23,8 +23,8 @@ def case_schema() -> dict[str, Any]:
         del schema["properties"][name]
     fluids = schema["properties"]["fluid"]["oneOf"]
     fluid_tables = [option["$ref"].rpartition("/")[2] for option in fluids]
-    # no key is required in tables of fluids and solids, whose name can replace other keys, nor in tables whose kind has
-    # a default
+    # No key is required in the tables of fluids and solids, because a name can replace the other keys, and in tables
+    # that have a default kind.
     for table in (*fluid_tables, "SolidTable", "FileFace", "RectangularLayoutTable"):
         del schema["definitions"][table]["required"]
     schema["definitions"]["CoatingTable"]["required"] = ["thickness"]
@@ -55,14 +55,14 @@ def _simplify(node: Any) -> Any:
     simplified |= _description(simplified.get("description"), expected)
     items = simplified.get("items", {})
     if "$ref" in items or "oneOf" in items:
-        # a single table can stand in place of a list of tables
+        # the user may write a single table instead of a list of tables
         description = _description(simplified.pop("description", None))
         return {"anyOf": [items, simplified]} | description
     return simplified
 
 
 def _items_of_pair(items: list[Any]) -> Any:
-    """Return the schema of the items of a list that stands for a pair, because draft 7 has no `prefixItems`."""
+    """Return the schema of the items of a list that represents a pair, because draft 7 does not have `prefixItems`."""
     are_equal = all(item == items[0] for item in items)
     return items[0] if are_equal else {"anyOf": items}
 

@@ -1,8 +1,8 @@
 """Define the tables [fluid], [seal] with its forms, and [seat] of a case.
 
-These tables are derived from registered classes. Every class in `fluids.FLUIDS`, `seal.layouts.LAYOUTS`,
-`seal.form.FORMS` and `topography.seat.SEATS` gets a table with a key for each of its parameters. Only keys whose type
-is more special than that of the parameter are listed here.
+These tables are derived from registered classes. For every class in `fluids.FLUIDS`, `seal.layouts.LAYOUTS`,
+`seal.form.FORMS` and `topography.seat.SEATS` there is a table with a key for each of its parameters. This module lists
+only keys whose type is more specific than the type of the parameter.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..seal.lay import check_inlet
 from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout, parse_lay
 from ..topography.seat import SEATS
 from .completion import as_tables
-from .faults import of_value, unusable
+from .faults import as_value_error, invalid_value
 from .quantity_types import (
     Length,
     LengthUnit,
@@ -39,7 +39,7 @@ class FluidTable(ParameterTable):
     """A fluid, with a key for each of its parameters, and its pressures at inlet and outlet."""
 
     makers = FLUIDS
-    is_checked = False  # every parameter is checked by itself
+    is_checked = False  # it is enough to check each parameter separately
     if TYPE_CHECKING:
         inlet_pressure: float
         outlet_pressure: float
@@ -143,9 +143,9 @@ class SealTable(ParameterTable):
 def _read_lay(value: Any) -> Any:
     """Check a lay, and return it as plain data in SI units.
 
-    A lay that is given by a file is returned unchanged, because the file is read later.
+    If the lay is in a file, the value is returned unchanged, because the file is read later.
     """
-    with of_value():
+    with as_value_error():
         lay = parse_lay(value)
     if lay.name == "spiral":
         spiral = {"kind": "spiral", "lead": lay.lead}
@@ -158,14 +158,14 @@ def _read_lay(value: Any) -> Any:
 def _read_boundaries(value: Any) -> Any:
     """Check the name of a mesh boundary or a list of names, and return a list as a tuple."""
     try:
-        check_inlet(value)  # a former version took pressures of several inlets
+        check_inlet(value)  # an earlier version accepted a different pressure for each inlet
     except InputError as error:
         raise InputError("", error.given, error.expected) from None
     if isinstance(value, str) and value:
         return value
     is_list = isinstance(value, (list, tuple)) and len(value) > 0
     if not is_list or not all(isinstance(name, str) and name for name in value):
-        raise unusable("the name of a boundary, or a list of names")
+        raise invalid_value("the name of a boundary, or a list of names")
     return tuple(value)
 
 

@@ -1,4 +1,4 @@
-"""Tables [material] and [counter_material] of a case: the solids, and how they yield."""
+"""Define the tables [material] and [counter_material] of a case: the solids, and how they yield."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..contact import (
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..materials import Coated, Solid
 from .completion import HARDNESS_COLUMNS
-from .faults import unusable
+from .faults import invalid_value
 from .quantity_types import (
     Hardening,
     Height,
@@ -35,9 +35,9 @@ from .table_types import Table, key
 
 
 def _check_rows(value: Any) -> Any:
-    """Return the rows of a hardness table; InputError for fewer than two."""
+    """Check that a hardness table has at least two rows, and return it."""
     if isinstance(value, (list, tuple)) and len(value) < 2:
-        raise unusable("two rows or more, such as ['0.1 um', '2 GPa']")
+        raise invalid_value("two rows or more, such as ['0.1 um', '2 GPa']")
     return value
 
 
@@ -89,9 +89,9 @@ class CoatingTable(Table):
 
     @model_validator(mode="after")
     def _check_strength(self) -> CoatingTable:
-        """Raise an InputError if two keys give the strength."""
+        """Raise an InputError if two keys state the strength."""
         if self.yield_stress is not None and self.hardness is not None:
-            raise unusable("yield_stress or hardness, not both")
+            raise invalid_value("yield_stress or hardness, not both")
         return self
 
     @property
@@ -155,21 +155,21 @@ class SolidTable(Table):
 
     @model_validator(mode="after")
     def _check_law(self) -> SolidTable:
-        """Raise an InputError if several keys give the strength, or a curve has no strength to begin with."""
+        """Raise an InputError if several keys state the strength, or if a hardness curve has no initial hardness."""
         strengths = self._given("yield_stress", "hardness", "hardness_table")
         curves = self._given("hardening", "nix_gao_depth")
         for keys in (strengths, curves):
             if len(keys) > 1:
-                raise unusable(f"{' or '.join(keys)}, not both")
+                raise invalid_value(f"{' or '.join(keys)}, not both")
         if curves and strengths not in (["yield_stress"], ["hardness"]):
-            raise unusable(f"{curves[0]} with a yield_stress or a hardness")
+            raise invalid_value(f"{curves[0]} with a yield_stress or a hardness")
         if self.smallest_depth is not None and self.nix_gao_depth is None:
-            raise unusable("smallest_depth with a nix_gao_depth")
+            raise invalid_value("smallest_depth with a nix_gao_depth")
         try:
             _ = self.law
         except InputError as error:
             name = "hardness_table" if self.hardness_table is not None else error.what
-            raise unusable(f"{name}: {error.expected}") from None
+            raise invalid_value(f"{name}: {error.expected}") from None
         return self
 
     def _given(self, *keys: str) -> list[str]:
@@ -178,7 +178,7 @@ class SolidTable(Table):
 
     @property
     def solid(self) -> Solid:
-        """The solid. Its hardness is that at the first row of a hardness table."""
+        """The solid. If there is a hardness table, the hardness is that of its first row."""
         rows = self.hardness_table
         hardness = rows[0][1] if rows else self.hardness
         return Solid(self.young, self.poisson, self.yield_stress, hardness)
@@ -192,7 +192,7 @@ class SolidTable(Table):
 
     @property
     def law(self) -> ContactLaw:
-        """The contact law of the body: that of its coating up to the thickness, then that of the solid."""
+        """The contact law of the body. A coating counts up to its thickness, and the solid beyond it."""
         if self.coating is None:
             return self.law_of_solid
         layer = PerfectlyPlastic(_hardness_of(self.coating.solid))
@@ -200,7 +200,7 @@ class SolidTable(Table):
 
     @property
     def law_of_solid(self) -> ContactLaw:
-        """The contact law without a coating: perfectly plastic, with hardening, or a curve over the deformation."""
+        """The contact law of the solid: perfectly plastic, with linear hardening, or with a hardness curve."""
         if self.hardness_table is not None:
             depths, hardnesses = np.array(self.hardness_table, dtype=float).T
             return HardnessTable(depths, hardnesses)

@@ -48,11 +48,11 @@ def key(
     ----------
     meaning : phrase that explains the key.
     default : value that is used if a case does not have the key; a key without a default is required.
-    start : value in a new case, in the form that TOML has.
+    start : value in a new case, as it is written in TOML.
     example : value that a new case shows in a comment; by default the example of the quantity, or the default value.
     since : first version of femseal with this key.
-    instead : other key of the same table that this key can replace.
-    needed : phrase that says when the key is needed, if that is not clear from its table.
+    instead : other key of the same table, which this key can replace.
+    needed : phrase that states when the key is needed, if this is not clear from its table.
     limits : limits of the value, as arguments of `pydantic.Field`.
     """
     shown = example if start is None else start
@@ -73,12 +73,12 @@ class Table(BaseModel):
 
 
 class ParameterTable(Table):
-    """A table with the parameters of an object, which a function chosen by the key `kind` creates.
+    """A table with the parameters of an object. The key `kind` determines the function that creates the object.
 
     Attributes
     ----------
     makers : functions or classes that create the object, by kind.
-    is_checked : True if the validation creates the object, in order to check the table.
+    is_checked : whether the validation creates the object in order to check the table.
     """
 
     if TYPE_CHECKING:
@@ -127,14 +127,14 @@ def table_for_each(
     ----------
     classes : frozen dataclasses by their kinds. Their quantities are declared by `base.validate.parameter`.
     base : base class of the tables.
-    other_keys : function of a class that returns types to use instead of those of its fields, and further keys as
-        pairs of a type and a `key`.
+    other_keys : function that takes a class and returns a dictionary. An entry with the name of a field of the class
+        replaces the type of this field. Any other entry is a further key of the table, as a pair of a type and a `key`.
     """
     tables = [_create_table(kind, cls, base, other_keys(cls)) for kind, cls in classes.items()]
     return Annotated[reduce(or_, tables), Field(discriminator="kind")]
 
 
-#: Arguments of `key` that the fields of registered classes can contain in their metadata.
+#: Arguments of `key` that are taken from the metadata of a field of a registered class, if they are there.
 _KEY_ARGUMENTS = ("meaning", "example", "since", "instead", "needed")
 
 
@@ -144,7 +144,7 @@ def _create_table(
     """Create the table for a registered dataclass, with a key for each field of the dataclass."""
     types = get_type_hints(cls) | other_keys
     keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
-    # keyword-only parameters are the less important ones
+    # keyword-only parameters come last, because they are less important
     for field in sorted(fields(cls), key=lambda field: bool(field.kw_only)):
         default = ... if field.default is MISSING else field.default
         arguments = {
@@ -154,7 +154,9 @@ def _create_table(
         keys[field.name] = value_type, key(default=default, **arguments)
     keys |= {name: pair for name, pair in other_keys.items() if isinstance(pair, tuple)}
     name = f"{cls.__name__}Table"
-    summary = (cls.__doc__ or "").split("\n\n")[0]
+    # the docstring "Describe a straight strip." becomes "A straight strip."
+    summary = (cls.__doc__ or "").split("\n\n")[0].removeprefix("Describe ")
+    summary = summary[:1].upper() + summary[1:]
     table = create_model(name, __base__=base, __doc__=summary, **keys)
     # a case is sent to other processes by pickle, which looks for the class in this module
     globals().setdefault(name, table)
@@ -177,7 +179,7 @@ def _annotated(value_type: Any, metadata: Mapping[str, Any]) -> Any:
 
 
 def files_in(table: Table, table_key: str = "") -> Iterator[tuple[str, Path]]:
-    """Yield the key and the path of every file that a table names, including the tables inside it."""
+    """Yield the key and the path of every file that is named in a table or in the tables inside it."""
     for name, value in table:
         key = f"{table_key}.{name}".lstrip(".")
         for item in _flattened(value):
@@ -214,7 +216,7 @@ def unusual_values(table: Table, table_key: str = "") -> Iterator[str]:
         outside = _values_outside(values, field)
         if not outside:
             continue
-        value, usual = outside[0]  # the warning names the first one
+        value, usual = outside[0]  # the warning states the first of these values
         given, low, high = (with_its_unit(x, usual.unit) for x in (value, usual.low, usual.high))
         others = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
         yield f"{key} {given}{others} is outside the usual range of {low} to {high}: is the unit right?"

@@ -62,13 +62,13 @@ def keys_of(table: type[Table]) -> dict[str, FieldInfo]:
 
 
 def declared(field: FieldInfo, argument: str) -> Any:
-    """Return the value of an argument of `table_types.key` in the declaration of a key, None if it was not given."""
+    """Return the argument with which `table_types.key` has declared a key, None if the argument was not given."""
     extra = field.json_schema_extra
     return extra.get(argument) if isinstance(extra, dict) else None
 
 
 def example(field: FieldInfo) -> Any:
-    """Return an example value of a key in the form that TOML has, "" if none is known."""
+    """Return an example value of a key, as it is written in TOML, "" if none is known."""
     if field.examples:
         return field.examples[0]
     quantity = quantity_of(field)
@@ -80,14 +80,14 @@ def example(field: FieldInfo) -> Any:
 
 
 def choices(field: FieldInfo) -> list[Any]:
-    """Return the possible values of a key if they are enumerated, otherwise an empty list."""
+    """Return the possible values of a key if its type enumerates them, otherwise an empty list."""
     literals = [part for part in type_parts(field.annotation) if get_origin(part) is Literal]
     values = (value for literal in literals for value in get_args(literal))
     return list(dict.fromkeys(values))
 
 
 def quantity_of(field: FieldInfo) -> Quantity | None:
-    """Return the quantity in the type of a key, None if there is none or there are several with different units."""
+    """Return the quantity in the type of a key; None if there is none, or if there are several with different units."""
     annotations = (*field.metadata, *type_parts(field.annotation))
     quantities = [part for part in annotations if isinstance(part, Quantity)]
     units = {quantity.unit for quantity in quantities}
@@ -95,7 +95,7 @@ def quantity_of(field: FieldInfo) -> Quantity | None:
 
 
 def tables_in(field: FieldInfo) -> list[type[Table]]:
-    """Return the classes of tables that are possible as the value of a key."""
+    """Return the classes of tables that a key can have as its value."""
     classes = (part for part in type_parts(field.annotation) if isinstance(part, type))
     return list(dict.fromkeys(cls for cls in classes if issubclass(cls, Table)))
 
@@ -107,11 +107,8 @@ def kind_of(table: type[Table]) -> str | None:
 
 
 def summary(table: type[Table]) -> str:
-    """Return the phrase at the beginning of the docstring of a table, which says what the table describes.
-
-    The first sentence of "Describe a straight strip, see …" becomes "a straight strip".
-    """
-    text = " ".join((table.__doc__ or "").split()).removeprefix("Describe ")
+    """Return the phrase at the beginning of the docstring of a table, which says what the table describes."""
+    text = " ".join((table.__doc__ or "").split())
     text = text[:1].lower() + text[1:]
     for end in (":", ";", ".", ", see"):
         text = text.partition(end)[0]
@@ -119,7 +116,7 @@ def summary(table: type[Table]) -> str:
 
 
 def _is_active(field: FieldInfo) -> bool:
-    """Tell whether a new case contains a key without a comment sign before it."""
+    """Return whether a key is in a new case without a comment sign before it."""
     return field.is_required() or declared(field, "start") is not None
 
 
@@ -153,47 +150,57 @@ def table_to_paste(case: type[Table], name: str) -> str:
 
 
 def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> Iterator[str]:
-    """Yield the text of a table, one block for each of its kinds, and of the tables inside it.
+    """Yield the text of a table, one block for each of its kinds, and then the text of the tables inside it.
 
     Parameters
     ----------
     name : dotted key of the table.
     field : declaration of this key.
-    written : classes of tables that have been written before, and whose optional keys are not repeated. The classes of
-        this table are appended.
+    written : classes of tables that have been written before, whose optional keys are not repeated. The classes of this
+        table are added to the list.
     """
     tables = tables_in(field)
-    explained_keys = set[
-        Any
-    ]()  # keys, with their meanings, that a block for another kind has shown
+    explained: set[tuple[str, str | None]] = set()  # keys and meanings in the blocks of other kinds
     for number, table in enumerate(tables):
-        keys = keys_of(table)
         is_repeated = table in written
         is_first_of_required = number == 0 and field.is_required()
-        has_active_keys = any(map(_is_active, keys.values()))
+        has_active_keys = any(map(_is_active, keys_of(table).values()))
         is_only_kind = len(tables) == 1
         is_active = (is_first_of_required or (is_only_kind and has_active_keys)) and not is_repeated
         heading = (field.description or "") if number == 0 else ""
         rows = [_line(f"[{name}]", heading, is_active)]
-        for key, inner in keys.items():
-            if tables_in(inner) and not inner.examples:
-                continue  # this table gets a block of its own
-            is_known = is_repeated or (key, inner.description) in explained_keys
-            if inner.is_required() or not is_known:
+        for key, inner in keys_of(table).items():
+            if _has_own_block(inner):
+                continue
+            is_explained = is_repeated or (key, inner.description) in explained
+            if inner.is_required() or not is_explained:
                 meaning = summary(table) if key == "kind" else inner.description
                 rows.append(_row(key, inner, is_active, meaning))
         yield "".join(rows)
-        explained_keys |= {(key, inner.description) for key, inner in keys.items()}
+        explained |= {(key, inner.description) for key, inner in keys_of(table).items()}
     if tables and tables[0] not in written:
         inner_keys = {key: inner for table in tables for key, inner in keys_of(table).items()}
         for key, inner in inner_keys.items():
-            if tables_in(inner) and not inner.examples:
+            if _has_own_block(inner):
                 yield from _table_blocks(f"{name}.{key}", inner, written)
     written += tables
 
 
+def _has_own_block(field: FieldInfo) -> bool:
+    """Return whether a key is a table that is written as a separate block, and not in a line with an example."""
+    return bool(tables_in(field)) and not field.examples
+
+
 def _row(name: str, field: FieldInfo, is_active: bool, meaning: str | None = None) -> str:
-    """Return the line of a key, with its value and a comment that explains it."""
+    """Return the line of a key, with an example value and a comment that explains the key.
+
+    Parameters
+    ----------
+    name : name of the key.
+    field : declaration of the key.
+    is_active : whether the table of the key is written without comment signs.
+    meaning : explanation of the key, by default the one in its declaration.
+    """
     value = example(field)
     comment = (meaning or field.description or "").replace("`", "")
     instead = declared(field, "instead")
@@ -205,6 +212,7 @@ def _row(name: str, field: FieldInfo, is_active: bool, meaning: str | None = Non
             is_list = isinstance(value, list | tuple)
             comment += f"; of {others}" if is_list else f"; or {others}"
     text = _pair(name, value)
+    # keys that are only needed under a condition are indented
     is_conditional = bool(instead or declared(field, "needed"))
     if is_conditional and not _is_active(field):
         text = f"  {text}"

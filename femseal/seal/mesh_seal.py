@@ -199,7 +199,7 @@ def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[
     part = _connected_parts(mesh, corners)
     inlet_parts = np.unique(part[mesh.facets[:, inlet]])
     outlet_parts = np.unique(part[mesh.facets[:, outlet]])
-    element_part = part[corners[0]]
+    element_part = part[corners[0]]  # all corners of an element belong to the same part
     area = np.abs(polygon_areas(mesh.p.T[corners.T]))
     for number in np.setdiff1d(element_part, np.intersect1d(inlet_parts, outlet_parts)):
         is_inside = element_part == number

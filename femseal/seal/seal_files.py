@@ -236,9 +236,10 @@ def _facets_with_ends(mesh: Mesh, ends: Indices) -> Indices:
     # a pair of vertices is represented by a single number, which does not depend on their order
     facet_ends = np.sort(mesh.facets, axis=0)
     facet_key = facet_ends[0].astype(np.int64) * n + facet_ends[1]
-    ends = np.sort(
-        ends[(ends >= 0).all(axis=1)], axis=1
-    )  # without omitted nodes, whose number is −1
+    is_complete = (ends >= 0).all(
+        axis=1
+    )  # False for pairs with an omitted node, whose number is −1
+    ends = np.sort(ends[is_complete], axis=1)
     wanted_key = ends[:, 0] * n + ends[:, 1]
     return np.flatnonzero(np.isin(facet_key, wanted_key))
 

@@ -230,12 +230,15 @@ class SealTiles:
         steps = corners[:, ends] - corners[:, starts]
         differences = corner_potential[:, ends] - corner_potential[:, starts]
         gradient = np.linalg.solve(steps, differences[..., None])[..., 0]
+        # flux = −K·gradient with K = Σ k_i e_i e_iᵀ, where e_0 and e_1 are the unit vectors across and along the lay
         axes = _axes(self.lay)
         flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
         # the flow rate is the dissipation divided by the drop of potential
         dissipation = -float(np.abs(polygon_areas(corners)) @ (flux * gradient).sum(axis=1))
         drop = float(np.ptp(potential[np.isfinite(potential)]))
-        return flux * (abs(rate) * drop / dissipation if dissipation > 0 else 0.0)
+        if not dissipation > 0:
+            return 0.0 * flux
+        return flux * (abs(rate) * drop / dissipation)
 
     def __str__(self) -> str:
         if self.grid is not None:
@@ -460,18 +463,18 @@ def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, .
         Unit of the coordinates in the mesh file.
     """
     areas = np.abs(polygon_areas(outlines))
-    room = areas / (cell_size[0] * cell_size[1])
-    part = float(areas[room > _MUCH_LARGER].sum() / areas.sum())
+    cells_per_element = areas / (cell_size[0] * cell_size[1])
+    part = float(areas[cells_per_element > _MUCH_LARGER].sum() / areas.sum())
     if part <= _NOTABLE_PART:
         return ()
-    most = float(room.max())
+    most_cells = float(cells_per_element.max())
     sides = dict.fromkeys(to_text(side, "m", 3) for side in cell_size)
-    largest = min(cell_size) / to_si(f"1 {unit}", "m", "unit")
+    element_size = min(cell_size) / to_si(f"1 {unit}", "m", "unit")
     return (
-        f"The leakage scatters too much between realisations, up to about {most**0.5:.2g} times: over {part:.0%} of "
-        f"the seal, elements of the mesh take one cell of the surface where up to {most:.0f} cells of "
-        f"{' × '.join(sides)} have room. Mesh the seal with elements of at most {largest:.2g} {unit}, in gmsh with "
-        f"-clmax {largest:.2g}, or use larger cells",
+        f"The leakage scatters too much between realisations, up to about {most_cells**0.5:.2g} times: over {part:.0%} "
+        f"of the seal, elements of the mesh take one cell of the surface where up to {most_cells:.0f} cells of "
+        f"{' × '.join(sides)} have room. Mesh the seal with elements of at most {element_size:.2g} {unit}, in gmsh "
+        f"with -clmax {element_size:.2g}, or use larger cells",
     )
 
 
