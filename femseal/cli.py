@@ -1,7 +1,7 @@
 """Define the command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `design`, `report`, `export` and more.
 
-The exit code is 0 if the command succeeded, 2 if the input cannot be used (nothing is written then), and otherwise 1.
-Libraries are imported inside the commands, so that `femseal --help` answers at once.
+The exit code is 0 if the command succeeded, 2 if the input cannot be used (then nothing is written), and 1 otherwise.
+Libraries are imported inside the commands, so that `femseal --help` answers without delay.
 """
 
 import errno
@@ -34,7 +34,7 @@ from .execution.terminal import (
 )
 from .new_case import new
 
-#: Most warnings, and most failures, that a run prints.
+#: Largest number of warnings, and of failures, that a run prints.
 _MOST_PRINTED = 5
 #: Exit code of shells and typer after Ctrl-C.
 _INTERRUPTED = 130
@@ -76,7 +76,7 @@ def _main(
     ] = False,
     debug: Annotated[bool, flag("--debug", "Show the traceback of an error.")] = False,
 ) -> None:
-    """Read the options that stand before the command."""
+    """Read the options that precede the command."""
     global _debug
     _debug = debug
 
@@ -86,7 +86,7 @@ app.command()(new)
 
 @app.command()
 def check(path: CasePath) -> None:
-    """Check a case and say what a run will compute; nothing is written."""
+    """Check a case and print what a run will compute. Nothing is written."""
     from .case.reading import load_case
 
     case = load_case(path)  # before the solvers are imported, so that a fault is shown at once
@@ -333,9 +333,9 @@ def surface(
         Path | None, option("Picture to write (.png, .pdf or .svg).", "none", "-o", "--output")
     ] = None,
 ) -> None:
-    """Describe a measured face, and say what a run would do to it. All options are also keys of a case file.
+    """Describe a measured face, and print how a run would prepare it. All options are also keys of a case file.
 
-    A face that a run would reject is described and drawn too, with the reason.
+    A face that a run would refuse is described and drawn too, with the reason.
     """
     options = dict(locals())
     from .preparation.survey import survey
@@ -385,13 +385,15 @@ def main() -> None:
             sys.exit(error.exit_code)
         _stop(error, f"{type(error).__name__}: {error}", 1)
     finally:
-        gc.freeze()  # otherwise Python would spend half a second looking for garbage in all libraries when it ends
+        # otherwise Python would spend half a second at exit on the garbage collection of all libraries
+        gc.freeze()
 
 
 def _is_of_output(error: OSError) -> bool:
-    """Find out whether an error occurred while writing to standard output; further output is discarded then."""
+    """Return whether an error occurred while writing to standard output. If so, discard all further output."""
     *_, (last_frame, _line) = traceback.walk_tb(error.__traceback__)
     package = last_frame.f_globals["__name__"].partition(".")[0]
+    # output is written by these packages, and by `sys.stdout.flush` in `main`
     if package not in ("click", "typer", "rich") and last_frame.f_code is not main.__code__:
         return False
     with open(os.devnull, "w") as nowhere, suppress(OSError, ValueError):

@@ -31,9 +31,9 @@ Unit = Annotated[str | None, option("Unit of leakage.", "as in the case")]
 
 @contextmanager
 def all_progress(quiet: bool, how_to_resume: str) -> Iterator[Progress]:
-    """Show the progress of a command with several runs, including that of compilation.
+    """Show the progress of a command with several runs, including the compilation of loops.
 
-    how_to_resume : end of the message after Ctrl-C, which says what continues the command.
+    how_to_resume : end of the message after Ctrl-C, which tells the user how to continue the command.
     """
     try:
         with show_progress(quiet) as progress, reporting_compilation(progress):

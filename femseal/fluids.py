@@ -2,12 +2,12 @@
 
 If the density ρ and the viscosity η of a fluid depend on pressure only, the flow equation is linear in the pressure
 potential φ with dφ = (ρ/η) dp [kg/(m³ s)]. The mass flow rate is then the conductance times the difference of φ between
-inlet and outlet. The `law` of a fluid gives the permeability of a gap; a fluid without this property flows by the cubic
-law (see `femseal.flow.law`).
+inlet and outlet. The permeability of a gap follows from the `law` of the fluid; without this property it is that of the
+cubic law (see `femseal.flow.law`).
 
 To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. This is sufficient for
-fluids that are created in Python. If the class is added to `FLUIDS`, case files can choose it by its `kind`, and have a
-key for each of its parameters.
+fluids that are created in Python. If the class is added to `FLUIDS`, a case file can choose it by its `kind`, and each
+of its parameters is a key of the case.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
 from .named_fluids import Gas, RealGas, slip_of_gas, solve_for_pressure, temperature_of_gas
 
-#: Constants of Roelands' law, which are the same for all liquids: the pressure p_r [Pa], and −ln of a viscosity [Pa s].
+#: Constants of Roelands' law, which are the same for all liquids: the pressure p_r [Pa], and −ln of the viscosity
+#: 6.31e-5 Pa s, which is 9.67.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
 #: Gauss points and weights for the potential of Roelands' law, whose relative error is at most 1e-12 up to 5 GPa.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(48)
@@ -36,7 +37,7 @@ class Fluid(Protocol):
 
     @property
     def reference_density(self) -> float:
-        """Density that converts a mass flow rate to a volume flow rate [kg/m³]."""
+        """Density [kg/m³] by which a mass flow rate is divided to obtain the volume flow rate."""
         ...
 
     def potential(self, pressure: ArrayLike) -> Array:
@@ -44,11 +45,11 @@ class Fluid(Protocol):
         ...
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the pressure [Pa] that has a potential; this is the inverse of `potential`."""
+        """Return the pressure [Pa] at which the potential has a given value; this is the inverse of `potential`."""
         ...
 
 
-#: Phrases that explain parameters of several fluids.
+#: Phrases that explain keys of several fluids in a case.
 _VISCOSITY = 'dynamic, or kinematic such as `"46 cSt"` beside a density'
 _NAMELESS = "without a `name`"
 _BARUS = "rise of viscosity with pressure: by Barus, or by Roelands"
@@ -69,7 +70,7 @@ def _density(default: float) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class _OnFaces:
-    """Base class of liquids of constant density, with their properties at the faces and in closed pockets.
+    """Implement what liquids of constant density have in common: properties at the faces and in closed pockets.
 
     Parameters
     ----------
@@ -80,10 +81,10 @@ class _OnFaces:
     slip_length : float
         Slip length b on both faces [m], see `femseal.flow.law.SlipLength`.
     bulk_modulus : float, optional
-        Bulk modulus B of liquid that is trapped in closed pockets [Pa]. By default, it is incompressible.
+        Bulk modulus B of liquid that is trapped in closed pockets [Pa]. By default, trapped liquid is incompressible.
     """
 
-    #: Default outlet pressure of a case [Pa], relative to the surroundings.
+    #: Default outlet pressure in a case [Pa], relative to the ambient pressure.
     outlet_pressure: ClassVar[float] = 0.0
     surface_tension: float | None = parameter(
         "N/m",
@@ -128,7 +129,7 @@ class _OnFaces:
 
     @property
     def law(self) -> FlowLaw:
-        """Flow law, which is the cubic law or the law for a slip length."""
+        """Flow law: the cubic law, or the law for a slip length if there is one."""
         return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
 
@@ -136,7 +137,7 @@ class _OnFaces:
 class Liquid(_OnFaces):
     """Describe a liquid of constant density whose viscosity is constant or rises with pressure by Barus' law.
 
-    The viscosity is η = η₀ exp(αp), and the potential φ = (ρ/η₀)(1 − exp(−αp))/α, which tends to ρp/η₀ for α → 0.
+    The viscosity is η = η₀ exp(αp). The potential is φ = (ρ/η₀)(1 − exp(−αp))/α, and ρp/η₀ for α = 0.
 
     Parameters
     ----------
@@ -153,7 +154,8 @@ class Liquid(_OnFaces):
     slip_length : float
         Slip length b on both faces [m], see `femseal.flow.law.SlipLength`. Keyword only.
     bulk_modulus : float, optional
-        Bulk modulus of liquid that is trapped in closed pockets [Pa]. By default, it is incompressible. Keyword only.
+        Bulk modulus of liquid that is trapped in closed pockets [Pa]. By default, trapped liquid is incompressible.
+        Keyword only.
 
     Examples
     --------
@@ -182,7 +184,7 @@ class Liquid(_OnFaces):
         return self.density / self.viscosity * reduced_pressure
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the pressure [Pa] of a potential, the inverse of `potential`."""
+        """Return the pressure [Pa] at which the potential has a given value."""
         reduced_pressure = reals(potential) * self.viscosity / self.density
         α = self.pressure_viscosity
         return reduced_pressure if α == 0 else -np.log1p(-α * reduced_pressure) / α
@@ -193,8 +195,8 @@ class RoelandsLiquid(_OnFaces):
     """Describe a liquid whose viscosity rises with pressure by Roelands' law.
 
     The viscosity is η = η₀ exp{(ln η₀ + 9.67)(−1 + (1 + p/p_r)^Z)} with p_r = 196.2 MPa and Z = α p_r/(ln η₀ + 9.67).
-    At high pressure it rises less steeply than by Barus' law. The potential ∫ρ/η dp is computed by quadrature. Source:
-    Roelands, doctoral thesis, Delft, 1966.
+    At high pressure the viscosity rises less steeply than by Barus' law. The potential ∫ρ/η dp is computed by
+    quadrature. Source: Roelands, doctoral thesis, Delft, 1966.
 
     Parameters
     ----------
@@ -211,7 +213,8 @@ class RoelandsLiquid(_OnFaces):
     slip_length : float
         Slip length b on both faces [m], see `femseal.flow.law.SlipLength`. Keyword only.
     bulk_modulus : float, optional
-        Bulk modulus of liquid that is trapped in closed pockets [Pa]. By default, it is incompressible. Keyword only.
+        Bulk modulus of liquid that is trapped in closed pockets [Pa]. By default, trapped liquid is incompressible.
+        Keyword only.
     """
 
     kind: ClassVar[str] = "roelands-liquid"
@@ -230,7 +233,7 @@ class RoelandsLiquid(_OnFaces):
 
     @property
     def _scale_and_exponent(self) -> Pair:
-        """Return the scale ln η₀ + 9.67 and the exponent Z of Roelands' law."""
+        """Scale ln η₀ + 9.67 and exponent Z of Roelands' law."""
         scale = log(self.viscosity) + _ROELANDS_LOG
         return scale, self.pressure_viscosity * _ROELANDS_PRESSURE / scale
 
@@ -251,13 +254,14 @@ class RoelandsLiquid(_OnFaces):
         return self.density * 0.5 * x_end[..., 0] * (integrand @ _WEIGHTS)
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the pressure [Pa] that has a potential, by Newton's method; inf if there is no such pressure."""
+        """Return the pressure [Pa] at which the potential has a given value, by Newton's method; inf if none has."""
         φ = reals(potential)
 
         def slope(p: Array) -> Array:
+            """Return dφ/dp."""
             return self.density / self.viscosity_at(p)
 
-        # φ rises ever more slowly with p, so that Newton's method approaches the solution from below
+        # the slope dφ/dp falls with p, so that Newton's method approaches the solution from below
         start = φ * self.viscosity / self.density
         return solve_for_pressure(φ, start, self.potential, slope)
 
@@ -267,8 +271,8 @@ class IdealGas(Gas):
     """Describe an isothermal ideal gas.
 
     The potential is φ = M p²/(2 R T η). Without slip, the mass flow rate is therefore proportional to p_in² − p_out².
-    If the gap is not large compared with the mean free path, the flow is larger by the factor `flow_factor`, which
-    depends on the gap and the pressure. Volume flow rates are given at 101 325 Pa and the temperature of the gas.
+    If the gap is not large compared with the mean free path, the flow rate is larger by `flow_factor`, which depends on
+    the gap and the pressure. Volume flow rates refer to 101 325 Pa and the temperature of the gas.
 
     Parameters
     ----------
@@ -279,7 +283,7 @@ class IdealGas(Gas):
     temperature : float
         Temperature T [K].
     slip : bool
-        True includes slip and free molecular flow in narrow gaps.
+        Whether slip and free molecular flow in narrow gaps are taken into account.
 
     Examples
     --------
@@ -302,26 +306,26 @@ class IdealGas(Gas):
 
     @property
     def law(self) -> FlowLaw:
-        """Flow law, which is that of Fukui and Kaneko, or the cubic law if slip is ignored."""
+        """Flow law: that of Fukui and Kaneko, or the cubic law if slip is ignored."""
         if not self.slip:
             return CUBIC_LAW
         return FukuiKaneko(self.viscosity, self.speed)
 
     @property
     def _potential_factor(self) -> float:
-        """Return φ/p² [kg/(m³ s Pa²)]."""
+        """Ratio φ/p² of the potential to the square of the pressure [kg/(m³ s Pa²)]."""
         return self.molar_mass / (2 * GAS_CONSTANT * self.temperature * self.viscosity)
 
     def potential(self, pressure: ArrayLike) -> Array:
-        """Return the pressure potential φ(p) of viscous flow [kg/(m³ s)] for an absolute pressure [Pa]."""
+        """Return the pressure potential φ(p) of viscous flow [kg/(m³ s)] at an absolute pressure [Pa]."""
         return self._potential_factor * reals(pressure) ** 2
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the absolute pressure [Pa] that has a potential; this is the inverse of `potential`."""
+        """Return the absolute pressure [Pa] at which the potential has a given value."""
         return np.sqrt(reals(potential) / self._potential_factor)
 
     def flow_factor(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
-        """Return the ratio of the gas flow through a gap to the flow by the cubic law; it is 1 if slip is ignored.
+        """Return the ratio of the gas flow rate through a gap to that by the cubic law; 1 if slip is ignored.
 
         Parameters
         ----------
@@ -373,13 +377,13 @@ def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
     Raises
     ------
     InputError
-        The pressure is not a finite number, or the model of the fluid has no meaning at this pressure: a gas below 0,
-        or a liquid whose viscosity would be that of a solid.
+        The pressure is not a finite number, or the model of the fluid is not valid at this pressure. The pressure of a
+        gas must not be negative, and that of a liquid must not be so high that its viscosity would be that of a solid.
     """
     p = validate.number(name, pressure, unit="Pa", above=-inf)
     if hasattr(fluid, "check_pressure"):
         fluid.check_pressure(name, p)
-    # converting to the potential and back returns the same pressure, unless the fluid cannot have this pressure
+    # conversion to the potential and back returns the same pressure, unless it is outside the range of the fluid
     with np.errstate(all="ignore"):
         potential = float(fluid.potential(p))
         returned_pressure = float(fluid.pressure(potential))
@@ -392,14 +396,14 @@ def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
 
 
 def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
-    """Return the pressure 2γ|cos θ|/h below which a non-wetting liquid does not enter a gap between two plates.
+    """Return the capillary pressure 2γ|cos θ|/h, below which a non-wetting liquid does not enter a gap.
 
     Parameters
     ----------
     fluid : Fluid
         Fluid with the properties `surface_tension` γ and `contact_angle` θ.
     gap : float
-        Gap h [m].
+        Gap h between two parallel plates [m].
 
     Returns
     -------
@@ -426,20 +430,20 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
 def leak_basis(
     fluid: Fluid, length: float, stated: float | None = None, **valve: float
 ) -> LeakBasis:
-    """Collect the data that convert the leakage of a fluid through a seal to any unit.
+    """Collect the data with which the leakage of a fluid through a seal can be converted to any unit.
 
     Parameters
     ----------
     fluid : Fluid
-        Fluid that leaks. It is a gas if it has a `reference_pressure`, at which its volumes are given.
+        Fluid that leaks. It is a gas if it has a `reference_pressure`, to which its volumes refer.
     length : float
         Length of the seal [m].
     stated : float, optional
-        Temperature at which the throughput (pressure × volume per time) of a gas is given [K]; by default the
-        temperature of the gas.
+        Temperature to which the throughput (pressure × volume per time) of a gas refers [K]; by default the temperature
+        of the gas.
     **valve : float
-        Further quantities on which some units and classes depend: `drop`, `bubble`, `pressure_drop` and `capacity` of
-        `LeakBasis`.
+        Further quantities on which some units and classes depend. They are the parameters `drop`, `bubble`,
+        `pressure_drop` and `capacity` of `LeakBasis`.
     """
     pressure = getattr(fluid, "reference_pressure", None)
     temperature = molar_mass = None

@@ -1,6 +1,6 @@
 """Define load programmes: the nominal pressures of a load cycle, on loading and on unloading from peaks.
 
-Loads can also be given as forces on the seal, which are converted to nominal pressures with the size of the seal.
+Loads can also be given as forces on the seal, which are divided by the contact area to obtain nominal pressures.
 Further functions evaluate how the leakage depends on the load.
 """
 
@@ -18,7 +18,7 @@ from .base import Array, Flags, Indices, InputError, to_text, validate
 LOAD_UNITS = ("Pa", "N", "N/m")
 #: Name of a load in messages, by its unit.
 _LOAD_NAMES = {"Pa": "pressure", "N": "force", "N/m": "line load"}
-#: Leakages below this fraction of the leakage at the first load are too small to be compared.
+#: Leakages below this fraction of the leakage at the first load are too small for comparisons.
 FLOOR = 1e-3
 
 
@@ -54,8 +54,8 @@ class LoadStep:
 class LoadProgramme(tuple[LoadStep, ...]):
     """Hold the load steps in the order in which they are solved.
 
-    The whole loading comes first, then the unloading from each peak. A load programme is a tuple of steps. Use
-    `LoadProgramme.of` to make one from lists of pressures, which are checked.
+    The steps of the loading come first, followed by those of the unloading from each peak. A load programme is a tuple
+    of steps. `LoadProgramme.of` makes it from lists of pressures, and checks them.
 
     Examples
     --------
@@ -86,11 +86,11 @@ class LoadProgramme(tuple[LoadStep, ...]):
         unload_from : sequence of float
             Peaks from which the seal is unloaded [Pa]. Peaks that are not in `loading` are added to it.
         unloading : sequence of float
-            Pressures of the unloading [Pa]. The unloading from each peak takes those of them that are below the peak,
-            in falling order.
+            Pressures of the unloading [Pa]. The unloading from a peak consists of the pressures in this list that are
+            below the peak, in falling order.
         unit : str
-            Unit of the numbers, one of `LOAD_UNITS`. If the loads are forces, they can be checked before they are
-            converted to pressures, and messages then name forces.
+            Unit of the numbers for messages, one of `LOAD_UNITS`. Forces can be checked in this way before they are
+            converted to pressures.
 
         Raises
         ------
@@ -142,12 +142,12 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     @property
     def on_loading(self) -> Flags:
-        """True for the steps of the loading, (steps,)."""
+        """Whether each step belongs to the loading, (steps,)."""
         return np.array([s.unloaded_from is None for s in self], dtype=bool)
 
     @property
     def peak_indices(self) -> Indices:
-        """Index of the step of the peak from which each step is unloaded, (steps,).
+        """For each step of an unloading, the index of the step at its peak, (steps,).
 
         For a step of the loading, it is the index of the step itself.
         """
@@ -206,14 +206,14 @@ def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> f
 
 
 def relaxed(pressure: float, relaxation: float) -> float:
-    """Return the contact pressure in service that remains of the assembly pressure after relaxation.
+    """Return the nominal pressure that remains in service after relaxation.
 
     Parameters
     ----------
     pressure : float
         Nominal pressure in assembly [Pa].
     relaxation : float
-        Fraction of the pressure that is lost.
+        Fraction of the assembly pressure that is lost.
 
     Returns
     -------
@@ -229,15 +229,15 @@ def relaxed(pressure: float, relaxation: float) -> float:
 
 
 def _rounded(pressure: float) -> float:
-    """Round a pressure to 12 digits, so that it equals a pressure that is given as text."""
+    """Round a pressure to 12 digits, so that a computed pressure can be equal to a pressure that was given as text."""
     return float(f"{pressure:.12g}")
 
 
 def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
     """Estimate |d ln(leakage) / d ln(load)| at every load step.
 
-    The slope is computed from each step to the step before it and to the step after it on its branch. The larger of the
-    two magnitudes is taken.
+    At each step, the slope is computed to the previous and to the next step of the same branch. The result is the
+    larger of the two magnitudes.
 
     Parameters
     ----------
@@ -266,9 +266,9 @@ def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
 
 
 def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
-    """Return pairs of indices: a step, and the step before it on its branch.
+    """Return pairs of indices: a step, and the previous step on its branch.
 
-    The step before the first one of an unloading is its peak. The first step of the loading has no step before it.
+    Before the first step of an unloading comes its peak. The first step of the loading has no previous step.
     """
     pairs = []
     for branch in steps.branches:
@@ -280,28 +280,30 @@ def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
 
 
 def first_known(leakage: Array) -> int:
-    """Return the index of the first load step at which the leakage (steps,) is known, 0 if it is unknown everywhere.
+    """Return the index of the first load step at which the leakage (steps,) is known; 0 if it is unknown everywhere.
 
-    It is unknown, for example, at steps at which the fluid pressure carries the whole load.
+    The leakage is unknown, for example, at steps at which the fluid pressure carries the whole load.
     """
     return int(np.argmax(np.isfinite(leakage)))
 
 
 def least_counted(leakage: Array) -> float:
-    """Return the smallest leakage that is large enough to be compared, given the leakage (steps,).
+    """Return the smallest leakage that is large enough for comparisons.
 
-    It is 1e-3 of the first known leakage, NaN if the leakage is unknown everywhere.
+    It is `FLOOR` times the leakage at the first step at which it is known, NaN if it is unknown everywhere.
+
+    leakage : leakage at each load step (steps,), in any unit.
     """
     return float(FLOOR * np.abs(leakage[first_known(leakage)]))
 
 
 def _loads_text(loads: Sequence[float], unit: str) -> str:
-    """Convert loads with their unit to text, which is "an empty list" if there are none."""
+    """Write loads with their unit for a message; "an empty list" if there are none."""
     return ", ".join(to_text(load, unit) for load in loads) or "an empty list"
 
 
 def _check_pressures(name: str, values: Sequence[float]) -> list[float]:
-    """Check that values are finite pressures >= 0 [Pa]."""
+    """Check that `values` is a list of finite pressures >= 0 [Pa], and return it."""
     try:
         return [validate.number(name, p, unit="Pa", inclusive=True) for p in values]
     except (TypeError, InputError):

@@ -14,9 +14,9 @@ from .base import InputError, shown, validate
 
 #: Ratio of hardness to yield stress, for a fully plastic indentation (Johnson, Contact Mechanics, 1985, ch. 6).
 HARDNESS_FACTOR = 2.8
-#: Ratio of the peak pressure of a line contact to the hardness at which the solid below it begins to yield. The peak
-#: pressure is 1.79 σ_y by the criterion of von Mises for ν = 0.3; yielding begins at a depth of 0.7 times the
-#: half-width of the contact (Johnson 1985, section 6.1).
+#: Ratio of peak pressure to hardness at which the solid below a line contact begins to yield. By the criterion of von
+#: Mises for ν = 0.3, the peak pressure is then 1.79 σ_y, and yielding begins at a depth of 0.7 times the half-width of
+#: the contact (Johnson 1985, section 6.1).
 LINE_CONTACT_YIELD = 1.79 / HARDNESS_FACTOR
 #: Range of the Young's moduli of metals and hard coatings [Pa].
 YOUNG_LIMITS = (5e9, 1.2e12)
@@ -37,7 +37,7 @@ class Solid:
     yield_stress : float, optional
         Yield stress σ_y [Pa]. The hardness is then 2.8 σ_y.
     hardness : float, optional
-        Hardness H [Pa], the largest contact pressure, in place of a yield stress.
+        Hardness H [Pa], which is the largest contact pressure. It can be given instead of the yield stress.
 
     Raises
     ------
@@ -91,10 +91,10 @@ class Coated:
     Parameters
     ----------
     substrate : Solid or None
-        Solid below the layer, which is much thicker than all waves of the surface. None is a rigid substrate, so that
-        the body is a plate of the layer's material on a rigid bed.
+        Solid below the layer; it must be much thicker than the longest wave of the surface. None for a rigid substrate:
+        the body is then a plate of the material of the layer on a rigid bed.
     layer : Solid
-        Solid of the layer, which is at the surface.
+        Solid of the layer, which forms the surface.
     thickness : float
         Thickness d of the layer [m], > 0.
 
@@ -105,8 +105,8 @@ class Coated:
 
     Notes
     -----
-    Only the elasticity of both solids enters the compliance, see `femseal.contact.layered`. What the body yields at is
-    a contact law of its own, `CoatedLaw`.
+    The elastic constants of both solids determine the compliance, see `femseal.contact.layered`. Yielding is described
+    separately by a contact law, `CoatedLaw`.
 
     Examples
     --------
@@ -233,7 +233,7 @@ def named_solid(name: str) -> Solid:
 
 
 def _similar_names(text: str, names: list[str]) -> list[str]:
-    """Return the names that contain the text or a number in it, such as "316", or else the name most similar to it."""
+    """Return the names that contain a text, or a number in it such as "316"; otherwise the most similar name."""
     parts = [part for part in (text, *re.findall(r"\d{3,}", text)) if part]
     with_part = [name for name in names if any(part in name for part in parts)]
     return with_part or get_close_matches(text, names, n=1, cutoff=0.4)

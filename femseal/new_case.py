@@ -10,8 +10,8 @@ from .base import InputError, writing
 from .execution.terminal import flag, option
 
 
-def _stated(help: str, default: str, *names: str) -> Any:
-    """Declare an option that a drawing or a specification states."""
+def _drawing_option(help: str, default: str, *names: str) -> Any:
+    """Declare an option for a value that is stated on a drawing or in a specification."""
     return typer.Option(
         *names, help=help, show_default=default, rich_help_panel="From a drawing (--drawing)"
     )
@@ -41,38 +41,47 @@ def new(
             "--drawing", "Write a case from what a drawing states; asks for what no option gives."
         ),
     ] = False,
-    ra: Annotated[str | None, _stated("Ra, such as 1.6um.", "none")] = None,
-    rz: Annotated[str | None, _stated("Rz, such as 8um.", "none")] = None,
-    process: Annotated[str | None, _stated("turned, ground, lapped or blasted.", "turned")] = None,
+    ra: Annotated[str | None, _drawing_option("Ra, such as 1.6um.", "none")] = None,
+    rz: Annotated[str | None, _drawing_option("Rz, such as 8um.", "none")] = None,
+    process: Annotated[
+        str | None, _drawing_option("turned, ground, lapped or blasted.", "turned")
+    ] = None,
     pitch: Annotated[
         str | None,
-        _stated("Feed per turn, or mean spacing RSm of the marks, such as 0.15mm.", "none"),
+        _drawing_option("Feed per turn, or mean spacing RSm of the marks, such as 0.15mm.", "none"),
     ] = None,
     lay: Annotated[
-        str | None, _stated("Lay of the marks: circular, radial or spiral.", "circular")
+        str | None, _drawing_option("Lay of the marks: circular, radial or spiral.", "circular")
     ] = None,
     inner_diameter: Annotated[
-        str | None, _stated("Inner diameter of the contact area.", "50 mm")
+        str | None, _drawing_option("Inner diameter of the contact area.", "50 mm")
     ] = None,
     outer_diameter: Annotated[
-        str | None, _stated("Outer diameter of the contact area.", "54 mm")
+        str | None, _drawing_option("Outer diameter of the contact area.", "54 mm")
     ] = None,
     metal: Annotated[
-        str | None, _stated("Metal of the softer face, by name.", "copper, soft")
+        str | None, _drawing_option("Metal of the softer face, by name.", "copper, soft")
     ] = None,
     hardness: Annotated[
-        str | None, _stated("Its hardness, such as 0.5GPa or '45 HV'.", "typical of the metal")
+        str | None,
+        _drawing_option("Its hardness, such as 0.5GPa or '45 HV'.", "typical of the metal"),
     ] = None,
     force: Annotated[
         str | None,
-        _stated("Highest force of the assembly, such as 80kN.", "0.3 of the hardness"),
+        _drawing_option("Highest force of the assembly, such as 80kN.", "0.3 of the hardness"),
     ] = None,
-    fluid: Annotated[str | None, _stated("Fluid, by name.", "helium")] = None,
-    inlet: Annotated[str | None, _stated("Absolute pressure at the inlet.", "2 bar")] = None,
-    outlet: Annotated[str | None, _stated("Absolute pressure at the outlet.", "1 bar")] = None,
+    fluid: Annotated[str | None, _drawing_option("Fluid, by name.", "helium")] = None,
+    inlet: Annotated[
+        str | None, _drawing_option("Absolute pressure at the inlet.", "2 bar")
+    ] = None,
+    outlet: Annotated[
+        str | None, _drawing_option("Absolute pressure at the outlet.", "1 bar")
+    ] = None,
     limit: Annotated[
         str | None,
-        _stated("Leakage class or largest leakage, such as '1e-3 mbar*L/s'.", "none", "--class"),
+        _drawing_option(
+            "Leakage class or largest leakage, such as '1e-3 mbar*L/s'.", "none", "--class"
+        ),
     ] = None,
 ) -> None:
     """Write a commented case file to start from, also for a measured face or from a drawing."""
@@ -121,6 +130,6 @@ def new(
 
 
 def _ask(question: str, assumed: str) -> str:
-    """Ask a question in the terminal; an empty answer is what is assumed."""
+    """Ask a question in the terminal and return the answer; return "" if the user accepts the assumed answer."""
     answer = typer.prompt(question, default=assumed, show_default=bool(assumed))
     return "" if answer == assumed else str(answer)

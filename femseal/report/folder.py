@@ -1,4 +1,4 @@
-"""Write the results folder of a run, such that an interrupted run never damages the results of an earlier one."""
+"""Write the results folder of a run in such a way that an interrupted run never damages earlier results."""
 
 import json
 import os
@@ -66,13 +66,13 @@ def write_folder(
     surface : Topography or Patches, optional
         Combined heights of the faces, for `surface.png` and the files for ParaView.
     pictures, report, fields : bool
-        True writes the pictures, the report, or the fields over all pixels. If neither pictures nor a report are
+        Whether to write the pictures, the report, and the fields over all pixels. If neither pictures nor a report are
         written, nothing is drawn.
     paraview : {"vtu", "none"}
         Format of the files in `vtk/`, see `write_vtk`.
     fields_limit : float
-        Largest size of the fields over all pixels before compression [byte]. If they are larger, some load steps are
-        left out, which the attribute "left_out" of the dataset lists.
+        Largest size of the fields over all pixels before compression [byte]. If the fields are larger, some load steps
+        are left out; the attribute "left_out" of the dataset lists them.
     mapper : callable
         Function that applies a stage to its arguments, like the builtin `map`. It can write independent files in
         several processes.
@@ -115,12 +115,12 @@ def write_again(
 ) -> list[Path]:
     """Write the tables, the pictures and the report of results again into the folder from which they were read.
 
-    The results do not contain the data of the fields over all pixels and of the files in `vtk/`. These files are kept,
-    or removed if `fields` is False or `paraview` is "none". The other parameters, the returned paths and the errors are
-    those of `write_folder`.
+    The results do not contain the data for the fields over all pixels and for the files in `vtk/`. Existing files of
+    these kinds are therefore kept, or removed if `fields` is False or `paraview` is "none". The other parameters, the
+    returned paths and the errors are those of `write_folder`.
     """
     target = Path(results.folder or "")
-    # by the name of the folder, or of the .pvd file beside it, at the beginning of the path
+    # These files are in a folder with one of these names, or are a .pvd file with the same name beside the folder.
     is_kept_by_stem = {FIELDS: fields, VIEWS: paraview != "none"}
     kept_files = [
         name
@@ -150,8 +150,8 @@ def _replace_files(
     write_files : callable
         Function that writes all other files to a folder, which is its argument, and returns their paths.
     kept_files : sequence of Path, optional
-        Files of the earlier run that are kept, relative to `target`. If it is given, `results` are the results of the
-        earlier run. Its `results.nc` is then kept until the new file is complete, because there is no other copy.
+        Files of the earlier run that are kept, relative to `target`. If this list is given, `results` are the results
+        of the earlier run, and its `results.nc` is kept until the new file is complete, because there is no other copy.
 
     Returns
     -------
@@ -159,7 +159,7 @@ def _replace_files(
         Paths of all files of the run.
     """
     unfinished = target / UNFINISHED
-    # if it is a link, the link is removed and not the files to which it leads
+    # a link with this name is removed, but not the files to which it leads
     if unfinished.is_symlink() or unfinished.is_file():
         unfinished.unlink()
     shutil.rmtree(unfinished, ignore_errors=True)
@@ -175,7 +175,7 @@ def _replace_files(
         if kept_files is None:
             (target / FILE_NAME).unlink(missing_ok=True)
         outdated = [name for name in _files_of_earlier_run(target) if name not in all_files]
-        # the manifest also lists the outdated files until they are removed, in case that is interrupted
+        # the manifest also lists the outdated files until they are removed, in case their removal is interrupted
         _write_manifest(target, [*all_files, *outdated])
         for name in new_files:
             _move_file(name, unfinished, target)
@@ -192,7 +192,7 @@ def _replace_files(
 
 
 def _move_file(name: Path, source: Path, target: Path) -> None:
-    """Move a file from one folder to another; raise an error if a link would lead to a third folder."""
+    """Move a file from one folder to another; raise an error if a link in its path leads out of the target folder."""
     if not is_inside(target, name):
         parent = target / name.parent
         raise FemsealError(f"'{parent}' is a link to another folder, expected a folder")
@@ -237,7 +237,7 @@ def _files_of_earlier_run(folder: Path) -> list[Path]:
 def _remove_files(folder: Path, names: Iterable[Path]) -> None:
     """Remove files of an earlier run, and folders that become empty.
 
-    Files that a link places outside the folder are not removed.
+    Files that are outside the folder because of a link are not removed.
     """
     parents: set[Path] = set()
     for name in names:

@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REPORT_NAME = "report.html"
-#: Names of the pictures that are also written as files. The other pictures are only on the page.
+#: Names of the pictures that are also written as files. All other pictures are only on the page.
 FILES = ("surface", "seal", "seat", "patch", "drawn", "cells", "leakage")
 #: Pictures as PNG, by their names.
 Drawings = Mapping[str, bytes]
@@ -81,12 +81,13 @@ def draw_all(results: Results, surface: Surface | None = None) -> dict[str, byte
     dict of bytes
         Pictures as PNG, by their names.
     """
-    # in this process, because importing matplotlib in another one would take half as long as drawing everything
+    # Pictures are drawn in this process, because importing matplotlib in another process would take half as long as
+    # drawing all of them.
     return {name: png(draw()) for name, draw in _figures(results, surface).items()}
 
 
 def _figures(results: Results, surface: Surface | None) -> dict[str, Callable[[], Figure]]:
-    """Return a function for each picture for which the results have data, by the name of the picture."""
+    """Return the functions that draw the pictures for which the results have data, by the names of the pictures."""
     data = results.dataset
     step = default_step(data)
     has_maps = "face_gap" in data
@@ -131,7 +132,7 @@ def _seat_figure(data: xarray.Dataset, step: int) -> Figure:
 
 
 def _finished_attempts(attempts: dict[str, Any]) -> dict[int, dict[str, Any]]:
-    """Return the attempts to reach the accuracy whose error is known, by their numbers, which begin with 1."""
+    """Return those attempts to reach the accuracy whose error is known, by their numbers (from 1)."""
     numbered = enumerate(attempts["attempts"], start=1)
     return {number: attempt for number, attempt in numbered if attempt["half_width"] is not None}
 
@@ -178,7 +179,7 @@ def write_report(
     Raises
     ------
     InputError
-        The folder contains no results, the file cannot be written, or results without a folder were given no path.
+        The folder contains no results, the page cannot be written, or `path` is missing for results without a folder.
 
     Examples
     --------
@@ -200,7 +201,7 @@ def write_report(
     except Exception as error:
         if folder is None:
             raise
-        # the file of results has been changed
+        # the file with the results must have been changed
         raise inconsistent(folder / FILE_NAME, error) from error
     with writing("path", target, "a file in a folder"):
         return write_text(target, page)
@@ -237,7 +238,7 @@ def report_html(results: Results, drawings: Drawings | None = None) -> str:
         key_numbers=report_tables.key_numbers(results),
         flows=np.nan_to_num(surface_leakage(data)[step]) != 0,
         half_drop=_cells_of_half_drop(data, step),
-        # the page has a table of classes, so that the column "class" would repeat it
+        # without the column "class", because the page has a table of classes
         leakage_table=leakage_table(results).without("class"),
         totals=totals_table(results),
         classes=report_tables.class_table(results),
@@ -274,7 +275,7 @@ def page_template() -> Template:
 
 
 def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
-    """Return the smallest number of cells that together carry half of the pressure drop at a step, 0 if unknown."""
+    """Return the smallest number of cells with half of the pressure drop at a load step; 0 if it is unknown."""
     if "cell_drop_fraction" not in data:
         return 0
     fractions = data["cell_drop_fraction"].values[step].ravel()
@@ -303,5 +304,5 @@ def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
 
 
 def _plain_text(value: Any) -> str:
-    """Convert a value to text, numbers in short form."""
+    """Convert a value to text; numbers are written in short form."""
     return f"{value:g}" if isinstance(value, float) else str(value)

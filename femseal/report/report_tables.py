@@ -1,6 +1,7 @@
 """Make the tables of the report: key numbers, leakage classes, test fluid and error budget.
 
-The section about the pressures that the seal needs is read from files that `femseal design` has written to the folder.
+The section about the pressures that the seal needs is read from files that `femseal design` has written to the results
+folder.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 class KeyNumber(NamedTuple):
-    """Number at the top of the report: a label, the value with its unit, and the 95 % interval, "" if there is none."""
+    """Hold a number at the top of the report: label, value with its unit, and 95 % interval ("" if there is none)."""
 
     label: str
     value: str
@@ -39,7 +40,8 @@ class KeyNumber(NamedTuple):
 def key_numbers(results: Results) -> list[KeyNumber]:
     """List the leakage of the whole seal at the assembly load, the first load and the last load.
 
-    If the case has a test fluid, its leakage is listed, otherwise that of the fluid. All numbers have the same unit.
+    If the case has a test fluid, its leakage is listed instead of that of the service fluid. All numbers have the same
+    unit.
     """
     curve = LeakageCurve.of_results(results)
     leakage = results.class_leakage[0]
@@ -70,8 +72,8 @@ def key_numbers(results: Results) -> list[KeyNumber]:
 def _whole_seal_unit(results: Results, values: Array) -> LeakUnit:
     """Choose a unit for the leakage of the whole seal.
 
-    It is the unit that the case asks for, if this is a unit for the whole seal, and otherwise a unit in which the
-    leakages `values` (per unit seal length, [m²/s]) are readable.
+    If the case asks for a unit that applies to the whole seal, it is this unit. Otherwise it is a unit in which the
+    leakages `values`, which are per length of seal [m²/s], are readable.
     """
     basis = results.class_basis
     unit = results.asked_unit
@@ -99,9 +101,10 @@ def test_fluid(results: Results) -> dict[str, Any] | None:
         - name: name of the test fluid
         - load: name of the assembly load
         - leakage: leakage of the test fluid at this load, as text
-        - gases: True if both fluids are gases
-        - ratio: leakage in service divided by that in the test, median over all loads at which both leak; 0 if there is
-          no such load. Two gases are compared by their throughput (pressure × volume), other fluids by their volume.
+        - gases: whether both fluids are gases
+        - ratio: ratio of the leakage in service to that in the test, as median over all loads at which both leak; 0 if
+          there is no such load. Two gases are compared by their throughput (pressure × volume), other fluids by their
+          volume.
     """
     data = results.dataset
     if "test_leakage" not in data:
@@ -158,8 +161,8 @@ def design_section(results: Results) -> dict[str, Any] | None:
 def important_steps(results: Results) -> list[int]:
     """List the load steps that the table of the error budget shows.
 
-    They are the first step with a known leakage, the highest load with a leakage of more than a thousandth of the first
-    one, the highest load of all, and the last step.
+    They are the first step with a known leakage; the highest load at which the leakage is more than a thousandth of
+    that at the first step; the highest load of all; and the last step.
     """
     leakage = np.abs(results.leakage.values)
     is_large_enough = (leakage > least_counted(leakage)) & results.steps.on_loading
@@ -169,13 +172,13 @@ def important_steps(results: Results) -> list[int]:
 
 
 class _BudgetLine(NamedTuple):
-    """Line of the table of the error budget.
+    """Hold a line of the table of the error budget.
 
     Attributes
     ----------
     source : source of error.
-    half_widths : half-width of the 95 % interval of ln(leakage) due to this source (steps,).
-    note : explanation of how it was estimated.
+    half_widths : half-width of the 95 % interval of ln(leakage) due to this source, (steps,).
+    note : explanation of how the half-width was estimated.
     """
 
     source: str
@@ -184,9 +187,9 @@ class _BudgetLine(NamedTuple):
 
 
 def budget_table(results: Results) -> TextTable | None:
-    """Make a table of the sources of error, from the largest to the smallest, and of their combination.
+    """Make a table of the error sources, from the largest to the smallest, and of their combination.
 
-    Its columns are the `important_steps`. The result is None without an error budget.
+    The table has a column for each of the `important_steps`. Return None if the results have no error budget.
     """
     budget = results.budget
     if budget is None:
@@ -218,7 +221,7 @@ def budget_table(results: Results) -> TextTable | None:
 
 
 def _half_width_text(half_width: float) -> str:
-    """Convert a half-width of ln(leakage) to text; it is infinite if the seal may either leak or be tight."""
+    """Convert a half-width of ln(leakage) to text. It is infinite if the error decides whether the seal leaks."""
     if np.isnan(half_width):
         return "unknown"
     if np.isinf(half_width):
