@@ -150,9 +150,8 @@ class Profile:
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")
         inlet, outlet = frame.ends
-        section = (
-            (across - inlet) / (outlet - inlet) * values.size
-        )  # fractional number of the section
+        # fractional number of the section
+        section = (across - inlet) / (outlet - inlet) * values.size
         # The sections on both sides of each point, (side, point). They differ only for a point on an edge.
         both_sides = np.floor([section - _ROUNDING, section + _ROUNDING]).astype(int)
         return values[np.clip(both_sides, 0, values.size - 1)].mean(axis=0)
@@ -287,9 +286,8 @@ class PressureField:
         corners = self.triangles.astype(int)
         surface = pyvista.PolyData.from_regular_faces(in_space(self.points), corners)
         triangle = np.atleast_1d(surface.find_closest_cell(in_space(points)))
-        first, second, third = np.moveaxis(
-            self.points[self.triangles[triangle]], 1, 0
-        )  # corners, (n, 2) each
+        # corners, (n, 2) each
+        first, second, third = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
         # the weights of the second and third corner solve a linear system whose matrix has these edges as columns
         edges = np.stack([second - first, third - first], axis=-1)  # (n, 2, 2)
         weights = np.linalg.solve(edges, (points - first)[..., None])[..., 0]
@@ -415,9 +413,8 @@ class PressedSeal:
             return np.broadcast_to(tabulated[0], (loads.size, len(points)))
         # linear interpolation between the maps below and above each load
         map_pressures = pressure_map.pressures
-        position = np.interp(
-            loads, map_pressures, np.arange(len(map_pressures))
-        )  # fractional number of the map
+        # fractional number of the map
+        position = np.interp(loads, map_pressures, np.arange(len(map_pressures)))
         below = np.minimum(position.astype(int), len(map_pressures) - 2)
         weight = (position - below)[:, None]  # of the map above
         return (1 - weight) * tabulated[below] + weight * tabulated[below + 1]

@@ -99,9 +99,8 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     elements = renumbered.reshape(cells.shape)
     mesh_class = getattr(skfem, _KINDS[kind])
     mesh = mesh_class(np.ascontiguousarray(points[kept_nodes].T), np.ascontiguousarray(elements.T))
-    vertex = np.full(
-        len(points), -1
-    )  # number of the vertex for each node of the file, −1 if it was omitted
+    # number of the vertex for each node of the file, −1 if it was omitted
+    vertex = np.full(len(points), -1)
     vertex[kept_nodes] = np.arange(kept_nodes.size)
     boundaries = {}
     for name, lines in _named_lines(data).items():
@@ -236,9 +235,8 @@ def _facets_with_ends(mesh: Mesh, ends: Indices) -> Indices:
     # a pair of vertices is represented by a single number, which does not depend on their order
     facet_ends = np.sort(mesh.facets, axis=0)
     facet_key = facet_ends[0].astype(np.int64) * n + facet_ends[1]
-    is_complete = (ends >= 0).all(
-        axis=1
-    )  # False for pairs with an omitted node, whose number is −1
+    # False for pairs with an omitted node, whose number is −1
+    is_complete = (ends >= 0).all(axis=1)
     ends = np.sort(ends[is_complete], axis=1)
     wanted_key = ends[:, 0] * n + ends[:, 1]
     return np.flatnonzero(np.isin(facet_key, wanted_key))

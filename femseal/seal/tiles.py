@@ -343,9 +343,8 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     part = columns / all_columns
     # 1 if the radius increases in the direction of the flow, −1 if it decreases
     sign = 1.0 if inlet == "inner" else -1.0
-    row_radii = np.linspace(inner, outer, rows + 1)[
-        :: int(sign)
-    ]  # of the row boundaries, from inlet to outlet
+    # of the row boundaries, from inlet to outlet
+    row_radii = np.linspace(inner, outer, rows + 1)[:: int(sign)]
     inlet_radius = row_radii[0]
     ring = Rectangles(np.abs(np.log(row_radii / inlet_radius)), 2 * pi * part, columns)
     plain = ring.plain_mesh

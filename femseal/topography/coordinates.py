@@ -195,9 +195,8 @@ def _read_grid(table: NDArray, columns: Columns) -> MapOfTable | None:
     if x_lattice is None or y_lattice is None:
         return None
     n1, n2 = x_lattice.points, y_lattice.points
-    flat_index = (
-        x_lattice.index * n2 + y_lattice.index
-    )  # of each line of the table in the grid, row by row
+    # of each line of the table in the grid, row by row
+    flat_index = x_lattice.index * n2 + y_lattice.index
     filled_points = np.unique(flat_index).size
     has_only_coordinates = _has_only_coordinates(table, columns)
     if filled_points < len(table) and not has_only_coordinates:

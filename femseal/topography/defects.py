@@ -308,9 +308,8 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     if not hole.any():
         return heights
     position = np.nonzero(hole)  # rows and columns of the unknown heights
-    index = np.ravel_multi_index(
-        position, hole.shape
-    )  # numbers of these points in the map, row by row
+    # numbers of these points in the map, row by row
+    index = np.ravel_multi_index(position, hole.shape)
     count = index.size
     laplacian = scipy.sparse.csr_array((count, count))
     right_side = np.zeros(count)
@@ -326,9 +325,8 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
             is_known = ~np.isnan(neighbour_height)
             right_side[is_known] += weight * neighbour_height[is_known]
             (unknown,) = np.nonzero(~is_known)
-            column = np.searchsorted(
-                index, neighbour[unknown]
-            )  # number of the neighbour among the unknowns
+            # number of the neighbour among the unknowns
+            column = np.searchsorted(index, neighbour[unknown])
             off_diagonal = scipy.sparse.coo_array(
                 (np.full(unknown.size, weight), (unknown, column)), shape=(count, count)
             )
