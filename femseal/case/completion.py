@@ -371,8 +371,8 @@ def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: lis
     path = table.get("hardness_table")
     coating = table.get("coating")
     if isinstance(coating, dict):
-        place = f"{table_key}.coating"
-        table["coating"] = _complete_solid(coating, place, folder, warnings)
+        coating_key = f"{table_key}.coating"
+        table["coating"] = _complete_solid(coating, coating_key, folder, warnings)
     if isinstance(path, str):
         table["hardness_table"] = _hardness_rows(folder / path, f"{table_key}.hardness_table")
     if "name" not in table:

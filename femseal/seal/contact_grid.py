@@ -74,12 +74,11 @@ class ContactGrid:
         # the grid leaves out the repeated columns of a short strip
         length *= tiles.unrepeated_elements.size / tiles.tile.size
         fewest_rows = ROWS_OF_PROFILES if profile else _ROWS
-        # Each tile gets a whole number of rows and columns of cells, unless there are very many tiles. -(-a // b) is
-        # a/b rounded up.
+        # each tile gets a whole number of rows and columns of cells, unless there are very many tiles
         n1 = fewest_rows
         if rows <= fewest_rows:
-            n1 = rows * -(-fewest_rows // rows)
-        n2 = max(_COLUMNS, min(columns * -(-_COLUMNS // columns), _MOST_CELLS // n1))
+            n1 = _smallest_multiple(rows, fewest_rows)
+        n2 = max(_COLUMNS, min(_smallest_multiple(columns, _COLUMNS), _MOST_CELLS // n1))
         # centres of the rows and columns, as fractions of breadth and length
         x1, x2 = ((np.arange(n) + 0.5) / n for n in (n1, n2))
         across, along = np.meshgrid(inlet + (outlet - inlet) * x1, x2, indexing="ij")
@@ -167,3 +166,8 @@ class ContactGrid:
         """
         at_all_cells = np.broadcast_to(values, (*values.shape[:-2], *self.tile.shape))
         return np.asarray(at_all_cells.reshape(*values.shape[:-2], -1) @ self.averaging.T)
+
+
+def _smallest_multiple(factor: int, least: int) -> int:
+    """Return the smallest multiple of `factor` that is not below `least`."""
+    return factor * -(-least // factor)  # −(−a // b) is a/b rounded up

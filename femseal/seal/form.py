@@ -255,7 +255,7 @@ class MeasuredForm:
         distances, _ = cKDTree(known).query(points)
         far = float(distances.max())
         if far > limit:
-            given = f"points up to {to_text(far, 'm', 3)} from places on the seal"
+            given = f"points up to {to_text(far, 'm', 3)} from points of the seal"
             near = to_text(limit, "m", 3)
             expected = f"points that cover it, within {near}: is their unit right?"
             raise InputError("form", given, expected)

@@ -128,7 +128,7 @@ class MeshSeal:
             raise InputError(
                 "inlet and outlet",
                 "boundaries that the mesh does not connect",
-                "a mesh in one cell",
+                "a mesh in one piece",
             )
 
     @property

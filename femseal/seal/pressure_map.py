@@ -269,7 +269,7 @@ class PressureField:
             ends = zip("xy", self.points.min(axis=0), self.points.max(axis=0), strict=True)
             ranges = ", ".join(f"{name} {low:.4g} to {high:.4g} m" for name, low, high in ends)
             x, y = points[uncovered[0]]
-            given = f"{ranges}, without places on the seal such as ({x:.4g}, {y:.4g}) m"
+            given = f"{ranges}, without points of the seal such as ({x:.4g}, {y:.4g}) m"
             raise InputError("field", given, "one that covers the seal")
         inside = np.maximum(weights, 0)
         inside /= inside.sum(axis=1, keepdims=True)
