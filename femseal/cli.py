@@ -375,7 +375,7 @@ def main() -> None:
         reason = str(error) or "no more is free"
         _stop(error, f"out of memory ({reason}); `femseal check` says how much a run needs", 1)
     except Exception as error:
-        if isinstance(error, OSError) and _is_of_output(error):
+        if isinstance(error, OSError) and _is_output_error(error):
             _stop(error, f"standard output: cannot be written ({error.strerror})", 1)
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
             _stop(error, shortened(error), 2)
@@ -389,7 +389,7 @@ def main() -> None:
         gc.freeze()
 
 
-def _is_of_output(error: OSError) -> bool:
+def _is_output_error(error: OSError) -> bool:
     """Return whether an error occurred while writing to standard output. If so, discard all further output."""
     *_, (last_frame, _line) = traceback.walk_tb(error.__traceback__)
     package = last_frame.f_globals["__name__"].partition(".")[0]

@@ -428,7 +428,7 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
 
 
 def leak_basis(
-    fluid: Fluid, length: float, stated: float | None = None, **valve: float
+    fluid: Fluid, length: float, throughput_temperature: float | None = None, **valve: float
 ) -> LeakBasis:
     """Collect the data with which the leakage of a fluid through a seal can be converted to any unit.
 
@@ -438,7 +438,7 @@ def leak_basis(
         Fluid that leaks. It is a gas if it has a `reference_pressure`, to which its volumes refer.
     length : float
         Length of the seal [m].
-    stated : float, optional
+    throughput_temperature : float, optional
         Temperature to which the throughput (pressure × volume per time) of a gas refers [K]; by default the temperature
         of the gas.
     **valve : float
@@ -451,7 +451,13 @@ def leak_basis(
         temperature = getattr(fluid, "temperature", None)
         molar_mass = getattr(fluid, "molar_mass", None)
     return LeakBasis(
-        length, fluid.reference_density, pressure, temperature, molar_mass, stated, **valve
+        length,
+        fluid.reference_density,
+        pressure,
+        temperature,
+        molar_mass,
+        throughput_temperature,
+        **valve,
     )
 
 

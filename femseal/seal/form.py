@@ -139,8 +139,8 @@ class WavyForm:
 class MeasuredForm:
     """Hold heights measured over a whole seal.
 
-    `of` makes a form from points, and `of_map` from a map of heights. The least-squares plane is subtracted from the
-    heights, because faces align with each other when they are clamped.
+    `from_points` makes a form from points, and `from_map` from a map of heights. The least-squares plane is subtracted
+    from the heights, because faces align with each other when they are clamped.
 
     Attributes
     ----------
@@ -162,7 +162,9 @@ class MeasuredForm:
     middle: Pair | None = None
 
     @classmethod
-    def of(cls, points: ArrayLike, heights: ArrayLike, *, polar: bool = False) -> MeasuredForm:
+    def from_points(
+        cls, points: ArrayLike, heights: ArrayLike, *, polar: bool = False
+    ) -> MeasuredForm:
         """Make a form from heights measured at any points, which may also lie on a line.
 
         Parameters
@@ -188,11 +190,11 @@ class MeasuredForm:
         return cls(checked_points, z, polar)
 
     @classmethod
-    def of_map(cls, surface: Topography) -> MeasuredForm:
+    def from_map(cls, surface: Topography) -> MeasuredForm:
         """Make a form from the defined points of a map of heights, such as that of a coarser instrument."""
         points = middles(surface.size, surface.shape)
         is_defined = np.isfinite(surface.heights).ravel()
-        form = cls.of(points[is_defined], surface.heights.ravel()[is_defined])
+        form = cls.from_points(points[is_defined], surface.heights.ravel()[is_defined])
         return replace(form, middle=(surface.size[0] / 2, surface.size[1] / 2))
 
     @property
@@ -344,14 +346,14 @@ def read_form(
     elif {*_POLAR} <= {*names}:
         wanted = _POLAR
     else:
-        return MeasuredForm.of_map(read_topography(file, height_unit=unit))
+        return MeasuredForm.from_map(read_topography(file, height_unit=unit))
     if unit is None:
         raise InputError("unit", "none", "the unit of the heights, such as 'um'")
     first, second, z = read_columns(file, wanted).T
     polar = wanted is _POLAR
     length = to_si(f"1 {length_unit}", "m", "length_unit")
     points = np.stack([length * first, np.radians(second) if polar else length * second], axis=1)
-    return MeasuredForm.of(points, to_si(f"1 {unit}", "m", "unit") * z, polar=polar)
+    return MeasuredForm.from_points(points, to_si(f"1 {unit}", "m", "unit") * z, polar=polar)
 
 
 #: Forms that a case can choose, by their kind.

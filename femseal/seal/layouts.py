@@ -165,7 +165,7 @@ class RectangularLayout:
 
     def frame(self, size: Pair) -> Frame:
         """Return the coordinates x1, counted from the inlet, and x2."""
-        return Frame.of_strip(size)
+        return Frame.for_strip(size)
 
     def __str__(self) -> str:
         return "a strip" if self.lay.name == "x2" else f"a strip, lay {self.lay}"

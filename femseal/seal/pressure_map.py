@@ -48,7 +48,7 @@ class Frame:
     ends: Pair | None = None
 
     @classmethod
-    def of_strip(cls, size: Pair) -> Frame:
+    def for_strip(cls, size: Pair) -> Frame:
         """Return the coordinates of a strip of the given size [m], with the inlet at x1 = 0."""
         return cls(size=size, ends=(0.0, size[0]))
 
@@ -206,7 +206,7 @@ class AngleTable:
 class PressureField:
     """Hold a pressure field in the plane of the seal, such as the result of a flange calculation.
 
-    The method `of` makes such a field. The pressure is linear on each triangle.
+    The method `from_points` makes such a field. The pressure is linear on each triangle.
 
     Attributes
     ----------
@@ -223,7 +223,7 @@ class PressureField:
     pressure: Array = field(repr=False)
 
     @classmethod
-    def of(
+    def from_points(
         cls, points: ArrayLike, pressure: ArrayLike, triangles: ArrayLike | None = None
     ) -> PressureField:
         """Make a pressure field from the pressures at points.

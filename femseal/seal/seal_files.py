@@ -287,9 +287,9 @@ def read_pressure_field(
     unit = to_si(f"1 {pressure_unit}", "Pa", "pressure_unit")
     if file.suffix.lower() in TEXTS:
         numbers = read_columns(file, ("x", "y", name))
-        return PressureField.of(length * numbers[:, :2], unit * numbers[:, 2])
+        return PressureField.from_points(length * numbers[:, :2], unit * numbers[:, 2])
     points, values, triangles = _read_triangles(file, name)
-    return PressureField.of(length * points, unit * values, triangles)
+    return PressureField.from_points(length * points, unit * values, triangles)
 
 
 def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]]:

@@ -108,7 +108,7 @@ def form_of(surface, count):
     heights = surface.heights.reshape(count, n, count, n).mean(axis=(1, 3))
     middles = ((np.arange(count) + 0.5) * n * d for d in surface.spacing)
     points = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2)
-    return MeasuredForm.of(points, heights.ravel())
+    return MeasuredForm.from_points(points, heights.ravel())
 
 
 def solved_rows(name, kind, surface, corner, ways):

@@ -104,7 +104,7 @@ def test_a_form_leaves_the_waves_that_are_too_short_for_it():
     def measured(count):
         lines = np.linspace(0, 8 * SIDE, count), np.linspace(0, 16 * SIDE, 2 * count)
         points = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
-        return MeasuredForm.of(points, np.zeros(len(points)))
+        return MeasuredForm.from_points(points, np.zeros(len(points)))
 
     coarse, finer, none = (spread(measured(count)) for count in (4, 9, 40))
     assert none is None

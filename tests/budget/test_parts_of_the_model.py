@@ -190,7 +190,7 @@ def test_a_form_with_a_tolerance_is_a_part(scene):
     assert_allclose(change.opposite.scene.surface.heights, shallower, atol=1e-18)
     (change,) = model_changes(scene, ["form"], form=FormTolerance((seat,), (0.25,)))
     assert change.scene is scene
-    points, frame = np.stack([np.linspace(0, 2e-4, 5)] * 2, axis=1), Frame.of_strip((2e-4, 1e-3))
+    points, frame = np.stack([np.linspace(0, 2e-4, 5)] * 2, axis=1), Frame.for_strip((2e-4, 1e-3))
     assert_allclose(change.forms[0].heights(points, frame), deeper.heights(points, frame))
     shallower = CrownedSeat(2e-3 / 0.75).heights(points, frame)
     assert_allclose(change.opposite.forms[0].heights(points, frame), shallower)

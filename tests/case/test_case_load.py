@@ -274,7 +274,7 @@ class TestFieldOfACase:
         assert fs.run(found, tmp_path / "out", resume=True).warnings == results.warnings
         of_case = prepare(found).sampling.pressure_map
         of_worker = pickle.loads(pickle.dumps(of_case))
-        patches, frame = np.array([[3e-5, 2e-4]]), Frame.of_strip((6e-5, 9.6e-4))
+        patches, frame = np.array([[3e-5, 2e-4]]), Frame.for_strip((6e-5, 9.6e-4))
         assert_array_equal(of_worker.at(patches, frame), of_case.at(patches, frame))
         other = case("\n".join(table).replace("40.8", "41.8"))
         assert face_files(other) != json.loads(data.attrs["face_files"])

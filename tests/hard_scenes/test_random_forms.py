@@ -44,7 +44,7 @@ def drawn(seed):
         points = (
             rng.uniform(0, 1, (60, 2)) if strip else rng.uniform(-1.2, 1.2, (60, 2))
         ) * largest
-        form = MeasuredForm.of(points, rng.normal(0, height, 60))
+        form = MeasuredForm.from_points(points, rng.normal(0, height, 60))
     scene = fs.Scene(face, modulus, hardness, fs.Liquid(1e-3), 1.0, 0.0, loading=loads, unload_from=(loads[-1],),
                      unloading=tuple(loads[-1] * f for f in (0.6, 0.1, 0.001)), fluid_pressure="ignored",
                      layout=layout)  # fmt: skip

@@ -11,7 +11,7 @@ from femseal.seal.contact_grid import ContactGrid
 from femseal.seal.form import ScaledForm
 from femseal.seal.tiles import CellSize
 
-STRIP = Frame.of_strip((2e-3, 8e-3))
+STRIP = Frame.for_strip((2e-3, 8e-3))
 RING = AnnularLayout(20e-3, 22e-3).frame((2e-3, 0.13))
 
 
@@ -54,7 +54,7 @@ def test_bad_waves(given, frame, text):
 def test_a_plane_is_no_form():
     """Clamped faces align."""
     points = lattice()
-    tilted = MeasuredForm.of(points, 1e-3 * points[:, 0] - 2e-4 * points[:, 1] + 1e-6)
+    tilted = MeasuredForm.from_points(points, 1e-3 * points[:, 0] - 2e-4 * points[:, 1] + 1e-6)
     assert_allclose(tilted.heights(lattice(counts=(9, 33)), STRIP), 0.0, atol=1e-8 * 1e-3)
 
 
@@ -63,7 +63,7 @@ def test_one_circle_of_heights_is_enough(polar):
     """What a flatness tester measures at the middle of a flange, in the plane and by radius and angle."""
     points, angle = around()
     given = np.stack([np.full(angle.size, 21e-3), angle], axis=1) if polar else points
-    form = MeasuredForm.of(given, 1e-6 * np.cos(2 * angle), polar=polar)
+    form = MeasuredForm.from_points(given, 1e-6 * np.cos(2 * angle), polar=polar)
     between, fine = around(144)
     assert_allclose(form.heights(between, RING), 1e-6 * np.cos(2 * fine), atol=0.05e-6)
     assert_allclose(form.heights(between * 20.2 / 21, RING), 1e-6 * np.cos(2 * fine), atol=0.12e-6)
@@ -81,7 +81,7 @@ def test_interpolation_converges_on_finer_points():
     errors = []
     for n in (5, 9, 17):
         points = lattice(counts=(n, 4 * n))
-        found = MeasuredForm.of(points, height(points)).heights(inside, STRIP)
+        found = MeasuredForm.from_points(points, height(points)).heights(inside, STRIP)
         errors.append(np.abs(found - exact).max())
     assert errors[2] < 0.6 * errors[1] < 0.36 * errors[0]
 
@@ -91,7 +91,7 @@ def test_a_dense_map_is_averaged_and_keeps_its_long_waves():
     short = 1e-7 * np.cos(np.pi * x1[:, None] / 4e-5)
     heights = 1e-6 * np.cos(2 * np.pi * x2 / 8e-3) + short
     heights[10:20, 30:40] = np.nan
-    form = MeasuredForm.of_map(fs.Topography(heights, (2e-5, 2e-5), (False, False)))
+    form = MeasuredForm.from_map(fs.Topography(heights, (2e-5, 2e-5), (False, False)))
     points = lattice(counts=(20, 80)) * [0.98, 0.98] + [2e-5, 8e-5]
     expected = 1e-6 * np.cos(2 * np.pi * points[:, 1] / 8e-3)
     assert_allclose(form.heights(points, STRIP) - expected, 0, atol=0.06e-6)
@@ -110,7 +110,7 @@ def test_a_dense_map_is_averaged_and_keeps_its_long_waves():
 )
 def test_bad_heights(points, heights, more, text):
     with pytest.raises(InputError, match=text):
-        MeasuredForm.of(points, heights, **more).heights(lattice(), STRIP)
+        MeasuredForm.from_points(points, heights, **more).heights(lattice(), STRIP)
 
 
 def test_columns_are_read_with_their_units(tmp_path):
@@ -151,7 +151,7 @@ def tiles_of(layout, cells=CellSize((0.5e-3, 0.5e-3), 4, 8e-3, 2e-3)):  # noqa: 
 def test_cells_of_a_strip_have_the_means_of_their_tiles(length, cell, rtol):
     """Of many tiles there are fewer cells."""
     tiles = tiles_of(RectangularLayout(), cell)
-    grid = ContactGrid.over(tiles, Frame.of_strip((2e-3, length)))
+    grid = ContactGrid.over(tiles, Frame.for_strip((2e-3, length)))
     assert_allclose(np.multiply(grid.tile.shape, grid.spacing), (2e-3, length))
     means = grid.means(np.moveaxis(grid.points, -1, 0)).T
     if rtol:

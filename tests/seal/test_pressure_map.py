@@ -31,7 +31,7 @@ def tiles(x1, x2, frame, place):
 def strip(size=(2e-3, 8e-3), cells=(4, 8)):
     """A strip of tiles."""
     lines = (np.linspace(0, side, n + 1) for side, n in zip(size, cells, strict=True))
-    return tiles(*lines, Frame.of_strip(size), lambda x1, x2: np.stack([x1, x2], axis=-1))
+    return tiles(*lines, Frame.for_strip(size), lambda x1, x2: np.stack([x1, x2], axis=-1))
 
 
 def ring(inner=10e-3, outer=15e-3, cells=(6, 48), centre=(0.0, 0.0)):
@@ -111,7 +111,7 @@ def test_maps_at_loads_are_linear_between_them():
 
 def test_a_linear_field_is_met_exactly_and_a_smooth_one_with_order_two():
     points = RNG.uniform(-1, 1, (300, 2)) * 0.02
-    field = PressureField.of(points, 5 + points @ [100, 50])
+    field = PressureField.from_points(points, 5 + points @ [100, 50])
     inside = RNG.uniform(-1, 1, (40, 2)) * 0.015
     assert_allclose(field.at(inside, Frame()), 5 + inside @ [100, 50], rtol=1e-9)
     errors = []
@@ -119,7 +119,9 @@ def test_a_linear_field_is_met_exactly_and_a_smooth_one_with_order_two():
         points, centres = (ring(cells=c).outlines for c in ((n // 2, 4 * n), (5, 40)))
         points, centres = np.unique(points.reshape(-1, 2), axis=0), centres.mean(axis=1)
         given, exact = (2 + np.cos(2 * np.arctan2(x[:, 1], x[:, 0])) for x in (points, centres))
-        errors.append(np.abs(PressureField.of(points, given).at(centres, Frame()) - exact).max())
+        errors.append(
+            np.abs(PressureField.from_points(points, given).at(centres, Frame()) - exact).max()
+        )
     assert min(np.log2(np.divide(errors[:-1], errors[1:]))) > 1.6
 
 
@@ -134,7 +136,7 @@ def test_a_linear_field_is_met_exactly_and_a_smooth_one_with_order_two():
 )
 def test_the_hole_of_a_ring_and_the_outside_are_not_covered(cells, seal, message):
     points = ring(cells=cells).outlines.reshape(-1, 2)
-    field = PressureField.of(points, np.ones(len(points)))
+    field = PressureField.from_points(points, np.ones(len(points)))
     if message:
         with pytest.raises(InputError, match=message):
             field.at(seal.centres, Frame())
@@ -147,9 +149,9 @@ def test_long_triangles_far_from_their_middles_are_found():
     fine = RNG.uniform(0, 1, (2000, 2)) * [0.1, 1]
     points = np.vstack([fine, [[0.1, 0], [0.1, 1], [10, 0], [10, 1]]])
     long = [[2000, 2001, 2003], [2000, 2003, 2002]]
-    triangles = np.vstack([PressureField.of(fine, np.ones(len(fine))).triangles, long])
+    triangles = np.vstack([PressureField.from_points(fine, np.ones(len(fine))).triangles, long])
     patches = np.stack([np.linspace(0.2, 9.9, 50), np.full(50, 0.5)], axis=1)
-    field = PressureField.of(points, points[:, 0], triangles)
+    field = PressureField.from_points(points, points[:, 0], triangles)
     assert_allclose(field.at(patches, Frame()), patches[:, 0])
 
 
@@ -165,7 +167,7 @@ def test_long_triangles_far_from_their_middles_are_found():
 )
 def test_bad_fields(points, pressure, text):
     with pytest.raises(InputError, match=text):
-        fractions(PressureField.of(points, pressure), strip())
+        fractions(PressureField.from_points(points, pressure), strip())
 
 
 UNITS = {"length_unit": "mm", "pressure_unit": "MPa"}

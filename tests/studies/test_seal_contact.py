@@ -144,7 +144,7 @@ def around(radius, count):
 def test_the_highest_place_presses_hardest():
     """A bump at one side of a ring, and the opposite side stands apart."""
     points, angle = around(4.2e-3, 24)
-    bump = MeasuredForm.of(points, 4e-6 * np.exp(-((angle - np.pi) ** 2)))
+    bump = MeasuredForm.from_points(points, 4e-6 * np.exp(-((angle - np.pi) ** 2)))
     contact = contact_of(scene((1e6,), layout=RING), bump)
     columns = contact.pressure.shape[2]
     for place in (contact.pressure[0].mean(axis=0).argmax(), contact.separation[0].mean(axis=0).argmin()):  # fmt: skip
@@ -185,7 +185,7 @@ def test_a_mesh_of_a_rectangle_presses_as_a_free_strip(tmp_path):
     layout = MeshLayout(path, "mm", "in", "out", lay="x2", centre=(0.2e-3, 0.6e-3))
     points = 1e-3 * np.stack(np.meshgrid(np.linspace(0, 0.4, 5), np.linspace(0, 1.2, 13)), axis=-1)
     points = points.reshape(-1, 2)
-    crown = MeasuredForm.of(points, -((points[:, 1] - 0.6e-3) ** 2) / 0.2)
+    crown = MeasuredForm.from_points(points, -((points[:, 1] - 0.6e-3) ** 2) / 0.2)
     contact = contact_of(scene((2e7,), layout=layout), crown)
     assert contact.grid.inside.all()
     pressure = contact.pressure[0]
@@ -202,11 +202,11 @@ def test_a_patch_loses_the_waves_that_a_dense_form_has():
     one = scene((1e7,))
     cut = Cut.of(one.surface, (4, 4))
     points = np.stack(np.meshgrid(np.arange(10), np.arange(10)), axis=-1).reshape(-1, 2) * 20 * D
-    form = MeasuredForm.of(points, np.zeros(len(points)))
+    form = MeasuredForm.from_points(points, np.zeros(len(points)))
     kept = remove_waves_of_forms(one, cut, (form,)).surface
     assert_allclose(kept.low_pass(60 * D).rms_height, 0.0, atol=1e-15)
     assert_allclose(kept.heights, one.surface.high_pass(60 * D).heights)
-    coarse = MeasuredForm.of(points * 20, np.zeros(len(points)))
+    coarse = MeasuredForm.from_points(points * 20, np.zeros(len(points)))
     assert remove_waves_of_forms(one, cut, (coarse,)) is one
     assert remove_waves_of_forms(one, cut, (WavyForm(1e-6, lobes=2),)) is one
 
@@ -246,7 +246,7 @@ def test_higher_waves_leak_more_and_the_load_presses_them_flat():
 def test_the_band_of_a_measured_form_is_one_of_its_own():
     """Waves and seats are known exactly."""
     points, angle = around(1.03e-3, 12)
-    measured = MeasuredForm.of(points, 1e-7 * np.cos(2 * angle))
+    measured = MeasuredForm.from_points(points, 1e-7 * np.cos(2 * angle))
     forms = measured, WavyForm(1e-7, lobes=2), CrownedSeat(0.1), ()
     kinds = [drawn(scene((5e7,), layout=NARROW), form).kind for form in forms]
     assert kinds == ["with form", "at random", "at random", "in order"]

@@ -165,7 +165,7 @@ def test_halves_beside_each_other_leak_their_mean_and_in_a_row_their_harmonic_me
 
 def test_a_field_over_a_strip_of_two_columns_covers_it():
     corners = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [2.0, 2.0]]) * SIDE
-    field = PressureField.of(corners, [0.6e8, 1.4e8, 0.6e8, 1.4e8])
+    field = PressureField.from_points(corners, [0.6e8, 1.4e8, 0.6e8, 1.4e8])
     line = Profile((0.6, 1.4), (0.0, 2 * SIDE))
     found = [
         drawn(scene(), broad(columns=2, pressure_map=of), (1, 1)).leakage for of in (field, line)
