@@ -22,7 +22,8 @@ from ..scene import Scene
 from ..seal.form import SealForm
 from ..seal.pressure_map import Frame
 from ..seal.tiles import CellSize, SealTiles
-from ..studies.seal_contact import RoughLayer, solve_layer_states, solve_seal_contact
+from ..studies.rough_layer import RoughLayer, solve_layer_states
+from ..studies.seal_contact import solve_seal_contact
 from ..topography import Representative
 
 #: Number of random forms, and of the waves of each.

@@ -1,4 +1,4 @@
-"""Prepare the input of the studies from a case: make or read its faces, condition them, and check sizes."""
+"""Prepare the input of the studies from a case: generate or read its faces, condition the surface, check all sizes."""
 
 from typing import TYPE_CHECKING
 

@@ -1,8 +1,8 @@
 """Write a case from the values of a drawing: roughness, marks, diameters, material, force and fluid.
 
-The generated surface has the Ra or Rz of the drawing: its heights are scaled after it was generated once. How large it
-is follows from a measurement (docs/evidence/drawing.md): as broad as the seal, so that cells stay in order, and
-at least 24 spacings of the marks long.
+The heights of the generated surface are scaled so that it has the Ra or Rz of the drawing. It is as broad as the seal,
+so that its cells stay in order, and at least 24 spacings of the marks long. docs/evidence/drawing.md shows that the
+leakage of larger surfaces differs little.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from ..materials import METALS, named_solid
 from ..topography.profile_roughness import profile_roughness
 from .surface import condition_surface
 
-#: Vickers hardness of metals as delivered [HV], typical values of data sheets. Of annealed metals 2.8 times the yield
-#: stress is far less, because they harden under the indenter.
+#: Vickers hardness of metals as delivered [HV], typical values of data sheets. For annealed metals it is much higher
+#: than 2.8 times the yield stress, because they harden under the indenter.
 VICKERS = {
     "steel 304/316, annealed": 160,
     "steel 1.4571, annealed": 160,
@@ -38,29 +38,36 @@ VICKERS = {
     "silver, annealed": 25,
     "soft iron": 75,
 }
-#: Mean contact pressure [Pa] of an indentation of 1 HV: 1 kgf/mm² over the projected area, which is sin 68° times the
-#: area of the faces of the pyramid.
+#: Mean contact pressure of an indentation of 1 HV [Pa]. The Vickers hardness is the force divided by the area of the
+#: faces of the pyramid, 1 kgf/mm²; the contact pressure refers to the projected area, which is sin 68° = 0.9272 of it.
 VICKERS_PRESSURE = 9.80665e6 / 0.9272
-#: Rz over Ra with which a turned surface is generated before it is scaled.
+#: Ratio Rz/Ra from which the heights of the surface are estimated before they are scaled.
 _RZ_OVER_RA = 5.0
-#: A generated surface is as broad as the seal up to this number of spacings of the marks, and no shorter than it is
-#: broad. Of broader seals a part is generated.
+#: Largest breadth of a generated surface, in spacings of the marks. Up to this breadth, the surface is as broad as the
+#: seal. For a broader seal, a surface of half of this breadth is generated.
 MOST_ACROSS = 32
-#: Least length of the surface in spacings of the marks.
+#: Smallest length of the surface in spacings of the marks. The surface is also at least as long as it is broad.
 LEAST_ALONG = 24
-#: Points of the surface for the first answer, and most and fewest points per spacing.
-_FIRST_POINTS, _MOST_PER_SPACING, _FEWEST_PER_SPACING = 2e5, 32, 16
-#: Loads of the assembly and of the unloading, over the highest force.
+#: Total number of points of the surface for the first result.
+_FIRST_POINTS = 2e5
+#: Largest and smallest number of points per spacing of the marks.
+_MOST_PER_SPACING, _FEWEST_PER_SPACING = 32, 16
+#: Forces of assembly and of unloading, as fractions of the highest force.
 _LOADING = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.65, 0.8, 1.0)
 _UNLOADING = (0.6, 0.3)
-#: Nominal pressure over the hardness that the force is chosen for if none is given.
+#: Nominal pressure under the highest force, as a fraction of the hardness, if the force is not given.
 _USUAL_PRESSURE = 0.3
 
 
 class Question(NamedTuple):
     """A question about a drawing or specification, and the assumption that is made without an answer.
 
-    assumed : a text, or "" if the answer must be given or follows from others.
+    Attributes
+    ----------
+    text : str
+        The question.
+    assumed : str
+        The assumption, or "" if the answer must be given or follows from other answers.
     """
 
     text: str
@@ -72,7 +79,7 @@ QUESTIONS = {
     "ra": Question("Ra on the drawing, such as 1.6 um (empty if it states Rz)"),
     "rz": Question("Rz on the drawing, such as 8 um"),
     "process": Question("process: turned, ground, lapped or blasted", "turned"),
-    "pitch": Question("feed per turn, or mean spacing RSm of the marks, such as 0.15 mm"),
+    "pitch": Question("feed per revolution, or mean spacing RSm of the marks, such as 0.15 mm"),
     "lay": Question("lay of the marks: circular, radial or spiral", "circular"),
     "inner_diameter": Question("inner diameter of the contact area", "50 mm"),
     "outer_diameter": Question("outer diameter of the contact area", "54 mm"),
@@ -84,7 +91,7 @@ QUESTIONS = {
     "outlet": Question("absolute pressure at the outlet", "1 bar"),
     "limit": Question("leakage class or largest leakage, such as '1e-3 mbar·L/s' (empty: none)"),
 }
-#: Spacing of the marks that is assumed of processes without a feed.
+#: Spacing of the marks that is assumed for processes without a feed.
 _USUAL_SPACING = {"ground": "60 um", "lapped": "40 um", "blasted": "100 um"}
 _PROCESSES = ("turned", *_USUAL_SPACING)
 _LAYS = ("circular", "radial", "spiral")
@@ -101,7 +108,7 @@ class Drawing:
     process, lay : str
         One of `_PROCESSES`, and one of `_LAYS`.
     pitch : float
-        Feed per turn, or mean spacing of the marks.
+        Feed per revolution, or mean spacing of the marks [m].
     inner_diameter, outer_diameter : float
         Diameters of the contact area [m].
     metal : str
@@ -109,11 +116,11 @@ class Drawing:
     hardness, force : float
         Hardness of the softer face [Pa], and highest force of the assembly [N].
     fluid, inlet, outlet : str
-        Fluid and its pressures, as the case file has them.
+        Fluid and its absolute pressures, as text for the case file.
     limit : str
         Leakage class or largest leakage, "" for none.
     assumed : frozenset of str
-        Names of what was not given.
+        Names of the values that were not given, but assumed.
     """
 
     ra: float | None
@@ -144,14 +151,14 @@ class Drawing:
 
 
 def read_drawing(given: Mapping[str, str | None], ask: Callable[[str, str], str] | None) -> Drawing:
-    """Read what a drawing states from texts.
+    """Read the values of a drawing from texts, and ask the user for missing values.
 
     Parameters
     ----------
     given : mapping
-        Texts by the names of `QUESTIONS`; None for what is not given.
+        Values as texts, with the names of `QUESTIONS` as keys; None for values that are not given.
     ask : callable or None
-        Asks a question: its text and what is assumed without an answer; returns the answer. None asks nothing.
+        Called as `ask(question, assumption)`, returns the answer of the user. With None, nothing is asked.
 
     Raises
     ------
@@ -161,17 +168,11 @@ def read_drawing(given: Mapping[str, str | None], ask: Callable[[str, str], str]
     texts = {name: text.strip() for name, text in given.items() if text and text.strip()}
     if ask is not None:
         for name, question in QUESTIONS.items():
-            if (
-                name in texts
-                or (name == "rz" and "ra" in texts)
-                or (name == "ra" and "rz" in texts)
-            ):
+            if not _needs_answer(name, texts):
                 continue
             assumed = question.assumed
             if name == "pitch":
                 assumed = _USUAL_SPACING.get(texts.get("process", "turned"), "")
-            if name == "lay" and texts.get("process") in ("lapped", "blasted"):
-                continue
             answer = ask(question.text, assumed).strip()
             if answer:
                 texts[name] = answer
@@ -182,8 +183,19 @@ def read_drawing(given: Mapping[str, str | None], ask: Callable[[str, str], str]
     return _drawing_of_texts(texts, assumed_names)
 
 
+def _needs_answer(name: str, texts: dict[str, str]) -> bool:
+    """Return whether the user should be asked for a value, after those in `texts` have been given."""
+    if name in texts:
+        return False
+    if name in ("ra", "rz"):  # one of them is enough
+        return not ("ra" in texts or "rz" in texts)
+    if name == "lay":  # isotropic surfaces have none
+        return texts.get("process") not in ("lapped", "blasted")
+    return True
+
+
 def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing:
-    """Convert the texts of a drawing to SI, and check them."""
+    """Convert the values of a drawing from texts to SI units, and check them."""
     process = _one_of("--process", texts["process"], _PROCESSES)
     lay = _one_of("--lay", texts["lay"], _LAYS)
     if ("ra" in texts) == ("rz" in texts):
@@ -192,7 +204,7 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
     if process != "turned":
         texts.setdefault("pitch", _USUAL_SPACING[process])
     if "pitch" not in texts:
-        raise InputError("--pitch", "nothing", "the feed per turn of the tool, such as 0.15mm")
+        raise InputError("--pitch", "nothing", "the feed per revolution, such as 0.15mm")
     lengths = {
         name: _positive(name, texts[name], "m")
         for name in ("ra", "rz", "pitch", "inner_diameter", "outer_diameter")
@@ -202,10 +214,9 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
     if not inner < outer:
         expected = f"more than the inner diameter of {to_text(inner, 'm')}"
         raise InputError("--outer-diameter", texts["outer_diameter"], expected)
-    if lengths["pitch"] > (outer - inner) / 4:
-        expected = (
-            f"at most half the breadth of the contact area, {to_text((outer - inner) / 4, 'm')}"
-        )
+    breadth = (outer - inner) / 2
+    if lengths["pitch"] > breadth / 2:
+        expected = f"at most half the breadth of the contact area, {to_text(breadth / 2, 'm')}"
         raise InputError("--pitch", texts["pitch"], expected)
     metal = next((name for name in METALS if METALS[name][0] == named_solid(texts["metal"])), "")
     hardness = _hardness(texts.get("hardness", f"{VICKERS[metal]} HV"))
@@ -267,7 +278,17 @@ def _hardness(text: str) -> float:
 
 
 class _SurfaceSize(NamedTuple):
-    """Numbers of points and size [m] of a generated surface, and breadth [m] of a seal that is broader, else None."""
+    """Size of a generated surface.
+
+    Attributes
+    ----------
+    points, better_points : (int, int)
+        Numbers of points along x1 and x2, for a first result and for a refined one.
+    size : (float, float)
+        Lengths along x1 and x2 [m].
+    breadth : float or None
+        Breadth of the seal if it is broader than the surface [m], else None.
+    """
 
     points: tuple[int, int]
     better_points: tuple[int, int]
@@ -276,30 +297,35 @@ class _SurfaceSize(NamedTuple):
 
 
 def _surface_size(drawing: Drawing) -> _SurfaceSize:
-    """Choose the size of the generated surface, and its numbers of points for a first and for a refined result."""
-    across = drawing.breadth / drawing.pitch
+    """Choose the size of the generated surface and its numbers of points."""
+    # breadth and length of the surface, in spacings of the marks
+    spacings_x1 = drawing.breadth / drawing.pitch
     breadth = None
-    if across > MOST_ACROSS:
-        across = float(MOST_ACROSS // 2)
+    if spacings_x1 > MOST_ACROSS:
+        spacings_x1 = float(MOST_ACROSS // 2)
         breadth = drawing.breadth
-    along = max(LEAST_ALONG, round(across))
-    per_spacing = sqrt(_FIRST_POINTS / (across * along))
+    spacings_x2 = max(LEAST_ALONG, round(spacings_x1))
+    per_spacing = sqrt(_FIRST_POINTS / (spacings_x1 * spacings_x2))
     per_spacing = min(max(per_spacing, _FEWEST_PER_SPACING), _MOST_PER_SPACING)
 
-    def points(density: float) -> tuple[int, int]:
-        return _fast_length(across * density), _fast_length(along * density)
+    def points(per_spacing: float) -> tuple[int, int]:
+        return _fast_length(spacings_x1 * per_spacing), _fast_length(spacings_x2 * per_spacing)
 
-    size = (across * drawing.pitch, along * drawing.pitch)
+    size = (spacings_x1 * drawing.pitch, spacings_x2 * drawing.pitch)
     return _SurfaceSize(points(per_spacing), points(2 * per_spacing), size, breadth)
 
 
 def _fast_length(points: float) -> int:
-    """Return the next even number of points that is fast for Fourier transforms."""
+    """Return an even number of points, about the given one or larger, with a fast Fourier transform."""
     return 2 * int(scipy.fft.next_fast_len(round(points / 2), real=True))
 
 
 def _face_keys(drawing: Drawing, scale: float) -> dict[str, Any]:
-    """Return the keys of [face] that describe its heights, multiplied by `scale`."""
+    """Return the keys of [face] that describe its heights, which are multiplied by `scale`.
+
+    The proportions between the keys are typical of the process. The heights themselves are rough estimates from Ra or
+    Rz, which `case_of_drawing` corrects by `scale`.
+    """
     height = drawing.rz or _RZ_OVER_RA * (drawing.ra or 0.0)
 
     def length(value: float) -> str:
@@ -324,17 +350,17 @@ def _face_keys(drawing: Drawing, scale: float) -> dict[str, Any]:
 
 
 def case_of_drawing(drawing: Drawing) -> str:
-    """Write the text of a case from a drawing. The case can be run without changes.
+    """Write the text of a case from the values of a drawing. The case can be run without changes.
 
     Parameters
     ----------
     drawing : Drawing
-        What the drawing states.
+        Values of the drawing.
 
     Returns
     -------
     str
-        The case file.
+        Text of the case file.
 
     Raises
     ------
@@ -343,14 +369,15 @@ def case_of_drawing(drawing: Drawing) -> str:
     """
     size = _surface_size(drawing)
     scale = 1.0
-    for _ in range(2):  # the second time corrects what rounding and filters change
+    # The first correction scales the estimated heights; the second one corrects the effect of rounding and filters.
+    for _ in range(2):
         case = parse_case(_tables(drawing, size, scale))
         scale *= _scale_to_drawing(drawing, case)
     return _text(drawing, size, _tables(drawing, size, scale))
 
 
 def _scale_to_drawing(drawing: Drawing, case: Case) -> float:
-    """Generate the surface of a case, and return the Ra or Rz of the drawing over its own."""
+    """Generate the surface of a case, and return the ratio of the Ra or Rz of the drawing to that of the surface."""
     surface = condition_surface(case).surface.shortest_patch
     spacing = drawing.pitch if drawing.process in ("turned", "ground") else None
     roughness = profile_roughness(surface, spacing)
@@ -361,7 +388,17 @@ def _scale_to_drawing(drawing: Drawing, case: Case) -> float:
 
 
 def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any]:
-    """Return the tables of the case."""
+    """Return the tables of the case, as nested dictionaries of texts and numbers.
+
+    Parameters
+    ----------
+    drawing : Drawing
+        Values of the drawing.
+    size : _SurfaceSize
+        Size of the generated surface.
+    scale : float
+        Factor on its estimated heights.
+    """
     face: dict[str, Any] = _face_keys(drawing, scale)
     face["points"] = list(size.points)
     face["size"] = [to_text(side, "m", 6) for side in size.size]
@@ -409,17 +446,18 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
 
 
 def _force(value: float) -> str:
+    """Return a force as text with its unit."""
     return to_text(value, "N", 4)
 
 
 def _text(drawing: Drawing, size: _SurfaceSize, tables: dict[str, Any]) -> str:
-    """Write the tables as TOML, with a comment on what each means and on what was assumed."""
+    """Write the tables as TOML, with comments on the meaning of keys and on assumed values."""
     comments = _comments(drawing, size)
     lines = [
         f"# A case from a drawing: {drawing.process}, {_stated_roughness(drawing)}, ring of "
         f"{to_text(drawing.inner_diameter, 'm')} to {to_text(drawing.outer_diameter, 'm')}.",
         "# x1 is the direction of the leakage, x2 runs along the seal. 'assumed' marks what the drawing does not say.",
-        "# First `femseal check` this file, then `femseal run` it: the first answer takes about a minute.",
+        "# First `femseal check` this file, then `femseal run` it: the first result takes about a minute.",
         "",
     ]
     for name, value in tables.items():
@@ -427,14 +465,15 @@ def _text(drawing: Drawing, size: _SurfaceSize, tables: dict[str, Any]) -> str:
             lines.append(f"{name} = {as_toml(value)}")
             continue
         lines += ["", f"[{name}]"]
-        for key, inner in value.items():
-            text = f"{key} = {as_toml(inner)}"
+        for key, key_value in value.items():
+            text = f"{key} = {as_toml(key_value)}"
             comment = comments.get((name, key), "")
             lines.append(f"{text:<48}  # {comment}" if comment else text)
     return "\n".join(lines) + "\n"
 
 
 def _stated_roughness(drawing: Drawing) -> str:
+    """Return the Ra or Rz of the drawing as text."""
     if drawing.ra is not None:
         return f"Ra {to_text(drawing.ra, 'm')}"
     assert drawing.rz is not None
@@ -442,62 +481,58 @@ def _stated_roughness(drawing: Drawing) -> str:
 
 
 def _process_comment(drawing: Drawing) -> str:
-    """Return what the kind of the surface stands for, "" if it is the process itself."""
+    """Return a comment on the kind of the generated surface, "" if it needs none."""
     if drawing.process == "turned":
         return "assumed" if "process" in drawing.assumed else ""
     if drawing.process == "ground":
         return "ground: irregular grooves"
-    return f"{drawing.process}: alike in all directions"
+    return f"{drawing.process}: isotropic"
 
 
 def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str]:
-    """Return the comments of keys, by table and key."""
+    """Return the comment on each key that has one, by the names of its table and of the key."""
 
     def assumed(*names: str) -> str:
+        """Return a prefix that says that one of the values was assumed, else ""."""
         return "assumed: " if drawing.assumed & set(names) else ""
 
-    better = as_toml(list(size.better_points))
+    better_points = as_toml(list(size.better_points))
     area = drawing.breadth * drawing.length
     pressure = drawing.force / area
+    pressure_text = to_text(pressure, "Pa", 3)
     fraction = f"{100 * pressure / drawing.hardness:.2g} %"
     vickers = number_text(drawing.hardness / VICKERS_PRESSURE, 2)
-    heights = "scaled so that the surface has the roughness of the drawing"
-    comments = {
-        (
-            "face",
-            "points",
-        ): f"for the first answer; a better one with {better}, which takes four to six times as long",
-        ("face", "size"): "as broad as the contact area, and at least 24 spacings long"
-        if size.breadth is None
-        else "a part of the contact area",
+    scaled = "scaled so that the surface has the roughness of the drawing"
+    compared = "as on the drawing; `femseal check` compares the surface with it"
+    size_comment = "as broad as the contact area, and at least 24 spacings long"
+    if size.breadth is not None:
+        size_comment = "a part of the contact area"
+    lay_comment = f"{assumed('lay')}{drawing.lay}"
+    if drawing.process not in ("turned", "ground"):
+        lay_comment = "without effect, because the surface is isotropic"
+    points_comment = f"for the first result; {better_points} is more accurate, but takes four to six times as long"
+    hardness_comment = f"{assumed('hardness')}{vickers} HV; measure it on the machined face"
+    force_comment = f"{assumed('force')}{pressure_text}, {fraction} of the hardness"
+    length_comment = f"{assumed('inner_diameter', 'outer_diameter')}mean circumference of the ring"
+    return {
+        ("face", "points"): points_comment,
+        ("face", "size"): size_comment,
         ("face", "kind"): _process_comment(drawing),
-        ("face", "pitch"): f"{assumed('pitch')}feed per turn, or spacing of the marks",
+        ("face", "pitch"): f"{assumed('pitch')}feed per revolution, or spacing of the marks",
         ("face", "roll_off"): f"{assumed('pitch')}spacing of the marks",
-        ("face", "depth"): heights,
-        ("face", "rms_height"): heights,
+        ("face", "depth"): scaled,
+        ("face", "rms_height"): scaled,
         ("face", "roughness"): "between the marks, a seventh of their depth",
         ("face", "feed_error"): "scatter from mark to mark, which no drawing states",
-        ("face", "ra"): "of the drawing; `femseal check` compares the surface with it",
-        ("face", "rz"): "of the drawing; `femseal check` compares the surface with it",
+        ("face", "ra"): compared,
+        ("face", "rz"): compared,
         ("material", "young"): f"{assumed('metal')}{drawing.metal}",
-        (
-            "material",
-            "hardness",
-        ): f"{assumed('hardness')}{vickers} HV; measure it on the machined face",
+        ("material", "hardness"): hardness_comment,
         ("counter_material", "young"): "assumed: steel, harder than the other face",
-        (
-            "load",
-            "unload_from",
-        ): f"{assumed('force')}{to_text(pressure, 'Pa', 3)}, {fraction} of the hardness",
+        ("load", "unload_from"): force_comment,
         ("fluid", "name"): "assumed" if "fluid" in drawing.assumed else "",
         ("fluid", "inlet_pressure"): f"{assumed('inlet')}absolute pressure",
         ("fluid", "outlet_pressure"): f"{assumed('outlet')}absolute pressure",
-        ("seal", "lay"): f"{assumed('lay')}{drawing.lay}"
-        if drawing.process in ("turned", "ground")
-        else "of no matter: the surface is alike in all directions",
-        (
-            "stochastic",
-            "length",
-        ): f"{assumed('inner_diameter', 'outer_diameter')}mean circumference of the ring",
+        ("seal", "lay"): lay_comment,
+        ("stochastic", "length"): length_comment,
     }
-    return comments

@@ -10,8 +10,8 @@ from ..case.faces import GeneratedFace
 from ..topography import Surface, Topography
 from ..topography.profile_roughness import ProfileRoughness, profile_roughness
 
-#: Relative difference from the value of the drawing from which on a warning is given. A drawing itself allows that 16 %
-#: of the measured values exceed the stated one.
+#: A warning is given if the relative difference from the value on the drawing is larger. By the rules of drawings, 16 %
+#: of the measured values may exceed the stated one.
 _TOLERANCE = 0.1
 
 
@@ -42,15 +42,15 @@ def drawing_warnings(case: Case, surface: Surface) -> Iterator[str]:
         if wanted is None or abs(value / wanted - 1) <= _TOLERANCE:
             continue
         name = key.capitalize()
-        texts = to_text(value, "m", 3), to_text(wanted, "m", 3)
+        actual, stated = to_text(value, "m", 3), to_text(wanted, "m", 3)
         yield (
-            f"The surface is not that of the drawing: its {name} is {texts[0]}, the drawing states {texts[1]}. "
+            f"The surface is not that of the drawing: its {name} is {actual}, the drawing states {stated}. "
             f"Multiply the heights of [face] (depth, roughness, rms_height, rms_slope) by {wanted / value:.3g}"
         )
 
 
 def _roughness(case: Case, surface: Surface) -> ProfileRoughness | None:
-    """Return Ra and Rz of a single generated face that is not flat; None of any other surface."""
+    """Return Ra and Rz of a single generated face that is not flat, or None for any other surface."""
     if len(case.face) != 1 or not isinstance(surface, Topography) or not surface.rms_slope:
         return None
     (face,) = case.face

@@ -12,19 +12,22 @@ from ..seal.lay import Lay
 from ..seal.layouts import AnnularLayout, Layout, RectangularLayout
 from ..topography import Surface, Topography
 
-#: A surface has grooves along x2 if the mean profile has at least this fraction of the variance of the heights.
+#: A surface has grooves along x2 if its mean profile along x1 has at least this fraction of the variance of the
+#: heights.
 _GROOVED = 0.5
-#: The grooves are equally spaced if waves near their wavelength have this fraction of the power of the mean profile.
+#: The grooves are equally spaced if waves near their wavelength have at least this fraction of the power of this
+#: profile.
 _EVENLY_SPACED = 0.3
 #: Smallest number of grooves on a surface.
 _LEAST_GROOVES = 3
 
 
 def layout_with_grooves(case: Case) -> Layout:
-    """Return the shape of the seal with the lay of its grooves.
+    """Return the shape of the seal, with the lay of the grooves of its surface.
 
-    The grooves of a single turned face that is generated form a spiral with its pitch as lead, unless the case gives
-    the lay. On a strip, the circumference of a spiral is the length of the seal unless it is given.
+    The grooves of a generated turned face form a spiral, whose lead is the pitch of the grooves. This does not apply if
+    the case gives the lay or has two faces. The circumference of a spiral on a strip is the length of the seal, unless
+    the case gives it.
     """
     layout, circumference, face = case.layout, _circumference(case), case.face[0]
     if not isinstance(layout, RectangularLayout | AnnularLayout):
@@ -61,27 +64,27 @@ def groove_warnings(case: Case, surface: Surface) -> Iterator[str]:
 def groove_pitch(surface: Surface) -> float | None:
     """Find the distance of equally spaced grooves along x2 [m]; return None if the surface has none.
 
-    With several patches it is the mean of their distances, or None if one of them has no such grooves.
+    With several patches it is the mean over the patches, or None if one of them has no such grooves.
     """
     if not isinstance(surface, Topography):
         pitches = [groove_pitch(patch) for patch in surface.patches]
         known = [pitch for pitch in pitches if pitch is not None]
         return float(np.mean(known)) if len(known) == len(pitches) else None
-    profile = surface.heights.mean(axis=1)
+    profile = surface.heights.mean(axis=1)  # along x1
     if not profile.var() > _GROOVED * surface.heights.var():
         return None
     n = np.arange(profile.size)
-    level = profile - np.polyval(np.polyfit(n, profile, 2), n)
-    power = np.abs(np.fft.rfft(level)) ** 2  # the index is the number of waves on the profile
+    level_profile = profile - np.polyval(np.polyfit(n, profile, 2), n)
+    power = np.abs(np.fft.rfft(level_profile)) ** 2  # the index is the number of waves along x1
     power[:_LEAST_GROOVES] = 0.0
     strongest = int(power.argmax())
-    waves = np.arange(strongest - 1, min(strongest + 2, power.size))
-    near = power[waves]
-    if not near.sum() > _EVENLY_SPACED * power.sum() > 0:
+    wave_numbers = np.arange(strongest - 1, min(strongest + 2, power.size))
+    peak_power = power[wave_numbers]
+    if not peak_power.sum() > _EVENLY_SPACED * power.sum() > 0:
         return None
-    # the weighted mean of neighbouring waves resolves distances that do not divide the size of the surface
-    mean_waves = float(near @ waves) / float(near.sum())
-    return surface.size[0] / mean_waves
+    # The number of grooves need not be an integer. The weighted mean of the neighbouring wave numbers estimates it.
+    groove_count = float(peak_power @ wave_numbers) / float(peak_power.sum())
+    return surface.size[0] / groove_count
 
 
 def _circumference(case: Case) -> float | None:

@@ -1,13 +1,13 @@
-"""Replace names of arguments by keys of a case in errors of functions that are called with values of a case."""
+"""Name the keys of a case in errors of functions that only know the names of their own arguments."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..base import InputError
 
-#: Arguments of the functions that generate a face, by their key in its table.
+#: Key in the table of a face for each argument of the functions that generate a face, if their names differ.
 FACE_KEYS = {"shape": "points"}
-#: Arguments of the functions that condition a surface, by their key.
+#: Key for each argument of the functions that condition a surface.
 SURFACE_KEYS = {
     "shortest_wave": "surface.shortest_wave",
     "max_share": "surface.max_undefined",
@@ -19,7 +19,7 @@ SURFACE_KEYS = {
 
 
 def keys_of_table(table: str, names: str) -> dict[str, str]:
-    """Map names of arguments, separated by blanks, to keys with the same name in a table.
+    """Map names of arguments, separated by blanks, to keys of the same names in a table.
 
     >>> keys_of_table("stochastic", "length breadth")
     {'length': 'stochastic.length', 'breadth': 'stochastic.breadth'}
@@ -27,7 +27,7 @@ def keys_of_table(table: str, names: str) -> dict[str, str]:
     return {name: f"{table}.{name}" for name in names.split()}
 
 
-#: Arguments of a scene, of a seal with its tiles, and of a map of the pressure, by their key.
+#: Key for each argument of a scene, of a seal with its tiles, and of a pressure map.
 SCENE_KEYS = (
     keys_of_table("contact", "fluid_pressure")
     | keys_of_table("fluid", "inlet_pressure")
@@ -44,7 +44,10 @@ MAP_KEYS = keys_of_table("load", "map") | keys_of_table(
 
 @contextmanager
 def errors_with_keys(keys: dict[str, str], table: str = "") -> Iterator[None]:
-    """Raise an InputError that names keys of a case, in a table if that is given, in place of arguments."""
+    """Replace names of arguments by keys of a case in an InputError that is raised in the context.
+
+    keys : key for each argument. table : name of the table that contains the keys, if it is not part of them.
+    """
     try:
         yield
     except InputError as error:

@@ -32,8 +32,10 @@ def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
     has_form = case.seat.kind != "flat" or bool(case.seal.form)
     if not loads or has_form or "detrend" in case.surface.model_fields_set:
         return ()
+    # from the lowest to the highest load, at about equal distances in the list
     last = len(loads) - 1
-    return tuple(sorted({loads[n * last // (_FORM_LOADS - 1)] for n in range(_FORM_LOADS)}))
+    indices = [n * last // (_FORM_LOADS - 1) for n in range(_FORM_LOADS)]
+    return tuple(sorted({loads[index] for index in indices}))
 
 
 def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) -> Iterator[str]:
@@ -42,7 +44,7 @@ def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) ->
         return
     measured = to_text(conditioning.shortest_measured, "m", 3)
     kept = to_text(conditioning.shortest_wave, "m", 3)
-    # waves that no instrument saw are named by the description of the surface
+    # If the instrument limits the waves, the description of the surface says so.
     is_limited_by_instrument = conditioning.shortest_wave == conditioning.shortest_seen
     if not is_limited_by_instrument and conditioning.lost_slope > _LOST_SLOPE:
         size = surface.shortest_patch.size
@@ -60,6 +62,6 @@ def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) ->
     noise = 1 - conditioning.rms_slope_measured / conditioning.rms_slope
     if noise > _NOISE_SLOPE:
         yield (
-            f"The surface is rougher than measured: {noise:.0%} of the rms slope is of waves from {kept} to "
+            f"The surface is rougher than measured: {noise:.0%} of the rms slope comes from waves of {kept} to "
             f"{measured}, which are noise or beyond the instrument. surface.shortest_wave = '{measured}' removes them"
         )

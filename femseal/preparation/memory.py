@@ -1,4 +1,4 @@
-"""Check the sizes of a case against the free memory, before anything is made."""
+"""Check that the sizes of a case fit into the free memory, before any large array is created."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,9 +13,9 @@ from ..topography import Surface
 
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
-#: Memory that a point of a surface takes at least while the surface is made, filtered and resampled [byte].
+#: Smallest memory for each point of a surface while it is generated, filtered and resampled [byte].
 _POINT_BYTES = 64
-#: Memory of a tile of a stochastic seal, with its element and a row of the solver [byte].
+#: Memory for each tile of a stochastic seal, including its element and its row in the linear system [byte].
 _TILE_BYTES = 4000
 
 
@@ -31,7 +31,7 @@ def refuse_impossible_sizes() -> Iterator[None]:
 
 
 def check_memory(key: str, given: object, needed: float) -> None:
-    """Raise InputError for a key and its value if the needed memory [byte] is not free."""
+    """Raise InputError for a key and its value if they need more memory [byte] than is free."""
     free = free_memory()
     if needed > free:
         expected = (
@@ -42,13 +42,19 @@ def check_memory(key: str, given: object, needed: float) -> None:
 
 
 def check_memory_of_points(key: str, shape: Shape, patches: int = 1) -> None:
-    """Raise InputError if a surface of so many points, those of all its patches, does not fit into the free memory."""
+    """Raise InputError if a surface does not fit into the free memory.
+
+    shape : numbers of points along x1 and x2, of all patches together.
+    """
     together = f" of {patches} patches together" if patches > 1 else ""
     check_memory(key, f"{shape[0]} × {shape[1]} points{together}", prod(shape) * _POINT_BYTES)
 
 
 def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Surface) -> None:
-    """Raise InputError if the tiles of a strip or a ring, as large as cells of a surface, do not fit into memory."""
+    """Raise InputError if the tiles of a strip or a ring do not fit into memory.
+
+    The tiles are as large as the usual cells of the surface.
+    """
     if isinstance(layout, AnnularLayout):
         key, length = "seal", layout.circumference
         breadth = layout.outer_radius - layout.inner_radius
@@ -59,7 +65,7 @@ def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Surface) 
         return
     side1, side2 = Cut.of(surface, usual_cells(surface)).size
     rows, columns = breadth / side1, length / side2
-    if rows > MOST_ROWS:  # refused when it is laid out
+    if rows > MOST_ROWS:  # `Layout.lay_out` raises a more specific error
         return
     tiles = rows * columns
     given = f"a seal {to_text(length, 'm', 3)} long, of {tiles:.3g} tiles"

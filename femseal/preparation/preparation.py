@@ -1,6 +1,6 @@
 """Prepare the input of the studies from a case: its scene, cells and sampling.
 
-Sizes of a case are checked against the free memory before anything is made. Neither contact nor flow is solved.
+It is first checked that the sizes of the case fit into the free memory. Neither contact nor flow is solved.
 """
 
 from __future__ import annotations
@@ -54,20 +54,33 @@ class Prepared:
 
     Attributes
     ----------
-    scene : surface, loads and fluid.
-    cells : numbers of cells along x1 and x2; None if the surface is not cut.
-    sampling : options of the stochastic seals; None without a stochastic study.
-    conditioning : report on the repair and filtering of the surface.
-    overlap : overlap of two measured faces; None for a single face.
-    continuation : continuation of the spectrum of the surface; None if it is not continued.
-    methods : names of the studies to be run.
-    seat : form of the seat as text, "" if it is flat.
-    form : forms of seal and seat with their errors; None if both are flat.
-    longest_waves : longest waves of a measured patch and their number; None for a generated surface.
-    form_pressures : nominal pressures at which the effect of the form of a measured patch is computed [Pa]; empty if
-        the case defines the form.
-    flatness : flatness of the seal [m]; None if it is not given.
-    warnings : one sentence for each thing in the case that is not plausible.
+    scene : Scene
+        Surface, loads and fluid.
+    cells : (int, int) or None
+        Numbers of cells along x1 and x2; None if the surface is not cut.
+    sampling : Sampling or None
+        Options of the stochastic seals; None without a stochastic study.
+    conditioning : Conditioning
+        Report on the repair and filtering of the surface.
+    overlap : Overlap or None
+        Overlap of two measured faces; None for a single face.
+    continuation : Continuation or None
+        Continuation of the spectrum of the surface; None if it is not continued.
+    methods : frozenset of str
+        Names of the studies to be run.
+    seat : str
+        Form of the seat as text, "" if it is flat.
+    form : FormTolerance or None
+        Forms of seal and seat with their tolerances; None if both are flat.
+    longest_waves : Representative or None
+        Longest waves of a measured patch and their number; None for a generated surface.
+    form_pressures : tuple of float, Pa
+        Nominal pressures at which the effect of the form of a measured patch is computed; empty if the case defines the
+        form.
+    flatness : float or None, m
+        Flatness of the seal; None if it is not given.
+    warnings : tuple of str
+        One sentence for each value of the case that is not plausible.
     """
 
     scene: Scene
@@ -93,8 +106,8 @@ class Prepared:
         ----------
         surface : Topography or Patches
             Surface of the scene, possibly on a coarser grid.
-        mapper : Mapper
-            Execution of the items, serial or in parallel.
+        mapper : callable
+            Computes a stage for many items, such as the builtin `map`.
         """
         sampling = self.sampling
         if sampling is None or (self.longest_waves is None and self.flatness is None):
@@ -113,8 +126,8 @@ class Prepared:
     def estimate(self) -> QuickEstimate | None:
         """Estimate contact and leakage from the spectrum of the surface alone, see `checks.estimate_scene`.
 
-        Returns None if a form, a pressure map or a spiral dominates. After a study has been solved, the estimate is
-        part of its result.
+        Returns None if a form, a pressure map or a spiral determines the leakage. After a study has been solved, the
+        estimate is part of its result.
         """
         if self.sampling is None:
             return estimate_scene(self.scene)
@@ -174,7 +187,7 @@ class Prepared:
 
     @property
     def points_divide_by(self) -> Shape:
-        """Numbers of cells of the blocks along x1 and x2; the numbers of points must be multiples of them."""
+        """Numbers along x1 and x2 by which the numbers of points must be divisible: the cells of all blocks."""
         return self.cells if self.cells is not None and "blocks" in self.methods else (1, 1)
 
     @property
@@ -222,7 +235,7 @@ class Prepared:
 
     @property
     def surface_report(self) -> dict[str, Any]:
-        """Repairs and conditioning of the surface, as plain data."""
+        """Report on the repair and conditioning of the surface, as plain data."""
         report = asdict(self.conditioning)
         if self.overlap is not None:
             report["overlap"] = asdict(self.overlap)
@@ -232,9 +245,9 @@ class Prepared:
 
 
 def prepare(case: Case) -> Prepared:
-    """Make or read the faces of a case, condition their sum, and lay out its cells and seals.
+    """Generate or read the faces of a case, condition their sum, and lay out cells and seals.
 
-    Neither contact nor flow is solved: `Prepared.solve_form_effect` and `Prepared.estimate` do that for the checks.
+    Neither contact nor flow is solved here. `Prepared.solve_form_effect` and `Prepared.estimate` do so for the checks.
 
     Raises
     ------
@@ -250,15 +263,15 @@ def prepare(case: Case) -> Prepared:
         load_factor = 1.0 if seat is None else seat.load_factor
         breadth, length = seal.size
         pressures = _nominal_pressures(case, breadth * length / load_factor, length)
-        on_seat = _add_seat(case, seat, surface, seal.has_form_beside)
-        scene = _make_scene(case, on_seat, layout, pressures)
+        surface_on_seat = _add_seat(case, seat, surface, seal.form_is_separate)
+        scene = _make_scene(case, surface_on_seat, layout, pressures)
         sampling = seal.sampling
         seal_warnings: tuple[str, ...] = ()
         if sampling is not None:
             forms: tuple[SealForm, ...] = tuple(
                 table.make(case.folder) for table in case.seal.form or ()
             )
-            if seat is not None and seal.has_form_beside:
+            if seat is not None and seal.form_is_separate:
                 forms += (seat,)
             pressed = _press_seal(case, scene, sampling, cells, seal.size, forms)
             sampling, cells, seal_warnings = pressed.sampling, pressed.cells, pressed.warnings
@@ -310,13 +323,17 @@ def _test_fluid_warnings(case: Case) -> Iterator[str]:
 def _form_tolerance(
     case: Case, sampling: Sampling | None, seat: Seat | None
 ) -> FormTolerance | None:
-    """Collect the forms of seal and seat with their errors; return None if both are flat."""
+    """Collect the forms of the seal or of its seat with their tolerances; return None if both are flat."""
     if sampling is not None and sampling.form:
+        # the forms of the seal, followed by that of the seat if it is one of them
         tolerances = [table.tolerance for table in case.seal.form or ()]
         if seat is not None:
             tolerances.append(case.seat.tolerance)
         return FormTolerance(sampling.form, tuple(tolerances))
-    return None if seat is None else FormTolerance(seat=seat, tolerance=case.seat.tolerance)
+    if seat is None:
+        return None
+    # the form of this seat was added to the heights of the surface
+    return FormTolerance(seat=seat, tolerance=case.seat.tolerance)
 
 
 @dataclass(frozen=True)
@@ -325,15 +342,18 @@ class _Seal:
 
     Attributes
     ----------
-    sampling : options of the stochastic seals; None without a stochastic study.
-    size : breadth and length of the seal [m].
-    has_form_beside : whether the form of a seat is that of the whole seal, which gives the pressure of its tiles. In a
-        seal that keeps its cells in the rows of the surface, the form is added to the heights of the surface.
+    sampling : Sampling or None
+        Options of the stochastic seals; None without a stochastic study.
+    size : (float, float)
+        Breadth and length of the seal [m].
+    form_is_separate : bool
+        How the form of a seat is treated. If True, it is the form of the whole seal and determines the pressure of its
+        tiles. If False, it is added to the heights of the surface, whose cells stay in order.
     """
 
     sampling: Sampling | None
     size: Pair
-    has_form_beside: bool
+    form_is_separate: bool
 
 
 def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | None) -> _Seal:
@@ -351,17 +371,17 @@ def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | N
         check_memory("stochastic.realisations", table.realisations, needed)
     with errors_with_keys(SEAL_KEYS):
         cut, tiles = cut_and_cover(surface, layout, cells, sampling)
-    has_form_beside = not tiles.in_order or bool(case.seal.form)
+    form_is_separate = not tiles.in_order or bool(case.seal.form)
     if length is None:
-        return _Seal(sampling, tiles.size, has_form_beside)
+        return _Seal(sampling, tiles.size, form_is_separate)
     cell_length = cut.size[1]
     if length < cell_length * (1 - 1e-9):
         expected = f"at least the length of a cell, {to_text(cell_length, 'm', 3)}"
         raise InputError("stochastic.length", to_text(length, "m", 3), expected)
-    return _Seal(sampling, (table.breadth or surface.size[0], length), has_form_beside)
+    return _Seal(sampling, (table.breadth or surface.size[0], length), form_is_separate)
 
 
-def _add_seat(case: Case, seat: Seat | None, surface: Surface, has_form_beside: bool) -> Surface:
+def _add_seat(case: Case, seat: Seat | None, surface: Surface, form_is_separate: bool) -> Surface:
     """Add the form of a seat to the heights of the surface, unless it is the form of the whole seal.
 
     Raises InputError if the form is too steep or narrower than the surface, or if it is the form of the whole seal and
@@ -369,12 +389,12 @@ def _add_seat(case: Case, seat: Seat | None, surface: Surface, has_form_beside: 
     """
     if seat is None:
         return surface
-    if has_form_beside and case.methods != {"stochastic"}:
+    if form_is_separate and case.methods != {"stochastic"}:
         methods = ", ".join(sorted(case.methods))
         given = f"a seal that takes cells from anywhere on the surface, with {methods}"
         expected = "the method stochastic alone, or a seal as broad as the surface"
         raise InputError("seat.kind", given, expected)
-    if has_form_beside:
+    if form_is_separate:
         return surface
     with errors_with_keys({"path": "seat.path"}):
         return seat.add_to(surface)
@@ -436,7 +456,7 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
 
 @dataclass(frozen=True)
 class _PressedSeal:
-    """Options of the stochastic seals with their forms or pressure map, numbers of cells, and warnings."""
+    """Options of the stochastic seals with their forms or pressure map, and numbers of cells along x1 and x2."""
 
     sampling: Sampling
     cells: Shape
@@ -464,8 +484,7 @@ def _press_seal(
             sampling = replace(sampling, pressure_map=pressure_map)
         cut, tiles = cut_and_tiles(scene, cells, sampling)
         if forms:
-            sample_form(
-                scene, tiles, forms
-            )  # raises if a form is too steep, or does not cover the seal
+            # raises if a form is too steep, or does not cover the seal
+            sample_form(scene, tiles, forms)
         map_warnings = check_map(scene, tiles, sampling.pressure_map)
         return _PressedSeal(sampling, cut.shape, (*tiles.warnings, *map_warnings))

@@ -1,4 +1,4 @@
-"""Prepare the surface of a case: make or read its faces, repair and add them, filter and resample the sum."""
+"""Prepare the surface of a case: generate or read its faces, repair and add them, filter and resample the sum."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ from ..topography import (
 from .keys import FACE_KEYS, SURFACE_KEYS, errors_with_keys
 from .memory import check_memory_of_points
 
-#: Fraction of the rms slope of all measured waves that the waves of 8 pixels and longer must have, so that a measured
-#: surface keeps its own pixels.
+#: A measured surface keeps its pixels if the waves of at least 8 pixels have at least this fraction of the rms slope of
+#: all measured waves.
 KEPT_SLOPE = 0.99
-#: Cells have at least this many shortest waves along a side, and by default this many.
+#: Smallest and default length of a side of a cell, in shortest waves.
 _LEAST_WAVES, _USUAL_WAVES = 2, 8
 #: Relative error of lengths that are computed in different ways.
 _ROUNDING = 1e-9
 
-#: A level map, and what was repaired in it.
+#: A map without undefined points and form, and a report on its repair.
 RepairedMap = tuple[Topography, Repair]
 
 
@@ -56,11 +56,16 @@ class ConditionedSurface:
 
     Attributes
     ----------
-    surface : filtered and resampled to the grid of the case.
-    conditioning : report on its repair and filtering.
-    overlap : overlap of two faces; None for a single face.
-    continuation : continuation of its spectrum beyond the measured waves; None if it is not continued.
-    cells : numbers of cells along x1 and x2; None where the methods need none, or as many as suit the seals.
+    surface : Topography or Patches
+        Surface that is filtered and resampled to the grid of the case.
+    conditioning : Conditioning
+        Report on its repair and filtering.
+    overlap : Overlap or None
+        Overlap of two faces; None for a single face.
+    continuation : Continuation or None
+        Continuation of its spectrum beyond the measured waves; None if it is not continued.
+    cells : (int, int) or None
+        Numbers of cells along x1 and x2. None if the methods need no cells, or choose them themselves.
     """
 
     surface: Surface
@@ -71,11 +76,12 @@ class ConditionedSurface:
 
 
 def condition_surface(case: Case) -> ConditionedSurface:
-    """Make or read the faces of a case, and condition their sum.
+    """Generate or read the faces of a case, and condition their sum.
 
     Raises
     ------
-    InputError : a face cannot be read or used, or cells do not suit the surface.
+    InputError
+        A face cannot be read or used, or the cells do not suit the surface.
     """
     faces = _repair_faces(case)
     level, instrument = faces.surface, faces.instrument
@@ -140,12 +146,18 @@ class _RepairedFaces:
 
     Attributes
     ----------
-    surface : sum of the faces without its form, with all patches.
-    first_repair : repair of the first patch of the sum.
-    maps : all maps that were measured or generated, each repaired by itself.
-    overlap : overlap of the first patches of two faces; None for a single face.
-    instrument : instrument with the limits of the worst instrument of all maps.
-    notes : sentences on how the files were understood.
+    surface : Topography or Patches
+        Sum of the faces without its form, with all patches.
+    first_repair : Repair
+        Report on the repair of the first patch of the sum.
+    maps : list of RepairedMap
+        All measured or generated maps, each repaired separately.
+    overlap : Overlap or None
+        Overlap of the first patches of two faces; None for a single face.
+    instrument : Instrument
+        Instrument with the limits of the worst instrument of all maps.
+    notes : tuple of str
+        Sentences on how the files were understood.
     """
 
     surface: Surface
@@ -157,12 +169,12 @@ class _RepairedFaces:
 
 
 def _repair_faces(case: Case) -> _RepairedFaces:
-    """Make or read the maps of each face, repair them, and add the maps of two faces.
+    """Generate or read the maps of each face, repair them, and add the maps of two faces.
 
     Patch n of one face is in contact with patch n of the other. If a face has fewer patches, its patches are used
     again from the first one.
     """
-    # every face has its own random stream, which does not depend on later draws of the studies
+    # Each face has its own stream of random numbers, which is independent of those of the studies.
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     faces: list[list[RepairedMap]] = []  # maps by face
     instruments: list[Instrument] = []
@@ -231,19 +243,19 @@ def _joint_instrument(
     instruments: Sequence[Instrument], level_maps: Sequence[Topography]
 ) -> Instrument:
     """Return an instrument with the limits of the worst instrument of several maps."""
-    seen = [
+    resolved_waves = [
         instrument.shortest_wave(level)
         for instrument, level in zip(instruments, level_maps, strict=True)
     ]
-    made = min(instrument.generated_wave or 0.0 for instrument in instruments)
-    return Instrument(resolution=max(seen) or None, generated_wave=made or None)
+    generated_wave = min(instrument.generated_wave or 0.0 for instrument in instruments)
+    return Instrument(resolution=max(resolved_waves) or None, generated_wave=generated_wave or None)
 
 
 def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
     """Choose the numbers of grid points of all patches side by side.
 
-    A case gives the numbers for one patch. Without them, a generated face keeps its points, and a measured face has as
-    many as are needed to resolve its shortest measured wave.
+    A case gives the numbers for one patch. If it does not, a generated face keeps its points, and a measured face gets
+    as many points as are needed to resolve its shortest measured wave.
     """
     cut_off, points = case.surface.continue_spectrum, case.surface.points
     if points is not None:
@@ -265,9 +277,10 @@ def over_all_patches(surface: Surface, counts: Shape) -> Shape:
 
 
 def default_points(level: Surface, shortest_wave: float | None, instrument: Instrument) -> Shape:
-    """Choose the numbers of grid points for a measured surface, see `topography.resolving_shape`.
+    """Choose the numbers of grid points for a measured surface.
 
-    The surface keeps its pixels if waves of at least 8 pixels contain nearly all of its slope.
+    The surface keeps its pixels if waves of at least 8 pixels contain nearly all of its slope. Otherwise it gets as
+    many points as resolve its shortest wave, see `topography.resolving_shape`.
 
     Parameters
     ----------
@@ -278,16 +291,16 @@ def default_points(level: Surface, shortest_wave: float | None, instrument: Inst
     instrument : Instrument
         Instrument with which the surface was measured.
     """
-    own_wave = resolved_wave(level.size, level.shape)
+    wave_of_pixels = resolved_wave(level.size, level.shape)
     wave = shortest_wave
     if wave is None:
         measured = max(spectrum(level).shortest_wave, instrument.shortest_wave(level))
-        slope_on_pixels = level.rms_slope_of_long_waves(own_wave)
+        slope_on_pixels = level.rms_slope_of_long_waves(wave_of_pixels)
         slope = level.rms_slope_of_long_waves(measured)
-        wave = own_wave if slope_on_pixels >= KEPT_SLOPE * slope else measured
-    if wave >= own_wave and level.heights.size <= MOST_POINTS:
+        wave = wave_of_pixels if slope_on_pixels >= KEPT_SLOPE * slope else measured
+    if wave >= wave_of_pixels and level.heights.size <= MOST_POINTS:
         return level.shape
-    points = resolving_shape(level.size, min(wave, own_wave), most=MOST_POINTS)
+    points = resolving_shape(level.size, min(wave, wave_of_pixels), most=MOST_POINTS)
     if shortest_wave is not None and resolved_wave(level.size, points) > wave:
         return resolving_shape(level.size, wave)
     return points

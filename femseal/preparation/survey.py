@@ -1,6 +1,6 @@
 """Survey a measured surface before a run: describe it, condition it as a run does, and write a first case.
 
-No surface is refused. If a run would refuse a surface, it is described as far as possible, with the reason.
+A surface that a run would reject is described as far as possible, with the reason.
 """
 
 import os
@@ -35,7 +35,7 @@ from ..topography.text_files import is_text
 from .keys import errors_with_keys
 from .surface import default_points
 
-#: Arguments of the functions that read and condition a surface, by their option on the command line.
+#: Option on the command line for each argument of the functions that read and condition a surface.
 SURFACE_OPTIONS = {
     "shortest_wave": "--shortest-wave",
     "max_share": "--max-undefined",
@@ -53,19 +53,20 @@ SURFACE_OPTIONS = {
 #: Directions of a text file, which differ from those of an array of NumPy.
 _ORIENTATION = "a line of the text runs along x1, the leakage; transpose makes it run along x2, as rows of NumPy do"
 _PICTURES = (".png", ".pdf", ".svg")
-#: Options with one length, or several.
+#: Options whose value is a length or several lengths.
 _LENGTHS = {"size", "spacing", "crop", "tip_radius", "resolution", "shortest_wave"}
-#: Questions about what no file of heights says, by the table of the case that says it.
+#: Questions that no file of heights answers, by the table of the case that contains the answer.
 _OPEN_QUESTIONS = {
     "material": "how strong is the softer face as it was machined? The other one: [counter_material], rigid without",
     "load": "which contact pressures in assembly, and down to which in service? Or forces: 10 kN, 200 N/mm",
     "fluid": "which fluid, between which pressures?",
 }
-#: Pressures over the hardness at which a surface without load and material is checked, and its hardness over E* times
-#: its rms slope.
-_PRESSURES, _HARDNESS = (0.02, 0.15), 0.15
+#: Nominal pressures at which a surface is checked before its load is known, as fractions of the hardness.
+_PRESSURES = (0.02, 0.15)
+#: Hardness that is assumed before the material is known, as a fraction of E* times the rms slope.
+_HARDNESS = 0.15
 _LOADS = "0.02 to 0.15 of a hardness of 0.15 E* times its slope"
-#: Lines of the description of a surface that its case shows.
+#: Beginnings of the lines of the description of a surface that are repeated in its case file.
 _SHOWN_LINES = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest wave above")
 
 
@@ -75,12 +76,18 @@ class _SurveyedSurface:
 
     Attributes
     ----------
-    report : description of the surface as measured.
-    conditioning : report on the conditioning as in a run; None if a run would refuse the surface.
-    waves : longest waves of the surface; None for a flat surface.
-    form_effect : effect of its form on the leakage; None for a flat surface.
-    quick_estimate : estimate of contact and gaps from its spectrum, as text.
-    reasons : reasons for which a run would refuse the surface.
+    report : SurfaceReport
+        Description of the surface as measured.
+    conditioning : Conditioning or None
+        Report on the conditioning as in a run; None if a run would reject the surface.
+    waves : Representative or None
+        Longest waves of the surface; None for a flat surface.
+    form_effect : FormEffect or None
+        Effect of its form on the leakage; None for a flat surface.
+    quick_estimate : str
+        Estimate of contact and gaps from its spectrum, as text.
+    reasons : tuple of str
+        Reasons for which a run would reject the surface.
     """
 
     report: SurfaceReport
@@ -98,7 +105,7 @@ class _SurveyedSurface:
 
     @property
     def remarks(self) -> list[str]:
-        """Description of the longest waves, the form, the contact and the leakage, as text."""
+        """Sentences on the longest waves, the form and the quick estimate, with warnings in place of descriptions."""
         texts = []
         if self.waves is not None:
             texts += self.waves.warnings or [str(self.waves)]
@@ -123,7 +130,7 @@ def survey(
     Parameters
     ----------
     path, channel, reading
-        Arguments of `read_topography`, with lengths as text with a unit.
+        Arguments of `read_topography`. Lengths are texts with a unit.
     picture : Path or None
         Picture to write, .png, .pdf or .svg; None for no picture.
     spikes, detrend, shortest_wave, max_undefined
@@ -153,7 +160,7 @@ def survey(
     if file_content.masked_fraction:
         masked = as_text(file_content.masked_fraction, percent=True)
         texts.append(
-            f"{masked} of the points in the file are masked in it: --no-file-mask takes their heights"
+            f"the file masks {masked} of its points: --no-file-mask takes their heights all the same"
         )
     texts += file_content.notes
     if is_text(path) and not any("x y z" in note for note in file_content.notes):
@@ -194,10 +201,14 @@ def survey_surface(
 
     Parameters
     ----------
-    face : as read.
-    wave : wavelength of the filter [m]; None lets the program choose it.
-    treatment : arguments `detrend`, `spikes` and `max_undefined` of `topography.repair`.
-    instrument : instrument with which the surface was measured.
+    face : Topography
+        Map as read from a file.
+    wave : float or None
+        Wavelength of the filter [m]; None lets the program choose it.
+    treatment : dict
+        Arguments `detrend`, `spikes` and `max_undefined` of `topography.repair`.
+    instrument : Instrument
+        Instrument with which the surface was measured.
     """
     reasons: list[str] = []
     try:
@@ -217,6 +228,7 @@ def survey_surface(
                 instrument=instrument,
             )
     except InputError as error:
+        # If the user has chosen the filter, an error may be due to that choice.
         is_fault_of_the_surface = isinstance(error.__cause__, TooManyUndefined)
         if wave is not None and not is_fault_of_the_surface:
             raise
@@ -226,7 +238,7 @@ def survey_surface(
         return surveyed
     with_form = level.with_heights(level.heights + repaired.form.heights).detrend(None)
     with_form = with_form.low_pass(conditioning.shortest_wave)
-    # neither ratios of leakages nor contact fractions depend on E* by itself, so that it is 1 here
+    # Ratios of leakages and contact fractions depend only on the ratio of pressure and hardness to E*, which is 1 here.
     hardness = _HARDNESS * with_form.rms_slope
     pressures = [fraction * hardness for fraction in _PRESSURES]
     law = PerfectlyPlastic(hardness)
@@ -240,6 +252,7 @@ def survey_surface(
 
 
 def _indented(report: object) -> list[str]:
+    """Return the lines of a report, indented by two blanks."""
     return indent(str(report), "  ").splitlines()
 
 
@@ -268,17 +281,25 @@ def case_of_face(
     spacing: tuple[str, str] | None = None,
     height_unit: str | None = None,
 ) -> str:
-    """Write the text of a case of a measured surface, whose last tables have the values of the template.
+    """Write the text of a first case for a measured surface, with questions about everything else.
+
+    Material, load and fluid have the values of the template, which the user replaces.
 
     Parameters
     ----------
-    path : file of the surface.
-    folder : folder of the case, to which paths in the case are relative.
-    spacing, height_unit : pixel, with its unit, and unit of the heights, where the file does not say them.
+    path : Path
+        File of the surface.
+    folder : Path
+        Folder of the case, to which paths in the case are relative.
+    spacing : (str, str), optional
+        Spacing of the points along x1 and x2 with its unit, if the file does not contain it.
+    height_unit : str, optional
+        Unit of the heights, if the file does not contain it.
 
     Raises
     ------
-    InputError : no surface can be read from the file, or neither it nor the caller says its pixel or its unit.
+    InputError
+        No surface can be read from the file, or its spacing or the unit of its heights is not known.
     """
     file_content = read_for_a_look(path, height_unit=height_unit, **_in_metres(spacing=spacing))
     _require_scale(path, file_content)
@@ -289,7 +310,7 @@ def case_of_face(
     keys = {"path": name, "spacing": spacing, "height_unit": height_unit}
     size = as_toml([to_text(side, "m", 6) for side in face.size])
     lines = [
-        f"# A case of {path.name}. x1 is the direction of the leakage, x2 runs along the seal.",
+        f"# A case for the surface in {path.name}. x1 is the direction of the leakage, x2 runs along the seal.",
         "# A question mark asks for what the file does not say; `femseal check` says what a run computes.",
         "",
         f"title = {as_toml(path.stem)}",
@@ -323,7 +344,7 @@ def case_of_face(
 
 
 def _require_scale(path: Path, file_content: Look) -> None:
-    """Raise InputError where nothing says the pixel of a map, or the unit of its heights; arrays of NumPy are in m."""
+    """Raise InputError if the pixel size of a map or the unit of its heights is not known; NumPy arrays are in m."""
     has_pixel, has_unit = file_content.is_known
     missing = {} if has_pixel else {"pixel size": "--spacing '1 um' '1 um'"}
     if not has_unit and path.suffix.lower() not in (".npy", ".npz"):

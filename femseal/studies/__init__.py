@@ -3,15 +3,17 @@
 `deterministic` solves contact and flow on all pixels of the surface. `two_scale` also solves the flow through each cell
 of the surface. `by_blocks` solves a surface that is too large for the memory of the machine block by block.
 `stochastic` solves seals of any size and shape, whose tiles take random cells of the surface. All studies take a
-`Scene`. Each is an entry of `STUDIES`, which runs use to solve, forecast and compare them.
+`Scene`. Each study is an entry of `STUDIES`, by which a run solves it, forecasts its cost and compares its result.
 
-    cell_states         cells of a surface at tabulated nominal pressures; leakage of its measured patches
-    face_study          contact states of a surface -> a FaceResult, also with its cells
-    blocks              a large surface, solved block by block -> a BlocksResult
-    sampling            options of the realisations -> tiles of the seal and, under a pressure map, their pressure
-    seal_contact        pressure of the tiles of a seal that has a form
-    stochastic_study    tiles take random cells -> leakage of the realisations
-    patch_interval      95 % interval of a seal of which only one patch was measured
+    face_study          deterministic and two-scale study
+    cell_states         cells of a surface at tabulated pressures, and leakage of its measured patches
+    blocks              study of a large surface, block by block
+    sampling            options of the stochastic study, and pressure of the tiles under a pressure map
+    seal_contact        pressure of the tiles of a seal that has a form, from rough_layer and contact_points
+    cell_supply         permeabilities of the cells at the pressure of each tile
+    stochastic_study    realisations of a seal, whose tiles take random cells
+    patch_interval      95 % interval of a leakage that was computed from one measured patch
+    study_registry      all studies by name, with their expected cost
 """
 
 from typing import TYPE_CHECKING

@@ -32,9 +32,11 @@ from .cell_states import (
     solve_cells_at_pressures,
 )
 from .cells_in_order import flow_in_order
+from .contact_points import ContactPoints, solve_steps
 from .patch_state import PatchState
+from .rough_layer import RoughLayer
 from .sampling import TileFluid
-from .seal_contact import ContactPoints, RoughLayer, opening_permeability, solve_steps
+from .seal_contact import opening_permeability
 
 #: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the leakage
 #: over that of the whole surface are 0.90 and 1.43. With 2 cells they are 0.79 and 1.33, and the end of a 95 % interval
@@ -151,7 +153,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         _cells_of_block(coarse_heights, position)[...] = long_waves
     depth = coarse_heights.max() - coarse_heights
     layers = list(mapper(Stage("layers of the blocks", _layer), block_scenes))
-    # each an array (steps, rows, columns)
+    # three arrays (step, row of cells, column of cells)
     pressure, separation, opening = _coarse_contact(scene, blocks, depth, layers)
     block_pressures = [_cells_of_block(pressure, position) for position in np.ndindex(*blocks)]
     items = zip(block_scenes, block_pressures, strict=True)
@@ -303,10 +305,10 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
     block_numbers = np.arange(len(layers)).reshape(blocks)
     layer = replace(
         layers[0],
-        gap=np.concatenate([layer.gap for layer in layers]),
-        recovered=np.concatenate([layer.recovered for layer in layers]),
+        separation=np.concatenate([layer.separation for layer in layers]),
+        recovery=np.concatenate([layer.recovery for layer in layers]),
         # the layer of each cell is that of its block
-        face=block_numbers.repeat(CELLS, axis=0).repeat(CELLS, axis=1).ravel(),
+        surface_number=block_numbers.repeat(CELLS, axis=0).repeat(CELLS, axis=1).ravel(),
     )
     cells = ContactPoints(
         body, np.ones(depth.shape, bool), depth.ravel(), float(layer.pressure[-1])
@@ -333,20 +335,20 @@ def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
     steps = block.steps
     cut = Cut.of(block.surface, (CELLS, CELLS))
     fluid = TileFluid.of(block)
-    # one pressure path for each cell, and for each fluid pressure where that matters
+    # one pressure path for each cell; if the fluid acts on the surface, also one for each fluid pressure
     paths = fluid.effective_pressures(pressure.reshape(len(steps), -1))
     tabulated = choose_tabulated_pressures(paths, steps, block.law.is_elastic, _SPACING_FACTOR)
     cells = solve_cells_at_pressures(block, cut, tabulated, map, block.boundary)
     k_on_paths = fluid.select_matching_reliefs(interpolate_along_paths(cells, paths, steps))
-    # path n is that of cell n: only these values (…, path n, cell n) are needed
+    # each cell is needed on its own path only: path n belongs to cell n
     cell = np.arange(CELLS**2)
-    k = k_on_paths[..., cell, cell]
+    k = k_on_paths[..., cell, cell]  # (fluid pressure, axis, step, cell)
     state = PatchState.of(steps, cells, paths.mean(axis=1), np.full(len(steps), np.nan))
     return _SolvedBlock(k, cells.counts, state)
 
 
 def _surface_state(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchState:
-    """Combine the contact states of the blocks to those of the whole surface.
+    """Combine the contact states of the blocks into those of the whole surface.
 
     All blocks are assumed to contribute equally to the dissipation of the flow.
 

@@ -1,4 +1,4 @@
-"""Solve the states of a surface that is cut into cells, at tabulated nominal pressures, and its measured patches."""
+"""Solve contact states of a surface at tabulated pressures, and the flow through its cells and measured patches."""
 
 from __future__ import annotations
 
@@ -31,34 +31,36 @@ from ..scene import Scene
 from ..topography.patches import split_patches
 from .cells_in_order import cells_in_order, cells_permeability_along_x2
 
-#: Fewest measured patches whose scatter shows how far the leakage of more of them may differ.
+#: Smallest number of measured patches for which the leakage of all patches but one is computed.
 FEWEST = 3
-#: Distance of tabulated pressures in the cube root, over the cube root of the highest one. ln k is nearly straight in
-#: the cube root of the pressure. On four surfaces under pressure maps of ± 40 % and with fluid pressure, the
-#: interpolated leakage on loading is within 1.2 % of states that were solved at the wanted pressures, down to a
-#: hundredth of the first leakage; with 1/16 it is within 2.5 %.
+#: Spacing of the cube roots of tabulated pressures, as a fraction of the cube root of the highest one. ln k is nearly a
+#: linear function of the cube root of the pressure. Four surfaces were solved under pressure maps of ± 40 % and with
+#: fluid pressure. Down to a hundredth of the leakage at the first load, the interpolated leakage on loading was within
+#: 1.2 % of states that were solved at the exact pressures; with a spacing of 1/16 it was within 2.5 %.
 _SPACING = 1 / 20
-#: Tabulated pressures of unloading, in fractions of a peak; distance of neighbouring peaks in the cube root, over that
-#: of the highest one; most peaks. On the same surfaces the leakage on unloading is within 0.7 % from peaks that leave
-#: the seal open. From peaks near closing it is within 1.2 % in the median and 15 % at worst, whatever the number of
-#: peaks.
-_STOPS, _PEAK_STEP, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1 / 12, 6
-#: No pressure is tabulated within the relative distance _NEAR of a peak, or of the lowest or highest pressure. The
-#: latter need no state of their own within the distance _SAME of a peak: a slope between closer states would be that of
-#: their errors.
-_NEAR, _SAME = 0.02, 1e-3
+#: Tabulated pressures on unloading, as fractions of the peak.
+_UNLOADING_FRACTIONS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
+#: Spacing of the cube roots of neighbouring peaks, as a fraction of that of the highest one, and largest number of
+#: peaks. On the same surfaces, the error of the leakage on unloading was below 0.7 % for peaks at which the seal is
+#: open. For peaks near closing it was 1.2 % in the median and at most 15 %, whatever the number of peaks.
+_PEAK_SPACING, _MOST_PEAKS = 1 / 12, 6
+#: Smallest relative distance of a tabulated pressure from a peak, and from the lowest and highest pressure. The slope
+#: between states that are closer to each other would be dominated by their errors.
+_NEAR = 0.02
+#: Relative distance from a peak at which the lowest or highest pressure needs no state of its own.
+_SAME = 1e-3
 
 
 @dataclass(frozen=True, repr=False)
 class PatchLeakage(Shown):
-    """Hold the leakage of each measured patch; it is NaN where the flow failed.
+    """Hold the leakage of measured patches, each alone and in combination; it is NaN where the flow failed.
 
     Parameters
     ----------
     selections : array (patches, steps) or (2 × patches, steps), m²/s
         Leakage of selections of patches. The first rows are those of single patches, continued periodically. If there
-        are at least three patches, as many rows follow in which one patch after the other is left out, and the
-        remaining patches lie side by side.
+        are at least three patches, as many rows follow. They are those of all patches but one, side by side, where one
+        patch after the other is left out.
     """
 
     selections: Array = field(metadata={"unit": "m^2/s"})
@@ -93,7 +95,7 @@ class PatchLeakage(Shown):
     @property
     def without(self) -> Array | None:
         """Leakage of all patches but one, for each patch left out (patches, steps) [m²/s]; None for two patches."""
-        # two patches alone are two rows, of which half is below `FEWEST`
+        # With fewer than three patches there are no such rows; half of the rows is then less than `FEWEST`.
         patches = len(self.selections) // 2
         return self.selections[patches:] if patches >= FEWEST else None
 
@@ -120,7 +122,7 @@ class PatchLeakage(Shown):
 def permeabilities_of_patches(
     widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, gap: Floats
 ) -> Array:
-    """Compute the permeabilities of the selections of measured patches that `PatchLeakage` needs.
+    """Compute the permeability of each measured patch, and of all patches but one, for `PatchLeakage`.
 
     Parameters
     ----------
@@ -153,21 +155,37 @@ class FaceCells:
 
     Parameters
     ----------
-    k : permeability at each pressure of the fluid, along x1 and x2, array (pressures, 2, steps, m1, m2), m³.
-    pressure, mean_gap, contact_fraction, plastic_fraction : means over the cells, arrays (steps, m1, m2), Pa, m, 1, 1.
-    drop_fraction : fraction of the dissipation in each cell, array (steps, m1, m2); NaN where nothing flows.
-    rows : mean contact pressure of the rows of points, array (steps, n1), Pa.
-    surface_leakage : leakage of the surface at full resolution, array (steps,), m²/s.
-    cells_leakage : leakage of the grid of cells, in their order on the surface, array (steps,), m²/s.
-    surface_k2, cells_k2 : permeability along x2 of the whole surface and of the grid of cells, arrays (steps,), m³.
-        Both are means over the measured patches. They are NaN where the cells of a seal stay in order, because only
-        cells at random need them.
-    patches : leakage of each measured patch; None if there is only one patch.
-    carriers : number of blocks that effectively carry the flow through the surface, array (steps,), see
-        `participation_number`; NaN where nothing flows.
-    counts : numbers of flows through cells that were solved.
-    failures : one line for each flow that failed.
-    unsolved : index of each step without leakage, and the reason.
+    steps : LoadProgramme
+        Load steps or tabulated pressures.
+    cut : Cut
+        Division of the surface into m1 × m2 cells.
+    k : array (pressures, 2, steps, m1, m2), m³
+        Permeability of each cell along x1 and x2 at each fluid pressure.
+    rows : array (steps, n1), Pa
+        Mean contact pressure of each row of points.
+    patches : PatchLeakage, optional
+        Leakage of each measured patch; None if there is only one patch.
+    counts : SolveCounts
+        Numbers of flows through cells that were solved.
+    pressure, mean_gap, contact_fraction, plastic_fraction : array (steps, m1, m2)
+        Contact pressure [Pa], gap [m], contact fraction and fraction of points at the hardness, averaged over each
+        cell.
+    drop_fraction : array (steps, m1, m2)
+        Fraction of the dissipation in each cell; NaN where nothing flows.
+    surface_leakage : array (steps,), m²/s
+        Leakage of the surface at full resolution.
+    cells_leakage : array (steps,), m²/s
+        Leakage of the grid of cells, in their order on the surface.
+    carriers : array (steps,)
+        Number of blocks that effectively carry the flow through the surface, see `participation_number`; NaN where
+        nothing flows.
+    surface_k2, cells_k2 : array (steps,), m³
+        Permeability along x2 of the whole surface and of the grid of cells. Both are means over the measured patches.
+        They are NaN if the cells stay in order, because only cells at random need them.
+    failures : tuple of str
+        One line for each flow that failed.
+    unsolved : tuple of (int, str)
+        Index of each step without leakage, and the reason.
     """
 
     steps: LoadProgramme
@@ -230,12 +248,12 @@ class FaceCells:
 
     @property
     def k1(self) -> Array:
-        """Permeability along x1, mean over the pressures of the fluid (steps, m1, m2) [m³]."""
+        """Permeability of each cell along x1, averaged over the fluid pressures (steps, m1, m2) [m³]."""
         return self.k[:, 0].mean(axis=0)
 
     @property
     def k2(self) -> Array:
-        """Permeability along x2, mean over the pressures of the fluid (steps, m1, m2) [m³]."""
+        """Permeability of each cell along x2, averaged over the fluid pressures (steps, m1, m2) [m³]."""
         return self.k[:, 1].mean(axis=0)
 
     @property
@@ -262,33 +280,39 @@ def solve_cells_at_pressures(
     mapper: Mapper,
     boundary: tuple[str, str] = ("periodic", "periodic"),
 ) -> FaceCells:
-    """Solve the cells at tabulated nominal pressures, without fluid.
+    """Solve the contact at tabulated nominal pressures, without fluid, and the flow through the cells of each state.
 
     Parameters
     ----------
-    scene : the surface.
-    cut : of the surface into cells.
-    steps : the tabulated pressures, on loading and on unloading.
-    mapper : computes the items of a stage.
-    boundary : how the surface continues along x1 and x2.
+    scene : Scene
+        The surface and the fluid that flows through its cells.
+    cut : Cut
+        Division of the surface into cells.
+    steps : LoadProgramme
+        Tabulated pressures, on loading and on unloading.
+    mapper : callable
+        Computes the items of a stage.
+    boundary : tuple of two str
+        Continuation of the surface along x1 and x2 in the contact, see `HalfSpace`.
     """
     dry = scene.dry(boundary=boundary)
-    # flow along x1 is periodic along x2 in every study
-    continues = "periodic" if boundary[0] == "periodic" else "free", "periodic"
-    # grooves that wind are those of the seal
+    # in every study, the flow along x1 is periodic along x2
+    flow_boundary = "periodic" if boundary[0] == "periodic" else "free", "periodic"
     take = partial(
-        _of_state,
+        _solve_cells_of_state,
         cut=cut,
-        flow=replace(scene.flow, spiral=None),
+        flow=replace(
+            scene.flow, spiral=None
+        ),  # spiral grooves belong to the seal, not to its cells
         widths=scene.surface.widths,
         blocks=blocks_of_one_wave(scene.surface),
-        boundary=continues,
+        boundary=flow_boundary,
     )
     states = list(dry.contact_states(take, steps=steps, mapper=mapper))
-    return join_states(scene, cut, steps, states, continues)
+    return join_states(scene, cut, steps, states, flow_boundary)
 
 
-def _of_state(
+def _solve_cells_of_state(
     state: LoadState,
     *,
     cut: Cut,
@@ -297,15 +321,16 @@ def _of_state(
     boundary: tuple[str, str],
     blocks: Shape,
 ) -> CellState:
-    """Cut the contact of a state into cells, and solve the flow through the cells, the surface and its patches."""
+    """Cut a contact state into cells, and solve the flow through the cells, the whole surface and its patches."""
     gap = state.contact.gap
     cells = CellState.of(gap, state.contact.pressure, cut, flow, boundary=boundary)
-    several = len(widths) > 1
-    of_patches = permeabilities_of_patches(widths, cut.spacing, flow, gap) if several else None
-    through = attempt(resolved_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
+    patch_k = None
+    if len(widths) > 1:
+        patch_k = permeabilities_of_patches(widths, cut.spacing, flow, gap)
+    along_x1 = attempt(resolved_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
     carriers = np.nan
-    if isinstance(through, FaceFlow):
-        dissipation = drop_fractions(gap, cut.spacing, through.potential, flow)
+    if isinstance(along_x1, FaceFlow):
+        dissipation = drop_fractions(gap, cut.spacing, along_x1.potential, flow)
         carriers = participation_number(dissipation, blocks)
     along_x2 = attempt(
         permeability_along_x2, gap, widths, cut.spacing, flow, flow_sides(boundary[0])
@@ -315,11 +340,11 @@ def _of_state(
         failures = (*failures, f"whole surface, x2: {along_x2.reason}")
     return replace(
         cells,
-        surface_k1=through.permeability,
+        surface_k1=along_x1.permeability,
         surface_k2=np.nan if isinstance(along_x2, Failed) else along_x2,
-        patches=of_patches,
+        patches=patch_k,
         failures=failures,
-        failed=getattr(through, "reason", ""),
+        failed=getattr(along_x1, "reason", ""),
         carriers=carriers,
     )
 
@@ -328,20 +353,31 @@ def join_states(
     scene: Scene,
     cut: Cut,
     steps: LoadProgramme,
-    taken: Sequence[CellState],
+    states: Sequence[CellState],
     boundary: tuple[str, str] = ("free", "periodic"),
 ) -> FaceCells:
-    """Join the cells of all states, and solve the flow over the grid of cells in each state.
+    """Join the cells of all states, and solve the flow through the grid of cells in each state.
 
     The flow along x2 is only solved in states in which the permeability of the whole surface along x2 is known.
 
-    boundary : how the surface continues along x1 and x2.
+    Parameters
+    ----------
+    scene : Scene
+        The surface and the fluid.
+    cut : Cut
+        Division of the surface into cells.
+    steps : LoadProgramme
+        Load steps of the states.
+    states : sequence of CellState
+        Cells in the contact state of each step.
+    boundary : tuple of two str
+        Continuation of the surface along x1 and x2 in the flow.
     """
-    k = np.stack([state.k for state in taken], axis=2)  # (fluid pressure, axis, step, row, column)
+    k = np.stack([state.k for state in states], axis=2)  # (fluid pressure, axis, step, row, column)
     cells_leakage = np.full(len(steps), np.nan)
     cells_k2 = np.full(len(steps), np.nan)
     failures = []
-    for s, (step, state) in enumerate(zip(steps, taken, strict=True)):
+    for s, (step, state) in enumerate(zip(steps, states, strict=True)):
         failures += [f"{step.name}, {text}" for text in state.failures]
         if not np.isfinite(k[:, :, s]).all():
             continue
@@ -349,11 +385,12 @@ def join_states(
         cells_leakage[s] = flow.per_length
         if np.isfinite(state.surface_k2):
             cells_k2[s] = cells_permeability_along_x2(scene, cut, k[:, :, s], boundary[0])
-    unit = scene.unit_leakage
+    unit_leakage = scene.unit_leakage
     patches = None
-    if taken[0].patches is not None:
-        patches = PatchLeakage(unit * np.array([state.patches for state in taken]).T)
-    means = (
+    if states[0].patches is not None:
+        patch_k = np.array([state.patches for state in states])  # (step, selection of patches)
+        patches = PatchLeakage(unit_leakage * patch_k.T)
+    names = (
         "pressure",
         "mean_gap",
         "contact_fraction",
@@ -367,65 +404,73 @@ def join_states(
         steps,
         cut,
         k,
-        **{name: np.array([getattr(state, name) for state in taken]) for name in means},
-        surface_leakage=unit * np.array([state.surface_k1 for state in taken]),
+        **{name: np.array([getattr(state, name) for state in states]) for name in names},
+        surface_leakage=unit_leakage * np.array([state.surface_k1 for state in states]),
         cells_leakage=cells_leakage,
         cells_k2=cells_k2,
         patches=patches,
-        counts=SolveCounts.total(state.counts for state in taken),
+        counts=SolveCounts.total(state.counts for state in states),
         failures=tuple(failures),
-        unsolved=tuple((s, state.failed) for s, state in enumerate(taken) if state.failed),
+        unsolved=tuple((s, state.failed) for s, state in enumerate(states) if state.failed),
     )
 
 
 def choose_tabulated_pressures(
-    paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1
+    paths: Array, steps: LoadProgramme, elastic: bool, spacing_factor: int = 1
 ) -> LoadProgramme:
     """Choose the tabulated pressures at which the cells are solved and between which they are interpolated.
 
-    The pressures on loading have equal distances in the cube root, from the lowest to the highest pressure of the
-    paths. The peaks from which the cells are unloaded are some of the peaks of the paths.
+    On loading, they range from the lowest to the highest pressure of the paths, and their cube roots have equal
+    distances. The cells are unloaded from some of the peaks of the paths.
 
     Parameters
     ----------
-    paths : nominal pressures, array (steps, paths), Pa.
-    steps : the load programme of the paths.
-    elastic : True if nothing yields, so that unloading is the same as loading.
-    apart : factor by which the distances of tabulated pressures and of peaks exceed the usual ones.
+    paths : array (steps, paths), Pa
+        Nominal pressures of the paths.
+    steps : LoadProgramme
+        Load programme of the paths.
+    elastic : bool
+        True if nothing yields, so that unloading is the same as loading.
+    spacing_factor : int
+        Factor on the usual spacing of tabulated pressures and peaks.
     """
-    peak = local_peaks(paths, steps)
+    peak = local_peaks(paths, steps)  # (step, path)
     unloads = (paths < peak) & (not elastic)
     highest = float(paths.max())
     lowest = max(float(paths.min()), 0.0)
-    peaks = _chosen_peaks(peak[unloads], apart)
+    peaks = _choose_peaks(peak[unloads], spacing_factor)
     fixed = np.array(peaks)  # pressures on loading that are solved in any case
     for end in (lowest, highest):
         if (np.abs(end - fixed) > _SAME * fixed).all():
             fixed = np.append(fixed, end)
     first_root = np.cbrt(lowest / highest) if highest > 0 else 0.0
-    count = int(np.ceil((1 - first_root) / (apart * _SPACING))) + 1
+    count = int(np.ceil((1 - first_root) / (spacing_factor * _SPACING))) + 1
     between = highest * np.linspace(first_root, 1.0, count)[:-1, None] ** 3
     is_apart = (np.abs(between - fixed) > _NEAR * fixed).all(axis=1)
     loading = np.union1d(between[is_apart], fixed).tolist()
+    # on unloading, down to the first fraction that is not above the deepest unloading of a path
     deepest = (paths[unloads] / peak[unloads]).min(initial=1.0)
-    fractions = _STOPS[: sum(fraction > deepest for fraction in _STOPS) + 1]
+    above_deepest = sum(fraction > deepest for fraction in _UNLOADING_FRACTIONS)
+    fractions = _UNLOADING_FRACTIONS[: above_deepest + 1]
     unloading = [LoadStep(fraction * peak, peak) for peak in peaks for fraction in fractions]
     return LoadProgramme([*map(LoadStep, loading), *unloading])
 
 
-def _chosen_peaks(peaks: Array, times: int) -> list[float]:
-    """Choose a few peaks in rising order, from lowest to highest at about equal distances in the cube root."""
+def _choose_peaks(peaks: Array, spacing_factor: int) -> list[float]:
+    """Choose a few of many peaks, in increasing order and with about equal distances of their cube roots."""
     distinct: list[float] = []
-    for peak in np.unique(peaks)[::-1].tolist():
+    for peak in np.unique(peaks)[::-1].tolist():  # from the highest to the lowest
         if not distinct or peak * (1 + _NEAR) < distinct[-1]:
             distinct.append(peak)
     if len(distinct) < 2:
         return distinct
     values = np.array(distinct[::-1])
     roots = np.cbrt(values / values[-1])
-    count = min(int(np.ceil((1 - roots[0]) / (times * _PEAK_STEP))) + 1, _MOST_PEAKS // times)
+    count = int(np.ceil((1 - roots[0]) / (spacing_factor * _PEAK_SPACING))) + 1
+    count = min(count, _MOST_PEAKS // spacing_factor)
     wanted = np.linspace(roots[0], 1.0, count)
-    return np.unique(values[np.abs(roots - wanted[:, None]).argmin(axis=1)]).tolist()
+    nearest = np.abs(roots - wanted[:, None]).argmin(axis=1)
+    return np.unique(values[nearest]).tolist()
 
 
 def interpolate_along_paths(cells: FaceCells, paths: Array, steps: LoadProgramme) -> Array:

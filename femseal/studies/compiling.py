@@ -1,7 +1,8 @@
-"""Loops compiled before a run with several processes, once after an installation, each loop by one process for all.
+"""Compile the loops of contact and flow before a run with several processes, once after an installation.
 
-Numba compiles a loop where it is first called and keeps it in a file. Processes that come to it at the same time would
-all compile it; here each gets a part of the loops, on a problem of a few nodes, and then finds the others' in files.
+Numba compiles a loop at its first call and stores the machine code in a file. Several processes that call a loop at the
+same time would all compile it. Here each process first compiles a part of the loops, by solving a tiny problem that
+calls them, and later reads the machine code of the other parts from files.
 """
 
 from __future__ import annotations
@@ -30,28 +31,34 @@ log = logging.getLogger("femseal")
 
 
 def compile_ahead(mapper: Mapper, progress: Progress = no_progress) -> None:
-    """Compile the loops of contact and flow by the processes of a mapper, unless that was done on this machine.
+    """Compile the loops of contact and flow in the processes of a mapper, unless this was done before.
 
     progress : called as progress(stage, done, total).
     """
-    done = _record()
-    if done is None or done.exists():
+    record = _record()
+    if record is None or record.exists():
         return
     stage = Stage(COMPILING, _compile)
     log.info("%s", stage.name)
     progress(stage.name, 0, len(_PARTS))
     for count, _ in enumerate(mapper(stage, list(_PARTS)), start=1):
         progress(stage.name, count, len(_PARTS))
-    with suppress(OSError):  # the loops were compiled, which is what counts
-        done.touch()
+    with suppress(
+        OSError
+    ):  # without a record, the next run repeats the stage and finds the loops compiled
+        record.touch()
 
 
 def _record() -> Path | None:
-    """File beside the compiled loops that says that they are there, for this code, machine and numba; None without."""
-    if not hasattr(energy_of, "stats"):  # a plain function, as NUMBA_DISABLE_JIT leaves it
+    """Return the path of an empty file in the cache folder, which exists if the loops have been compiled.
+
+    Its name depends on everything that the machine code depends on: the source files, the processor, and the versions
+    of Numba and NumPy. The result is None if nothing is compiled, because NUMBA_DISABLE_JIT is set.
+    """
+    if not hasattr(energy_of, "stats"):  # with NUMBA_DISABLE_JIT it is a plain Python function
         return None
     package = Path(flow.__file__).parents[1]
-    seen = [
+    dependencies = [
         numba.__version__,
         np.__version__,
         get_host_cpu_name(),
@@ -59,16 +66,18 @@ def _record() -> Path | None:
     ]
     for room in ("contact", "flow", "face"):
         for path in sorted((package / room).rglob("*.py")):
-            seen.append(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}")
-    digest = hashlib.sha256(repr(seen).encode()).hexdigest()
+            dependencies.append(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}")
+    digest = hashlib.sha256(repr(dependencies).encode()).hexdigest()
     return Path(energy_of.stats.cache_path) / f"compiled-{digest[:16]}"
 
 
 def _compile(part: str) -> None:
+    """Compile a part of the loops, by solving its problem."""
     _PARTS[part]()
 
 
 def _network() -> flow.Stencil:
+    """Return a small network of random conductances."""
     rng = np.random.default_rng(0)
     return flow.Stencil.network(
         np.exp(rng.normal(size=(17, 16))), np.exp(rng.normal(size=(16, 15))), ring=False
@@ -76,43 +85,49 @@ def _network() -> flow.Stencil:
 
 
 def _gap(n: int) -> Array:
+    """Return a wavy gap (n, n), a part of which is closed."""
     waves = 1 + np.cos(2 * np.pi * np.arange(n) / n)
     return np.maximum(waves[:, None] + 0.5 * waves - 0.4, 0.0)
 
 
-def _levels() -> None:
-    s = _network()
-    build_levels(s.along, s.across, s.ring2)
+def _compile_levels() -> None:
+    """Compile the set-up of the levels of multigrid."""
+    network = _network()
+    build_levels(network.along, network.across, network.ring2)
 
 
-def _multigrid() -> None:
+def _compile_multigrid() -> None:
+    """Compile the iterations of multigrid, and the choice of the solver."""
     for solver in ("multigrid", "auto"):
         solve_flow(_network(), solver=solver)
 
 
-def _contact() -> None:
-    for boundary in ("mirror", "mirror"), ("periodic", "periodic"):  # waves of mirrors mix
+def _compile_contact() -> None:
+    """Compile the contact solver; mirror boundaries combine the waves in a loop of their own."""
+    for boundary in ("mirror", "mirror"), ("periodic", "periodic"):
         body = contact.HalfSpace((32, 32), (1.0, 1.0), 1.0, boundary)
         contact.solve_contact(_gap(32), body, pressure=0.01, hardness=0.05)
 
 
-def _cells() -> None:
+def _compile_cells() -> None:
+    """Compile the permeability of a cell with overlaps."""
     gap = _gap(32)
     cell_permeabilities(gap, (1.0, 1.0), 0, FlowSettings(solver="elimination"), core=(4, 28))
 
 
-def _seals() -> None:
+def _compile_seals() -> None:
+    """Compile the loops of seals and of the coupling of contact and flow."""
     solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200))))
     harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan))
 
 
-#: Parts of 4 to 19 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and
-#: "cells" call are there by then, and both processes end at about the same time.
+#: Parts of 4 to 19 s, in the order in which they start. "multigrid" and "cells" call loops of other parts. With two
+#: processes, these are compiled by then, and both processes end at about the same time.
 _PARTS: dict[str, Callable[[], object]] = {
     "elimination": lambda: solve_flow(_network(), solver="elimination"),
-    "levels": _levels,
-    "multigrid": _multigrid,
-    "contact": _contact,
-    "cells": _cells,
-    "seals": _seals,
+    "levels": _compile_levels,
+    "multigrid": _compile_multigrid,
+    "contact": _compile_contact,
+    "cells": _compile_cells,
+    "seals": _compile_seals,
 }

@@ -24,12 +24,14 @@ from ..scene.fluid_coupling import CoupledContact
 from ..topography import Patches
 from .cell_states import FaceCells, PatchLeakage, join_states, permeabilities_of_patches
 
-#: Memory that a pixel of a state takes [byte]: gap, contact pressure and potential, and a bit that says whether it is
-#: plastic; and of a result, with the fluid pressure.
-STATE_BYTES, RESULT_BYTES = 12.125, 16.125
-#: Memory that contact and flow of a step take for each pixel, and what the contact of smaller faces keeps for its next
-#: [byte]. Measured on 512² to 4096² pixels.
-_STATE_BYTES, _KEPT_BYTES = 130.0, 130.0
+#: Memory of a pixel of a stored state [byte]: gap, contact pressure and potential in single precision, and one bit that
+#: says whether it is at the hardness.
+STATE_BYTES = 12.125
+#: Memory of a pixel of a result [byte], which also contains the fluid pressure.
+RESULT_BYTES = 16.125
+#: Memory for each pixel while contact and flow of a step are solved [byte], and memory that the contact solver keeps
+#: for its next solution on surfaces of up to `KEPT_POINTS`. Both were measured on 512² to 4096² pixels.
+_SOLUTION_BYTES, _KEPT_BYTES = 130.0, 130.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,8 @@ class FaceState:
         Share of the nominal pressure that the fluid carries.
     permeability : float, m³
         Permeability of the surface along x1, NaN if the flow solver failed.
+    solvers : SolveCounts
+        Number of linear systems that each solver solved.
     failed : str
         Reason for the failure, "" without a failure.
     """
@@ -72,18 +76,19 @@ class FaceState:
     @classmethod
     def of(cls, state: LoadState, flow: FlowSettings) -> FaceState:
         """Solve the flow through the gap of a load step."""
-        contact, carried = state.contact, 0.0
-        found: Any
-        if isinstance(contact, CoupledContact):
-            found, carried = contact.flow, contact.carried
+        contact = state.contact
+        solution: Any  # a flow, or `Failed`
+        if isinstance(contact, CoupledContact):  # its flow was solved together with the contact
+            solution, carried = contact.flow, contact.carried
         else:
-            found = attempt(resolved_flow, contact.gap, contact.half_space.spacing, flow)
+            solution = attempt(resolved_flow, contact.gap, contact.half_space.spacing, flow)
+            carried = 0.0
         unknown = np.full(contact.gap.shape, np.nan)
         return cls(
             gap=contact.gap.astype(np.float32),
             pressure=contact.pressure.astype(np.float32),
             plastic=np.packbits(contact.plastic),
-            potential=getattr(found, "potential", unknown).astype(np.float32),
+            potential=getattr(solution, "potential", unknown).astype(np.float32),
             rows=contact.pressure.mean(axis=1),
             contact_fraction=contact.area_fraction,
             plastic_fraction=contact.plastic_fraction,
@@ -91,9 +96,9 @@ class FaceState:
             mean_gap=contact.mean_gap,
             residual=contact.residual,
             carried=carried,
-            permeability=found.permeability,
-            solvers=getattr(found, "solvers", SolveCounts()),
-            failed=getattr(found, "reason", ""),
+            permeability=solution.permeability,
+            solvers=getattr(solution, "solvers", SolveCounts()),
+            failed=getattr(solution, "reason", ""),
         )
 
 
@@ -114,13 +119,13 @@ def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
     dict
         Values of the fields `row_pressure`, `band_breadth` and `largest_row_pressure` of a result.
     """
-    touching = row_pressure > 0
-    n1 = touching.shape[1]
-    # argmax counts the rows before the first contact, from either end
-    between = n1 - touching.argmax(axis=1) - touching[:, ::-1].argmax(axis=1)
+    touches = row_pressure > 0
+    n1 = touches.shape[1]
+    # argmax returns the number of rows before the first contact, counted from the inlet or from the outlet
+    rows_of_band = n1 - touches.argmax(axis=1) - touches[:, ::-1].argmax(axis=1)
     return {
         "row_pressure": row_pressure,
-        "band_breadth": np.where(touching.any(axis=1), between, 0) * spacing,
+        "band_breadth": np.where(touches.any(axis=1), rows_of_band, 0) * spacing,
         "largest_row_pressure": row_pressure.max(axis=1),
     }
 
@@ -223,15 +228,16 @@ class FaceResult(Shown):
     @property
     def k1(self) -> Array:
         """Permeability of the cells along x1 (steps, m1, m2) [m³]; an InputError if there are no cells."""
-        return self._cut.k1
+        return self._existing_cells.k1
 
     @property
     def k2(self) -> Array:
         """Permeability of the cells along x2 (steps, m1, m2) [m³]; an InputError if there are no cells."""
-        return self._cut.k2
+        return self._existing_cells.k2
 
     @property
-    def _cut(self) -> FaceCells:
+    def _existing_cells(self) -> FaceCells:
+        """Cells of the surface; raises InputError in the deterministic study, which has none."""
         if self.cells is None:
             raise InputError("cells", "a face that was not cut", "the result of `two_scale`")
         return self.cells
@@ -240,17 +246,21 @@ class FaceResult(Shown):
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     """Solve contact and flow of the whole surface at full resolution, at every step of the load programme.
 
-    Large states are kept on disk, see `shared_empty`, so that only one of them takes memory at a time.
+    Large fields are kept on disk, so that only those of one load step need memory at a time, see `shared_empty`.
 
     Parameters
     ----------
-    scene : the surface, its load and its fluid.
-    mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
+    scene : Scene
+        The surface, its load and its fluid.
+    mapper : callable
+        Computes a stage for many items, such as the builtin `map`. It may use several processes.
 
     Raises
     ------
-    InputError : a spiral lay that does not suit the surface, see `Scene.check_spiral`.
-    NotConverged : a contact failed. A flow that fails is NaN, and listed in `failures`.
+    InputError
+        A spiral lay does not suit the surface, see `Scene.check_spiral`.
+    NotConverged
+        The contact solver failed. If the flow solver fails, the leakage is NaN and the reason is in `failures`.
 
     Examples
     --------
@@ -277,27 +287,30 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
     """Solve contact and flow of the whole surface as `deterministic` does, but without plausibility checks."""
     scene.check_spiral()
     surface = scene.surface
-    shape = (len(scene.steps), *scene.surface.shape)
+    shape = (len(scene.steps), *scene.surface.shape)  # (step, row, column)
     fields = {name: shared_empty(shape, np.float32) for name in ("gap", "pressure", "potential")}
-    fields["plastic"] = shared_empty((shape[0], -(-surface.heights.size // 8)), np.uint8)
+    bytes_of_bits = -(-surface.heights.size // 8)  # one bit for each pixel, rounded up
+    fields["plastic"] = shared_empty((shape[0], bytes_of_bits), np.uint8)
     fluid_pressure = shared_empty(shape, np.float32)
     states: list[FaceState] = []
     take = partial(FaceState.of, flow=scene.flow)
     memory = state_memory(surface.heights.size)
-    for state in scene.contact_states(take, memory=memory, mapper=mapper):
+    solved_states = scene.contact_states(take, memory=memory, mapper=mapper)
+    for s, state in enumerate(solved_states):
         for name, values in fields.items():
-            values[len(states)] = getattr(state, name)
+            values[s] = getattr(state, name)
             give_back(values)
-        fluid_pressure[len(states)] = scene.pressure_at(state.potential)
+        fluid_pressure[s] = scene.pressure_at(state.potential)
         give_back(fluid_pressure)
-        states.append(replace(state, **{name: v[len(states)] for name, v in fields.items()}))
+        # the state refers to the shared arrays, so that its own fields can be freed
+        states.append(replace(state, **{name: values[s] for name, values in fields.items()}))
     for values in (*fields.values(), fluid_pressure):
         values.flags.writeable = False
     patches = None
     if isinstance(surface, Patches):
-        flow = partial(permeabilities_of_patches, surface.widths, surface.spacing, scene.flow)
-        found = mapper(Stage("flow of patches", flow), fields["gap"])
-        patches = PatchLeakage(scene.unit_leakage * np.array(list(found)).T)
+        solve = partial(permeabilities_of_patches, surface.widths, surface.spacing, scene.flow)
+        patch_k = list(mapper(Stage("flow of patches", solve), fields["gap"]))
+        patches = PatchLeakage(scene.unit_leakage * np.array(patch_k).T)
     names = (
         "contact_fraction",
         "plastic_fraction",
@@ -307,14 +320,16 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
         "permeability",
         "carried",
     )
-    of_states: dict[str, Any] = {n: np.array([getattr(s, n) for s in states]) for n in names}
-    failed = zip(scene.steps, states, strict=True)
+    step_values: dict[str, Any] = {
+        name: np.array([getattr(state, name) for state in states]) for name in names
+    }
+    steps_and_states = zip(scene.steps, states, strict=True)
     return FaceResult(
         steps=scene.steps,
-        leakage=scene.unit_leakage * of_states.pop("permeability"),
-        carried_pressure=of_states.pop("carried"),
-        **fields_of_rows(of_states.pop("rows"), surface.spacing[0]),
-        **of_states,
+        leakage=scene.unit_leakage * step_values.pop("permeability"),
+        carried_pressure=step_values.pop("carried"),
+        **fields_of_rows(step_values.pop("rows"), surface.spacing[0]),
+        **step_values,
         gap=fields["gap"],
         contact_pressure=fields["pressure"],
         fluid_pressure=fluid_pressure,
@@ -322,7 +337,9 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
         patches=patches,
         states=tuple(states),
         residual=max(state.residual for state in states),
-        failures=tuple(f"{step.name}: {state.failed}" for step, state in failed if state.failed),
+        failures=tuple(
+            f"{step.name}: {state.failed}" for step, state in steps_and_states if state.failed
+        ),
         face_solvers=SolveCounts.total(state.solvers for state in states),
     )
 
@@ -330,36 +347,42 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
 def state_memory(pixels: float) -> float:
     """Estimate the memory that contact and flow of one step take [byte].
 
-    Elimination takes more, where multigrid fails.
+    If multigrid fails, elimination takes more.
     """
-    return pixels * (_STATE_BYTES + (_KEPT_BYTES if pixels <= KEPT_POINTS else 0.0))
+    return pixels * (_SOLUTION_BYTES + (_KEPT_BYTES if pixels <= KEPT_POINTS else 0.0))
 
 
 def states_memory(pixels: int, steps: int) -> float:
     """Estimate the memory of a result [byte] from its numbers of pixels and steps; it is 0 if the result is on disk."""
-    return 0.0 if lies_on_disk(4.0 * pixels * steps) else RESULT_BYTES * pixels * steps
+    bytes_of_field = 4.0 * pixels * steps
+    return 0.0 if lies_on_disk(bytes_of_field) else RESULT_BYTES * pixels * steps
 
 
 def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult:
-    """Solve contact and flow of the whole surface, and the permeability of each of its cells.
+    """Solve contact and flow of the whole surface, and compute the permeability of each of its cells.
 
     Parameters
     ----------
-    scene : the surface, its load and its fluid.
-    cells : numbers of cells along x1 and x2.
-    mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
+    scene : Scene
+        The surface, its load and its fluid.
+    cells : (int, int)
+        Numbers of cells along x1 and x2.
+    mapper : callable
+        Computes a stage for many items, such as the builtin `map`. It may use several processes.
 
     Raises
     ------
-    InputError : cells that do not suit the surface, or as `deterministic`.
-    NotConverged : a contact failed. Flows that fail are NaN, and listed in `failures`.
+    InputError
+        The numbers of cells do not suit the surface, or as `deterministic`.
+    NotConverged
+        The contact solver failed. If the flow solver fails, the permeability is NaN and the reason is in `failures`.
 
     Examples
     --------
     >>> import femseal as fs
     >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
     >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
-    >>> two_scale(scene, (2, 4)).cells.mean_gap.shape  # of two load steps
+    >>> two_scale(scene, (2, 4)).cells.mean_gap.shape  # (step, row, column)
     (2, 2, 4)
     """
     return _checked(scene, cut_into_cells(scene, Cut.of(scene.surface, cells), mapper))
@@ -369,21 +392,21 @@ def cut_into_cells(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
     """Solve a surface and its cells as `two_scale` does, but without plausibility checks."""
     face = solve_face(scene, mapper)
     blocks = blocks_of_one_wave(scene.surface)
-    solve = partial(_cells, cut=cut, flow=scene.flow, blocks=blocks)
-    found = list(mapper(Stage("cells of the face", solve), face.states))
-    cells = join_states(scene, cut, scene.steps, found)
+    solve = partial(_solve_cells, cut=cut, flow=scene.flow, blocks=blocks)
+    cell_states = list(mapper(Stage("cells of the face", solve), face.states))
+    cells = join_states(scene, cut, scene.steps, cell_states)
     cells = replace(cells, surface_leakage=face.leakage, patches=face.patches)
     return replace(face, cells=cells, failures=(*face.failures, *cells.failures))
 
 
-def _cells(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) -> CellState:
-    """Cut the fields of a state into cells, and solve the flow through each."""
-    gap, fractions = state.gap.astype(float), state.potential.astype(float)
+def _solve_cells(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) -> CellState:
+    """Cut the fields of a state into cells, and solve the flow through each of them."""
+    gap, potential = state.gap.astype(float), state.potential.astype(float)
     plastic = np.unpackbits(state.plastic, count=gap.size).view(bool).reshape(gap.shape)
-    if np.isfinite(fractions).any():
-        fractions = drop_fractions(gap, cut.spacing, fractions, flow)
-    # grooves that wind are those of the seal
-    flow = replace(flow, spiral=None)
-    cells = CellState.of(gap, state.pressure, cut, flow, plastic, fractions)
-    carriers = participation_number(fractions, blocks)
+    dissipation = potential  # NaN everywhere if the flow failed
+    if np.isfinite(potential).any():
+        dissipation = drop_fractions(gap, cut.spacing, potential, flow)
+    cell_flow = replace(flow, spiral=None)  # spiral grooves belong to the seal, not to its cells
+    cells = CellState.of(gap, state.pressure, cut, cell_flow, plastic, dissipation)
+    carriers = participation_number(dissipation, blocks)
     return replace(cells, failed=state.failed, carriers=carriers)

@@ -1,59 +1,51 @@
 """Solve the contact of a whole seal that has a form: the nominal pressure of its tiles at every step.
 
-The roughness is a layer between two half-spaces. Under the pressure p its mean planes stand s(p) apart. The contact of
-the measured surface gives s(p), on loading and on unloading from every peak. Points of the seal that lie h below the
-highest one satisfy h + K (p − p₀) − δ = s(p) where they touch, and more than s(0) where they do not. This is the
-minimum of ½ (p − p₀)·K (p − p₀) + h·p − Σ∫s dp under the load. Where the roughness is nearly flat, the bodies yield at
-one pressure and sink permanently. A form that is the same all along the seal is solved in plane strain.
+The roughness is treated as a layer between two smooth half-spaces. Under the pressure p, the mean planes of the rough
+surfaces are at the distance s(p) from each other. The contact of the measured surface gives s(p), on loading and on
+unloading from every peak (`rough_layer`). Consider a point of the seal that lies h below the highest one. If it is in
+contact, it satisfies
 
-The uniform part p₀ of the pressure is the part that every row of the seal carries. It does not deform the bodies,
-because a seal without form is pressed evenly: the edges of a flat punch, with up to three times the mean pressure, are
-no effect of a form. A form of no height therefore leaves the pressure even, and a contact band that does not reach the
-edges is that on half-spaces.
+    h + K (p − p₀) − δ = s(p),
+
+where K p is the displacement of the half-spaces under the pressures p, p₀ the uniform part of the pressure and δ the
+approach of the bodies. If it is not in contact, the left side is larger than s(0). The solution minimises
+½ (p − p₀)·K (p − p₀) + h·p − Σ∫s dp under the given load (`contact_points`). Where the roughness is nearly flattened,
+the bodies themselves yield at a fixed pressure and sink permanently. A form that does not vary along the seal is solved
+in plane strain.
+
+The uniform part p₀ is the pressure that every row of the seal carries. It does not deform the bodies, because a seal
+without form has the same pressure everywhere: the edges of a flat punch, with up to three times the mean pressure, are
+not an effect of the form. A form of zero height therefore leaves the pressure uniform, and a contact band that does not
+reach the edges of the seal is the same as on half-spaces.
 
 Source: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (a rough layer on smooth bodies).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from math import inf
-from operator import attrgetter
-from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
-from ..base import Array, Indices, InputError, Mapper, NotConverged, to_text
-from ..contact import HalfSpace, LoadState
-from ..contact.convolution import Convolution
+from ..base import Array, InputError, Mapper, to_text
+from ..contact import HalfSpace
 from ..face.cells import Cut
 from ..flow.law import cubic_law
-from ..loads import LoadProgramme, LoadStep
 from ..scene import Scene
 from ..seal.contact_grid import ContactGrid
 from ..seal.form import SealForm
 from ..seal.tiles import SealTiles
 from ..topography.seat import check_form
+from .contact_points import ContactPoints, solve_steps
+from .rough_layer import HIGHEST_PRESSURE, RoughLayer
 
-#: Pressures at which the layer is solved, in fractions of the highest; numbers of those from which it is unloaded; and
-#: the fractions of these peaks at which unloading is known, of which the last, 0, is extrapolated.
-_PRESSURES = np.geomspace(1e-3, 1.0, 13)
-_PEAKS, _RELEASED = np.array([4, 8, 12]), np.array([1.0, 0.7, 0.4, 0.15, 0.03, 0.0])
-#: The layer is solved up to this fraction of what the surface can carry, and there the bodies themselves yield.
-_HIGHEST = 0.97
-#: Relative change of the pressures at which the iteration has converged; most iterations; and the fraction of the slope
-#: of the energy that may be left, with the opposite sign, at the end of a step, which is also the accuracy of a shorter
-#: step.
-_RTOL, _MOST_ITERATIONS, _OVERSHOT = 1e-5, 5000, 0.1
-#: Error of the uniform part of the pressure, over the pressure.
-_EVEN_TOLERANCE = 1e-3
-#: Relative difference of the pressure of a tile from that of the seal that counts as none: ten times the tolerance.
+#: A tile counts as having the mean pressure of the seal if its pressure differs by less than this fraction. It is ten
+#: times the tolerance of the contact.
 _SAME_PRESSURE = 1e-4
-#: A form counts as the same all along if its depth varies by less than this fraction along the seal.
-_SAME = 1e-9
+#: A form counts as constant along the seal if its depth varies by less than this fraction there.
+_SAME_DEPTH = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +54,18 @@ class SealContact:
 
     Parameters
     ----------
-    grid : points over the seal.
-    depth : of the points below the highest one, array (n1, n2), or (n1, 1) where the form is the same all along, m.
-    nominal : pressure of the whole seal, array (steps,), Pa.
-    pressure : at the points, array (steps, n1, n2), Pa.
-    separation : distance of the mean planes, array (steps, n1, n2), m.
-    opening : how far this distance exceeds that of first touch, array (steps, n1, n2), m.
+    grid : ContactGrid
+        Points over the seal.
+    depth : array (n1, n2) or (n1, 1), m
+        Depth of each point below the highest one. There is a single column if the form does not vary along the seal.
+    nominal : array (steps,), Pa
+        Pressure of the whole seal.
+    pressure : array (steps, n1, n2), Pa
+        Pressure of each point.
+    separation : array (steps, n1, n2), m
+        Distance of the mean planes of the rough surfaces.
+    opening : array (steps, n1, n2), m
+        Excess of this distance over that of first touch.
     """
 
     grid: ContactGrid
@@ -79,116 +77,28 @@ class SealContact:
 
     @property
     def row_pressure(self) -> Array:
-        """Mean pressure of the rows of points (steps, n1) [Pa]."""
+        """Mean pressure of each row of points (steps, n1) [Pa]."""
         return self.pressure.mean(axis=2)
 
     @property
     def pressure_fractions(self) -> Array:
-        """Pressure of the tiles over that of the whole seal (steps, tiles); 1 at steps without pressure."""
-        means = self.grid.means(self.pressure)
+        """Pressure of each tile as a fraction of that of the whole seal (steps, tiles); 1 at steps without pressure."""
+        tile_pressure = self.grid.means(self.pressure)
         nominal = self.nominal[:, None]
-        # of tiles of one area a cell may cover several
-        whole = means.mean(axis=1, keepdims=True) if self.grid.has_rows else nominal
-        fractions = np.divide(means, whole, out=np.ones_like(means), where=nominal > 0)
+        # On a strip or ring all tiles have equal areas, so that the mean over the tiles is that of the seal. It is used
+        # in place of the nominal pressure because a point of the grid may cover several tiles.
+        seal_pressure = nominal
+        if self.grid.has_rows:
+            seal_pressure = tile_pressure.mean(axis=1, keepdims=True)
+        fractions = np.divide(
+            tile_pressure, seal_pressure, out=np.ones_like(tile_pressure), where=nominal > 0
+        )
         return np.where(np.abs(fractions - 1) < _SAME_PRESSURE, 1.0, fractions)
 
     @property
     def added_permeability(self) -> Array:
-        """Permeability of the gap beyond first touch (steps, tiles) [m³]."""
+        """Permeability that the opening beyond first touch adds to each tile (steps, tiles) [m³]."""
         return self.grid.means(opening_permeability(self.separation, self.opening))
-
-
-@dataclass(frozen=True, eq=False)
-class RoughLayer:
-    """Distance s of the mean planes of rough surfaces as a function of the pressure, on loading and on unloading.
-
-    Parameters
-    ----------
-    pressure : rising from 0 to the highest, array (n,), Pa.
-    gap : distance of the mean planes, falling, array (surfaces, n), m.
-    peaks : from which it is unloaded, array (m,), Pa; empty where the surfaces are elastic.
-    recovered : how far the planes come apart again at the fractions `_RELEASED` of the peaks, array (surfaces, m, k),
-        m.
-    face : number of the surface at every point, or of all points.
-    """
-
-    pressure: Array
-    gap: Array
-    peaks: Array
-    recovered: Array
-    face: Indices | int = 0
-
-    @classmethod
-    def of(
-        cls, scene: Scene, mapper: Mapper, boundary: tuple[str, str] = ("periodic", "periodic")
-    ) -> RoughLayer:
-        """Solve the contact of the surface of a scene alone under uniform pressures."""
-        return cls.from_mean_gaps(
-            scene, *solve_layer_states(scene, attrgetter("contact.mean_gap"), mapper, boundary)
-        )
-
-    @classmethod
-    def from_mean_gaps(
-        cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]
-    ) -> RoughLayer:
-        """Make the layer from mean gaps (steps,) [m] of the load programme of `solve_layer_states`."""
-        loading, peaks = programme.pressures[programme.on_loading], np.array(programme.unload_from)
-        gap, after = np.split(np.array(gaps), [loading.size])
-        recovered = np.zeros((peaks.size, _RELEASED.size))
-        recovered[:, 1:-1] = (
-            after.reshape(peaks.size, _RELEASED.size - 2) - gap[_PEAKS[: peaks.size], None]
-        )
-        # down to no pressure it goes on by its slope in the logarithm
-        last = np.diff(recovered[:, -3:-1]) / np.log(_RELEASED[-3] / _RELEASED[-2])
-        recovered[:, -1:] = recovered[:, -2:-1] + last
-        apart = scene.surface.heights.max() - scene.surface.heights.mean()
-        return cls(np.array([0.0, *loading]), np.array([[apart, *gap]]), peaks, recovered[None])
-
-    def on_loading(self, p: Array) -> tuple[Array, Array]:
-        """Evaluate s and ds/dp at pressures (n,) on loading, linear between the solved pressures."""
-        part = np.searchsorted(self.pressure, p, side="right") - 1
-        part = np.clip(part, 0, self.pressure.size - 2)
-        slope = (np.diff(self.gap) / np.diff(self.pressure))[self.face, part]
-        return self.gap[self.face, part] + slope * (p - self.pressure[part]), slope
-
-    def on_unloading(self, p: Array, peak: Array) -> tuple[Array, Array]:
-        """Evaluate s and ds/dp at pressures (n,) after peaks (n,); above the peaks as on loading."""
-        if not self.peaks.size:
-            return self.on_loading(p)
-        safe = np.maximum(peak, 1e-9 * self.peaks[0])
-        at = np.interp(np.log(safe), np.log(self.peaks), np.arange(self.peaks.size))
-        lower = np.minimum(at.astype(int), self.peaks.size - 2)
-        part = np.searchsorted(-_RELEASED, -p / safe, side="left") - 1
-        part = np.clip(part, 0, _RELEASED.size - 2)
-        ends = np.array([part, part + 1])
-        before, after = (self.recovered[self.face, lower + n, ends] for n in (0, 1))
-        from_end, to_end = before + (at - lower) * (after - before)
-        slope = (to_end - from_end) / np.diff(_RELEASED)[part] / safe
-        start, _ = self.on_loading(peak)
-        gap = start + from_end + slope * (p - _RELEASED[part] * safe)
-        above = p >= peak
-        loaded_gap, loaded_slope = self.on_loading(p)
-        return np.where(above, loaded_gap, gap), np.where(above, loaded_slope, slope)
-
-
-def solve_layer_states(
-    scene: Scene,
-    take: Callable[[LoadState], Any],
-    mapper: Mapper,
-    boundary: tuple[str, str] = ("periodic", "periodic"),
-) -> tuple[LoadProgramme, list[Any]]:
-    """Solve the states of a dry surface alone from light loads to nearly all that it can carry, and on unloading.
-
-    Returns the load programme, and what `take` takes of every state.
-    """
-    law = scene.law
-    loading = _HIGHEST * min(law.capacity, 0.1 * scene.surface_modulus) * _PRESSURES
-    unloads = not law.is_elastic and any(step.unloaded_from is not None for step in scene.steps)
-    peaks = loading[_PEAKS].tolist() if unloads else []
-    down = [LoadStep(p * f, p) for p in peaks for f in _RELEASED[1:-1].tolist()]
-    programme = LoadProgramme([*map(LoadStep, loading.tolist()), *down])
-    alone = scene.dry(boundary=boundary)
-    return programme, list(alone.contact_states(take, steps=programme, mapper=mapper))
 
 
 def solve_seal_contact(
@@ -198,22 +108,28 @@ def solve_seal_contact(
     mapper: Mapper = map,
     layer: RoughLayer | None = None,
 ) -> SealContact:
-    """Solve the contact of a seal under the sum of forms at every step, with the surface of the scene as its rough
-    layer.
+    """Solve the contact of a seal with a form at every load step.
 
     Parameters
     ----------
-    scene : the surface and its load.
-    tiles : of the seal.
-    forms : of the seal; their heights add up.
-    mapper : computes the items of a stage.
-    layer : of the surface, where it is known already.
+    scene : Scene
+        The surface, which is the rough layer of the seal, and its load.
+    tiles : SealTiles
+        Tiles of the seal.
+    forms : sequence of SealForm
+        Forms of the seal, whose heights are added.
+    mapper : callable
+        Computes the items of a stage.
+    layer : RoughLayer, optional
+        Layer of the surface, if it was solved before.
 
     Raises
     ------
-    InputError : a form that is too steep for a half-space, or does not cover the seal; more pressure than the bodies
-        carry.
-    NotConverged : a contact failed.
+    InputError
+        The form is too steep for a half-space, or does not cover the seal; or the pressure is higher than the bodies
+        can carry.
+    NotConverged
+        A contact solver failed.
     """
     grid, depth = sample_form(scene, tiles, forms)
     d1, d2 = grid.spacing
@@ -221,54 +137,35 @@ def solve_seal_contact(
     body = HalfSpace(depth.shape, spacing, scene.modulus, grid.boundary)
     inside = np.isfinite(depth)
     layer = layer or RoughLayer.of(scene, mapper)
-    most = float(layer.pressure[-1])
+    yield_pressure = float(layer.pressure[-1])
     highest = float(scene.steps.pressures.max())
-    if highest >= most:
-        expected = f"less than {_HIGHEST:.0%} of what the faces carry, {to_text(most, 'Pa', 3)}: the bodies yield there"
+    if highest >= yield_pressure:
+        capacity = to_text(yield_pressure, "Pa", 3)
+        expected = f"less than {HIGHEST_PRESSURE:.0%} of what the faces carry, {capacity}: the bodies yield there"
         raise InputError("load", f"{to_text(highest, 'Pa', 3)} on a seal with a form", expected)
-    # a mesh has no rows: all of it counts as one
+    # number of the row of each point; a mesh has no rows, so that all of it counts as one row
     rows = np.arange(len(depth))[:, None] if grid.has_rows else np.zeros((1, 1), int)
     row = np.broadcast_to(rows, depth.shape)[inside]
-    cells = ContactPoints(body, inside, depth[inside], most, row)
-    fields = np.zeros((3, len(scene.steps), *depth.shape))
-    fields[..., inside] = solve_steps(cells, scene.steps, layer)
+    points = ContactPoints(body, inside, depth[inside], yield_pressure, row)
+    fields = np.zeros((3, len(scene.steps), *depth.shape))  # pressure, separation, opening
+    fields[..., inside] = solve_steps(points, scene.steps, layer)
     return SealContact(grid, depth, scene.steps.pressures, *fields)
 
 
-def solve_steps(cells: ContactPoints, steps: LoadProgramme, layer: RoughLayer) -> Array:
-    """Solve points with their layer at all steps.
-
-    Returns pressures [Pa], separations and openings [m], an array (3, steps, n).
-    """
-    solutions: dict[tuple[float, float | None], tuple[Array, Array, Array, Array]] = {}
-    pressure = np.zeros(cells.depth.size)
-    unsunk = np.zeros(cells.depth.size)
-    loads = {step.pressure for step in steps if step.unloaded_from is None}
-    loads |= {step.unloaded_from for step in steps if step.unloaded_from is not None}
-    for load in sorted(loads):
-        solutions[load, None] = cells.solve(layer.on_loading, load, pressure, unsunk)
-        pressure = solutions[load, None][0]
-    for step in steps:
-        if step.unloaded_from is not None:
-            at_peak, _, _, sunk = solutions[step.unloaded_from, None]
-            start = at_peak * (step.pressure / step.unloaded_from)
-            law = partial(layer.on_unloading, peak=at_peak)
-            solution = cells.solve(law, step.pressure, start, sunk)
-            solutions[step.pressure, step.unloaded_from] = solution
-    of_steps = [solutions[step.pressure, step.unloaded_from][:3] for step in steps]
-    return np.array(of_steps).swapaxes(0, 1)
-
-
 def opening_permeability(separation: Array, opening: Array) -> Array:
-    """Return the permeability [m³] that an opening e adds to a gap of s between mean planes, (s³ − (s − e)³)/12.
+    """Return the permeability [m³] that an opening e beyond first touch adds: (s³ − (s − e)³)/12.
 
-    It is right for a small opening, and for one that is large compared with the roughness.
+    s is the distance of the mean planes. The result is accurate for a small opening, and for one that is large compared
+    with the roughness.
     """
     return cubic_law(separation) - cubic_law(separation - opening)
 
 
 def remove_waves_of_forms(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
-    """Remove the waves from the surface of a scene that the forms of the seal have too: those longer than two tiles."""
+    """Remove from the surface of a scene the long waves that the forms of the seal contain as well.
+
+    These are the waves longer than the shortest wave of the forms, but at least longer than two tiles.
+    """
     shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
     if shortest >= 2 * max(scene.surface.shortest_patch.size):
         return scene
@@ -278,11 +175,19 @@ def remove_waves_of_forms(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> 
 def sample_form(
     scene: Scene, tiles: SealTiles, forms: Sequence[SealForm]
 ) -> tuple[ContactGrid, Array]:
-    """Lay points over the seal, and find how deep they lie below the highest one.
+    """Cover a seal with a grid of points, and compute the depth of each point below the highest one.
 
-    Returns the points, and the depths (n1, n2) [m], (n1, 1) if the form is the same all along; NaN outside of the seal.
+    Returns
+    -------
+    grid : ContactGrid
+        The points.
+    depth : array (n1, n2) or (n1, 1), m
+        Depths, NaN outside of the seal. There is a single column if the form does not vary along the seal.
 
-    Raises InputError: a form that is too steep for a half-space, or does not cover the seal.
+    Raises
+    ------
+    InputError
+        The form is too steep for a half-space, or does not cover the seal.
     """
     frame = scene.layout.frame(tiles.seal.size)
 
@@ -294,151 +199,12 @@ def sample_form(
 
     grid = ContactGrid.over(tiles, frame)
     heights = heights_on(grid)
-    if tiles.grid is not None and np.ptp(heights, axis=1).max() <= _SAME * np.ptp(heights):
-        grid = ContactGrid.over(tiles, frame, profile=True)
-        heights = heights_on(grid)[:, :1]
+    if tiles.grid is not None:  # a strip or a ring
+        variation_along_seal = np.ptp(heights, axis=1).max()
+        if variation_along_seal <= _SAME_DEPTH * np.ptp(heights):
+            grid = ContactGrid.over(tiles, frame, profile=True)
+            heights = heights_on(grid)[:, :1]
     breadth = to_text(tiles.seal.size[0], "m", 3)
-    check_form(
-        "form", f"a seal {breadth} broad", heights, grid.spacing, grid.inside[:, : heights.shape[1]]
-    )
+    inside = grid.inside[:, : heights.shape[1]]
+    check_form("form", f"a seal {breadth} broad", heights, grid.spacing, inside)
     return grid, np.nanmax(heights) - heights
-
-
-class ContactPoints:
-    """Points that may touch, on a body that yields at a given pressure.
-
-    Parameters
-    ----------
-    body : elastic half-space.
-    inside : whether a point of the half-space belongs to the seal.
-    depth : of the points below the highest one, array (n,), m.
-    most : pressure at which the body yields, Pa.
-    row : row number of every point, array (n,). The uniform part of the pressure of all rows does not deform the body.
-        None where all of the pressure deforms it.
-    """
-
-    def __init__(
-        self,
-        body: HalfSpace,
-        inside: Array,
-        depth: Array,
-        most: float,
-        row: Indices | None = None,
-    ) -> None:
-        self.depth = depth
-        self._inside = inside
-        self._most = most
-        self._row = row
-        self._product = Convolution(body.shape, body.boundary, body.symbol())
-        single = np.zeros(body.shape)
-        middle = body.shape[0] // 2, body.shape[1] // 2
-        single[middle] = 1.0
-        around = body.displacement(single)
-        # displacement of a point by its own pressure, beyond the farthest point: the level of plane strain is arbitrary
-        self._own = float(around[middle] - around.min())
-        self._even = self.displacement(np.ones(depth.size))
-
-    def displacement(self, p: Array) -> Array:
-        """Compute the displacement of the points (n,) [m] under their pressures (n,) [Pa]."""
-        self._product.pressure[self._inside] = p
-        self._product.apply()
-        return self._product.displacement[self._inside]
-
-    def solve(
-        self, layer: Callable[[Array], tuple[Array, Array]], load: float, start: Array, sunk: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Solve the points under a mean pressure.
-
-        The uniform part of the pressure is as large as the least mean pressure of a row.
-
-        Parameters
-        ----------
-        layer : evaluates s and ds/dp at pressures.
-        load : mean pressure, Pa.
-        start : pressures near the solution, array (n,), Pa.
-        sunk : permanent depths of the points, array (n,), m.
-
-        Returns pressures [Pa], separations, openings and permanent depths [m], arrays (n,).
-        """
-        if self._row is None or load == 0:
-            return self.solve_under_uneven_part(0.0, layer, load, start, sunk)
-        row, cells_of_row = self._row, np.bincount(self._row)
-        solutions: dict[float, tuple[Array, Array, Array, Array]] = {}
-
-        def least_beyond(part: float) -> float:
-            """Return the least mean pressure of a row beyond the uniform part of the load, over the load."""
-            nearest = min(solutions, key=lambda other: abs(other - part), default=None)
-            near = start if nearest is None else solutions[nearest][0]
-            solutions[part] = self.solve_under_uneven_part(part * load, layer, load, near, sunk)
-            rows = np.bincount(row, solutions[part][0]) / cells_of_row
-            return float(rows.min()) / load - part
-
-        part = 1.0
-        if least_beyond(1.0) < -_EVEN_TOLERANCE:
-            part = 0.0
-            if least_beyond(0.0) > _EVEN_TOLERANCE:
-                part = brentq(least_beyond, 0.0, 1.0, xtol=_EVEN_TOLERANCE)
-        return solutions[part]
-
-    def solve_under_uneven_part(
-        self,
-        even: float,
-        layer: Callable[[Array], tuple[Array, Array]],
-        load: float,
-        start: Array,
-        sunk: Array,
-    ) -> tuple[Array, Array, Array, Array]:
-        """Solve the points under a mean pressure of which an even part [Pa] does not deform the body, see `solved`.
-
-        The method is conjugate gradients of the points that touch and do not yield, under a fixed load (Polonsky &
-        Keer, Wear 231, 1999, 206). The preconditioner is the compliance of each point and of its layer.
-        """
-        n = self.depth.size
-        depth = self.depth + sunk - even * self._even
-        at_touch, most = layer(np.zeros(n))[0], self._most
-        if load == 0:
-            opening = depth - at_touch - float((depth - at_touch).min())
-            return np.zeros(n), at_touch + opening, opening, sunk
-        p = np.minimum(start * (load / start.mean()), most) if start.any() else np.full(n, load)
-        direction, former = np.zeros(n), 0.0
-        for _ in range(_MOST_ITERATIONS):
-            gap, slope = layer(p)
-            weight = 1 / (self._own - slope)
-            residual = depth + self.displacement(p) - gap
-            free = (p > 0) & (p < most)
-            free = free if free.any() else p > 0
-            residual -= weight[free] @ residual[free] / weight[free].sum()
-            wanted = -weight * residual
-            freed = ((p == 0) & (residual + gap < at_touch)) | ((p == most) & (wanted < 0))
-            change = float(np.abs(wanted[free | freed]).max()) / load
-            if change <= _RTOL:
-                opening = np.where(p > 0, 0.0, np.maximum(residual + gap - at_touch, 0.0))
-                deeper = np.where(p == most, np.maximum(-residual, 0.0), 0.0)
-                return p, np.where(p > 0, gap, at_touch + opening), opening, sunk + deeper
-            wanted[~free] = 0.0
-            power = -float(residual @ wanted)
-            direction = wanted + (power / former if former else 0.0) * np.where(
-                free, direction, 0.0
-            )
-            image = self.displacement(direction)
-            power_at = partial(_power, p, direction, residual + gap, image, layer)
-            length = -float(residual @ direction) / float((image - slope * direction) @ direction)
-            # where the stiffness of the layer rises, as where the bodies yield, its tangent makes the step too long
-            if power_at(length) > -_OVERSHOT * power_at(0.0):
-                length = float(brentq(power_at, 0.0, length, rtol=_OVERSHOT))
-            p = np.clip(p + length * direction, 0.0, most)
-            p[freed] = np.clip(p[freed] - length * weight[freed] * residual[freed], 0.0, most)
-            inside = (p > 0) & (p < most)
-            scaled = inside if inside.any() else p > 0
-            p[scaled] *= max(0.0, load * n - p[~scaled].sum()) / p[scaled].sum()
-            p = np.minimum(p, most)
-            former = 0.0 if freed.any() or (inside != free).any() else power
-        text = f"contact of the seal with its form: the pressure of its cells still changes by {change:.1e}"
-        raise NotConverged(text, change)
-
-
-def _power(
-    p: Array, direction: Array, above: Array, image: Array, layer: Any, length: float
-) -> float:
-    """Compute the slope of the energy at a length along a direction: what lies above the layer times the direction."""
-    return float((above + length * image - layer(p + length * direction)[0]) @ direction)

@@ -36,23 +36,31 @@ class MedianSeal(Shown):
 
     Parameters
     ----------
-    realisation : its number.
-    outlines : corners of the elements, array (elements, corners, 2), m.
-    permeability, fluid_pressure : arrays (steps, elements), m³ and Pa, NaN at steps that failed; the fluid pressure is
-        also NaN in pockets.
-    flux : volume rate per width at the reference density of the fluid, in the plane of the seal, array (steps,
-        elements, 2), m²/s.
-    pressure : mean contact pressure of the tile of every element, array (steps, elements), Pa.
-    form : height of a seal that has a form, array (elements,), m; None of others.
-    separation : distance of the mean planes of such a seal, array (steps, elements), m.
-    nominal : pressure that the form gives to the tiles, array (steps, elements), Pa.
+    realisation : int
+        Number of the realisation.
+    outlines : array (elements, corners, 2), m
+        Corners of the elements in the plane of the seal.
+    permeability : array (steps, elements), m³
+        Permeability of each element, NaN at steps that failed.
+    fluid_pressure : array (steps, elements), Pa
+        Fluid pressure, NaN at steps that failed and in pockets.
+    flux : array (steps, elements, 2), m²/s
+        Volume rate per width at the reference density of the fluid, as a vector in the plane of the seal.
+    pressure : array (steps, elements), Pa
+        Mean contact pressure of the tile to which each element belongs.
+    form : array (elements,), m, optional
+        Height of the form of the seal; None for a seal without form, as are the next two.
+    separation : array (steps, elements), m, optional
+        Distance of the mean planes of the faces.
+    nominal : array (steps, elements), Pa, optional
+        Nominal pressure of the tiles under the form of the seal.
     """
 
     realisation: int
     outlines: Array = declared(
         "drawn_corners",
         "m",
-        "corners of the parts of the drawn seal, in its plane",
+        "corners of the elements of the seal, in its plane",
         CORNER,
         repr=False,
     )
@@ -84,46 +92,67 @@ class MedianSeal(Shown):
 
 
 def find_median_realisation(leakage: Array) -> int | None:
-    """Return the realisation whose ln(leakage) is nearest to the median of all; None where none leaks.
+    """Return the number of the realisation whose ln(leakage) is nearest to the median, as a mean over the steps.
 
-    Steps at which all realisations failed do not count.
+    Steps at which all realisations failed or the median is negligible are left out. The result is None if no
+    realisation was solved at all other steps, or if none leaks.
 
-    leakage : array (realisations, steps).
+    leakage : leakage of each realisation, array (realisations, steps).
     """
-    size = np.abs(leakage[:, np.isfinite(leakage).any(axis=0)])
-    whole = np.isfinite(size).all(axis=1)
-    if not size.size or not whole.any():
+    solved_steps = np.isfinite(leakage).any(axis=0)
+    size = np.abs(leakage[:, solved_steps])
+    is_complete = np.isfinite(size).all(axis=1)
+    if not size.size or not is_complete.any():
         return None
-    median = np.median(size[whole], axis=0)
-    chosen = median > FLOOR * median.max()
-    if not chosen.any():
+    median = np.median(size[is_complete], axis=0)
+    leaks = median > FLOOR * median.max()
+    if not leaks.any():
         return None
     with np.errstate(divide="ignore"):
-        distance = np.abs(np.log(size[:, chosen] / median[chosen])).mean(axis=1)
+        distance = np.abs(np.log(size[:, leaks] / median[leaks])).mean(axis=1)
     return int(np.argmin(np.where(np.isnan(distance), np.inf, distance)))
 
 
 @dataclass(frozen=True, repr=False)
 class StochasticResult(Shown):
-    """Realisations of a seal whose tiles take the cells of a surface. A realisation is a curve over the load steps.
+    """Realisations of a seal, whose tiles take random cells of a surface.
 
     Parameters
     ----------
-    leakage : of each realisation, array (realisations, steps), m²/s.
-    kind : of the realisations, by what one patch does not show of them, see `patch_interval`.
-    patch_state : contact states of the patch, from which the width of the interval follows; None of results made by
-        hand.
-    contact_fraction : of the surface, array (steps,).
-    mean_gap : of the cells at the pressures of the tiles, array (steps,), m; None of results made by hand.
-    tiles : of the seal.
-    cells : cells of the surface, at the loads of the scene or at tabulated pressures.
-    row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the surface, or of a seat; None of others.
-    patches : leakage by measured patches; None of one patch.
-    median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
-    failures : reasons of values that are NaN or left out.
-    warnings : what is not plausible, one sentence each.
-    quick_estimate : by the spectrum of the surface; None where that does not tell.
-    solvers : number of systems by solver, of cells and seals.
+    leakage : array (realisations, steps), m²/s
+        Leakage of each realisation per unit seal length, NaN where the flow solver failed.
+    kind : str
+        Kind of computation, which determines the calibration of the 95 % interval, see `patch_interval`.
+    patch_state : PatchState, optional
+        Contact states of the patch, which determine the width of the interval. None if the result was not made by
+        `stochastic`.
+    contact_fraction : array (steps,)
+        Fraction of the tiles in contact.
+    mean_gap : array (steps,), m, optional
+        Mean gap of the tiles. None if the result was not made by `stochastic`.
+    tiles : SealTiles
+        Tiles of the seal.
+    cells : FaceCells
+        Cells of the surface, at the loads of the scene or at tabulated pressures.
+    row_pressure : array (steps, rows), Pa, optional
+        Mean contact pressure of each row. It is known if the cells stay in order or the seal has a form, else None, as
+        are the next two.
+    band_breadth : array (steps,), m, optional
+        Breadth of the band in contact.
+    largest_row_pressure : array (steps,), Pa, optional
+        Largest mean contact pressure of a row.
+    patches : PatchLeakage, optional
+        Leakage of seals that are made of a single measured patch; None if there is only one patch.
+    median_seal : MedianSeal, optional
+        Fields of the realisation nearest to the median; None for very large seals, and if nothing leaks.
+    failures : tuple of str
+        Reasons for values that are NaN or left out.
+    warnings : tuple of str
+        Results that are not plausible, one sentence each.
+    quick_estimate : QuickEstimate, optional
+        Leakage estimated from the spectrum of the surface. None for a surface for which this estimate is not valid.
+    solvers : SolveCounts
+        Number of linear systems that each solver solved, for cells and seals.
     """
 
     steps: LoadProgramme
@@ -165,7 +194,7 @@ class StochasticResult(Shown):
         "realisation_spread": Field(
             "realisation_spread",
             "1",
-            "scatter of redraws of the measured patch: deviation of ln(leakage)",
+            "scatter of the realisations: standard deviation of ln(leakage)",
             STEP,
         ),
         "sealed_fraction": Field(
@@ -179,56 +208,65 @@ class StochasticResult(Shown):
 
     @property
     def seal(self) -> ElementSeal:
-        """The solved seal, with the size of the whole seal where a part stands for it."""
+        """Elements of the seal. Its size is that of the whole seal, even if only a part of its length was solved."""
         return replace(self.tiles.seal, size=self.tiles.size)
 
     def quantile(self, q: float) -> Array:
         """Return the quantile q of the realisations that did not fail (steps,) [m²/s]; NaN where all failed.
 
-        Between two values it is interpolated in log space; beside a 0, or between two signs, it is 0.
+        It is interpolated between the logarithms of two values, or is 0 if one of them is 0 or their signs differ.
         """
         return at_every_step(self.leakage, partial(_quantile, q=q))
 
     @property
     def mean(self) -> Array:
-        """Mean over the realisations that did not fail, at every step [m²/s]; NaN where all failed."""
+        """Mean leakage of the realisations that did not fail (steps,) [m²/s]; NaN where all failed."""
         return at_every_step(self.leakage, np.mean)
 
     @property
     def sealed_fraction(self) -> Array:
-        """Fraction without leakage of the realisations that did not fail, at every step; NaN where all failed."""
+        """Fraction of sealed realisations among those that did not fail (steps,); NaN where all failed."""
         return at_every_step(self.leakage, lambda leakage: np.mean(leakage == 0))
 
     @property
     def realisation_spread(self) -> Array:
-        """Standard deviation of ln(leakage) between realisations, at every step; NaN where fewer than 2 leak."""
+        """Standard deviation of ln(leakage) between realisations (steps,); NaN where fewer than two leak."""
         return at_every_step(self.leakage, _log_deviation)
 
     def has_too_few_for(self, *quantiles: float) -> bool:
-        """Return whether there are fewer realisations than the quantiles need, which is one in each tail."""
+        """Return whether there are too few realisations to estimate the quantiles.
+
+        On average, at least one realisation must lie beyond each quantile: 20 realisations for 0.05 or 0.95.
+        """
         tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
-        return len(self.leakage) < max((1 / tail for tail in tails), default=1) - 1e-9
+        needed = max((1 / tail for tail in tails), default=1)
+        return len(self.leakage) < needed - 1e-9
 
 
 def at_every_step(leakage: Array, statistic: Callable[[Array], Any]) -> Array:
-    """Apply a statistic to the realisations that did not fail (steps,); NaN where all failed.
+    """Evaluate a statistic of the realisations that did not fail at every step (steps,); NaN where all failed.
 
-    leakage : array (realisations, steps).
+    leakage : leakage of each realisation, array (realisations, steps).
+    statistic : function of the leakages at one step, such as `np.median`.
     """
-    finite = [column[np.isfinite(column)] for column in leakage.T]
-    return np.array([statistic(column) if column.size else np.nan for column in finite])
+    solved_at_steps = [at_step[np.isfinite(at_step)] for at_step in leakage.T]
+    return np.array([statistic(solved) if solved.size else np.nan for solved in solved_at_steps])
 
 
 def _quantile(values: Array, q: float) -> float:
-    """Return the quantile q of values, interpolated in log space."""
+    """Return the quantile q of values, interpolated between the logarithms of the values below and above."""
     low, high = (float(np.quantile(values, q, method=end)) for end in ("lower", "higher"))
-    weight = (values.size - 1) * q % 1
-    if low == high or low * high <= 0:
-        return low if low == high else 0.0
+    if low == high:
+        return low
+    if low * high <= 0:
+        return 0.0
+    weight = (values.size - 1) * q % 1  # fraction of the way from the lower to the higher value
     return float(np.sign(low)) * abs(low) ** (1 - weight) * abs(high) ** weight
 
 
 def _log_deviation(values: Array) -> float:
-    """Return the standard deviation of ln|values|, without zeros; NaN of fewer than two."""
+    """Return the standard deviation of ln|values| without the zeros; NaN for fewer than two other values."""
     size = np.abs(values[values != 0])
-    return float(np.std(np.log(size), ddof=1)) if size.size > 1 else np.nan
+    if size.size < 2:
+        return np.nan
+    return float(np.std(np.log(size), ddof=1))

@@ -1,7 +1,7 @@
-"""The studies that a case can choose, each registered once: how it is solved, what it answers, and what it costs.
+"""Register the studies that a case can choose, with the functions that solve them and estimate their cost.
 
-Costs are known before a study is started. Times are those of one core of the machine on which the throughput was
-measured, and within a factor, see docs/evidence/forecast.md.
+The cost is estimated before a study starts. Times refer to one core of the machine on which the throughput was
+measured; docs/evidence/forecast.md says how accurate they are.
 """
 
 from __future__ import annotations
@@ -24,33 +24,41 @@ from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
 from .stochastic_result import StochasticResult
 from .stochastic_study import cut_and_tiles, stochastic
 
-#: Seconds of one core for each pixel: of the contact of a load step, and of the flow through its gap. Fitted to the
-#: runs of docs/evidence/forecast.md.
+#: Time on one core for each pixel and load step [s]: of the contact, and of the flow through the gap. Both are fitted
+#: to the runs of docs/evidence/forecast.md.
 _CONTACT_SECONDS, _FLOW_SECONDS = 6e-7, 5e-7
-#: Seconds of one core for each element in the flow over a seal.
-_ELEMENT_SECONDS = 7e-6
-#: Times that contact and flow of a load step are solved where the fluid presses the surfaces apart.
-_ROUNDS = 2.5
-#: Solutions of the flow over a seal where permeabilities depend on the pressure, and memory for each element [byte].
-_PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 2.0, 4e3
-#: Times that the flow of a rarefied gas is solved, whose permeability depends on the pressure.
-_SUCCESSIVE = 4.5
-#: Number of states of a face on a ladder of nominal pressures.
+#: Time on one core [s] and memory [byte] of the flow over a seal, for each element.
+_ELEMENT_SECONDS, _ELEMENT_BYTES = 7e-6, 4e3
+#: Mean number of times that contact and flow of a load step are solved if the fluid pressure acts on the surfaces.
+_COUPLED_SOLUTIONS = 2.5
+#: Mean number of times that the flow over a seal is solved if permeabilities depend on the fluid pressure.
+_PRESSURE_SOLUTIONS = 2.0
+#: Mean number of times that the flow of a rarefied gas through the gap is solved.
+_RAREFIED_SOLUTIONS = 4.5
+#: Usual number of contact states at tabulated pressures.
 TABULATED_STATES = 25.0
-#: Memory of a point of a face that is split into blocks [byte]: as it is, and split.
+#: Memory of a pixel of a surface that is split into blocks [byte], for the heights before and after the split.
 _SPLIT_BYTES = 16
-#: Largest error of ln(leakage) over the tolerance of the contact, for any from 1e-3 to 1e-7: three times that measured
-#: on six faces, elastic and plastic, from open to a hundredth of the leakage, see docs/evidence/only_what_is_needed.md;
-#: and the fraction of the error wanted that the tolerance may cause.
-TOLERANCE_ERROR, TOLERANCE_FRACTION = 1.9, 0.1
+#: Largest error of ln(leakage), divided by the tolerance of the contact, for tolerances from 1e-3 to 1e-7. It is three
+#: times the largest error on six elastic and plastic surfaces, from the open state to a hundredth of its leakage, see
+#: docs/evidence/only_what_is_needed.md.
+TOLERANCE_ERROR = 1.9
+#: Fraction of the desired error of the leakage that the tolerance of the contact may cause.
+TOLERANCE_FRACTION = 0.1
 
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """Options of all studies; each takes those that it needs.
+    """Options of all studies. Each study uses those that it needs.
 
-    cells : number of cells of the face along x1 and x2. sampling : see `stochastic`.
-    surface_is_solved : another study leaves contact and flow of the face at the loads of the scene.
+    Parameters
+    ----------
+    cells : (int, int), optional
+        Numbers of cells of the surface along x1 and x2.
+    sampling : Sampling, optional
+        Seals of the stochastic study.
+    surface_is_solved : bool
+        Whether a study before this one has solved contact and flow of the whole surface at the loads of the scene.
     """
 
     cells: Shape | None = None
@@ -59,15 +67,18 @@ class StudyOptions:
 
     @property
     def blocks(self) -> Shape:
-        """Numbers of blocks that have so many cells together."""
+        """Numbers of blocks along x1 and x2 that the cells form."""
         return blocks_of(self.cells)
 
 
-def _surface_seconds(scene: Scene, acts: bool) -> float:
-    """Expected time of contact and flow of the whole surface in one load step [s]."""
-    flows = _SUCCESSIVE if count_pressures(scene) > 1 else 1.0
+def _surface_seconds(scene: Scene, is_coupled: bool) -> float:
+    """Return the expected time of contact and flow of the whole surface in one load step [s].
+
+    is_coupled : whether the fluid pressure acts on the surface in this study.
+    """
+    flows = _RAREFIED_SOLUTIONS if count_pressures(scene) > 1 else 1.0
     seconds = scene.surface.heights.size * (_CONTACT_SECONDS + flows * _FLOW_SECONDS)
-    return _ROUNDS * seconds if acts else seconds
+    return _COUPLED_SOLUTIONS * seconds if is_coupled else seconds
 
 
 def deterministic_cost(scene: Scene, options: StudyOptions) -> Pair:
@@ -78,73 +89,107 @@ def deterministic_cost(scene: Scene, options: StudyOptions) -> Pair:
 
 
 def two_scale_cost(scene: Scene, options: StudyOptions) -> Pair:
-    """Return time and memory of the two-scale study; another one may leave contact and flow of the surface to it."""
-    seconds, memory = deterministic_cost(scene, options)
-    both_axes = 2 * len(scene.steps) * scene.surface.heights.size * _FLOW_SECONDS
-    return (0.0 if options.surface_is_solved else seconds) + both_axes, memory
+    """Return the expected time on one core [s] and the memory [byte] of the two-scale study."""
+    surface_seconds, memory = deterministic_cost(scene, options)
+    if options.surface_is_solved:
+        surface_seconds = 0.0
+    # the cells of a step have as many pixels as the surface, and their flow is solved along both axes
+    cell_seconds = 2 * len(scene.steps) * scene.surface.heights.size * _FLOW_SECONDS
+    return surface_seconds + cell_seconds, memory
 
 
 def blocks_cost(scene: Scene, options: StudyOptions) -> Pair:
-    """Return time and memory of a surface in blocks: each is solved twice, as a layer and once more for its cells."""
+    """Return the expected time on one core [s] and the memory [byte] of a study by blocks.
+
+    The contact of each block is solved twice: as a rough layer, and again for its cells.
+    """
     pixels = scene.surface.heights.size
     b1, b2 = options.blocks
-    flows = 3 * count_pressures(scene) * _FLOW_SECONDS
-    seconds = TABULATED_STATES * pixels * (2 * _CONTACT_SECONDS + flows)
+    # three flows for each pressure of the fluid: of the block, and of its cells along both axes
+    flow_seconds = 3 * count_pressures(scene) * _FLOW_SECONDS
+    seconds = TABULATED_STATES * pixels * (2 * _CONTACT_SECONDS + flow_seconds)
     return seconds, state_memory(pixels / (b1 * b2)) + _SPLIT_BYTES * pixels
 
 
 def stochastic_cost(scene: Scene, options: StudyOptions) -> Pair:
-    """Return time and memory of the states of a surface and of the realisations of the seal."""
+    """Return the expected time on one core [s] and the memory [byte] of the stochastic study.
+
+    They consist of those of the contact states with their cells, and of those of the realisations.
+    """
     assert options.sampling is not None
     cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
     pixels, steps = scene.surface.heights.size, len(scene.steps)
     elements = len(tiles.tile)
     pressures = count_pressures(scene)
-    acts = scene.acting_fluid is not None
+    fluid_acts = scene.acting_fluid is not None
+    # contact states
     is_solved = options.surface_is_solved and scene.flow.spiral is None
-    at_tabulated = uses_tabulated_pressures(scene, options.sampling) and not tiles.in_order
-    of_state = 2 * pressures * pixels * _FLOW_SECONDS
+    state_seconds = 2 * pressures * pixels * _FLOW_SECONDS  # flow through all cells along both axes
     if not (is_solved and tiles.in_order):
-        of_state += _surface_seconds(scene, acts and tiles.in_order)
+        state_seconds += _surface_seconds(scene, fluid_acts and tiles.in_order)
+    is_tabulated = uses_tabulated_pressures(scene, options.sampling) and not tiles.in_order
+    states = TABULATED_STATES if is_tabulated else steps
+    # realisations
     realisations = options.sampling.realisations or usual_realisations(cut.shape, tiles)
-    solutions = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_order) else 1.0
-    seals = solutions * realisations * steps * elements * _ELEMENT_SECONDS
-    seconds = (TABULATED_STATES if at_tabulated else steps) * of_state + seals
+    k_depends_on_pressure = pressures > 1 or (fluid_acts and not tiles.in_order)
+    solutions = _PRESSURE_SOLUTIONS if k_depends_on_pressure else 1.0
+    seal_seconds = solutions * realisations * steps * elements * _ELEMENT_SECONDS
     memory = state_memory(pixels) + _ELEMENT_BYTES * elements
-    if tiles.in_order:  # those of another study are kept beside
+    if tiles.in_order:
+        # this study stores the states of the surface, in addition to those that another study has stored
         memory += (2 if is_solved else 1) * states_memory(pixels, steps)
-    return seconds, memory
+    return states * state_seconds + seal_seconds, memory
 
 
 def usual_realisations(cells: Shape, tiles: SealTiles) -> int:
-    """Number of seals that a band of error usually needs: fewer of long ones, whose leakage scatters less."""
-    faces = tiles.count / (cells[0] * cells[1])
-    return round(min(max(MOST_SEALS / max(faces, 1.0), FEWEST_SEALS), MOST_SEALS))
+    """Return the number of realisations that the 95 % interval usually needs.
+
+    The larger the seal is compared with the surface, the less its leakage scatters, and the fewer are needed.
+
+    cells : numbers of cells of the surface along x1 and x2.
+    """
+    area_ratio = tiles.count / (cells[0] * cells[1])
+    wanted = MOST_SEALS / max(area_ratio, 1.0)
+    return round(min(max(wanted, FEWEST_SEALS), MOST_SEALS))
 
 
 def uses_tabulated_pressures(scene: Scene, sampling: Sampling) -> bool:
-    """Whether drawn seals take cells from a ladder of nominal pressures, unless these stay in their rows."""
+    """Return whether the cells of a stochastic seal are solved at tabulated pressures, if they do not stay in order."""
     return scene.acting_fluid is not None or not sampling.presses_evenly
 
 
 def count_pressures(scene: Scene) -> int:
-    """Number of pressures at which permeabilities are needed: 1 unless the law of the fluid depends on it."""
+    """Return the number of fluid pressures at which permeabilities are needed.
+
+    It is 1 unless the flow law depends on the pressure.
+    """
     return scene.flow.drop.pressures.size
 
 
 def contact_tolerance(accuracy: float) -> float:
-    """The largest tolerance of the contact whose error is a small part of the accuracy wanted of the leakage.
+    """Return the largest tolerance of the contact that causes only a small part of the allowed error of the leakage.
 
-    accuracy : relative error that the leakage may have, 0.1 for 10 %.
+    Parameters
+    ----------
+    accuracy : float
+        Relative error that the leakage may have, such as 0.1 for 10 %.
 
-    Raises InputError: an accuracy that is not a positive number.
+    Raises
+    ------
+    InputError
+        The accuracy is not a positive number.
 
+    Examples
+    --------
     >>> contact_tolerance(0.1), contact_tolerance(0.01), contact_tolerance(1e-9)
     (0.001, 0.0001, 1e-07)
     """
-    wanted = TOLERANCE_FRACTION * log1p(validate.number("accuracy", accuracy))
-    allowed = (10.0**n for n in range(-3, -7, -1) if TOLERANCE_ERROR * 10.0**n <= wanted)
-    return next(allowed, 1e-7)
+    largest_error = TOLERANCE_FRACTION * log1p(validate.number("accuracy", accuracy))
+    for exponent in range(-3, -7, -1):
+        tolerance = 10.0**exponent
+        if TOLERANCE_ERROR * tolerance <= largest_error:
+            return tolerance
+    return 1e-7
 
 
 StudyResult = FaceResult | BlocksResult | StochasticResult
@@ -154,11 +199,20 @@ StudyResult = FaceResult | BlocksResult | StochasticResult
 class Study:
     """A study that a case can choose.
 
-    name : in case files, messages and timings. label : of its leakage in legends and tables.
-    option_names : names of the `StudyOptions` that `solve` takes.
-    solve : solve(scene, *options, mapper=mapper) gives its result.
-    cost : cost(scene, options) gives the expected time on one core [s] and memory [byte].
-    leakage : leakage(result) at every step (steps,) [m²/s], the one that answers.
+    Parameters
+    ----------
+    name : str
+        Name in case files, messages and timings.
+    label : str
+        Name of its leakage in legends and tables.
+    option_names : tuple of str
+        Names of the attributes of `StudyOptions` that `solve` takes.
+    solve : callable
+        `solve(scene, *options, mapper=mapper)` returns the result of the study.
+    cost : callable
+        `cost(scene, options)` returns the expected time on one core [s] and the memory [byte].
+    leakage : callable
+        `leakage(result)` returns the leakage that the study predicts (steps,) [m²/s].
     """
 
     name: str
@@ -170,29 +224,34 @@ class Study:
 
     @property
     def key(self) -> str:
-        """The name as it is in names of variables, and of results by study."""
+        """Name with an underscore, for dictionaries of results and names of variables."""
         return self.name.replace("-", "_")
 
     @property
     def leakage_variable(self) -> str:
-        """Name in a dataset of the leakage that answers."""
+        """Name of the variable in a dataset that contains the leakage of the study."""
         return "leakage_" + self.label.replace("-", "_")
 
 
 def study_of_result(result: StudyResult) -> Study:
-    """The study that a result is of."""
+    """Return the study that made a result."""
     return STUDIES[result.method]
 
 
 def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
-    """Fraction of the face in contact at every step of a study (steps,), NaN where it is unknown."""
+    """Return the fraction of the surface in contact at every step (steps,), NaN where it is unknown.
+
+    study : result of a study. steps : load steps; for a stochastic result they may be some of its steps.
+    """
     if isinstance(study, StochasticResult):
-        return study.contact_fraction[[study.steps.index(step) for step in steps]]
-    return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)
+        indices = [study.steps.index(step) for step in steps]
+        return study.contact_fraction[indices]
+    unknown = np.full(len(steps), np.nan)
+    return np.asarray(getattr(study, "contact_fraction", unknown), float)
 
 
 def mean_gap_of(study: StudyResult) -> Array:
-    """Return the mean gap of a study at every step (steps,) [m], NaN where it is unknown."""
+    """Return the mean gap of the result of a study at every step (steps,) [m], NaN where it is unknown."""
     if study.mean_gap is None:
         return np.full(len(study.steps), np.nan)
     if isinstance(study, BlocksResult):
@@ -201,7 +260,10 @@ def mean_gap_of(study: StudyResult) -> Array:
 
 
 def open_leakage_of(study: object, scene: Scene) -> Array:
-    """Leakage of a study if its mean gap were the gap everywhere, at every step (steps,) [m²/s]; NaN if unknown."""
+    """Return the leakage if the gap were everywhere equal to the mean gap (steps,) [m²/s], NaN where it is unknown.
+
+    study : result of a study.
+    """
     state = getattr(study, "patch_state", None)
     if state is not None:
         return np.asarray(state.open_leakage, float)
@@ -210,8 +272,8 @@ def open_leakage_of(study: object, scene: Scene) -> Array:
     return np.full(len(scene.steps), np.nan)
 
 
-#: All studies by name, in the order in which they are solved: each may use the results of those before it. Of several
-#: studies of a case the last one answers.
+#: All studies by name, in the order in which they are solved. Each may use the results of those before it. If a case
+#: has several studies, the leakage of the last one is the result of the run.
 STUDIES: dict[str, Study] = {
     study.name: study
     for study in (

@@ -22,7 +22,7 @@ from femseal.studies.patch_interval import (
     weighted_quantile,
 )
 from femseal.studies.patch_state import PatchState
-from femseal.studies.stochastic_study import _needed
+from femseal.studies.stochastic_study import _count_needed
 from femseal.topography import Patches
 
 
@@ -119,11 +119,11 @@ def test_the_number_of_realisations_is_that_of_the_state_that_needs_most():
     rng = np.random.default_rng(1)
     draws = np.exp(0.3 * rng.normal(size=(6, 3))) * [1.0, 0.1, 1e-3]
     states = [state(*values) for values in ((80, 0.05), (30, 0.2), (3, 0.4))]
-    alone = [_needed(draws[:, [n]], "in order", one) for n, one in enumerate(states)]
+    alone = [_count_needed(draws[:, [n]], "in order", one) for n, one in enumerate(states)]
     together = PatchState(
         *(np.concatenate(v) for v in zip(*(vars(s).values() for s in states), strict=True))
     )
-    assert _needed(draws, "in order", together) == max(alone)
+    assert _count_needed(draws, "in order", together) == max(alone)
 
 
 def test_intervals_of_a_load_cycle_are_monotone():

@@ -277,7 +277,7 @@ def test_drawn_seals_stop_at_a_small_error(monkeypatch):
     one = scene(inlet_pressure=0.8 * 0.05 * H)
     sampling = Sampling(640e-6, 4, seed=1, breadth=128e-6)
     found = stochastic(one, (4, 4), sampling)
-    monkeypatch.setattr("femseal.studies.stochastic_study.REALISATION_RTOL", 1e-9)
+    monkeypatch.setattr("femseal.studies.cell_supply.REALISATION_RTOL", 1e-9)
     settled = stochastic(one, (4, 4), sampling)
     assert not np.array_equal(found.leakage, settled.leakage)
     assert_allclose(found.leakage, settled.leakage, rtol=1e-3)

@@ -19,12 +19,9 @@ from femseal.face.cells import Cut
 from femseal.preparation import prepare
 from femseal.seal import AnnularLayout, MeasuredForm, MeshLayout, WavyForm
 from femseal.studies import cut_and_cover
-from femseal.studies.seal_contact import (
-    ContactPoints,
-    RoughLayer,
-    remove_waves_of_forms,
-    solve_seal_contact,
-)
+from femseal.studies.contact_points import ContactPoints
+from femseal.studies.rough_layer import RoughLayer
+from femseal.studies.seal_contact import remove_waves_of_forms, solve_seal_contact
 from femseal.topography import CrownedSeat
 
 E, D = 115e9, 1e-6

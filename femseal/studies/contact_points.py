@@ -1,0 +1,252 @@
+"""Solve the pressures of points on an elastic half-space that carry a compliant rough layer and may separate.
+
+The points are those of a seal with a form (`seal_contact`) or the cells of a large surface (`blocks`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..base import Array, Indices, NotConverged
+from ..contact import HalfSpace
+from ..contact.convolution import Convolution
+from ..loads import LoadProgramme
+from .rough_layer import RoughLayer
+
+#: Relative change of the pressures at which the iteration has converged, and largest number of iterations.
+_RTOL, _MOST_ITERATIONS = 1e-5, 5000
+#: A step of the iteration is too long if the slope of the energy at its end has the opposite sign and more than this
+#: fraction of the size at its start. A shorter step is then computed with the same relative accuracy.
+_OVERSHOT = 0.1
+#: Error of the uniform part of the pressure, as a fraction of the mean pressure.
+_UNIFORM_TOLERANCE = 1e-3
+#: Function that evaluates the separation s [m] of the layer and ds/dp at pressures (n,) [Pa].
+LayerLaw = Callable[[Array], tuple[Array, Array]]
+
+
+class PointSolution(NamedTuple):
+    """Contact of all points under one mean pressure.
+
+    Attributes
+    ----------
+    pressure : array (n,), Pa
+        Pressure of each point.
+    separation : array (n,), m
+        Distance of the mean planes.
+    opening : array (n,), m
+        Excess of this distance over that of first touch; 0 for points in contact.
+    sunk : array (n,), m
+        Permanent displacement of points at which the bodies have yielded.
+    """
+
+    pressure: Array
+    separation: Array
+    opening: Array
+    sunk: Array
+
+
+class ContactPoints:
+    """Points that may touch, on a body that yields at a given pressure.
+
+    Parameters
+    ----------
+    body : HalfSpace
+        Elastic half-space of n1 × n2 points.
+    inside : array of bool (n1, n2)
+        Whether each point of the half-space belongs to the seal. The number of these points is n.
+    depth : array (n,), m
+        Depth of each point below the highest one.
+    yield_pressure : float, Pa
+        Pressure at which the body yields.
+    row : array of int (n,), optional
+        Number of the row of each point. The uniform part of the pressure, which all rows have in common, does then not
+        deform the body. By default the whole pressure deforms it.
+    """
+
+    def __init__(
+        self,
+        body: HalfSpace,
+        inside: Array,
+        depth: Array,
+        yield_pressure: float,
+        row: Indices | None = None,
+    ) -> None:
+        self.depth = depth
+        self._inside = inside
+        self._yield_pressure = yield_pressure
+        self._row = row
+        self._product = Convolution(body.shape, body.boundary, body.symbol())
+        unit_pressure = np.zeros(body.shape)
+        middle = body.shape[0] // 2, body.shape[1] // 2
+        unit_pressure[middle] = 1.0
+        displacement = body.displacement(unit_pressure)
+        # Compliance of a single point, relative to the farthest point because displacements in plane strain are only
+        # known up to a constant.
+        self._point_compliance = float(displacement[middle] - displacement.min())
+        self._uniform_displacement = self.displacement(np.ones(depth.size))
+
+    def displacement(self, p: Array) -> Array:
+        """Compute the displacement of the points (n,) [m] under their pressures (n,) [Pa]."""
+        self._product.pressure[self._inside] = p
+        self._product.apply()
+        return self._product.displacement[self._inside]
+
+    def solve(self, layer: LayerLaw, load: float, start: Array, sunk: Array) -> PointSolution:
+        """Solve the contact under a mean pressure.
+
+        The uniform part of the pressure is the smallest mean pressure of a row. It is found by iteration, because the
+        pressures of the rows depend on it.
+
+        Parameters
+        ----------
+        layer : callable
+            Evaluates the separation s [m] of the layer and ds/dp at pressures (n,) [Pa].
+        load : float, Pa
+            Mean pressure.
+        start : array (n,), Pa
+            Pressures near the solution.
+        sunk : array (n,), m
+            Permanent displacement of each point.
+        """
+        if self._row is None or load == 0:
+            return self._solve_with_uniform_part(0.0, layer, load, start, sunk)
+        row, points_of_row = self._row, np.bincount(self._row)
+        solutions: dict[float, PointSolution] = {}  # by the uniform fraction of the load
+
+        def excess(uniform_fraction: float) -> float:
+            """Return by which fraction of the load the smallest mean pressure of a row exceeds the uniform part."""
+            guess = start
+            if solutions:
+                nearest = min(solutions, key=lambda other: abs(other - uniform_fraction))
+                guess = solutions[nearest].pressure
+            uniform_part = uniform_fraction * load
+            solution = self._solve_with_uniform_part(uniform_part, layer, load, guess, sunk)
+            solutions[uniform_fraction] = solution
+            row_pressure = np.bincount(row, solution.pressure) / points_of_row
+            return float(row_pressure.min()) / load - uniform_fraction
+
+        uniform_fraction = 1.0
+        if excess(1.0) < -_UNIFORM_TOLERANCE:
+            uniform_fraction = 0.0
+            if excess(0.0) > _UNIFORM_TOLERANCE:
+                uniform_fraction = brentq(excess, 0.0, 1.0, xtol=_UNIFORM_TOLERANCE)
+        return solutions[uniform_fraction]
+
+    def _solve_with_uniform_part(
+        self, uniform_part: float, layer: LayerLaw, load: float, start: Array, sunk: Array
+    ) -> PointSolution:
+        """Solve the contact under a mean pressure `load`, of which `uniform_part` [Pa] does not deform the body.
+
+        The method is that of conjugate gradients over the points that are in contact and do not yield, under a fixed
+        load (Polonsky & Keer, Wear 231, 1999, 206). The preconditioner is the compliance of each point and its layer.
+        """
+        n = self.depth.size
+        # the convolution below includes the displacement by the uniform part, which is taken off again here
+        depth = self.depth + sunk - uniform_part * self._uniform_displacement
+        touch = layer(np.zeros(n))[0]  # separation at first touch
+        yield_pressure = self._yield_pressure
+        if load == 0:
+            opening = depth - touch - float((depth - touch).min())
+            return PointSolution(np.zeros(n), touch + opening, opening, sunk)
+        if start.any():
+            p = np.minimum(start * (load / start.mean()), yield_pressure)
+        else:
+            p = np.full(n, load)
+        direction, previous_norm = np.zeros(n), 0.0
+        for _ in range(_MOST_ITERATIONS):
+            separation, slope = layer(p)
+            weight = 1 / (self._point_compliance - slope)
+            residual = depth + self.displacement(p) - separation
+            free = (p > 0) & (p < yield_pressure)
+            if not free.any():
+                free = p > 0
+            # The approach of the bodies is unknown. It is chosen so that the weighted mean residual vanishes.
+            residual -= weight[free] @ residual[free] / weight[free].sum()
+            correction = -weight * residual
+            # points that would overlap come into contact, and yielded points from which pressure is taken become free
+            overlaps = (p == 0) & (residual + separation < touch)
+            unloads = (p == yield_pressure) & (correction < 0)
+            freed = overlaps | unloads
+            change = float(np.abs(correction[free | freed]).max()) / load
+            if change <= _RTOL:
+                opening = np.where(p > 0, 0.0, np.maximum(residual + separation - touch, 0.0))
+                sinks = np.where(p == yield_pressure, np.maximum(-residual, 0.0), 0.0)
+                separation = np.where(p > 0, separation, touch + opening)
+                return PointSolution(p, separation, opening, sunk + sinks)
+            correction[~free] = 0.0
+            norm = -float(residual @ correction)
+            beta = norm / previous_norm if previous_norm else 0.0
+            direction = correction + beta * np.where(free, direction, 0.0)
+            direction_displacement = self.displacement(direction)
+            slope_at = partial(
+                _energy_slope, p, direction, residual + separation, direction_displacement, layer
+            )
+            curvature = float((direction_displacement - slope * direction) @ direction)
+            length = -float(residual @ direction) / curvature
+            # Where the layer becomes stiffer within the step, as at the pressure at which the bodies yield, the
+            # curvature at its start makes the step too long.
+            if slope_at(length) > -_OVERSHOT * slope_at(0.0):
+                length = float(brentq(slope_at, 0.0, length, rtol=_OVERSHOT))
+            p = np.clip(p + length * direction, 0.0, yield_pressure)
+            freed_pressure = p[freed] - length * weight[freed] * residual[freed]
+            p[freed] = np.clip(freed_pressure, 0.0, yield_pressure)
+            # scale the pressures of the free points so that the load is carried again
+            is_free = (p > 0) & (p < yield_pressure)
+            scaled = is_free if is_free.any() else p > 0
+            p[scaled] *= max(0.0, load * n - p[~scaled].sum()) / p[scaled].sum()
+            p = np.minimum(p, yield_pressure)
+            # the directions are conjugate only as long as the set of free points does not change
+            set_changes = freed.any() or (is_free != free).any()
+            previous_norm = 0.0 if set_changes else norm
+        text = f"contact of the seal with its form: the pressure of its cells still changes by {change:.1e}"
+        raise NotConverged(text, change)
+
+
+def _energy_slope(
+    p: Array,
+    direction: Array,
+    distance: Array,
+    direction_displacement: Array,
+    layer: LayerLaw,
+    length: float,
+) -> float:
+    """Compute the derivative of the energy along a direction, at a step length.
+
+    It is the scalar product of the direction with the distance of the smooth bodies (at length 0: `distance`), less the
+    separation of the layer.
+    """
+    separation, _ = layer(p + length * direction)
+    return float((distance + length * direction_displacement - separation) @ direction)
+
+
+def solve_steps(points: ContactPoints, steps: LoadProgramme, layer: RoughLayer) -> Array:
+    """Solve points with their rough layer at all load steps.
+
+    Returns
+    -------
+    array (3, steps, n)
+        Pressure [Pa], separation [m] and opening [m] of each point.
+    """
+    solutions: dict[tuple[float, float | None], PointSolution] = {}  # by pressure and peak
+    loads = {step.pressure for step in steps if step.unloaded_from is None}
+    loads |= {step.unloaded_from for step in steps if step.unloaded_from is not None}
+    pressure = np.zeros(points.depth.size)
+    not_sunk = np.zeros(points.depth.size)
+    for load in sorted(loads):
+        solution = points.solve(layer.on_loading, load, pressure, not_sunk)
+        solutions[load, None] = solution
+        pressure = solution.pressure
+    for step in steps:
+        if step.unloaded_from is not None:
+            at_peak = solutions[step.unloaded_from, None]
+            start = at_peak.pressure * (step.pressure / step.unloaded_from)
+            law = partial(layer.on_unloading, peak=at_peak.pressure)
+            solution = points.solve(law, step.pressure, start, at_peak.sunk)
+            solutions[step.pressure, step.unloaded_from] = solution
+    fields_of_steps = [solutions[step.pressure, step.unloaded_from][:3] for step in steps]
+    return np.array(fields_of_steps).swapaxes(0, 1)
