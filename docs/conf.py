@@ -62,6 +62,16 @@ SHOWN = (
     *("real_size_seal", "paper_2018", "read_results", "design_answer", "sobol"),
 )
 QUICK = ("elastic_check", "one_cell", "measured_face")
+#: Pictures for the examples that are not run with `-t short`; paths are relative to this folder.
+THUMBNAILS = {
+    "tutorial": "../examples/turned_seal.png",
+    "lens_ring": "tutorials/lens_ring.png",
+    "real_size_seal": "../examples/real_sizes.png",
+    "paper_2018": "paper_2018/permeability.png",
+    "read_results": "tutorials/drawing.png",
+    "design_answer": "tutorials/leak_test.png",
+    "sobol": "static/sobol.png",
+}
 
 # Examples run in a folder of their own, as some write files beside themselves.
 EXAMPLES = HERE / "_examples"
@@ -72,6 +82,9 @@ for name in (*(f"{stem}.py" for stem in SHOWN if stem != "tutorial"), "measured_
 if not tags.has("short"):  # noqa: F821  Sphinx defines tags
     femseal.run(HERE.parent / "examples" / "turned_seal.toml", EXAMPLES / "results" / "turned_seal")
 notebook_as_script(HERE.parent / "examples" / "tutorial.ipynb", EXAMPLES / "tutorial.py")
+for stem, picture in THUMBNAILS.items():
+    with (EXAMPLES / f"{stem}.py").open("a", encoding="utf-8") as script:
+        script.write(f'\n# sphinx_gallery_thumbnail_path = "{picture}"\n')
 shutil.copy(HERE / "gallery_header.rst", EXAMPLES / "GALLERY_HEADER.rst")
 
 write_command_line(HERE / "command_line.md")
@@ -89,6 +102,7 @@ sphinx_gallery_conf = {
     "copyfile_regex": r".*\.x3p",
     "download_all_examples": False,
     "show_signature": False,
+    "remove_config_comments": True,
     "write_computation_times": False,
     "min_reported_time": 3600,
 }

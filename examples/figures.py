@@ -2,7 +2,7 @@
 
     python examples/figures.py RESULTS OUT [CASE]
 
-0 face           heights of the surface, and the leakage of its seals over the load cycle
+0 face           the surface, the flow through it at the highest load, and the leakage over the load cycle
 1 two_scales     fluid pressure, contact pressure, and three cells in detail
 2 cycles         permeability of single cells on loading and unloading, and its scatter over all cells
 3 permeability   permeability against mean gap, with the asymptote h̄³/12, and against pressure
@@ -22,7 +22,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import LightSource, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
@@ -42,8 +42,8 @@ LINES = (("#D55E00", "-", "o"), ("#0072B2", "--", "s"), ("#009E73", "-.", "^"), 
 #: Figure 5: numbers of the narrowest cells, and their colours.
 NARROWEST = 1, 3, 10
 SHADES = ("#00467F", "#009E73", "#E69F00")
-#: Figure 4: peaks as fractions of the highest load, and unloading steps as fractions of the peak.
-PEAKS, STOPS = (0.25, 0.5, 0.75, 1.0), (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04)
+#: Figure 4: peaks and unloading steps, both as fractions of the highest load.
+PEAKS, STOPS = (0.25, 0.5, 0.75, 1.0), (0.875, 0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.05)
 #: Figure 4: lengths of the seals, divided by the length of the surface.
 LENGTHS = (0.25, 1, 4, 16)
 QUANTILES, BAND = (0.05, 0.95), "5–95 %"
@@ -56,29 +56,81 @@ def _sheet(height):
 
 
 def face_and_leakage(results: fs.Results) -> Figure:
-    """Draw figure 0: the heights of the surface, and the leakage over the load cycle."""
-    heights = results.dataset["face_height"]
-    size = [1e3 * float(heights[axis][0] + heights[axis][-1]) for axis in heights.dims]
-    figure = _sheet(4.8)
-    face, curves = figure.subplots(1, 2, width_ratios=(1, 2.2))
-    image = face.imshow(
-        1e6 * heights.values.T, origin="lower", extent=(0, size[0], 0, size[1]), cmap="viridis"
-    )
-    figure.colorbar(image, ax=face, label="height [µm]")
-    face.set(xlabel="$x_1$ [mm], inlet at 0", ylabel="$x_2$ along the seal [mm]")
-    results.plot(ax=curves)
-    inside = curves.get_legend()
-    handles, labels, title = (
-        inside.legend_handles,
-        [text.get_text() for text in inside.texts],
-        inside.get_title(),
-    )
-    look = {"ncols": 2, "frameon": False, "fontsize": 7.5, "title": title.get_text()}
-    inside.remove()
-    figure.legend(
-        handles, labels, loc="outside lower right", **look
-    )  # does not overlap with the ranges
+    """Draw figure 0: the surface, the flow through it at the highest load that leaks, and the leakage over the cycle.
+
+    The flow needs the gap on all pixels. Without it, the heights fill the first row.
+    """
+    step = _highest_leaking_step(results)
+    has_flow = step in results.stored_steps
+    sides = sorted(results.dataset["face_height"].shape)
+    map_width = (0.4 if has_flow else 0.85) * WIDTH
+    heights = map_width * sides[0] / sides[1] + 1.1, 3.7
+    figure = Figure(figsize=(WIDTH, sum(heights)), layout="constrained")
+    maps, curves = figure.subfigures(2, 1, height_ratios=heights, hspace=0.06)
+    if has_flow:
+        left, right = maps.subplots(1, 2)
+        _draw_flow(right, results, step)
+    else:
+        left = maps.subplots()
+    _draw_relief(left, results)
+    results.plot(ax=curves.subplots())
     return figure
+
+
+def _highest_leaking_step(results):
+    leaking = np.flatnonzero(np.nan_to_num(results.leakage.values) > 0)
+    if leaking.size == 0:
+        return None
+    return int(leaking[results.dataset["nominal_pressure"].values[leaking].argmax()])
+
+
+def _draw_map(axes, values, size, **options):
+    """Draw a map (n1, n2) of a surface of the given size [mm], with its longer side to the right."""
+    x2_is_longer = size[1] > size[0]
+    shown = values if x2_is_longer else values.swapaxes(0, 1)
+    extent = (0, size[1], 0, size[0]) if x2_is_longer else (0, size[0], 0, size[1])
+    labels = ["$x_1$, inlet at 0 [mm]", "$x_2$ along the seal [mm]"]
+    axes.set(
+        **dict(
+            zip(("ylabel", "xlabel") if x2_is_longer else ("xlabel", "ylabel"), labels, strict=True)
+        )
+    )
+    return axes.imshow(shown, origin="lower", extent=extent, **options)
+
+
+def _draw_relief(axes, results):
+    """Draw the heights in colours, lit from the side."""
+    heights = results.dataset["face_height"]
+    spacing = [float(heights[axis][1] - heights[axis][0]) for axis in heights.dims]
+    size = [1e3 * float(heights[axis][0] + heights[axis][-1]) for axis in heights.dims]
+    values = 1e6 * heights.values
+    colours = matplotlib.colormaps["viridis"]
+    image = _draw_map(axes, values, size, cmap=colours)  # for the colour bar
+    light = LightSource(azdeg=315, altdeg=50)
+    dx, dy = spacing[1] * 1e6, spacing[0] * 1e6
+    lit = light.shade(values, colours, blend_mode="soft", vert_exag=3, dx=dx, dy=dy)
+    _draw_map(axes, lit, size)
+    axes.figure.colorbar(image, ax=axes, label="height [µm]", location="top", aspect=30)
+
+
+def _draw_flow(axes, results, step):
+    """Draw the contact in grey, the fluid pressure in colours, and the flow in red."""
+    gap = results.gap(step)
+    spacing = tuple(float(gap[axis][1] - gap[axis][0]) for axis in gap.dims)
+    size = [1e3 * float(gap[axis][0] + gap[axis][-1]) for axis in gap.dims]
+    h = gap.values.astype(float)
+    flow = pixel_flow(h, spacing, sides="periodic")["flow"]
+    pressure = np.where(h > 0, results.fluid_pressure(step).values / 1e6, np.nan)
+    image = _draw_map(axes, pressure, size, cmap="cividis")
+    _draw_map(axes, np.ones_like(h), size, alpha=_longer_side_right(np.sqrt(flow), size), vmin=0, vmax=1,
+              cmap=ListedColormap([RED]))  # fmt: skip
+    axes.set_facecolor(CLOSED)
+    label = f"fluid pressure [MPa], {results.dataset['name'].values[step]}"
+    axes.figure.colorbar(image, ax=axes, label=label, location="top", aspect=30)
+
+
+def _longer_side_right(values, size):
+    return values if size[1] > size[0] else values.T
 
 
 def two_scales(results: fs.Results, step: int | None = None) -> Figure:
@@ -134,9 +186,11 @@ def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, n
     return cells
 
 
-def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.ndarray]:
+def pixel_flow(
+    gap: np.ndarray, spacing: tuple[float, float], sides: str = "mirror"
+) -> dict[str, np.ndarray]:
     """Solve the fluid pressure for a unit drop through the gap of a cell [m]; return it with the flow at the pixels."""
-    p = fs.cell_permeability(gap, spacing).fluid_pressure
+    p = fs.cell_permeability(gap, spacing, sides=sides).fluid_pressure
     k, known = gap**3, np.nan_to_num(p)
     # the inlet (pressure 1) and the outlet (pressure 0) are half a pixel beyond the ends
     ends = 2 * k[[0, -1]] * np.abs(known[[0, -1]] - [[1.0], [0.0]])
@@ -157,7 +211,7 @@ def _draw_closely(figure, cells, extent):
     titles = {
         "gap": "gap [µm]",
         "contact": "contact pressure [MPa]",
-        "fluid": "fluid pressure for a unit drop; red: √flow",
+        "fluid": "fluid pressure, flow in red",
     }
     for (name, title), colours, column in zip(
         titles.items(), ("magma", "viridis", "cividis"), panels.T, strict=True
@@ -289,8 +343,8 @@ def permeability(results: fs.Results) -> Figure:
         left.xaxis.set_minor_formatter(NullFormatter())
     left.set_ylim(_floor(k), 3 * max(np.nanmax(k), (plates[-1] * 1e-6) ** 3 / 12))
     right.set(xlabel="pressure of the cell [MPa]", xlim=(0, None))
-    for axes in (left, right):
-        axes.legend(loc="lower right", markerscale=2)
+    left.legend(loc="lower right", markerscale=2)
+    right.legend(loc="upper right", markerscale=2)
     return figure
 
 
@@ -304,7 +358,7 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     prepared, count = fs.preparation.prepare(case), case.stochastic.realisations or SEALS
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(part * top for part in PEAKS)
-    stops = tuple(sorted({part * peak for part in STOPS for peak in peaks}))
+    stops = tuple(part * top for part in STOPS)
     scene = replace(
         scene, loading=tuple(sorted({*scene.loading, *peaks})), unload_from=peaks, unloading=stops
     )

@@ -41,6 +41,17 @@ def indices(count: int = 64) -> tuple[np.ndarray, np.ndarray]:
 
 
 if __name__ == "__main__":
+    import matplotlib.pyplot as plt
+
     first_order, total_order = indices()
     for name, first, total in zip(RANGES, first_order, total_order, strict=True):
         print(f"{name:18} alone {first:.2f}, in total {total:.2f}")
+
+    figure, axes = plt.subplots(figsize=(6, 3), layout="constrained")
+    rows = np.arange(len(RANGES))
+    axes.barh(rows + 0.2, first_order, height=0.4, color="#0072B2", label="alone")
+    axes.barh(rows - 0.2, total_order, height=0.4, color="#E69F00", label="with interactions")
+    axes.set_yticks(rows, list(RANGES))
+    axes.set_xlabel("fraction of the variance of ln(leakage)")
+    axes.legend()
+    plt.show()

@@ -63,6 +63,7 @@ SMALL = {
     "N": "2",
     "face.plu": "face.x3p",
     "examples/turned_seal.toml": "seal.toml",
+    "examples/self_affine_seal.toml": "seal.toml",
     "examples/gasket_seal.toml": "gasket.toml",
 }
 

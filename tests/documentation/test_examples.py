@@ -32,7 +32,7 @@ REDUCED = {
     },
     "self_affine_seal": {
         "face": {"points": [96, 192], "size": ["90 um", "180 um"]},
-        "cells": {"size": "30 um"},
+        "cells": {"count": [3, 6]},
         "stochastic": {"length": "360 um"},
     },
     "measured_seal": {"stochastic": {"length": "1.2 mm"}},
@@ -73,8 +73,7 @@ def test_every_example_is_run_here():
 
 class TestExamples:
     def test_leakage_falls_with_load_and_comes_back_less(self, results):
-        # at the lightest load water is fast enough for its inertia to count a little
-        told = [w for w in results.warnings if not re.search("realisations|Reynolds number", w)]
+        told = [w for w in results.warnings if "realisations" not in w]
         assert told == results.failures == []
         leakages = _leakages(results)
         assert len(leakages) >= 4  # median, both ends of the band, mean or another method
