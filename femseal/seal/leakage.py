@@ -82,11 +82,24 @@ def pressure_dependent_flow(
     if bounds:
         flow = seal.flow(element_permeability, bounds=True, solver=solver)
         rate = flow.conductance
-    # convert from a unit drop of ψ to a unit drop of φ
-    factor = drop.mean_factor
     fraction = np.clip(flow.potential, 0.0, 1.0)
+    if drop.law.depends_on_pressure:
+        # the flow through each element is the same in both potentials
+        lowest, highest = _corner_range(seal, np.nan_to_num(fraction, nan=0.5), curve.shape)
+        element_permeability = element_permeability * drop.steepness(lowest, highest)
+    return _in_viscous_potential(flow, rate, fraction, drop), element_permeability
+
+
+def _in_viscous_potential(
+    flow: DarcyFlow, rate: float, fraction: Array, drop: PressureDrop
+) -> DarcyFlow:
+    """Convert a flow for a unit drop of the potential ψ to one for a unit drop of the potential φ of viscous flow.
+
+    rate : flow rate for the unit drop of ψ [m³]. fraction : potential ψ at the points, as a fraction of its drop.
+    """
+    factor = drop.mean_factor
     potential = drop.viscous_fraction(fraction)
-    scaled = replace(
+    return replace(
         flow,
         conductance=factor * rate,
         lower=factor * flow.lower,
@@ -94,11 +107,6 @@ def pressure_dependent_flow(
         potential=potential,
         complement=1 - potential,
     )
-    if drop.law.depends_on_pressure:
-        # the flow through each element is the same in both potentials
-        lowest, highest = _corner_range(seal, np.nan_to_num(fraction, nan=0.5), curve.shape)
-        element_permeability = element_permeability * drop.steepness(lowest, highest)
-    return scaled, element_permeability
 
 
 def _element_values(seal: Seal, values: Array) -> Array:

@@ -272,6 +272,15 @@ def _check_boundary_names(mesh: Mesh, role: str, names: Names) -> None:
 
 def _check_elements(mesh: Mesh) -> None:
     """Raise InputError if nodes are not finite, or if elements are degenerate, tangled or overlapping."""
+    _check_element_shapes(mesh)
+    overlapping = _overlapping_neighbours(mesh) or first_overlap(mesh)
+    if overlapping:
+        given = f"a mesh whose elements {' and '.join(map(str, overlapping))} overlap"
+        raise InputError("path", given, "elements that lie beside each other")
+
+
+def _check_element_shapes(mesh: Mesh) -> None:
+    """Raise InputError if nodes are not finite, or if elements are degenerate or tangled."""
     undefined = np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))
     if undefined.size:
         raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite ones")
@@ -287,20 +296,22 @@ def _check_elements(mesh: Mesh) -> None:
     if bad.size:
         given = f"a mesh whose element {bad[0]} is degenerate or tangled"
         raise InputError("path", given, "a valid mesh")
+
+
+def _overlapping_neighbours(mesh: Mesh) -> tuple[int, ...]:
+    """Return the first elements that overlap a neighbour; empty if there are none."""
     # If the boundaries of two neighbouring elements are traversed anticlockwise, they pass the common edge in opposite
     # directions; otherwise the elements overlap. The direction is 1 or −1, depending on which vertex number is larger,
     # and the directions of two neighbours add up to 0.
     vertices, edge = mesh.t.T, mesh.t2f.T  # (element, corner)
     direction = np.sign(np.roll(vertices, -1, axis=1) - vertices)
-    direction *= np.sign(polygon_areas(corners))[:, None].astype(int)
+    areas = polygon_areas(mesh.p.T[vertices])  # negative if the corners are in clockwise order
+    direction *= np.sign(areas)[:, None].astype(int)
     element_count = np.bincount(edge.ravel())
     direction_sum = np.bincount(edge.ravel(), direction.ravel())
     has_overlap = (element_count > 2) | ((element_count == 2) & (direction_sum != 0))
     bad = np.flatnonzero(has_overlap[edge].any(axis=1))
-    overlapping = tuple(bad[:2]) or first_overlap(mesh)
-    if overlapping:
-        given = f"a mesh whose elements {' and '.join(map(str, overlapping))} overlap"
-        raise InputError("path", given, "elements that lie beside each other")
+    return tuple(bad[:2])
 
 
 def _names(given: Names) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ a mesh; neighbouring elements that are smaller than a cell share a tile.
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -341,32 +342,20 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     if is_spiral or lay.name in ("radial", "circumferential"):
         columns = cell_size.covered_columns(rows, all_columns)
     part = columns / all_columns
-    # 1 if the radius increases in the direction of the flow, −1 if it decreases
-    sign = 1.0 if inlet == "inner" else -1.0
-    # of the row boundaries, from inlet to outlet
-    row_radii = np.linspace(inner, outer, rows + 1)[:: int(sign)]
-    inlet_radius = row_radii[0]
-    ring = Rectangles(np.abs(np.log(row_radii / inlet_radius)), 2 * pi * part, columns)
-    plain = ring.plain_mesh
-    vertex_radius, outward = _radius_and_direction(plain.p, inlet_radius, sign)
-    outlines = (vertex_radius * outward).T[plain.t.T]  # (element, corner, 2)
-    centres = plain.p[:, plain.t].mean(axis=1)
-    centre_radius, outward = _radius_and_direction(centres, inlet_radius, sign)
+    geometry = _ring_geometry(radii, inlet, (rows, columns), part)
     # a spiral deviates little from the circumferential direction: the elements have a circumferential lay, and
     # `tangent` contains the deviation
     element_lay = Lay(name="circumferential") if is_spiral else lay
-    direction = element_lay.directions((centre_radius * outward).T)  # (n, 2) in the plane
-    # components of the lay in the coordinates of the mesh: in the direction of the flow and of the angle
-    around = np.array([-outward[1], outward[0]])
-    local_axes = np.stack([sign * outward, around]).transpose(2, 0, 1)  # (element, axis, 2)
-    lay_in_mesh = np.einsum("nab,nb->na", local_axes, direction)
+    direction = element_lay.directions(geometry.centres)  # (n, 2) in the plane
+    lay_in_mesh = np.einsum("nab,nb->na", geometry.mesh_axes, direction)
+    rectangles = geometry.rectangles
     seal = ElementSeal(
-        ring.mesh,
-        *ring.ends,
+        rectangles.mesh,
+        *rectangles.ends,
         size=(breadth, 2 * pi * middle * part),
-        outlines=outlines,
+        outlines=geometry.outlines,
         axes=_axes(lay_in_mesh),
-        rectangles=ring,
+        rectangles=rectangles,
     )
     same_breadth = abs(breadth / (cell_size.rows * d1) - 1) < _SAME
     in_order = lay.name == "circumferential" and rows == cell_size.rows and same_breadth
@@ -376,7 +365,7 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
         tile=np.arange(len(direction)),
         grid=(rows, columns),
         in_order=in_order,
-        tangent=lay.lead / (2 * pi * centre_radius) if is_spiral else None,
+        tangent=lay.lead / (2 * pi * geometry.centre_radii) if is_spiral else None,
         part=part,
         warnings=warnings,
     )
@@ -398,6 +387,47 @@ def _check_innermost_tiles(inner: float, columns: int, side: float) -> tuple[str
     if relative_width < _NARROW:
         return (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     return ()
+
+
+class _RingGeometry(NamedTuple):
+    """Hold the elements of a ring, in the coordinates of its mesh and in the plane of the seal.
+
+    rectangles : elements in the coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet.
+    outlines : corners of the elements in the plane, (n, 4, 2) [m].
+    centres : centres of the elements in the plane, (n, 2) [m].
+    centre_radii : radii of these centres, (n,) [m].
+    mesh_axes : unit vectors in the directions of both coordinates of the mesh, as vectors in the plane, (n, axis, 2).
+    """
+
+    rectangles: Rectangles
+    outlines: Array
+    centres: Array
+    centre_radii: Array
+    mesh_axes: Array
+
+
+def _ring_geometry(radii: Pair, inlet: str, cells: Shape, part: float) -> _RingGeometry:
+    """Divide a ring into rows of elements, one behind the other from the inlet to the outlet.
+
+    radii : inner and outer radius [m]. inlet : "inner" or "outer". cells : numbers of rows and columns. part : fraction
+    of the circumference that the columns cover.
+    """
+    rows, columns = cells
+    # 1 if the radius increases in the direction of the flow, −1 if it decreases
+    sign = 1.0 if inlet == "inner" else -1.0
+    # radii of the row boundaries, from inlet to outlet
+    row_radii = np.linspace(*radii, rows + 1)[:: int(sign)]
+    inlet_radius = row_radii[0]
+    rectangles = Rectangles(np.abs(np.log(row_radii / inlet_radius)), 2 * pi * part, columns)
+    plain = rectangles.plain_mesh
+    vertex_radii, outward = _radius_and_direction(plain.p, inlet_radius, sign)
+    outlines = (vertex_radii * outward).T[plain.t.T]
+    centre_radii, outward = _radius_and_direction(
+        plain.p[:, plain.t].mean(axis=1), inlet_radius, sign
+    )
+    around = np.array([-outward[1], outward[0]])
+    mesh_axes = np.stack([sign * outward, around]).transpose(2, 0, 1)
+    return _RingGeometry(rectangles, outlines, (centre_radii * outward).T, centre_radii, mesh_axes)
 
 
 def _radius_and_direction(points: Array, inlet_radius: float, sign: float) -> tuple[Array, Array]:

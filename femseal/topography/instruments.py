@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base import Array, InputError, counted, shortened, to_si
+from ..base import Array, Flags, InputError, counted, shortened, to_si
 from .conditioning import Instrument
 from .coordinates import profile_error
 from .raw import Raw, Reading, length_unit
@@ -121,15 +121,11 @@ def _read_channel(channel: Any, suffix: str) -> Raw:
         placeholders["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
     with unprinted():
         topography = channel.topography(**placeholders)
-        heights, mask = topography.heights(), None
-        if suffix == ".gwy" and np.ma.is_masked(heights):
-            # The library scales only the points that are not masked; the others have the numbers of the file.
-            mask = np.ma.getmaskarray(heights)
-            stored = np.ma.getdata(topography.parent_topography.heights())
-            heights = stored * topography.height_scale_factor
-    heights = np.ma.filled(np.ma.masked_invalid(heights).astype(float), np.nan)
+        heights, mask = _heights_and_mask(topography, suffix)
     lateral_unit = None if topography.unit is None else length_unit(topography.unit)
-    height_unit, unclear, notes = lateral_unit, "", []
+    height_unit = lateral_unit
+    unclear = ""
+    notes = []
     if not channel.is_height_channel:
         height_unit = None
         unclear = f"unit {channel.data_unit!r} of the channel {channel.name!r}"
@@ -152,6 +148,20 @@ def _read_channel(channel: Any, suffix: str) -> Raw:
         unclear=unclear,
         notes=tuple(notes),
     )
+
+
+def _heights_and_mask(topography: Any, suffix: str) -> tuple[Array, Flags | None]:
+    """Return the heights (n1, n2) in the unit of the file, and the mask in the file if there is one.
+
+    topography : map of SurfaceTopography. suffix : suffix of the file.
+    """
+    heights, mask = topography.heights(), None
+    if suffix == ".gwy" and np.ma.is_masked(heights):
+        # The library scales only the points that are not masked; the others have the numbers of the file.
+        mask = np.ma.getmaskarray(heights)
+        stored = np.ma.getdata(topography.parent_topography.heights())
+        heights = stored * topography.height_scale_factor
+    return np.ma.filled(np.ma.masked_invalid(heights).astype(float), np.nan), mask
 
 
 def _replace_unknown_units(path: Path) -> tuple[io.BytesIO | None, str]:

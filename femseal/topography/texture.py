@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isnan, log, nan, pi, prod, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -352,21 +352,12 @@ def texture(topography: Topography) -> Texture:
     """
     if topography.rms_height == 0 or min(topography.shape) < 2:
         return Texture(nan, nan, False, nan)
-    middle = np.array([n // 2 for n in topography.shape])
-    spacing = np.array(topography.spacing)
-    direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T  # (angle, axis)
-    # distance from the middle of the map to its border in each direction (angle,)
-    border = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
-    step = spacing.min() / 2
-    distance = np.arange(0, border.max() + step / 2, step)
-    # fractional indices into the autocorrelation (angle, distance, axis)
-    index = middle + (direction / spacing)[:, None] * distance[:, None]
-    correlation = scipy.ndimage.map_coordinates(
-        autocorrelation(topography), index.T, order=1, mode="nearest"
-    ).T  # (angle, distance)
+    distance, border, correlation = _correlation_by_direction(topography)
+    step = distance[1]
     is_inside = distance < border[:, None] + step / 2
     has_decayed = (correlation < _DECAYED) & is_inside
-    decays = has_decayed.any(axis=1)
+    decays = has_decayed.any(axis=1)  # (angle,)
+    # argmax returns the first distance at which the autocorrelation has decayed
     decay_length = np.where(decays, distance[np.argmax(has_decayed, axis=1)], border)
     shortest = decay_length[decays].min() if decays.any() else border.max()
     ratio = float(shortest / decay_length.max())
@@ -378,6 +369,35 @@ def texture(topography: Topography) -> Texture:
         # a lay has no sense of direction: its angle from x2 is reduced to (−π/2, π/2]
         lay = pi / 2 - (-angle_from_x1) % pi
     return Texture(float(shortest), ratio, not bool(decays.all()), float(lay))
+
+
+class _DirectionalCorrelation(NamedTuple):
+    """Hold the autocorrelation of a map in the directions `_ANGLES`.
+
+    distance : distances at which it is evaluated, equally spaced from 0 on, (distance,) [m].
+    border : distance from the middle of the autocorrelation to its border in each direction, (angle,) [m].
+    correlation : autocorrelation, (angle, distance). Beyond the border it is meaningless.
+    """
+
+    distance: Array
+    border: Array
+    correlation: Array
+
+
+def _correlation_by_direction(topography: Topography) -> _DirectionalCorrelation:
+    """Interpolate the autocorrelation of a map on straight lines from its middle, in all directions."""
+    middle = np.array([n // 2 for n in topography.shape])
+    spacing = np.array(topography.spacing)
+    direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T  # (angle, axis)
+    border = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
+    step = spacing.min() / 2
+    distance = np.arange(0, border.max() + step / 2, step)
+    # fractional indices into the autocorrelation (angle, distance, axis)
+    index = middle + (direction / spacing)[:, None] * distance[:, None]
+    correlation = scipy.ndimage.map_coordinates(
+        autocorrelation(topography), index.T, order=1, mode="nearest"
+    ).T
+    return _DirectionalCorrelation(distance, border, correlation)
 
 
 def autocorrelation(topography: Topography) -> Array:
