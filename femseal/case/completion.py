@@ -23,7 +23,7 @@ from ..materials import HARDNESS_FACTOR, named_solid
 from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
 from ..seal.seal_files import columns_of, read_columns
 from .faults import errors_in_table
-from .quantity_types import Amount, in_si, value_of
+from .quantity_types import Amount, in_si, unvalidated_value
 
 #: Table of a case before validation: texts and numbers by key.
 RawTable = dict[str, Any]
@@ -173,7 +173,7 @@ def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
     data = dict(data)
     fluid = data.get("fluid")
     output = data.get("output", {})
-    ambient = value_of(fluid or {}, "ambient_pressure", "Pa")
+    ambient = unvalidated_value(fluid or {}, "ambient_pressure", "Pa")
     if fluid is not None:
         fluid = _with_absolute_pressures(fluid, "fluid", ambient)
         data["fluid"] = _complete_fluid(fluid, "fluid", warnings)
@@ -194,7 +194,7 @@ def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | N
     table_key : key of the table in the case.
     ambient : ambient pressure to use if the table has none [Pa]; None if the case does not give it.
     """
-    ambient = value_of(fluid, "ambient_pressure", "Pa", ambient)
+    ambient = unvalidated_value(fluid, "ambient_pressure", "Pa", ambient)
     keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in fluid]
     pressures: RawTable = {key: fluid[key] for key in keys}
     absolute = {
@@ -231,8 +231,8 @@ def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> Raw
     if "name" not in fluid:
         return _with_dynamic_viscosity(fluid, table_key)
     temperature = _temperature(fluid, table_key)
-    outlet = value_of(fluid, "outlet_pressure", "Pa", STANDARD_PRESSURE)
-    inlet = value_of(fluid, "inlet_pressure", "Pa", outlet)
+    outlet = unvalidated_value(fluid, "outlet_pressure", "Pa", STANDARD_PRESSURE)
+    inlet = unvalidated_value(fluid, "inlet_pressure", "Pa", outlet)
     with errors_in_table(table_key):
         if fluid.get("kind") == RealGas.kind:
             RealGas(fluid["name"], temperature)  # raises an error for an unknown name
@@ -289,14 +289,14 @@ def _with_dynamic_viscosity(
     ------
     InputError : the fluid is a gas, or its density is unknown.
     """
-    kinematic = value_of(fluid, "viscosity", "m^2/s")
+    kinematic = unvalidated_value(fluid, "viscosity", "m^2/s")
     if kinematic is None:
         return fluid
     kind = fluid.get("kind", "liquid")
     is_gas = isinstance(kind, str) and hasattr(FLUIDS.get(kind), "reference_pressure")
     density = named_density
     if "density" in fluid:
-        density = value_of(fluid, "density", "kg/m^3", 1.0)
+        density = unvalidated_value(fluid, "density", "kg/m^3", 1.0)
     expected = ""
     if is_gas:
         expected = "a dynamic viscosity of a gas, such as '18 uPa*s'"
@@ -341,7 +341,7 @@ def _odd_properties(
     table_key : key of the table in the case.
     """
     for name, usual in properties.items():
-        value = value_of(table, name, usual.unit, 0.0)
+        value = unvalidated_value(table, name, usual.unit, 0.0)
         if value <= 0 or 1 / _ODD_RATIO <= value / usual <= _ODD_RATIO:
             continue
         ratio = value / usual

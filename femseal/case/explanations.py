@@ -43,7 +43,10 @@ def explain(error: ValidationError, data: dict[str, Any]) -> list[InputError]:
 
 
 def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
-    """Return the InputError for one error of pydantic, see `explain`."""
+    """Return the InputError for one error of pydantic, see `explain`.
+
+    error : description of the error, with the entries "loc", "type", "input" and "ctx" of pydantic.
+    """
     path, tables = _locate(error["loc"])
     kind = error["type"]
     given = error["input"]
@@ -64,6 +67,7 @@ def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
         chosen = given.get("kind") if isinstance(given, dict) else given
         kinds = ", ".join(repr(kind_of(table)) for table in tables)
         return InputError(f"{key}.kind", shown(chosen), f"one of {kinds}")
+    # the message does not repeat a whole table
     is_table = isinstance(given, (dict, Table)) and kind not in EXPECTED_TYPES
     return InputError(key, "" if is_table else shown(given), expected_value(error))
 

@@ -33,7 +33,7 @@ from .quantity_types import (
     Relaxation,
     UsualRange,
     quantity_schema,
-    value_of,
+    unvalidated_value,
 )
 from .table_types import ParameterTable, Table, key
 
@@ -59,7 +59,7 @@ def _read_load(value: Any) -> Amount:
 def _unit_of_load(value: Any) -> str | None:
     """Return the SI unit of a load that is given as text, None if the text is not a load."""
     for unit in LOAD_UNITS:
-        if value_of({"load": value}, "load", unit) is not None:
+        if unvalidated_value({"load": value}, "load", unit) is not None:
             return unit
     return None
 

@@ -67,7 +67,7 @@ def in_si(value: Any, unit: str, like: str = "") -> float:
     return to_si(value, unit, like=like)
 
 
-def value_of(table: dict[str, Any], name: str, unit: str, default: Any = None) -> Any:
+def unvalidated_value(table: dict[str, Any], name: str, unit: str, default: Any = None) -> Any:
     """Return the value of a key in SI units, from a table that has not been validated yet.
 
     The default is returned if the key is missing or its value is invalid. The validation reports invalid values later.

@@ -163,6 +163,8 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
     explained: set[tuple[str, str | None]] = set()  # keys and meanings in the blocks of other kinds
     for number, table in enumerate(tables):
         is_repeated = table in written
+        # The block is written without comment signs if the table is required (only its first kind), or if it has a
+        # single kind with keys that are written in this way.
         is_first_of_required = number == 0 and field.is_required()
         has_active_keys = any(map(_is_active, keys_of(table).values()))
         is_only_kind = len(tables) == 1
@@ -178,6 +180,7 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
                 rows.append(_row(key, inner, is_active, meaning))
         yield "".join(rows)
         explained |= {(key, inner.description) for key, inner in keys_of(table).items()}
+    # the tables inside this one, unless they have been written before
     if tables and tables[0] not in written:
         inner_keys = {key: inner for table in tables for key, inner in keys_of(table).items()}
         for key, inner in inner_keys.items():
