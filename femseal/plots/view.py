@@ -23,7 +23,16 @@ if TYPE_CHECKING:
 
 
 class _ShownField(NamedTuple):
-    """A field that can be shown: its name over the pixels and over the tiles, its heading, unit [SI] and colours."""
+    """Describe a field that can be shown.
+
+    Attributes
+    ----------
+    pixels : name of the field over the pixels of the surface.
+    tiles : name of the variable over the tiles of a realisation; "" if there is none.
+    heading : heading of the panel, with the unit.
+    unit : value of this unit in SI.
+    colours : name of the colour map.
+    """
 
     pixels: str
     tiles: str
@@ -42,9 +51,9 @@ FIELDS = {
         "fluid_pressure", "drawn_fluid_pressure", "fluid pressure [MPa]", 1e6, "cividis"
     ),
 }
-#: Length of the scale bar over the longer side of the picture, at most.
+#: Largest length of the scale bar, as a fraction of the longer side of the field.
 _BAR = 0.25
-#: Size of the window per panel, and height [pixel].
+#: Width of a panel, and height of the window [pixel].
 _PANEL_SIZE = 560, 760
 
 
@@ -63,13 +72,13 @@ def view_run(
     results : Results
         Results with fields over the pixels, or with a realisation of the seal.
     step : int, optional
-        Number of the load step; the highest load that leaks unless given.
+        Index of the load step; by default the step with the highest load that leaks.
     field : str, optional
-        One of `FIELDS`; all of them unless given.
+        Name of a field in `FIELDS`; by default all of them are shown.
     seal : bool
-        Whether the tiles of the realisation nearest to the median are shown, instead of the pixels of the surface.
+        Whether to show the tiles of the realisation nearest to the median instead of the pixels of the surface.
     picture : path, optional
-        File to write (.png) instead of opening a window.
+        Picture file (.png) that is written; no window is opened then.
 
     Returns
     -------
@@ -109,7 +118,7 @@ def view_run(
 
 
 def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]:
-    """Make an image of each field over the pixels of the surface, with lengths in µm."""
+    """Make a pyvista image of each field over the pixels of the surface, with lengths in µm."""
     import pyvista
 
     stored = stored_steps(results)
@@ -132,7 +141,7 @@ def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, A
 
 
 def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]:
-    """Make a mesh of the tiles of the realisation for each field, with lengths in µm."""
+    """Make a pyvista mesh of the tiles of the realisation for each field, with lengths in µm."""
     import pyvista
 
     data = results.dataset
@@ -143,7 +152,9 @@ def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]
     points[:, :2] = 1e6 * corners.reshape(-1, 2)
     count = corners.shape[1]
     indices = np.arange(len(points)).reshape(-1, count)
-    faces = np.insert(indices, 0, count, axis=1).ravel()
+    faces = np.insert(
+        indices, 0, count, axis=1
+    ).ravel()  # VTK: number of corners of each tile, then their indices
     meshes = {}
     for name in names:
         shown = FIELDS[name]
@@ -159,7 +170,7 @@ def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]
 
 
 def _shown_values(values: Array, name: str) -> Array:
-    """Return values in the unit of the panel; points in contact have no gap."""
+    """Return the values of a field in the unit of its panel; a gap of 0, in contact, becomes NaN."""
     shown = np.asarray(values, float) / FIELDS[name].unit
     return np.where(shown > 0, shown, np.nan) if name == "gap" else shown
 
@@ -167,9 +178,10 @@ def _shown_values(values: Array, name: str) -> Array:
 def _window(
     meshes: dict[str, Any], load: str, ends: Array | None, off_screen: bool
 ) -> pyvista.Plotter:
-    """Put a panel for each field beside each other, with the same camera.
+    """Make a window with a panel for each field, side by side and with the same camera.
 
-    ends : positions of the labels "inlet" and "outlet" (2, 3) [µm]; at both sides of the mesh along x1 if None.
+    load : name of the load step, which is written into the first panel. ends : positions of the labels "inlet" and
+    "outlet" (2, 3) [µm]; if None, they are beside the two sides of the mesh along x1.
     """
     import pyvista
 
@@ -208,7 +220,7 @@ def _window(
 
 
 def _sides(bounds: Any) -> Array:
-    """Return the positions beside x1 = 0 and beside the other end of the leakage (2, 3) [µm]."""
+    """Return positions beside the side x1 = 0, the inlet, and beside the opposite side, (2, 3) [µm]."""
     x_low, x_high, y_low, y_high = bounds[:4]
     middle = (y_low + y_high) / 2
     offset = 0.06 * max(x_high - x_low, y_high - y_low)
@@ -216,9 +228,10 @@ def _sides(bounds: Any) -> Array:
 
 
 def ends_of_seal(results: Results) -> Array | None:
-    """Return the tiles with the highest and the lowest fluid pressure (2, 3) [µm], where the fluid enters and leaves.
+    """Return the centres of the tiles with the highest and the lowest fluid pressure, (2, 3) [µm].
 
-    None for a strip, whose inlet and outlet are its sides, and without a known fluid pressure.
+    The labels of inlet and outlet are placed there. The result is None for a strip, whose inlet and outlet are its
+    sides, and if no fluid pressure is known.
     """
     data = results.dataset
     if str(data.attrs.get("seal", "")).startswith("a strip") or "drawn_fluid_pressure" not in data:
@@ -249,7 +262,7 @@ def _mark_ends(plotter: pyvista.Plotter, ends: Array) -> None:
 
 
 def _add_scale_bar(plotter: pyvista.Plotter, bounds: Any) -> None:
-    """Draw a line of a round length below the picture, with its length."""
+    """Draw a scale bar of a round length below the field, with its length as text."""
     import pyvista
 
     x_low, x_high, y_low, y_high = bounds[:4]
@@ -270,7 +283,7 @@ def _add_scale_bar(plotter: pyvista.Plotter, bounds: Any) -> None:
 
 
 def round_length(longest: float) -> float:
-    """Return the largest of 1, 2 or 5 times a power of ten that is not above a length.
+    """Return the largest number of the form 1, 2 or 5 times a power of ten that is not above a given number.
 
     >>> round_length(96.0), round_length(0.7), round_length(20.0)
     (50.0, 0.5, 20.0)
