@@ -1,8 +1,8 @@
 """Look up the properties of fluids by name, and describe real gases.
 
-A table contains ten common fluids at 20 °C. Properties of other fluids, and at other temperatures, are computed by
-CoolProp. A named gas is ideal and has the viscosity at the mean pressure; a named liquid has the density and the
-viscosity at the mean pressure.
+A table contains ten common fluids at 20 °C. The properties of other fluids, and those at other temperatures, are
+computed by CoolProp at the mean of the pressures at inlet and outlet. A named gas is an ideal gas with this viscosity;
+a named liquid has this density and viscosity.
 
 The potential of a real gas is φ = ∫ρ/η dp, as for any fluid. It is tabulated once for each gas and temperature, from
 the density and viscosity by CoolProp. In narrow gaps, the gas flows by the law of Fukui and Kaneko with the mean free
@@ -36,7 +36,7 @@ _ERROR = 1e-7
 _FIRST_PRESSURE = 1e5
 #: Number of pressures above 0 in the first table of a real gas, before points are added.
 _FEWEST = 33
-#: Highest pressure of the table [Pa]. No seal carries more, and equations of state are extrapolated there.
+#: Highest pressure of the table [Pa]. No seal carries a higher pressure, and equations of state are not valid above it.
 _HIGHEST = 1e9
 #: Two gases are taken to be the same if the relative difference of their molar masses is at most this large. Nitrogen
 #: and ethylene, the closest pair, differ by 1.5e-3.
@@ -172,7 +172,7 @@ def named_fluid(
 def _plain_name(name: object) -> str:
     """Convert the name of a fluid to the form in which names are compared.
 
-    It has no capitals, spaces, hyphens and underscores, and is in American spelling.
+    This form has no capitals, spaces, hyphens and underscores, and is in American spelling.
     """
     plain = str(name).casefold().translate(str.maketrans("", "", " -_"))
     return plain.replace("sulph", "sulf")
@@ -191,7 +191,7 @@ def _in_table(name: object) -> NamedFluid | None:
 def _known_to_coolprop(name: Any, temperature: float) -> tuple[Any, str]:
     """Return the module CoolProp and the name that it uses for a fluid.
 
-    An InputError is raised if CoolProp is not installed, does not know the fluid, or does not know it at the
+    An InputError is raised if CoolProp is not installed, or does not know the fluid or its properties at the
     temperature [K].
     """
     names_in_table = f"one of {', '.join(TABLE)} at 20 °C"
@@ -290,11 +290,11 @@ def slip_of_gas() -> Any:
 
 
 class Gas:
-    """Base class of gases that have a temperature, a molar mass and a choice of slip."""
+    """Implement what all gases have in common. A subclass has a temperature, a molar mass and a choice of slip."""
 
     #: Default outlet pressure of a case, absolute [Pa].
     outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
-    #: Absolute pressure at which volumes are given [Pa]. They are given at the temperature of the gas.
+    #: Absolute pressure to which the volumes of a gas refer [Pa]. The temperature is that of the gas.
     reference_pressure: ClassVar[float] = STANDARD_PRESSURE
 
     def __post_init__(self: Any) -> None:
@@ -318,9 +318,8 @@ class RealGas(Gas):
     """Describe an isothermal real gas by its name, with density and viscosity from CoolProp.
 
     The potential φ = ∫ρ/η dp has a relative error of at most 1e-6. A volume flow rate is given as that of an ideal gas
-    with the same mass flow rate and molar mass, at 101 325 Pa and the temperature of the gas. Throughputs and standard
-    volumes are therefore proportional to the number of molecules. CoolProp is required
-    (`pip install 'femseal[fluids]'`).
+    with the same mass flow rate and molar mass, at 101 325 Pa and the temperature of the gas. Throughputs and volumes
+    are therefore proportional to the number of molecules. CoolProp is required (`pip install 'femseal[fluids]'`).
 
     Parameters
     ----------
@@ -329,7 +328,8 @@ class RealGas(Gas):
     temperature : float
         Temperature T [K].
     slip : bool
-        True includes slip and free molecular flow in narrow gaps, whose effect vanishes at high pressure.
+        Whether slip and free molecular flow in narrow gaps are taken into account. Their effect vanishes at high
+        pressure.
 
     Raises
     ------
@@ -363,13 +363,13 @@ class RealGas(Gas):
     def highest_pressure(self) -> float:
         """Highest pressure at which the properties are known and the fluid is a gas [Pa]; at most 1 GPa.
 
-        It is the saturation pressure if the gas condenses.
+        If the gas condenses, it is the saturation pressure.
         """
         return float(_table(self.name, self.temperature).pressures[-1])
 
     @property
     def condenses(self) -> bool:
-        """True if the gas condenses at `highest_pressure`."""
+        """Whether the gas condenses at `highest_pressure`."""
         return _table(self.name, self.temperature).saturates
 
     def density_at(self, pressure: ArrayLike) -> Array:
@@ -389,11 +389,12 @@ class RealGas(Gas):
         return _table(self.name, self.temperature).potential(pressure)
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the absolute pressure [Pa] that has a potential, by Newton's method."""
+        """Return the absolute pressure [Pa] at which the potential has a given value, by Newton's method."""
         table = _table(self.name, self.temperature)
         φ = reals(potential)
 
         def slope(p: Array) -> Array:
+            """Return dφ/dp, but not 0."""
             return np.maximum(table.slope(p), _LEAST_SLOPE)
 
         # at low pressure φ is proportional to p², so that p is nearly linear in √φ
@@ -426,7 +427,7 @@ class RealGas(Gas):
 def solve_for_pressure(
     potentials: Array, start: Array, potential: Callable[..., Any], slope: Callable[..., Any]
 ) -> Array:
-    """Find the pressures [Pa] that have the given potentials, by Newton's method.
+    """Solve φ(p) = potential for the pressures p by Newton's method.
 
     Parameters
     ----------
@@ -442,10 +443,10 @@ def solve_for_pressure(
     Returns
     -------
     array
-        Pressures [Pa], inf where no pressure has the potential.
+        Pressures [Pa]; inf where there is no solution.
     """
     p = start
-    # the iteration diverges to inf if no pressure has the potential
+    # without a solution the iteration diverges to inf
     with np.errstate(all="ignore"):
         for _ in range(100):
             step = (potentials - potential(p)) / slope(p)
@@ -463,7 +464,7 @@ class _Table(NamedTuple):
     pressures : pressures of the points of the table in rising order [Pa], beginning with 0.
     potential : spline of the potential φ(p) [kg/(m³ s)].
     slope : spline of dφ/dp = ρ/η [s/m²].
-    saturates : True if the gas condenses at the last pressure.
+    saturates : whether the gas condenses at the last pressure.
     molar_mass : molar mass of the gas [kg/mol].
     """
 
@@ -512,6 +513,7 @@ def _table(name: str, temperature: float) -> _Table:
     from scipy.interpolate import CubicSpline
 
     def exact_slope(pressure: ArrayLike) -> Array:
+        """Return ρ/η from CoolProp."""
         density, viscosity = _properties(name, temperature, pressure)
         return density / viscosity
 
@@ -536,8 +538,8 @@ def _table(name: str, temperature: float) -> _Table:
 def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
     """Return the highest pressure of a gas at a temperature [K], and whether the gas condenses there.
 
-    It is the saturation pressure, or else the highest pressure at which CoolProp can compute the properties, found by
-    repeated halving [Pa].
+    The pressure [Pa] is the saturation pressure. If there is none, or if CoolProp cannot compute the properties there,
+    the pressure is halved until CoolProp can.
     """
     import CoolProp
 
@@ -578,10 +580,11 @@ class IdealGasError:
 
 
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
-    """Compare the leakage of an ideal gas with that of the corresponding real gas, whose properties CoolProp gives.
+    """Compare the leakage of an ideal gas with that of the corresponding real gas, with properties from CoolProp.
 
     The real gas is identified by its molar mass. If several gases have this molar mass, the one with the closest
-    viscosity is taken. A gas without a viscosity in CoolProp is only identified if its molar mass is the closest.
+    viscosity is taken. A gas whose viscosity CoolProp does not know is only identified if its molar mass is the
+    closest.
 
     Parameters
     ----------
@@ -627,7 +630,7 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
 
 
 def is_nearly_ideal(gas: Any) -> bool:
-    """Tell whether an ideal gas corresponds to a gas of the table well above its boiling point.
+    """Return whether an ideal gas corresponds to a gas in the table, well above the boiling point of that gas.
 
     Up to 20 bar, such a gas deviates from an ideal gas by at most 2 %.
     """
@@ -658,9 +661,9 @@ def _recognise_gas(gas: Any) -> str:
 
 
 def _mass_differences(gas: Any) -> dict[str, float]:
-    """Find the fluids of CoolProp that have about the molar mass of a gas.
+    """Find the fluids of CoolProp that have nearly the same molar mass as a gas.
 
-    The result contains the relative difference in molar mass for each of them, by name.
+    Returns the relative difference in molar mass of each of these fluids, by its name.
     """
     from CoolProp import CoolProp
 
@@ -681,7 +684,7 @@ def _closest_in_mass(gas: Any) -> str:
 
 @cache
 def _has_viscosity(name: str) -> bool:
-    """Tell whether CoolProp has a model for the viscosity of one of its fluids."""
+    """Return whether CoolProp has a model for the viscosity of one of its fluids."""
     import CoolProp
 
     state = _state(name)
@@ -694,5 +697,5 @@ def _has_viscosity(name: str) -> bool:
 
 
 def _means_no_viscosity(error: ValueError) -> bool:
-    """Tell whether an error of CoolProp means that it has no model for a viscosity."""
+    """Return whether an error of CoolProp means that it has no model for a viscosity."""
     return "iscosity model" in str(error)
