@@ -166,9 +166,9 @@ def _with_detrending(data: RawTable) -> RawTable:
 def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
     """Convert the pressures of the fluid and the test fluid to absolute ones, and add the properties of named fluids.
 
-    Gauge pressures are relative to `ambient_pressure` in [fluid]. For the test fluid, an `ambient_pressure` in its own
-    table replaces that in [fluid]. If a table has gauge pressures or an ambient pressure, its default outlet pressure
-    is the ambient pressure.
+    Gauge pressures are relative to `ambient_pressure` in [fluid]. For the test fluid, an `ambient_pressure` in the
+    table of the test fluid replaces that in [fluid]. If a table has gauge pressures or an ambient pressure, its default
+    outlet pressure is the ambient pressure.
     """
     data = dict(data)
     fluid = data.get("fluid")

@@ -369,8 +369,8 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
 def _read_triangles(file: Path, name: str) -> tuple[Any, Any, Any]:
     """Read the points (n, 2), their values (n,) and the triangles (t, 3) of a field in a mesh file.
 
-    Cell data are constant in each cell. For them, each triangle gets three points of its own, which all have the value
-    of the cell, so that the field jumps from cell to cell.
+    Cell data are constant in each cell and jump from cell to cell. Therefore triangles with cell data do not share
+    points: the three points of each triangle have the value of its cell.
     """
     data = read_data(file)
     # (number of the block of cells, corners of its triangles)

@@ -154,11 +154,11 @@ ALL_NEIGHBOURS = np.ones((3, 3))
 def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     """Find the spikes of a map.
 
-    A spike is a group of at most four points with |z − m| > `threshold` · s that stands alone: no point next to the
-    group deviates, in the same direction, by more than half of the deviation of its tip. Ridges, edges and corners of
-    real asperities continue in a neighbouring point, and so do all summits that the instrument resolves; therefore they
-    are not spikes. For this test s is not smaller than its median over the map or than a step of quantised heights.
-    Where the surface is steep, s is larger.
+    A spike is a group of at most four points with |z − m| > `threshold` · s. The group must stand alone: no point next
+    to it deviates in the same direction by more than half of the deviation of the tip of the group. Ridges, edges and
+    corners of real asperities continue in a neighbouring point, and so do all summits that the instrument resolves;
+    therefore they are not spikes. For this test s is not smaller than its median over the map or than a step of
+    quantised heights. Where the surface is steep, s is larger.
 
     Parameters
     ----------

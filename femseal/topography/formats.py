@@ -32,7 +32,8 @@ _WYKO = b"Wyko ASCII Data File"
 def reading(path: Path) -> Iterator[None]:
     """Turn every error while a file is read into an InputError that names the file.
 
-    This includes files that need more than the free memory, as far as their size shows it or reading them does.
+    A file that needs more than the free memory is an error as well. This is checked before reading, by the size of the
+    file, and while the file is read.
     """
     length, free = path.stat().st_size, free_memory()
     if _MEMORY_FACTOR * length > free:

@@ -401,8 +401,8 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
     Parameters
     ----------
     path : path
-        Image (.png, .tif, .bmp or .gif), of which black points are 0 and transparency is ignored; or numbers in .npy,
-        .csv, .asc or .txt.
+        An image (.png, .tif, .bmp or .gif), in which black points have the value 0 and transparency is ignored; or
+        numbers in .npy, .csv, .asc or .txt.
     shape : tuple of two int
         Shape of the heights in their file, with x as first axis.
 

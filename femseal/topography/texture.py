@@ -67,7 +67,7 @@ class PowerLaw:
     hurst, hurst_error : float
         Hurst exponent H and its standard error [-].
     longest, shortest : float
-        Wavelengths between which the law holds [m].
+        Longest and shortest wavelength at which the law is valid [m].
     density : float
         C at the longest wave [m⁴].
     roll_off : float
@@ -229,7 +229,7 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
 
 
 def _fit(bins: _Bins) -> PowerLaw | None:
-    """Fit the power law whose exponent has the smallest standard error; return None if no power law holds.
+    """Fit the power law whose exponent has the smallest standard error; return None if no power law is valid.
 
     All ranges of bins are tried, without a plateau and, from the longest waves on, with a plateau before the power law.
     A law with a plateau is accepted with a somewhat larger error, because the end of the plateau is a third unknown.
@@ -251,14 +251,14 @@ def _fit(bins: _Bins) -> PowerLaw | None:
 
 
 def _fit_straight(bins: _Bins) -> PowerLaw | None:
-    """Fit a power law to all bins; return None if it does not hold."""
+    """Fit a power law to all bins; return None if it is not valid."""
     return _fit_from(bins, float(bins.x[0]), has_plateau=False)
 
 
 def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
-    """Fit a plateau followed by a power law to all bins; return None if the law does not hold.
+    """Fit a plateau followed by a power law to all bins; return None if it is not a valid power law.
 
-    The end of the plateau is the one with the smallest weighted sum of squared deviations.
+    The end of the plateau is chosen so that the weighted sum of squared deviations is smallest.
     """
     x, weight = bins.x, bins.weight
     bends = np.arange(
@@ -277,7 +277,7 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
 
 
 def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None:
-    """Fit y = level + slope · max(x − bend, 0) by weighted least squares; return None if no power law holds.
+    """Fit y = level + slope · max(x − bend, 0) by weighted least squares; return None if it is not a valid power law.
 
     With a plateau, the error of the slope includes the error of the bend. It is increased if the deviations from the
     fit are larger than the variances explain.
@@ -294,8 +294,8 @@ def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None
         design = np.vstack([design, by_bend])
     freedom = fall.size - len(design)
     unexplained = np.maximum(deviation**2 - bins.variance, 0.0)  # beyond the scatter of the waves
-    holds = sqrt(np.mean(unexplained)) <= _SCATTER and 0 < hurst <= _LARGEST_HURST
-    if freedom < 1 or not holds:
+    is_valid = sqrt(np.mean(unexplained)) <= _SCATTER and 0 < hurst <= _LARGEST_HURST
+    if freedom < 1 or not is_valid:
         return None
     excess = max(1.0, sqrt(weight @ deviation**2 / freedom))
     slope_variance = np.linalg.inv((design * weight) @ design.T)[1, 1]

@@ -305,8 +305,9 @@ def representative(patch: Surface) -> Representative:
     """Estimate the longest waves of a surface, and how many of them a patch contains.
 
     The surface must be without its form and without undefined points. Of several patches, the one that contains the
-    fewest of its longest waves is described. If a patch is so narrow that one of the two octaves contains no waves, its
-    spectrum does not count as rising, and the density and the wavelength of the octave are NaN.
+    fewest of its longest waves is described. If a patch is so narrow that the octave of the longest waves or the next
+    octave contains no waves, its spectrum does not count as rising, and the density and the wavelength of the octave
+    are NaN.
     """
     if not isinstance(patch, Topography):
         descriptions = [representative(single) for single in patch.patches]
