@@ -1,7 +1,7 @@
 """Compile loops over large arrays with Numba, and divide their work between the threads of this process.
 
-Results are identical for any number of threads, to the last bit: the division of an array into parts depends on its
-size only, and the values of the parts are added in a fixed order.
+Results are identical to the last bit for any number of threads, because the division of an array into parts only
+depends on its size, and the values of the parts are added in a fixed order.
 
 Compiled loops are cached on disk. They release the global lock of the Python interpreter, so that threads can run them
 at the same time. By default Numba also compiles an entry point for calls from C, and an entry point for calls from
@@ -23,20 +23,20 @@ from numba.extending import overload, register_jitable
 _threads = 1
 #: Approximate number of points in each part of a two-dimensional array.
 _POINTS = 2**17
-#: Approximate number of items in each part of a list. A loop over them takes a few tenths of a millisecond.
+#: Approximate number of items in each part of a list. A loop over so many items takes a few tenths of a millisecond.
 _ITEMS = 2**16
-#: Typed constants for calls of compiled functions. A literal 0, 1, False or True has a type of its own in Numba, for
-#: which the function would be compiled again.
+#: Typed constants for calls of compiled functions. In Numba a literal 0, 1, False or True has a separate type, for
+#: which the function would be compiled once more.
 ZERO, ONE, NO, YES = np.int64(0), np.int64(1), np.bool_(False), np.bool_(True)
 
 
-def number() -> int:
+def thread_count() -> int:
     """Return the number of threads that may share the work on an array."""
     return _threads
 
 
 @contextmanager
-def using(threads: int) -> Iterator[None]:
+def using_threads(threads: int) -> Iterator[None]:
     """Set the number of threads that may share the work on an array within this context."""
     global _threads
     previous = _threads
@@ -48,15 +48,18 @@ def using(threads: int) -> Iterator[None]:
 
 
 def parts(n: int, length: float) -> list[tuple[int, int]]:
-    """Divide n items into equal parts of about `length` items; return the first index and the end of each part."""
+    """Divide n items into nearly equal parts of about `length` items.
+
+    Returns the index of the first item of each part, and the index after its last item.
+    """
     count = max(1, round(n / length))
     return [(n * i // count, n * (i + 1) // count) for i in range(count)]
 
 
 def rows(n1: int, n2: int) -> list[tuple[int, int]]:
-    """Divide the rows of an array (n1, n2) into parts; return the first row and the end of each part.
+    """Divide the rows of an array (n1, n2) into parts; a small array is a single part.
 
-    A small array is a single part.
+    Returns the index of the first row of each part, and the index after its last row.
     """
     return parts(n1, max(1.0, _POINTS / n2))
 
@@ -95,7 +98,7 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
 def over(parts: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
     """Call `work(*part, *arguments)` for each part of an array on the threads of this process.
 
-    parts : parts of the array, such as the pairs of first row and end that `rows` returns.
+    parts : parts of the array, for example the parts that `rows` returns.
 
     Returns the values in the order of the parts.
     """
@@ -131,10 +134,10 @@ def inner(**options: Any) -> Callable[[Any], Any]:
 
 
 def leader(**options: Any) -> Callable[[Any], Any]:
-    """Return a decorator for a function that calls compiled functions.
+    """Return a decorator for a function that leads through an algorithm by calling compiled functions.
 
-    Called from Python it runs in the interpreter and shares the work between threads. Called from a compiled function
-    it becomes part of that function.
+    If it is called from Python, it runs in the interpreter, and the functions that it calls divide their work between
+    threads. If it is called from a compiled function, it is compiled as a part of that function.
     """
     decorator: Callable[[Any], Any] = register_jitable(**options)
     return decorator
@@ -143,10 +146,10 @@ def leader(**options: Any) -> Callable[[Any], Any]:
 def by_rows(**options: Any) -> Callable[[Any], Any]:
     """Return a decorator that compiles a loop over rows and divides the rows between the threads.
 
-    The loop has the signature `loop(first, end, field, *arguments)` and treats the rows `first` to `end - 1`. The
-    decorated function has the signature `function(field, *arguments)` and treats all rows except the first and the
-    last, which are a border. From Python the rows are divided between the threads; a compiled function calls the loop
-    once for all rows.
+    The loop has the signature `loop(first, end, field, *arguments)` and processes the rows `first` to `end - 1`. The
+    decorated function has the signature `function(field, *arguments)`. It processes all rows except the first and the
+    last one, which are a border. If it is called from Python, the rows are divided between the threads. If it is called
+    from a compiled function, the loop is called once for all rows.
     """
 
     def decorate(function: Any) -> Any:
@@ -155,6 +158,7 @@ def by_rows(**options: Any) -> Callable[[Any], Any]:
         @wraps(function)
         def run_on_threads(field: Any, *arguments: Any) -> None:
             n1, n2 = field.shape[:2]
+            # + 1: the first row is a border
             inner_rows = [(first + 1, end + 1) for first, end in rows(n1 - 2, n2)]
             over(inner_rows, loop, field, *arguments)
 
@@ -173,14 +177,15 @@ def by_rows(**options: Any) -> Callable[[Any], Any]:
 def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[Any], Any]:
     """Return a decorator that compiles a loop over the items of lists and divides the items between the threads.
 
-    The loop has the signature `loop(first, end, *arguments)` and treats the items `first` to `end - 1`. The decorated
-    function has the signature `function(n, *arguments)` with the number of items. From Python the items are divided
-    between the threads; a compiled function calls the loop once for all items.
+    The loop has the signature `loop(first, end, *arguments)` and processes the items `first` to `end - 1`. The
+    decorated function has the signature `function(n, *arguments)`, where n is the number of items. If it is called from
+    Python, the items are divided between the threads. If it is called from a compiled function, the loop is called once
+    for all items.
 
     Parameters
     ----------
     merged : callable
-        Combines the list of the values of all parts, for example `summed`.
+        Combines the values of all parts, which it receives as a list, for example `summed`.
     **options
         Further options of Numba.
     """
@@ -205,7 +210,7 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
 
 
 def summed(values: list[Any]) -> Any:
-    """Add up a list of numbers, or a list of tuples member by member; return None if the values are None."""
+    """Add up a list of numbers, or a list of tuples member by member. A list of None gives None."""
     if isinstance(values[0], tuple):
         return tuple(map(sum, zip(*values, strict=True)))
     if values[0] is None:

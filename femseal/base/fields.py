@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 #: Names of the dimensions of a field, in the order of its axes.
-Place = tuple[str, ...]
+Dimensions = tuple[str, ...]
 STEP = ("step",)  # one value for each load step
 CELL = ("step", "cell1", "cell2")  # cells of the surface
 STATE = ("state",)  # contact states of the surface
@@ -42,9 +42,11 @@ ERROR_SOURCE = ("budget_part", "step")  # error sources
 
 #: Replaces the characters of units that are not allowed in names of ASCII letters, digits and underscores.
 _LETTERS = str.maketrans({"/": "_per_", "·": "_", "*": "_", " ": "_"}) | str.maketrans(
-    "³²µ", "32u", "()^"
+    "³²µ",
+    "32u",
+    "()^",  # the last characters are left out
 )
-#: For an SI unit, the unit of pictures and of files for ParaView, and the factor from the first to the second.
+#: Units of pictures and of files for ParaView, and the factors of the conversion, by SI unit.
 READABLE = {
     "m": ("µm", 1e6),
     "Pa": ("MPa", 1e-6),
@@ -66,7 +68,7 @@ class Field:
         SI unit, such as "m^2/s", or "1" for a number without a unit.
     long_name : str
         Short description of the field.
-    place : tuple of str
+    dimensions : tuple of str
         Names of the dimensions, in the order of the axes.
     heading : str
         Heading of the column in printed tables, or "" if there is no such column. Only for fields with one value for
@@ -76,18 +78,18 @@ class Field:
     name: str
     unit: str
     long_name: str
-    place: Place
+    dimensions: Dimensions
     heading: str = ""
 
     @classmethod
-    def of(cls, variable: xarray.DataArray) -> Field:
+    def from_variable(cls, variable: xarray.DataArray) -> Field:
         """Read the declaration back from a variable of a dataset."""
         attrs = variable.attrs
         return cls(
             name=str(variable.name),
             unit=attrs["units"],
             long_name=attrs["long_name"],
-            place=tuple(map(str, variable.dims)),
+            dimensions=tuple(map(str, variable.dims)),
             heading=str(attrs.get("heading", "")),
         )
 
@@ -135,7 +137,7 @@ def declared(
     name: str,
     unit: str,
     long_name: str,
-    place: Place,
+    dimensions: Dimensions,
     *,
     heading: str = "",
     default: Any = MISSING,
@@ -145,7 +147,7 @@ def declared(
 
     The first five parameters are those of `Field`; `default` and `repr` are those of `dataclasses.field`.
     """
-    declaration = Field(name, unit, long_name, place, heading)
+    declaration = Field(name, unit, long_name, dimensions, heading)
     metadata = {"field": declaration, "unit": unit, "long_name": long_name}
     return field(default=default, repr=repr, metadata=metadata)
 

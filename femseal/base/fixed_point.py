@@ -49,7 +49,9 @@ def fixed_point(
     rtol: float,
     name: str = "flow",
 ) -> FixedPoint[Solution]:
-    """Solve a problem repeatedly, each time with the coefficient for the latest state, until the rate converges.
+    """Solve a problem whose coefficient depends on its solution, by repeated solution until the rate converges.
+
+    Each solution takes the coefficient for the state that the previous solution returned.
 
     Parameters
     ----------
@@ -60,7 +62,8 @@ def fixed_point(
     state : array
         Initial state, NaN where the state is undefined.
     rtol : float
-        Largest relative error of the rate. From the third solution on, the last change of the rate is its estimate.
+        Largest relative error of the rate. The error is estimated by the last change of the rate, from the third
+        solution on.
     name : str
         Name of the problem for the error message.
 

@@ -30,7 +30,7 @@ from .validate import Flags, number, reals
 GAS_CONSTANT = 8.31446261815324
 #: Temperature [K] and pressure [Pa] of standard volumes of gas.
 STANDARD_TEMPERATURE, STANDARD_PRESSURE = 273.15, 101_325.0
-#: Units of a single leakage of the whole seal, from the largest.
+#: Usual units of the leakage of a whole seal, from the largest to the smallest.
 _USUAL_FOR_GASES = ("std L/min", "mbar·L/s")
 _USUAL_FOR_LIQUIDS = ("L/min", "mL/min", "drops/min", "drops/h", "mL/year")
 #: Volume of a drop and of a bubble [m³]: 20 drops make 1 mL, and a bubble has 0.15 mL by FCI 70-2.
@@ -53,7 +53,7 @@ class LeakBasis:
     molar_mass : float, optional
         Molar mass of a gas [kg/mol].
     stated : float, optional
-        Temperature [K] to which leakages given as pressure × volume refer. Default: the reference temperature.
+        Temperature [K] to which leakages in units of pressure × volume refer. Default: the reference temperature.
     drop, bubble : float
         Volume of a drop and of a bubble [m³].
     pressure_drop : float, optional
@@ -84,12 +84,12 @@ class LeakBasis:
         return self.pressure is not None
 
     @property
-    def stated_temperature(self) -> float | None:
-        """Temperature [K] to which leakages given as pressure × volume refer; None for a liquid."""
+    def throughput_temperature(self) -> float | None:
+        """Temperature [K] to which leakages in units of pressure × volume refer; None for a liquid."""
         return self.stated if self.is_gas and self.stated is not None else self.temperature
 
     def lacks(self, unit: LeakUnit) -> str:
-        """Return advice on what to use instead if the leakage cannot be given in this unit, and "" if it can."""
+        """Return advice on which unit to use if the leakage cannot be given in this one; "" if it can."""
         is_unit_of_gases = unit.kind in ("throughput", "standard", "bubbles")
         if is_unit_of_gases and not self.is_gas:
             return f"another unit: {unit.name} is for gases"
@@ -143,20 +143,21 @@ class LeakBasis:
         return [LEAK_UNITS[name] for name in names if self.has(LEAK_UNITS[name])]
 
     def readable(self, values: ArrayLike) -> LeakUnit:
-        """Return one unit of the whole seal that suits all the given leakages [m²/s], as a column of a table needs it.
+        """Choose a unit for several leakages [m²/s], for example those in a column of a table.
 
-        It is a volume rate of a liquid, and pressure × volume of a gas.
+        It is a unit of the leakage of the whole seal: of volume per time for a liquid, and of pressure × volume per
+        time for a gas.
         """
         if self.is_gas:
             return LEAK_UNITS["mbar·L/s"]
         return readable_unit(reals(values) * self.length, per_length=False)
 
     def usual_unit(self, value: float) -> LeakUnit:
-        """Return the unit of the whole seal in which people state a single leakage of this size [m²/s].
+        """Choose the unit in which engineers usually give a leakage of this size [m²/s], for the whole seal.
 
-        A gas is stated in standard litres per minute from one on, and below in mbar·L/s, the unit of leak tests. A
-        liquid is stated in L/min, mL/min, drops per minute or per hour, and mL per year, whichever is the first that
-        makes it 1 or more.
+        For a gas it is the standard litre per minute if the leakage is at least one of them, and otherwise mbar·L/s,
+        the unit of leak tests. For a liquid it is the first of L/min, mL/min, drops per minute, drops per hour and mL
+        per year in which the leakage is at least 1.
         """
         names = _USUAL_FOR_GASES if self.is_gas else _USUAL_FOR_LIQUIDS
         units = self.units(names)
@@ -178,10 +179,11 @@ _VI_LIMITS = np.array([0.15, 0.30, 0.45, 0.60, 0.90, 1.70, 4.00, 6.75, 11.1, 16.
 
 
 def _nominal_inches(diameter: float) -> float:
-    """Return the nominal pipe size of API 598 in half inches for a nominal diameter [m].
+    """Return the nominal pipe size of API 598 for a nominal diameter [m], in inches and rounded down to half inches.
 
-    Up to a size of 2 the standard allows no leakage, so the result is 0.
+    The result is 0 up to a size of 2, because the standard allows no leakage there.
     """
+    # a nominal inch has 25 mm; the small number prevents that a size is rounded down because of rounding errors
     size = int(2 * diameter / 0.025 + 1e-9) / 2
     return size if size > 2 else 0.0
 

@@ -1,4 +1,4 @@
-"""Define the units of leakage, and read the many ways in which engineers spell them.
+"""Define the units of leakage, and read their many spellings.
 
 A unit is an amount per time, or an amount per time and per length of seal. To add one, add its amount to `_AMOUNTS` and
 its name to `_NAMES`. Spellings are read factor by factor, so that "mbar l/s", "mbar*l/s" and "mbar·L·s⁻¹" are the same
@@ -25,7 +25,7 @@ class LeakUnit:
     Parameters
     ----------
     name : str
-        Name as people write it.
+        Name of the unit in its usual spelling.
     kind : str
         Kind of amount: a volume, a mass, pressure × volume ("throughput"), a standard volume, drops or bubbles.
     si : float

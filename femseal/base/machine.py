@@ -1,10 +1,9 @@
-"""Access the machine of a run: its memory, arrays shared between processes or stored on disk, and package versions.
+"""Provide facts of the machine, arrays that are shared between processes or stored on disk, and package versions.
 
-A large array is stored in a file of plain numbers that is mapped into memory. It holds the contact states one after the
-other; a state is written and read as a whole or in parts. This requires no further library. Views of the array behave
-like any other array, and other processes can open the file by its name. The file has no entry in its folder, so that it
-disappears with the run even if the run is killed. A resumed run starts from the results in its `store`, where each
-state is saved as soon as it is solved.
+A large array, such as the gaps of all contact states, is stored in a file of plain numbers that is mapped into memory.
+This requires no further library. Views of the array behave like any other array, and other processes can open the file
+by its name. The file has no entry in its folder, so that it disappears with the run even if the run is killed. A
+resumed run does not need the file, because it reads the states from its `store`.
 
 Versions are read from the metadata of the installation, without importing the packages.
 """
@@ -118,7 +117,7 @@ def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
 
 
 def lies_on_disk(size: float) -> bool:
-    """Return whether `shared_empty` would store an array of the given size [byte] on disk."""
+    """Return whether `shared_empty` would store an array of this size [byte] on disk."""
     limit = _stores[-1][1] if _stores else math.inf
     return size > PART_OF_MEMORY * min(free_memory(), limit)
 
@@ -143,7 +142,7 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
                 return np.memmap(file, dtype, "r+", shape=shape)
             descriptor = os.dup(file.fileno())
             _shared[-1].append(descriptor)
-        # joblib sends views of mapped files by the name of the file, so the array is mapped by a name
+        # joblib only sends the name of the file instead of its content, so the file must be mapped by a name
         return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
     except OSError:
         # the system does not have such files, or no space for another one
@@ -168,7 +167,7 @@ def _reserve(file: Any, size: int, on_disk: bool) -> None:
 
 
 def give_back(array: NDArray[Any]) -> None:
-    """Release the memory of an array that is stored in a file. Its content is read from the file again when needed."""
+    """Release the memory of an array that is stored in a file, from which its content is read again when needed."""
     mapped = getattr(array, "_mmap", None)
     if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
         mapped.madvise(mmap.MADV_DONTNEED)

@@ -34,8 +34,8 @@ class TextTable:
     lines : tuple of tuples of str
         Rows, with one text for each column.
     names : int
-        Number of columns, counted from the left, that hold names and are aligned to the left. The other columns hold
-        numbers and are aligned to the right.
+        Number of columns, counted from the left, that contain names and are aligned to the left. The other columns
+        contain numbers and are aligned to the right.
     grouped : bool
         Whether the first column names a group of rows. In the terminal each group name has a line of its own.
     notes : tuple of str
@@ -275,11 +275,11 @@ class Plotted:
         InputError
             This picture does not have such an option.
         """
-        return room("plots").picture(self, **options)
+        return display_package("plots").picture(self, **options)
 
 
-def room(name: str) -> ModuleType:
-    """Import and return a package of femseal that displays results, such as "plots"."""
+def display_package(name: str) -> ModuleType:
+    """Import and return a package of femseal that displays results: "plots", "results" or "report"."""
     return displays[name]()
 
 

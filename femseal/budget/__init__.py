@@ -1,9 +1,10 @@
-"""The error budget of a leakage: what solver, pixels, filter, realisations and one measured patch may be off.
+"""Estimate the error of a leakage, source by source: solver, pixels, filter, realisations, measured patch and model.
 
-`sources.py` has the list of all sources of error, which a run and its forecast iterate: each with the versions of the
-input that are solved for it (`versions.py`), and its evaluation. A budget belongs to one study of one scene:
-`error_budget` gathers the estimates of its numbers (`estimates.py`), and `error_parts.py` combines all parts to one
-interval. All distances are of ln(leakage): near closing, errors are factors.
+`sources.py` lists all error sources. Each one says which modified versions of the input have to be solved for it
+(`versions.py`), and evaluates them. A run and its forecast iterate over this list. A budget belongs to one study of one
+scene: `estimates.py` and `resolution.py` estimate its numerical errors, `changed_models.py` those of the model, and
+`error_parts.py` combines all error sources to one interval. All errors are distances of ln(leakage), because near
+closing an error is a factor rather than a difference.
 """
 
 from typing import TYPE_CHECKING
@@ -24,10 +25,10 @@ if TYPE_CHECKING:
         CoarserSolution,
         ErrorBudget,
         ErrorPart,
-        WidestBand,
+        WidestInterval,
         counting_steps,
         vague_steps,
-        widest_band,
+        widest_interval,
     )
     from .estimates import (
         effective_pressure_part,

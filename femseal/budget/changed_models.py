@@ -1,6 +1,6 @@
 """Estimate errors of the model and its input by solving the scene with another hardness, fluid pressure or form.
 
-Many quantities may be too large or too small; the hardness is an example. The leakage does not change by the same
+An uncertain quantity, such as the hardness, may be too large or too small. The leakage does not change by the same
 factor in both directions. The opposite change is therefore solved as well if it matters for the 95 % interval.
 """
 
@@ -27,8 +27,9 @@ from .error_parts import (
     scale_of_changes,
 )
 
-#: The opposite change is solved where the half-width of the part exceeds this fraction of that of all other parts
-#: together. Below it, an end that is twice as far away as its mirror image makes the interval only 9 % longer.
+#: The opposite change is solved if the half-width of this error source is above this fraction of the half-width of all
+#: others together. Below this fraction, the interval would only be 9 % longer if the opposite change were twice as
+#: large as assumed.
 _MATTERS = 0.25
 
 
@@ -79,7 +80,7 @@ class FormTolerance:
     tolerance: float = 0.0
 
     def on_seat(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """Change the seat of a scene: make it deeper by its tolerance, or shallower if the sign is -1."""
+        """Make the seat of a scene deeper by its tolerance (sign 1), or shallower (sign −1)."""
         assert self.seat is not None
         below = self.seat.row_depths(scene.surface.shape[0], scene.surface.spacing[0])
         changed = scene.surface.with_form(-sign * self.tolerance * below)
@@ -87,7 +88,7 @@ class FormTolerance:
         return ModelChange("form", replace(scene, surface=changed), note, opposite=opposite)
 
     def of_seal(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """Change the forms of the seal: make them higher by their tolerances, or lower if the sign is -1."""
+        """Make the forms of the seal higher by their tolerances (sign 1), or lower (sign −1)."""
         forms = tuple(
             ScaledForm(form, 1 + sign * tolerance)
             for form, tolerance in zip(self.forms, self.tolerances, strict=True)
@@ -109,7 +110,7 @@ def model_changes(
     scene : Scene
         Input of the study.
     names : sequence of str
-        Names of the error sources that the budget shall contain.
+        Names of the error sources that the budget is to contain.
     hardness : float
         Relative error of the hardness.
     form : FormTolerance, optional
@@ -144,37 +145,39 @@ def model_part(
     solution: CoarserSolution,
     opposite: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """Estimate the error that a change of the model represents, from the leakage with the change and its opposite.
+    """Estimate the error that a change of the model represents, from the leakage with this change.
 
     Parameters
     ----------
-    change : what was changed.
+    change : change of the model.
     steps : the load programme.
     leakage : array (steps,), m²/s.
-    solution : leakage of the changed scene, compared with that of the scene itself on the same points.
-    opposite : the same for the opposite change. Without it that end is the mirror image of the other one.
+    solution : leakage of the changed scene, with that of the unchanged scene on the same points.
+    opposite : leakage with the opposite change. Without it, ln(leakage) is assumed to change by the same amount in the
+        opposite direction.
     """
     note = change.note
-    effect = _signed(steps, leakage, solution.change(leakage))
+    effect = _fill_unknown(steps, leakage, solution.change(leakage))
     solutions = [solution]
     if change.opposite is not None:
         if opposite is None:
             opposite_effect = -effect
             note = f"{note}, the latter as the mirror image of the former"
         else:
-            opposite_effect = _signed(steps, leakage, opposite.change(leakage))
+            opposite_effect = _fill_unknown(steps, leakage, opposite.change(leakage))
             solutions.append(opposite)
-        both = np.array([effect, opposite_effect])
-        # where both changes have the same sign, the smaller one is the distance to the other end
-        least = np.abs(both).min(axis=0)
-        above = np.maximum(both.max(axis=0), least)
-        below = np.maximum(-both.min(axis=0), least)
+        effects = np.array([effect, opposite_effect])  # (direction, step)
+        # if both changes have the same sign, the smaller one is also taken as the distance to the other end
+        smaller = np.abs(effects).min(axis=0)
+        above = np.maximum(effects.max(axis=0), smaller)
+        below = np.maximum(-effects.min(axis=0), smaller)
     else:
         above = np.maximum(effect, 0.0)
         below = np.maximum(-effect, 0.0)
-    # a sealed step that the change opens may leak as much as the changed scene does
+    # a sealed step that a change opens may leak as much as the changed scene does; arrays (direction, step)
     opens = np.array([np.isposinf(changed.change(leakage)) for changed in solutions])
-    leaks = np.where(opens, [np.abs(changed.leakage) for changed in solutions], 0.0).max(axis=0)
+    leakages = np.array([np.abs(changed.leakage) for changed in solutions])
+    leakage_if_open = np.where(opens, leakages, 0.0).max(axis=0)
     return part_of_changes(
         change.name,
         steps,
@@ -183,29 +186,29 @@ def model_part(
         above,
         note,
         change=np.where(opens.any(axis=0), np.inf, 0.0),
-        coarse=CoarserSolution(solution.points, leaks),
+        coarse=CoarserSolution(solution.points, leakage_if_open),
     )
 
 
 def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
-    """Return whether the opposite change should be solved, because this error is large compared with all others.
+    """Return whether the opposite change should be solved, because this error is not small compared with all others.
 
     others : the error budget without this error source.
     """
     steps = counting_steps(others)
     alone = ErrorBudget(others.method, others.leakage, (part,))
     width = np.asarray(alone.half_width())[steps]
-    rest = np.asarray(others.half_width())[steps]
-    return bool(np.any(width > _MATTERS * rest))
+    width_of_others = np.asarray(others.half_width())[steps]
+    return bool(np.any(width > _MATTERS * width_of_others))
 
 
-def _signed(steps: LoadProgramme, leakage: Array, moved: Array) -> Array:
-    """Replace unknown changes of ln(leakage) (steps,) by changes as large as those of the nearest steps.
+def _fill_unknown(steps: LoadProgramme, leakage: Array, change: Array) -> Array:
+    """Replace unknown changes of ln(leakage) (steps,) by changes as large as those at the nearest steps.
 
-    It is −inf where the changed scene is sealed.
+    A change stays −inf where the changed scene is sealed.
     """
     slope = np.maximum(load_sensitivity(steps, leakage), LEAST_SLOPE)
-    finite = np.isfinite(moved)
-    near = scale_of_changes(steps, moved, slope)
-    sign = 1.0 if float(moved[finite].sum()) >= 0 else -1.0
-    return np.where(finite | np.isneginf(moved), moved, sign * near)
+    finite = np.isfinite(change)
+    nearby = scale_of_changes(steps, change, slope)
+    sign = 1.0 if float(change[finite].sum()) >= 0 else -1.0
+    return np.where(finite | np.isneginf(change), change, sign * nearby)

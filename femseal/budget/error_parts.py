@@ -3,10 +3,10 @@
 The module holds the contribution of each error source, the budget that combines them, and the comparison with a coarser
 solution of the same scene. This comparison shows how much the pixel size and the removed waves matter.
 
-The change of ln(leakage) between two grids is not a smooth function of the load. Where contacts open and close, it has
-either sign. Near closing, a coarser grid shifts the load at which the seal closes. The change is then this shift
-multiplied by the slope of ln(leakage) over ln(load). The size of the change at one load is therefore estimated from
-this load, its neighbours, and the typical shift over the whole cycle.
+The change of ln(leakage) between two grids is not a smooth function of the load. Its sign is random where contacts open
+and close. Near closing, a coarser grid shifts the load at which the seal closes, and the change is this shift times the
+slope of ln(leakage) over ln(load). The size of the change at one load is therefore estimated from this load, its
+neighbours, and the typical shift over the whole cycle.
 
 Source: Celik, Ghia, Roache, Freitas, Coleman & Raad, J. Fluids Eng. 130, 2008, 078001.
 """
@@ -27,7 +27,7 @@ from ..loads import LoadProgramme, least_counted, load_sensitivity, neighbouring
 if TYPE_CHECKING:
     from ..studies import Scene
 
-#: Sources of error of the model and its input, in the order in which they are shown. All others are numerical.
+#: Error sources of the model and its input, in the order in which they are shown. All others are numerical.
 MODEL_PARTS = (
     "hardness",
     "fluid pressure",
@@ -38,31 +38,33 @@ MODEL_PARTS = (
     "continuation",
     "thin gap",
 )
-#: An end of the interval that is further from the leakage than this factor is not worth stating as a number.
+#: An end of an interval is not given as a number if it differs from the leakage by more than this factor.
 VAGUE = 1000.0
-#: Ratio by which the leakage may rise under a higher load because of errors of the solution.
+#: Factor by which the computed leakage may be larger under a higher load, because of numerical errors.
 _RISE = 1.001
-#: Least slope of ln(leakage) over ln(load) that is counted.
+#: Smallest slope |d ln(leakage)/d ln(load)| by which changes are divided.
 LEAST_SLOPE = 0.3
 #: Order of convergence of the leakage in the pixel size. Measured on 320 surfaces of 64² to 256² points: the median is
 #: 1.9.
 ORDER = 2.0
-#: Half-width of the interval over the scale of the changes to half the points a side, see `scale_of_changes`. Measured
-#: on 154 surfaces of six kinds, at loads that leak more than 1e-3 of the first: an interval with 0.28 contains 95 % of
-#: the errors, with 0.31 96.5 %, and with 0.43 98 %, of which 97 % were found again on other surfaces.
+#: Ratio of the half-width of the interval to the typical change of ln(leakage) between a grid and one with half the
+#: points along each side, see `scale_of_changes`. Measured on 154 surfaces of six kinds, at loads that leak more than
+#: 1e-3 of the first one: with a ratio of 0.28 the interval contains the true leakage in 95 % of the cases, with 0.31 in
+#: 96.5 %, and with 0.43 in 98 % (97 % on other surfaces).
 PER_CHANGE = 0.43
-#: Factor on the half-width where only a few loads were solved on both grids, by their number. Measured as above.
+#: Factor on the half-width if only a few loads were solved on both grids, by the number of these loads. Measured as
+#: above.
 FEW_LOADS = {0: 3.0, 1: 3.0, 2: 1.45, 3: 1.15}
-#: Least shift of ln(load) that is assumed for any surface, and least slope of ln(leakage) over ln(load) by which it is
-#: multiplied. Measured as above: with a third of the shift and a fifth of the slope, equally wide intervals contain
-#: 94.5 % instead of 97 %.
+#: Smallest shift of ln(load) that is assumed for any surface, and smallest slope |d ln(leakage)/d ln(load)| by which it
+#: is multiplied. Measured as above: with a third of the shift and a fifth of the slope, intervals of equal width
+#: contain the true leakage in 94.5 % of the cases instead of 97 %.
 _LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
-#: Nine in ten states have at most this many times the slope that `expected_sensitivity` gives.
+#: In nine of ten contact states, the slope is at most this many times that of `expected_sensitivity`.
 STEEPEST = 2.0
 #: Pixels in the shortest wave of the surfaces on which these constants were measured.
 USUAL_PIXELS = 8.0
-#: A seal is near closing where it leaks less than this fraction of what it would leak if its mean gap were everywhere.
-#: Measured on 20 surfaces of ten kinds: they then leak about 1e-3 of what they leak under the least load.
+#: A seal is near closing if it leaks less than this fraction of the leakage through a uniform gap of the same mean
+#: height. Measured on 20 surfaces of ten kinds: they then leak about 1e-3 of their leakage under the lowest load.
 _CLOSING_LEAKAGE = 1e-2
 #: A step near closing may be sealed if the error of ln(leakage) is larger than this.
 _MAY_CLOSE = 1.5
@@ -70,13 +72,13 @@ _MAY_CLOSE = 1.5
 
 @dataclass(frozen=True)
 class ErrorPart:
-    """Hold one error source of a leakage, with the 95 % interval that it would have by itself.
+    """Hold one error source, with the 95 % interval that the leakage would have if there were no other error.
 
     Parameters
     ----------
     name : "solver", "pixels", "filter", "realisations", "patch", "patches", "blocks", or one of `MODEL_PARTS`.
-    lower, upper : ends of the interval if this were the only source of error, array (steps,), m²/s. A lower end of 0
-        means that the seal may be sealed. An upper end of inf means that no bound is known. NaN means unknown.
+    lower, upper : ends of this interval, arrays (steps,), m²/s. A lower end of 0 means that the seal may be sealed. An
+        upper end of inf means that no upper bound is known. NaN means that this error is unknown.
     note : a sentence that says how the interval was estimated.
     """
 
@@ -86,7 +88,9 @@ class ErrorPart:
     note: str
 
     @classmethod
-    def of(cls, name: str, leakage: Array, below: Array, above: Array, note: str) -> ErrorPart:
+    def from_distances(
+        cls, name: str, leakage: Array, below: Array, above: Array, note: str
+    ) -> ErrorPart:
         """Make an error source from the distances between ln(leakage) and both ends of its interval.
 
         Parameters
@@ -131,16 +135,16 @@ class ErrorBudget:
     steps : LoadProgramme, optional
         Load steps. If they are given, the intervals are made consistent with each other, because a seal leaks no more
         under a higher load, see `within_others`. By default the interval of each step stays as it is.
-    parted : tuple of int
-        Indices of the steps at which the fluid carries the whole load. The surfaces are separated there, and no leakage
-        is known.
+    separated : tuple of int
+        Indices of the steps at which the fluid carries the whole load, so that the faces are separated and the leakage
+        is unknown.
     """
 
     method: str
     leakage: Array
     parts: tuple[ErrorPart, ...]
     steps: LoadProgramme | None = None
-    parted: tuple[int, ...] = ()
+    separated: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)
@@ -164,7 +168,10 @@ class ErrorBudget:
 
     @property
     def upper(self) -> Array:
-        """Upper end of the 95 % interval (steps,) [m²/s]; in a sealed state the largest of all error sources."""
+        """Upper end of the 95 % interval (steps,) [m²/s].
+
+        At a sealed step it is the largest upper end of all error sources.
+        """
         return self._ends[1]
 
     @cached_property
@@ -178,10 +185,10 @@ class ErrorBudget:
         return (low, high) if self.steps is None else within_others(self.steps, q, low, high)
 
     def half_width(self, step: int | None = None) -> Array | float:
-        """Return the distance of ln(leakage) to the end of the interval that is further away.
+        """Return the distance of ln(leakage) to that end of its interval which is further away.
 
-        The result is an array (steps,), or a number if a step is given. It is inf where the leakage is above 0 and the
-        lower end is 0, and where the leakage is 0 and the upper end is above 0.
+        The result is an array (steps,), or a number if a step is given. It is inf if only the lower end is 0, or if
+        only the upper end is above 0.
         """
         widths = _width(np.abs(self.leakage), self.lower, self.upper)
         return widths if step is None else float(widths[step])
@@ -194,15 +201,19 @@ class ErrorBudget:
     def limiting(self, step: int | None = None) -> str:
         """Return the name of the error source with the widest interval, or "" if the budget has none.
 
-        The widest interval is sought at the given step, or at all steps that leak more than 1e-3 of the first one.
+        The intervals are compared at the given step, or at all steps that leak more than 1e-3 of the first one.
         """
         widths = self.widths()
         if not widths:
             return ""
         q = np.abs(self.leakage)
-        chosen = q > least_counted(q) if step is None else np.arange(q.size) == step
-        chosen = chosen if chosen.any() else np.ones_like(chosen)
-        return max(widths, key=lambda name: _largest(widths[name][chosen]))
+        if step is None:
+            is_compared = q > least_counted(q)
+        else:
+            is_compared = np.arange(q.size) == step
+        if not is_compared.any():
+            is_compared[:] = True
+        return max(widths, key=lambda name: _largest(widths[name][is_compared]))
 
     def _distance(self, end: str) -> Array:
         """Combine the distances of ln(leakage) to an end of each interval: the square root of the sum of squares."""
@@ -219,17 +230,17 @@ def within_others(
 ) -> tuple[Array, Array]:
     """Limit the interval of each load step by the intervals of the other steps.
 
-    A seal does not leak more under a higher load of the same branch, and not more on unloading than on loading under
-    the same load. If the leakage does not follow this rule, the intervals are returned unchanged. An example are
-    pressure maps that change with the load. Unknown ends remain unknown, and each interval contains its leakage.
+    A seal does not leak more under a higher load of the same branch. Under the same load, it does not leak more on
+    unloading than on loading. If the computed leakage does not follow these rules, for example because the pressure map
+    changes with the load, the intervals are returned unchanged. Unknown ends remain unknown, and each interval contains
+    its leakage.
 
     Returns the lower and the upper ends (steps,).
     """
-    rising = np.flatnonzero(steps.on_loading)
-    high, low = _from_others(steps, rising, upper, lower)
-    # The same bounds from the leakages themselves show whether these follow the rule.
-    least, most = _from_others(steps, rising, leakage, leakage)
-    if (leakage > _RISE * least).any() or (_RISE * leakage < most).any():
+    low, high = _bounds_by_other_steps(steps, lower, upper)
+    # the same bounds from the leakages themselves show whether these follow the rules
+    lower_bound, upper_bound = _bounds_by_other_steps(steps, leakage, leakage)
+    if (leakage > _RISE * upper_bound).any() or (_RISE * leakage < lower_bound).any():
         return lower, upper
     low = np.where(np.isnan(lower), np.nan, low)
     high = np.where(np.isnan(upper), np.nan, high)
@@ -238,43 +249,43 @@ def within_others(
 
 
 def near_closing(leakage: Array, open_leakage: Array) -> Flags:
-    """Return at which steps the surface is near closing (steps,): it leaks far less than a uniform gap would.
+    """Return at which steps the surface is near closing (steps,), because it leaks far less than a uniform gap.
 
-    open_leakage : leakage if the gap were everywhere equal to the mean gap (steps,) [m²/s]; NaN where it is unknown.
+    open_leakage : leakage through a uniform gap of the same mean height (steps,) [m²/s]; NaN where it is unknown.
     """
     with np.errstate(invalid="ignore"):
         return np.abs(leakage) < _CLOSING_LEAKAGE * np.abs(open_leakage)
 
 
-def _from_others(
-    steps: LoadProgramme, rising: Indices, upper: Array, lower: Array
-) -> tuple[Array, Array]:
-    """Find the narrowest interval of each step that the intervals of all steps allow.
+def _bounds_by_other_steps(steps: LoadProgramme, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Find the narrowest interval of each step that the intervals of all steps allow (steps,).
 
-    Returns the smallest upper end of all steps that must leak at least as much, and the largest lower end of all steps
-    that cannot leak more. `rising` are the indices of the steps on loading.
+    The lower end is the largest one of all steps that cannot leak more than this step. The upper end is the smallest
+    one of all steps that leak at least as much.
     """
     low, high, pressure = lower.copy(), upper.copy(), steps.pressures
-    high[rising] = np.fmin.accumulate(high[rising])
-    low[rising] = np.fmax.accumulate(low[rising][::-1])[::-1]
-    for falling in steps.branches[1:]:
-        # from the lowest load to the highest
-        branch = falling[::-1]
-        below = np.searchsorted(pressure[rising], pressure[branch], side="right") - 1
-        before = np.where(below >= 0, high[rising[below]], np.inf)
-        high[branch] = np.fmin.accumulate(np.fmin(high[branch], before))
-        peak = steps.peak_indices[falling[0]]
-        way = np.append(peak, falling)
-        low[falling] = np.fmax.accumulate(low[way])[1:]
-        # what the peak may leak, its unloading may leak as well
-        high[falling] = np.where(
-            np.isnan(high[falling]), np.nan, np.fmax(high[falling], high[peak])
+    # loading, from the lowest load to the highest: the leakage falls
+    loading, *unloadings = steps.branches
+    high[loading] = np.fmin.accumulate(high[loading])
+    low[loading] = np.fmax.accumulate(low[loading][::-1])[::-1]
+    for unloading in unloadings:  # from the highest load to the lowest: the leakage rises
+        from_lowest = unloading[::-1]
+        # step of loading with the same load or the next lower one, −1 if there is none
+        next_lower = np.searchsorted(pressure[loading], pressure[from_lowest], side="right") - 1
+        high_on_loading = np.where(next_lower >= 0, high[loading[next_lower]], np.inf)
+        high[from_lowest] = np.fmin.accumulate(np.fmin(high[from_lowest], high_on_loading))
+        peak = steps.peak_indices[unloading[0]]
+        from_peak = np.append(peak, unloading)
+        low[unloading] = np.fmax.accumulate(low[from_peak])[1:]
+        # an unloaded step may leak at least as much as its peak may
+        high[unloading] = np.where(
+            np.isnan(high[unloading]), np.nan, np.fmax(high[unloading], high[peak])
         )
-    return high, low
+    return low, high
 
 
 def _width(leakage: Array, lower: Array, upper: Array) -> Array:
-    """Compute the larger distance of ln(leakage) to an end; it is inf for a sealed step that may be open."""
+    """Compute the larger distance of ln(leakage) to the ends of an interval; inf for a sealed step that may be open."""
     with np.errstate(divide="ignore", invalid="ignore"):
         width = np.maximum(np.log(leakage / lower), np.log(upper / leakage))
     sealed = np.where(np.isnan(upper), np.nan, np.where(upper > 0, np.inf, 0.0))
@@ -282,8 +293,8 @@ def _width(leakage: Array, lower: Array, upper: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class WidestBand:
-    """Hold the widest interval of a budget, among the load steps that `counting_steps` returns.
+class WidestInterval:
+    """Hold the widest interval of a budget at the load steps that `counting_steps` returns.
 
     Parameters
     ----------
@@ -294,7 +305,7 @@ class WidestBand:
     limit : str
         Name of the error source with the largest half-width at any of the steps.
     parts : dict
-        Name of each error source and its largest half-width at any of the steps.
+        Largest half-width of each error source at any of the steps, by the name of the error source.
     """
 
     half_width: float
@@ -307,39 +318,41 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
     """Return the indices of the load steps that decide whether an interval is narrow enough.
 
     These are the steps whose leakage is unknown, or more than 1e-3 of the leakage at the first step. If the seal does
-    not leak at the first step, they are all steps that leak or may leak. Other sealed steps are left out, because the
+    not leak at the first step, these are all steps that leak or may leak. Other sealed steps are left out, because the
     intervals of the steps before them show whether they may be open. Steps at which the fluid carries the whole load
     are left out as well.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
     least = np.nan_to_num(least_counted(q))
-    counts = (q != 0) | (upper != 0) if least == 0 else (q > least) | np.isnan(q)
-    counts[list(budget.parted)] = False
+    if least == 0:
+        counts = (q != 0) | (upper != 0)
+    else:
+        counts = (q > least) | np.isnan(q)
+    counts[list(budget.separated)] = False
     return np.flatnonzero(counts)
 
 
 def vague_steps(budget: ErrorBudget) -> Indices:
-    """Return the indices of the leaking steps whose interval is too wide to be stated as numbers.
+    """Return the indices of the leaking steps whose interval is too wide to be given as numbers.
 
-    The upper end exceeds the leakage by more than the factor `VAGUE`. At the steps of `counting_steps` it is also
-    enough that the lower end is below the leakage by more than this factor.
+    The upper end is above the leakage by more than the factor `VAGUE`, or at the steps of `counting_steps` the lower
+    end is below the leakage by more than this factor.
     """
     q = np.abs(budget.leakage)
     counts = np.zeros(len(budget.leakage), bool)
     counts[counting_steps(budget)] = True
-    return np.flatnonzero(
-        (q > 0) & ((budget.upper > VAGUE * q) | (counts & (VAGUE * budget.lower < q)))
-    )
+    is_vague = (budget.upper > VAGUE * q) | (counts & (VAGUE * budget.lower < q))
+    return np.flatnonzero((q > 0) & is_vague)
 
 
-def widest_band(budget: ErrorBudget) -> WidestBand:
+def widest_interval(budget: ErrorBudget) -> WidestInterval:
     """Find the widest interval of a budget; its half-width is inf if the error of the pixel size is unknown."""
     steps = counting_steps(budget)
     widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
     parts = {"pixels": inf} | {
         name: _largest(width[steps]) for name, width in budget.widths().items()
     }
-    return WidestBand(
+    return WidestInterval(
         half_width=max(_largest(widths), inf if np.isinf(parts["pixels"]) else 0.0),
         step=int(steps[np.argmax(widths)]) if steps.size else 0,
         limit=max(parts, key=lambda name: parts[name]),
@@ -354,7 +367,7 @@ def _largest(widths: Array) -> float:
 
 @dataclass(frozen=True)
 class CoarserSolution:
-    """Hold the leakage of a scene that was solved on fewer points or without its shortest waves.
+    """Hold the leakage of a scene that was solved on fewer points, with fewer waves or with a changed model.
 
     Parameters
     ----------
@@ -362,15 +375,15 @@ class CoarserSolution:
         Number of points of the surface along x1 and x2.
     leakage : array (steps,), m²/s
         Leakage at every step of the scene.
-    against : array (steps,), m²/s, optional
-        Leakage of the same study with which it is compared. The default is the leakage of the budget.
+    reference : array (steps,), m²/s, optional
+        Leakage of the same study with which it is compared. Default: the leakage of the budget.
     rms_slope : float, optional
         Rms slope of the surface that was solved.
     """
 
     points: Shape
     leakage: Array
-    against: Array | None = None
+    reference: Array | None = None
     rms_slope: float | None = None
 
     def change(self, leakage: Array) -> Array:
@@ -378,9 +391,10 @@ class CoarserSolution:
 
         It is inf or −inf where one of the two solutions is sealed, 0 where both are, and NaN where one is unknown.
 
-        leakage : leakage of the budget (steps,) [m²/s], used unless `against` is given.
+        leakage : leakage of the budget (steps,) [m²/s], the reference unless the solution has another one.
         """
-        reference = np.abs(np.asarray(leakage if self.against is None else self.against, float))
+        compared_with = leakage if self.reference is None else self.reference
+        reference = np.abs(np.asarray(compared_with, float))
         coarser = np.abs(np.asarray(self.leakage, float))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.log(coarser / reference)
@@ -390,8 +404,9 @@ class CoarserSolution:
 def expected_sensitivity(in_contact: Array) -> Array:
     """Estimate the slope |d ln(leakage) / d ln(load)| from the contact fraction alone (steps,).
 
-    Measured on 25 surfaces of five kinds at up to 16 loads each. The median slope is 0.6 below 2 % of contact, 1.0 at 5
-    %, 2.0 at 17 %, 4.0 at 32 % and 4.9 at 45 %; nine in ten states have at most about twice as much.
+    Measured on 25 surfaces of five kinds at up to 16 loads each: the median slope is 0.6 for contact fractions below
+    2 %, 1.0 at 5 %, 2.0 at 17 %, 4.0 at 32 % and 4.9 at 45 %. In nine of ten states it is at most about twice the
+    median.
     """
     return 0.5 + 9.0 * np.nan_to_num(np.asarray(in_contact, float))
 
@@ -399,21 +414,23 @@ def expected_sensitivity(in_contact: Array) -> Array:
 def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Array:
     """Estimate the slope |d ln(leakage) / d ln(load)| at every step (steps,).
 
-    It is the slope between neighbouring loads, but at least `expected_sensitivity`. A load without neighbours takes a
-    slope that nine of ten contact states do not exceed, so that its interval is not narrower than it would be among
-    other loads.
+    It is the slope between neighbouring loads, but at least `expected_sensitivity`. At a load without neighbours it is
+    a slope that nine of ten contact states do not exceed. The interval is then not narrower than with neighbouring
+    loads.
 
     in_contact : contact fraction (steps,), NaN where it is unknown.
     """
     expected = expected_sensitivity(in_contact)
-    found = load_sensitivity(steps, leakage)
-    return np.where(found > 0, np.maximum(found, expected), STEEPEST * expected)
+    between_loads = load_sensitivity(steps, leakage)  # 0 where it is unknown
+    at_least_expected = np.maximum(between_loads, expected)
+    return np.where(between_loads > 0, at_least_expected, STEEPEST * expected)
 
 
 def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array:
     """Estimate the typical size of the change of ln(leakage) between two grids at every step (steps,).
 
-    It combines the rms change at the nearest two or more steps with the mean shift of the load over the cycle.
+    Two contributions are combined as the square root of the sum of their squares: the rms change at the nearest two or
+    more steps, and the change that corresponds to the mean shift of the load over the cycle.
 
     Parameters
     ----------
@@ -428,17 +445,22 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
     if not finite.size:
         return np.zeros(len(steps))
     shift = mean_shift(change[finite], slope[finite])
-    beside = np.zeros((len(steps), len(steps)))
-    for s, other in neighbouring_steps(steps):
-        beside[s, other] = 1
-    apart = shortest_path(beside, directed=False, unweighted=True)[:, finite]
-    near = apart <= np.sort(apart, axis=1)[:, :2].max(axis=1, keepdims=True)
-    rms = np.sqrt(near @ np.square(change[finite]) / near.sum(axis=1))
+    adjacency = np.zeros((len(steps), len(steps)))
+    for step, previous in neighbouring_steps(steps):
+        adjacency[step, previous] = 1
+    # number of steps along the cycle from each step to each step with a finite change (step, finite step)
+    distance = shortest_path(adjacency, directed=False, unweighted=True)[:, finite]
+    second_smallest = np.sort(distance, axis=1)[:, :2].max(axis=1, keepdims=True)
+    is_near = distance <= second_smallest
+    rms = np.sqrt(is_near @ np.square(change[finite]) / is_near.sum(axis=1))
     return np.hypot(rms, slope * shift)
 
 
 def mean_shift(change: Array, slope: Array) -> float:
-    """Compute the mean shift of ln(load) that explains changes of ln(leakage), from their slopes; 0 without any."""
+    """Compute the mean shift of ln(load) that corresponds to changes of ln(leakage); 0 if there are no changes.
+
+    change : changes of ln(leakage) (n,). slope : slopes |d ln(leakage)/d ln(load)| (n,).
+    """
     return float(np.mean(np.abs(change / slope))) if change.size else 0.0
 
 
@@ -449,40 +471,57 @@ def sealed_upper(
     change: Array | None = None,
     coarse: CoarserSolution | None = None,
 ) -> Array:
-    """Find the upper end of the interval at the sealed steps (steps,) [m²/s]; it is 0 elsewhere.
+    """Estimate the upper end of the interval at the sealed steps (steps,) [m²/s]; it is 0 at all other steps.
 
-    A sealed step may leak as much as the upper end of the next open step, if the error can shift the load that far. It
-    may also leak what the other solution leaks there.
+    If the error can shift the load to that of the next open step, a sealed step may leak as much as the upper end of
+    the interval of this open step. It may also leak as much as the other solution does at the sealed step.
 
     Parameters
     ----------
+    steps : the load programme.
     q : leakage (steps,), m²/s.
-    distance : of ln(leakage) to the upper end (steps,).
-    change : of ln(leakage) to the other solution (steps,); None without one.
-    coarse : the other solution; None without one.
+    distance : distance of ln(leakage) to the upper end (steps,).
+    change : change of ln(leakage) to the other solution (steps,); None if there is none.
+    coarse : the other solution; None if there is none.
     """
-    found = np.zeros(q.size)
-    slope = load_sensitivity(steps, q)
-    open_ = (q > 0) & np.isfinite(distance)
-    # the shift is that of steps whose slope is known, if there are any
-    chosen = open_ & (slope > 0) if (slope[open_] > 0).any() else open_
-    shift = float(np.max(distance[chosen] / np.maximum(slope[chosen], LEAST_SLOPE), initial=0.0))
-    change, other = np.zeros(q.size) if change is None else change, np.zeros(q.size)
+    upper = np.zeros(q.size)
+    change = np.zeros(q.size) if change is None else change
+    other_leakage = np.zeros(q.size)
     if coarse is not None:
-        other = np.nan_to_num(np.abs(coarse.leakage))
+        other_leakage = np.nan_to_num(np.abs(coarse.leakage))
+    is_open = (q > 0) & np.isfinite(distance)
+    shift = _load_shift(distance, load_sensitivity(steps, q), is_open)
     pressure, loading, peaks = steps.pressures, steps.on_loading, steps.peak_indices
     for s in np.flatnonzero((q == 0) & ~np.isnan(change)):
-        found[s] = other[s]
-        branch = loading | (~loading[s] & (peaks == peaks[s]))
-        less = np.flatnonzero(branch & open_ & (pressure <= pressure[s]))
-        # a load that is sealed for certain seals all higher ones
-        lowest = pressure[branch & (q == 0)].min()
-        if less.size and (np.isposinf(change[s]) or pressure[s] * np.exp(-shift) <= lowest):
-            nearest = max(less, key=lambda n: (pressure[n], -q[n]))
-            found[s] = max(found[s], q[nearest] * np.exp(min(float(distance[nearest]), 50.0)))
-        if np.isposinf(change[s]) and found[s] == 0:
-            found[s] = other.max()
-    return found
+        upper[s] = other_leakage[s]
+        # steps that leak at least as much under the same load: loading, and for an unloaded step its own branch
+        path = loading | (~loading[s] & (peaks == peaks[s]))
+        open_below = np.flatnonzero(path & is_open & (pressure <= pressure[s]))
+        # a higher load cannot open what is sealed for certain at the lowest sealed load
+        lowest_sealed = pressure[path & (q == 0)].min()
+        opens_in_other = np.isposinf(change[s])
+        may_open = opens_in_other or pressure[s] * np.exp(-shift) <= lowest_sealed
+        if open_below.size and may_open:
+            # the highest of these loads, and of two steps with the same load the one that leaks less
+            nearest = max(open_below, key=lambda n: (pressure[n], -q[n]))
+            factor = np.exp(min(float(distance[nearest]), 50.0))
+            upper[s] = max(upper[s], q[nearest] * factor)
+        if opens_in_other and upper[s] == 0:
+            upper[s] = other_leakage.max()
+    return upper
+
+
+def _load_shift(distance: Array, slope: Array, is_open: Flags) -> float:
+    """Return the largest shift of ln(load) that corresponds to distances of ln(leakage) at open steps, arrays (steps,).
+
+    slope : slope |d ln(leakage)/d ln(load)|, 0 where it is unknown. Steps with an unknown slope are only used if that
+        of all open steps is unknown.
+    """
+    is_used = is_open
+    if (slope[is_open] > 0).any():
+        is_used = is_open & (slope > 0)
+    shifts = distance[is_used] / np.maximum(slope[is_used], LEAST_SLOPE)
+    return float(np.max(shifts, initial=0.0))
 
 
 def part_of_changes(
@@ -496,19 +535,24 @@ def part_of_changes(
     change: Array | None = None,
     coarse: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """Make a part from distances of ln(leakage), with the upper ends of sealed steps from `sealed_upper`.
+    """Make an error source from the distances between ln(leakage) and both ends of its interval.
+
+    In contrast to `ErrorPart.from_distances`, the upper ends of sealed steps are estimated, see `sealed_upper`.
 
     Parameters
     ----------
     below, above : distances to the lower and the upper end, arrays (steps,).
-    change, coarse : change of ln(leakage) to another solution (steps,), and that solution, where the part comes from
-        one. Where the change is NaN, the part is unknown.
+    change, coarse : change of ln(leakage) to another solution (steps,), and this solution, if the error was estimated
+        by comparing the two. The error is unknown where the change is NaN.
     """
     q = np.abs(np.asarray(leakage, float))
-    part = ErrorPart.of(name, leakage, below, above, note)
+    part = ErrorPart.from_distances(name, leakage, below, above, note)
     upper = np.where(q == 0, sealed_upper(steps, q, above, change, coarse), part.upper)
-    unknown = np.isnan(np.zeros(q.size) if change is None else change)
-    lower, upper = (np.where(unknown, np.nan, end) for end in (part.lower, upper))
+    if change is None:
+        return ErrorPart(name, part.lower, upper, note)
+    is_unknown = np.isnan(change)
+    lower = np.where(is_unknown, np.nan, part.lower)
+    upper = np.where(is_unknown, np.nan, upper)
     return ErrorPart(name, lower, upper, note)
 
 
@@ -520,15 +564,17 @@ def pixels_part(
     closing: Flags | bool = False,
     in_contact: Array | float = np.nan,
 ) -> ErrorPart:
-    """Estimate the error of the pixels from a solution on a coarser grid.
+    """Estimate the error of the pixel size from a solution on a coarser grid.
 
-    A step that is open on one grid and sealed on the other may be either.
+    If a step is open on one grid and sealed on the other, it may in truth be open or sealed.
 
     Parameters
     ----------
-    coarse : the solution on the coarser grid.
-    wave_pixels : pixels in the shortest wave. With more than usual, the least shift of the load is smaller in
-        proportion.
+    scene : input of the study.
+    leakage : array (steps,), m²/s.
+    coarse : solution on the coarser grid.
+    wave_pixels : number of pixels in the shortest wave. With more than `USUAL_PIXELS`, the smallest shift of the load
+        that is assumed is reduced in proportion.
     closing : whether the surface is near closing at each step (steps,), see `near_closing`.
     in_contact : contact fraction (steps,).
     """
@@ -536,12 +582,12 @@ def pixels_part(
     coarsening = float(np.sqrt(np.prod(scene.surface.shape) / np.prod(coarse.points)))
     change = coarse.change(leakage)
     slope = np.maximum(sensitivity(steps, leakage, np.asarray(in_contact)), _LEAST_SLOPE)
-    # the change that a grid with half the points a side would show, by the order of convergence
+    # change to a grid with half the points along each side, extrapolated with the order of convergence
     scaled = change * (2.0**ORDER - 1) / (coarsening**ORDER - 1)
-    least = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)
-    scale = np.hypot(scale_of_changes(steps, scaled, slope), least * slope)
-    loads = int((np.isfinite(change) & steps.on_loading).sum())
-    distance = PER_CHANGE * FEW_LOADS.get(loads, 1.0) * scale
+    least_shift = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)
+    scale = np.hypot(scale_of_changes(steps, scaled, slope), least_shift * slope)
+    n_loads = int((np.isfinite(change) & steps.on_loading).sum())
+    distance = PER_CHANGE * FEW_LOADS.get(n_loads, 1.0) * scale
     may_close = closing & (distance > _MAY_CLOSE)
     below = np.where(may_close | np.isneginf(change), np.inf, distance)
     grid = " × ".join(map(str, coarse.points))

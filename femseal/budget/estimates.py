@@ -1,6 +1,7 @@
 """Estimate the error sources of the leakage of a study that make up its error budget.
 
-They include numerical errors, errors of a method that the calibration set shows, and effects that the model neglects.
+These are numerical errors, errors of a method that are known from a calibration set, and effects that the model
+neglects.
 """
 
 from collections.abc import Sequence
@@ -31,55 +32,57 @@ from .error_parts import (
 )
 from .resolution import filter_part, one_grid_part, raised_by_slope
 
-#: Change of ln(leakage) over the residual of the contact and over the slope of ln(leakage) over ln(load), which counts
-#: as at least 1. Measured on 24 surfaces at residuals of 1e-2 to 1e-6: 0.04 covers 95 of 100 changes, 0.5 all of them.
+#: The residual r of the contact solution changes ln(leakage) by _RESIDUAL r s, where s is |d ln(leakage)/d ln(load)|,
+#: or 1 if this slope is smaller. Measured on 24 surfaces at residuals of 1e-2 to 1e-6: a factor of 0.04 covers 95 of
+#: 100 changes, 0.5 all of them.
 _RESIDUAL = 0.5
-#: Change of ln(leakage) by the residual of the flow, whose energy is solved to 1e-6.
+#: Change of ln(leakage) that the residual of the flow solution causes, whose energy has a relative error of 1e-6.
 _FLOW = 1e-6
 
-#: Least error of ln(leakage) by steep slopes that makes a part. It corresponds to an rms slope of 0.14.
+#: Smallest error of ln(leakage) for which a thin gap is listed as an error source. Its rms slope is 0.14.
 _LEAST_SLOPE_ERROR = 0.02
 
-#: Degrees of freedom of the scatter that the contact state suggests, when it is pooled with that of several patches.
+#: Degrees of freedom of the variance that the contact state suggests, when it is pooled with that of several patches.
 _PATCH_FREEDOM = 2
 #: Half-width of the 95 % interval of a normal distribution, in standard deviations.
 _NORMAL = float(ndtri((1 + COVERAGE) / 2))
-#: What the calibration set compares with a whole surface, for the note of a part.
+#: What the calibration set compares with a whole surface, for the note of an error source.
 _WHAT = {
     "in order": "seals as broad as the patch, with its cells in order",
     "at random": "seals of another breadth or shape than the patch, with its cells at random",
     "with form": "seals whose form is known at points, with the cells of one patch at random",
     "by blocks": "a surface that was solved by blocks",
 }
-#: Factor on the distances of numerical parts near closing, where the leakage falls steeply, see `near_closing`.
-#: Measured on 216 surfaces of six kinds: with it the intervals contained 93 of 100 truths there, without it 83.
+#: Factor by which intervals of numerical errors are widened near closing, where the leakage falls steeply, see
+#: `near_closing`. Measured on 216 surfaces of six kinds: the intervals there contained the true leakage in 93 of 100
+#: cases with this factor, and in 83 without it.
 _NEAR_CLOSING = 3.0
 
 
 def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
     """Estimate the error of the contact and flow solvers from their residuals.
 
-    A residual of the contact has the same effect as a change of the load.
+    A residual of the contact solution has the same effect as a change of the load.
     """
     slope = sensitivity(scene.steps, leakage, in_contact)
     distance = _RESIDUAL * scene.rtol * np.maximum(slope, 1.0) + _FLOW
     note = f"contact residual {scene.rtol:.0e} as a change of the load, by the slope of ln(leakage) over ln(load)"
-    return ErrorPart.of("solver", leakage, distance, distance, note)
+    return ErrorPart.from_distances("solver", leakage, distance, distance, note)
 
 
 def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     """Estimate how far the mean leakage of several measured patches may be from that of the whole surface.
 
-    The variance of ln(leakage) is estimated by the jackknife, from the leakages that result when each patch is left out
-    in turn. It is pooled with the variance that the contact state suggests, weighted by their degrees of freedom. The
-    interval is then that of Student's distribution. If the seal is sealed with one of the patches left out, the lower
-    end is 0, and the upper end follows from the jackknife of the leakage itself instead of its logarithm.
+    The variance of ln(leakage) is estimated by the jackknife: each patch in turn is left out. This variance and the one
+    that the contact state suggests are averaged, weighted by their degrees of freedom. The interval is then that of
+    Student's distribution. If the seal is sealed when one of the patches is left out, the lower end is 0, and the upper
+    end follows from the jackknife of the leakage itself instead of its logarithm.
 
     Parameters
     ----------
     leakage : array (steps,), m²/s.
-    without : leakage of all patches but one, for each patch that is left out, array (patches, steps), m²/s.
-    usual : error that the contact state suggests for the same number of patches, see `calibrated_part`.
+    without : leakage if one patch is left out, for each patch, array (patches, steps), m²/s.
+    usual : interval that the contact state suggests for the same number of patches, see `calibrated_part`.
 
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
     """
@@ -88,30 +91,33 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     student = float(stdtrit(freedom, (1 + COVERAGE) / 2))
     q = np.abs(leakage)
 
-    def distance(values: Array, expected: Array) -> Array:
-        scatter = (count - 1) * values.var(axis=0)
-        prior = (expected / _NORMAL) ** 2
-        return student * np.sqrt((_PATCH_FREEDOM * prior + (count - 1) * scatter) / freedom)
+    def half_width(values: Array, usual_half_width: Array) -> Array:
+        jackknife_variance = (count - 1) * values.var(axis=0)
+        usual_variance = (usual_half_width / _NORMAL) ** 2
+        weighted = _PATCH_FREEDOM * usual_variance + (count - 1) * jackknife_variance
+        return student * np.sqrt(weighted / freedom)
 
     with np.errstate(divide="ignore", invalid="ignore"):
-        below = distance(np.log(without), np.log(q / np.abs(usual.lower)))
-        above = distance(np.log(without), np.log(np.abs(usual.upper) / q))
-        plain = np.log1p(distance(without / without.mean(axis=0), np.log(np.abs(usual.upper) / q)))
-    shut = (without == 0).any(axis=0) & np.isfinite(without).all(axis=0)
-    below = np.where(shut, np.inf, below)
-    above = np.where(shut, plain, above)
+        usual_below = np.log(q / np.abs(usual.lower))
+        usual_above = np.log(np.abs(usual.upper) / q)
+        below = half_width(np.log(without), usual_below)
+        above = half_width(np.log(without), usual_above)
+        above_if_sealed = np.log1p(half_width(without / without.mean(axis=0), usual_above))
+    sealed_without_one = (without == 0).any(axis=0) & np.isfinite(without).all(axis=0)
+    below = np.where(sealed_without_one, np.inf, below)
+    above = np.where(sealed_without_one, above_if_sealed, above)
     note = (
-        f"Student's interval by the jackknife over {count} measured patches, in ln(leakage), with the scatter that "
-        f"their contact state lets expect; {patches_to_halve(count)} more would halve it"
+        f"Student's interval by the jackknife over {count} measured patches, in ln(leakage), with the scatter that is "
+        f"usual for their contact state; {patches_to_halve(count)} more would halve it"
     )
-    part = ErrorPart.of("patches", leakage, below, above, note)
-    # without leakage the others tell how much there may be
-    sealed = np.maximum((1 + student) * np.max(without, axis=0), usual.upper)
-    return replace(part, upper=np.where(leakage == 0, sealed, part.upper))
+    part = ErrorPart.from_distances("patches", leakage, below, above, note)
+    # if the seal is sealed with all patches, its leakage without one of them shows how much it may leak
+    upper_if_sealed = np.maximum((1 + student) * np.max(without, axis=0), usual.upper)
+    return replace(part, upper=np.where(leakage == 0, upper_if_sealed, part.upper))
 
 
 def patches_to_halve(count: int) -> int:
-    """Return how many more measured patches are expected to halve the interval of three or more.
+    """Return how many further patches must be measured to halve the interval, if three or more are measured already.
 
     >>> patches_to_halve(3), patches_to_halve(4), patches_to_halve(8)
     (5, 8, 19)
@@ -134,7 +140,7 @@ def realisations_part(study: StochasticResult) -> ErrorPart:
 
 
 def median_interval(values: Array) -> Pair:
-    """Find the 95 % confidence interval of the median of the population from which the values were drawn.
+    """Compute the 95 % confidence interval of the median of a population from values (n,) that were drawn from it.
 
     The ends are two of the sorted values (order statistics), which is valid for any distribution. For fewer than 6
     values there is no such interval, and a lognormal distribution is assumed.
@@ -146,15 +152,16 @@ def median_interval(values: Array) -> Pair:
     n = ordered.size
     if n < 2:
         return float("nan"), float("nan")
-    # the largest number of values to leave out on each side
-    left = int(np.count_nonzero(bdtr(np.arange(n // 2), n, 0.5) <= (1 - COVERAGE) / 2))
-    if left > 0:
-        low, high = ordered[left - 1], ordered[n - left]
+    # number of values on each side that may be cut off: the ends are the last ones of these
+    cut_off = int(np.count_nonzero(bdtr(np.arange(n // 2), n, 0.5) <= (1 - COVERAGE) / 2))
+    if cut_off > 0:
+        low, high = ordered[cut_off - 1], ordered[n - cut_off]
     elif ordered[0] <= 0:
         low = min(0.0, ordered[0])
         high = max(0.0, ordered[-1])
     else:
         logs = np.log(ordered)
+        # the standard error of the median of a normal distribution is √(π/2) = 1.2533 times that of its mean
         half = 1.2533 * stdtrit(n - 1, (1 + COVERAGE) / 2) * logs.std(ddof=1) / np.sqrt(n)
         low, high = np.exp(np.median(logs) + half * np.array([-1, 1]))
     return float(low), float(high)
@@ -163,10 +170,10 @@ def median_interval(values: Array) -> Pair:
 def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     """Estimate the error of solving cells under their effective pressure instead of coupling the whole surface.
 
-    Only seals with cells at random that a fluid presses apart have this error; other studies get None. Measured on
-    seven surfaces that are four long waves broad, with inlet pressures of 0.1 to 1 of the nominal pressure: seals leak
-    at most by half of the effect of the fluid on ln(leakage) too much, and by a fifth of it too little. On broader
-    seals the error is smaller.
+    Only seals with cells at random whose faces the fluid presses apart have this error; other studies get None. It is a
+    fraction of the effect of the fluid pressure on ln(leakage). Measured on seven surfaces that are four long waves
+    broad, with inlet pressures of 0.1 to 1 of the nominal pressure: the computed leakage was too large by at most half
+    of this effect, and too small by at most a fifth of it. The error is smaller for broader seals.
     """
     fluid = scene.acting_fluid
     if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_order:
@@ -184,10 +191,11 @@ def patch_form_part(
 ) -> ErrorPart | None:
     """Estimate the error that results if the input does not say which part of a measured patch is form.
 
-    The curvature of the patch may be form or roughness, or the seal may have more curvature than the patch. This was
-    tested with quarters of eight maps against the whole maps, at 140 loads. An interval of a factor of 2 contained the
-    true leakage in 61 % of the cases if the change of ln(leakage) was added on both sides. It was 56 % with the change
-    on one side, and 49 % without it. On unloading the change is at least as large as at the peak.
+    The curvature of the patch may be form or roughness, and the seal may have more curvature than the patch. The error
+    is the change of ln(leakage) if the form is removed. It was tested by comparing quarters of eight maps with the
+    whole maps, at 140 loads. An interval of a factor of 2 contained the true leakage in 49 % of the cases. With the
+    change of ln(leakage) added on one side it contained it in 56 %, and with the change added on both sides in 61 %. On
+    unloading the change is at least as large as at the peak.
 
     rises : whether the seal is expected to have longer waves than the patch. If so, the effect of the longest waves of
         the patch is included.
@@ -206,39 +214,43 @@ def patch_form_part(
 def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
     """Estimate by how much Reynolds' equation overestimates the flow through a gap that is not thin.
 
-    The factor is at most 1 + h'².
+    The factor is at most 1 + h'², where h' is the rms slope. The next order of lubrication theory, between a plane and
+    a rough wall at the distance h, gives the permeability k by 1/(12 k) = ⟨(1 + 4h'²/5)/h³⟩ for flow across ridges, and
+    by 12 k = ⟨h³(1 − h'²)⟩ for flow along them.
 
-    Here h' is the rms slope. The next order of lubrication theory between a plane and a wall h gives 1/12k = ⟨(1 +
-    4h'²/5)/h³⟩ across ridges and 12k = ⟨h³(1 − h'²)⟩ along them.
-
-    Returns None where the error of ln(leakage) is below `_LEAST_SLOPE_ERROR`.
+    Returns None if the error of ln(leakage) is below `_LEAST_SLOPE_ERROR`.
     """
     distance = np.full(np.shape(leakage), np.log1p(scene.surface.rms_slope**2))
     if distance[0] < _LEAST_SLOPE_ERROR:
         return None
     note = "Stokes flow instead of Reynolds flow at this rms slope, by the next order of lubrication theory"
-    return ErrorPart.of("thin gap", leakage, distance, np.zeros_like(distance), note)
+    return ErrorPart.from_distances("thin gap", leakage, distance, np.zeros_like(distance), note)
 
 
 def longer_waves_part(
     changes: Array, flatness: bool, steps: LoadProgramme, leakage: Array
 ) -> ErrorPart:
-    """Estimate the error that waves longer than the patch cause, as Student's prediction interval for one more sample.
+    """Estimate the error that waves longer than the patch cause.
+
+    It is Student's prediction interval for one more sample of random waves.
 
     Parameters
     ----------
-    changes : of ln(leakage) by random longer waves, array (samples, steps).
+    changes : changes of ln(leakage) that random longer waves cause, array (samples, steps).
     flatness : whether a flatness tolerance limits these waves.
     steps : the load programme.
     leakage : array (steps,), m²/s.
     """
     count = len(changes)
     with np.errstate(invalid="ignore"):
-        middle, deviation = changes.mean(axis=0), changes.std(axis=0, ddof=1)
+        mean = changes.mean(axis=0)
+        deviation = changes.std(axis=0, ddof=1)
     distance = stdtrit(count - 1, (1 + COVERAGE) / 2) * deviation * sqrt(1 + 1 / count)
-    # where draws seal, or nothing is known, neither end is
-    ends = (np.maximum(sign * middle + distance, 0.0) for sign in (-1, 1))
-    below, above = (np.where(np.isfinite(end), end, np.inf) for end in ends)
+    below = np.maximum(-mean + distance, 0.0)
+    above = np.maximum(mean + distance, 0.0)
+    # both ends are unknown if a sample is sealed, or if its change is unknown
+    below = np.where(np.isfinite(below), below, np.inf)
+    above = np.where(np.isfinite(above), above, np.inf)
     limit = (
         "limited by the flatness of the seal"
         if flatness
@@ -251,14 +263,14 @@ def longer_waves_part(
 def calibrated_part(
     name: str, kind: str, leakage: Array, state: PatchState, patches: int = 1
 ) -> ErrorPart:
-    """Estimate how far measured patches, or a surface by blocks, may be from the truth, by the calibration set.
+    """Estimate the error of computing a leakage from measured patches or by blocks, as known from the calibration set.
 
-    The estimate depends on the contact state alone, not on other loads.
+    The estimate at a load only depends on the contact state at this load.
 
     Parameters
     ----------
-    name : of the part.
-    kind : one of `patch_interval.KINDS`.
+    name : name of the error source.
+    kind : kind of the calculation, one of `patch_interval.KINDS`.
     leakage : array (steps,), m²/s.
     state : contact state of the patches at every step.
     patches : number of measured patches.
@@ -286,26 +298,27 @@ def error_budget(
     Parameters
     ----------
     scene : input of the study.
-    study : its result. The budget of a stochastic study is that of its median.
-    coarse : solutions of the same scene on fewer points, of which the first counts. Without any, the budget has no part
-        of the pixels, and a sealed step has an unknown upper end, inf, unless it is sealed for certain.
+    study : result of the study. The budget of a stochastic study is that of its median.
+    coarse : solutions of the same scene on fewer points; only the first one is used. Without one, the error of the
+        pixels is left out, and the upper end of a sealed step is unknown (inf), unless it is sealed for certain.
     filtered : solution of the scene without waves up to twice the shortest one.
-    kept_slope : rms slope of the surface over its rms slope with the waves that were removed. It is 1 where none were
-        removed, as of a generated surface; then the budget has no part of the filter. Where the removed waves may open
-        what is sealed, and no load shows how much it then leaks, the upper end is inf.
-    wave_pixels : pixels in the shortest wave of the scene. More than 8 make the least error of the pixels smaller.
+    kept_slope : ratio of the rms slope of the surface to its rms slope with the removed waves. It is 1 if no waves were
+        removed, for example from a generated surface. The error of the filter is left out then. The upper end is inf if
+        a sealed step may be open with the removed waves, and no load shows how much it would then leak.
+    wave_pixels : number of pixels in the shortest wave of the scene. With more than 8 pixels, the minimum that is
+        assumed for the error of the pixels is smaller.
 
     Returns
     -------
-    The budget. Its interval contains the truth in about 95 of 100 cases. The distances of ln(leakage) of all parts are
-    combined as the root of the sum of their squares.
+    The budget. Its interval contains the true leakage in about 95 of 100 cases. The distances of ln(leakage) of all
+    error sources are combined as the square root of the sum of their squares.
 
     Examples
     --------
     >>> import femseal as fs
     >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
     >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
-    >>> budget = error_budget(scene, fs.deterministic(scene))  # without a coarser grid: of the solver alone
+    >>> budget = error_budget(scene, fs.deterministic(scene))  # without a coarser grid
     >>> [part.name for part in budget.parts]
     ['solver']
     """
@@ -338,18 +351,21 @@ class NumericalErrors:
         return near_closing(self.leakage, open_leakage_of(self.study, self.scene))
 
     def _wider_near_closing(self, part: ErrorPart) -> ErrorPart:
-        """Widen the interval of an error source near closing, where the leakage falls steeply."""
+        """Widen the interval of an error source at steps near closing, where the leakage falls steeply."""
         return part.widened(self.leakage, np.where(self.closing, _NEAR_CLOSING, 1.0))
 
     def solver(self) -> list[ErrorPart]:
-        """Estimate the error by the residuals of contact and flow."""
+        """Estimate the error that the residuals of contact and flow cause."""
         part = solver_part(self.scene, self.leakage, self.in_contact)
         return [self._wider_near_closing(part)]
 
     def pixels(
         self, coarse: CoarserSolution | None, wave_pixels: float = USUAL_PIXELS
     ) -> list[ErrorPart]:
-        """Estimate the error of the pixel size from a solution on fewer points; None if there is no such solution."""
+        """Estimate the error of the pixel size.
+
+        coarse : solution on fewer points; None if there is no such solution.
+        """
         if coarse is None:
             parts = one_grid_part(self.leakage, self.in_contact)
         else:
@@ -386,12 +402,13 @@ class NumericalErrors:
         part = calibrated_part(name, study.kind, self.leakage, study.patch_state, n_patches)
         if isinstance(study, StochasticResult) and study.patches is not None:
             without = study.patches.without
-            if without is not None:  # the scatter of several patches shows more than one patch can
+            if without is not None:
+                # three or more patches show how much patches of this surface differ
                 part = patches_part(self.leakage, without, part)
         return [part]
 
     def budget_of(self, parts: Sequence[ErrorPart]) -> ErrorBudget:
         """Return the budget of the study with these error sources."""
-        parted = tuple(s for s, _ in self.scene.separated_steps if np.isnan(self.leakage[s]))
+        separated = tuple(s for s, _ in self.scene.separated_steps if np.isnan(self.leakage[s]))
         name = study_of_result(self.study).name
-        return ErrorBudget(name, self.leakage, tuple(parts), self.scene.steps, parted)
+        return ErrorBudget(name, self.leakage, tuple(parts), self.scene.steps, separated)

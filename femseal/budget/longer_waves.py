@@ -1,8 +1,8 @@
 """Estimate how waves that are longer than the measured patch may change the leakage of a broader seal.
 
-If the spectrum of the patch still rises at its longest waves, its power law is extrapolated to the breadth of the seal.
-Random forms with this spectrum are added to the seal, and the contact of the seal with each form is solved. This gives
-the pressure of each tile. Tiles are as large as the patch, and have the permeability of the patch at their pressure.
+If the spectrum of the patch still rises towards its longest waves, its power law is extrapolated to the breadth of the
+seal. Random forms with this spectrum are added to the seal, and its contact is solved with each of them. This gives the
+pressure of each tile. A tile is as large as the patch, and has the permeability of the patch at its own pressure.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ from ..studies.rough_layer import RoughLayer, solve_layer_states
 from ..studies.seal_contact import solve_seal_contact
 from ..topography import Representative
 
-#: Number of random forms, and of the waves of each.
+#: Number of random forms, and number of waves of each form.
 DRAWS, _WAVES = 8, 200
-#: Breadth of a seal over the side of the patch from which on the seal has longer waves.
+#: The seal has longer waves than the patch if the ratio of their sides is at least this.
 _BROADER = 1.25
-#: Least Hurst exponent by which a rising spectrum is extrapolated: two octaves of one patch give it to ± 0.4.
+#: Smallest Hurst exponent with which a rising spectrum is extrapolated. The exponent is estimated from two octaves of
+#: one patch, with an error of ± 0.4.
 _LEAST_HURST = 0.5
 
 
@@ -57,14 +58,19 @@ class DrawnForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wave that the patch has too [m]: inf, because it has none of these waves."""
+        """Shortest wave of this form that the patch contains as well [m]; inf, because it contains none of them."""
         return np.inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Compute the heights at points (n, 2) [m]: the rms height times √(2/waves) times the sum of the cosines."""
+        """Compute the heights at points (n, 2) [m].
+
+        Each wave has the amplitude √(2/waves) times the rms height, so that their sum has this rms height. It is
+        reduced if the flatness would be exceeded.
+        """
         z = np.cos(points @ self.vectors.T + self.phases).sum(axis=1)
-        scale = self.rms_height * (2 / len(self.phases)) ** 0.5
-        return z * min(scale, np.inf if self.flatness is None else self.flatness / np.ptp(z))
+        amplitude = self.rms_height * (2 / len(self.phases)) ** 0.5
+        largest = np.inf if self.flatness is None else self.flatness / np.ptp(z)
+        return z * min(amplitude, largest)
 
 
 def longer_waves(
@@ -81,23 +87,24 @@ def longer_waves(
     """Compute how random waves between the side of the patch and the breadth of the seal change ln(leakage).
 
     Without a flatness, the spectrum is extrapolated to the breadth of the seal. With a flatness, it is extrapolated to
-    the longer side of the seal, and where the spectrum does not rise, the waves are as high as the flatness.
+    the longer side of the seal. If the spectrum does not rise towards long waves, the waves are as high as the
+    flatness.
 
     Parameters
     ----------
-    scene : with the surface of the patch.
+    scene : scene with the surface of the patch.
     breadth, length : breadth and length of a straight seal [m]; None for other seals.
     waves : longest waves of the patch.
-    flatness : distance of the lowest and the highest point of the seal [m]; None if it is not known.
+    flatness : distance between the lowest and the highest point of the seal [m]; None if it is not known.
     seed : seed of the random waves.
-    forms : known forms of the seal. They contain the longest waves already, so that only shorter waves are added.
+    forms : known forms of the seal. Only waves that are shorter than these forms resolve are added.
     mapper : computes a stage for many items.
 
     Returns
     -------
-    Array (random forms, steps), NaN where the seal without these waves is sealed, or where the contact with them could
-    not be solved. None if the seal is hardly larger than the patch. Also None if the patch contains the longest waves
-    of the surface and no flatness is given.
+    Array (random forms, steps). It is NaN where the seal without these waves is sealed, or where the contact with them
+    could not be solved. The result is None if the seal is hardly larger than the patch, or if the patch contains the
+    longest waves of the surface and no flatness is given.
     """
     side = min(scene.surface.shortest_patch.size)
     if not waves.rises and flatness is None:
@@ -120,7 +127,7 @@ def longer_waves(
     flow = replace(dry.flow, spiral=None)
     take = partial(_gap_and_permeability, flow=flow, spacing=dry.surface.spacing)
     programme, states = solve_layer_states(dry, take, mapper)
-    mean_gap, permeability = np.array(states).T
+    mean_gap, permeability = np.array(states).T  # one of each for every load of the programme
     layer = RoughLayer.from_mean_gaps(dry, programme, mean_gap)
     curves = CellCurves(programme, permeability)
     solve = partial(_leakage, dry, tiles, layer, curves)
@@ -142,9 +149,10 @@ def _leakage(
     curves: CellCurves,
     forms: tuple[SealForm, ...],
 ) -> Array:
-    """Solve the leakage of a seal with forms at every step (steps,) [m²/s]; NaN where it failed."""
-    nominal, steps = scene.steps.pressures[:, None], scene.steps
-    k = np.repeat(curves.k_on_paths(nominal, steps), tiles.count, axis=1)
+    """Compute the leakage of a seal with forms at every step (steps,) [m²/s]; NaN where a solution failed."""
+    steps = scene.steps
+    nominal = steps.pressures[:, None]  # (step, 1)
+    k = np.repeat(curves.k_on_paths(nominal, steps), tiles.count, axis=1)  # (step, tile)
     if forms:
         contact = attempt(solve_seal_contact, scene, tiles, forms, map, layer)
         if isinstance(contact, Failed):  # such as a form that is too steep
@@ -163,16 +171,21 @@ def _leakage(
 def _gap_and_permeability(
     state: LoadState, *, flow: FlowSettings, spacing: Pair
 ) -> tuple[float, float]:
-    """Take the mean gap of a state [m] and the permeability of the surface [m³], NaN where its flow failed."""
+    """Compute the mean gap of a contact state [m] and its permeability [m³], which is NaN if the flow failed."""
     solution = attempt(resolved_flow, state.contact.gap, spacing, flow)
     return float(state.contact.mean_gap), solution.permeability
 
 
 def _rms_between(waves: Representative, h: float, shortest: float, longest: float) -> float:
-    """Compute the rms height of the waves between two wavelengths [m], √((1/2π)∫q C dq) by the power law with H = h."""
-    bend = 2 * pi / waves.octave
+    """Compute the rms height of the waves between two wavelengths [m].
+
+    The mean square height is (1/2π)∫q C(q) dq over the wave numbers q between the two. The spectral density is the
+    power law C(q) = C₀ (q/q₀)^(−2 − 2h), with the Hurst exponent h, through the density C₀ at the longest octave of the
+    patch.
+    """
+    octave_number = 2 * pi / waves.octave
     integral = ((2 * pi / longest) ** (-2 * h) - (2 * pi / shortest) ** (-2 * h)) / (2 * h)
-    return float(np.sqrt(waves.density * bend ** (2 + 2 * h) * integral / (2 * pi)))
+    return float(np.sqrt(waves.density * octave_number ** (2 + 2 * h) * integral / (2 * pi)))
 
 
 def _draw_form(
@@ -182,8 +195,12 @@ def _draw_form(
     rms: float,
     flatness: float | None,
 ) -> DrawnForm:
-    """Draw waves between two wavelengths [m], whose wavenumbers have the distribution q C."""
-    low, high = ((2 * pi / wave) ** (-2 * hurst) for wave in wavelengths)
+    """Draw random waves between two wavelengths [m].
+
+    The probability density of their wave numbers q is proportional to q C(q), that is, to q^(−1 − 2H). They are drawn
+    by inverting its cumulative distribution, which is linear in q^(−2H).
+    """
+    low, high = ((2 * pi / wavelength) ** (-2 * hurst) for wavelength in wavelengths)
     q = (low + (high - low) * rng.random(_WAVES)) ** (-1 / (2 * hurst))
     angle, phase = rng.uniform(0, 2 * pi, (2, _WAVES))
     directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)

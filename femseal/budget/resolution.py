@@ -1,13 +1,13 @@
 """Estimate the error of a leakage that is caused by missing waves of the surface, or by solving on one grid only.
 
-Waves are missing that a low-pass filter removed or that the instrument did not resolve. Where a spectrum is continued,
-the phases of the continued waves are arbitrary, and waves beyond its cut-off are still missing.
+Waves are missing because a low-pass filter removed them, or because the instrument did not resolve them. If the
+spectrum is continued, the phases of the continued waves are arbitrary, and waves beyond the cut-off are still missing.
 
-The effect of the missing waves has an upper bound. With these waves the surface would be steeper, and its faces would
-be as far apart as the smoother faces are under a lower load. By Persson's theory the contact fraction is
-erf(c p/(E* h')) with the rms slope h'. If the smoother surface has κ times the slope of the complete one, it therefore
-has the same contact fraction at the pressure κ p as the complete surface at p. Measurements show a similar relation for
-the leakage, see `LOAD_POWER`.
+The effect of the missing waves has an upper bound. With them the surface would be steeper. Its faces would be as far
+apart as the smoother faces are under a lower load. By Persson's theory the contact fraction is erf(c p/(E* h')) with
+the rms slope h' and a constant c. If the smoother surface has κ times the slope of the complete one, it therefore has
+the same contact fraction at the pressure κ p as the complete surface at p. A similar relation was found for the
+leakage, see `LOAD_POWER`.
 """
 
 from collections.abc import Sequence
@@ -29,37 +29,44 @@ from .error_parts import (
     part_of_changes,
 )
 
-#: The error of ln(leakage) by removed waves is _ERROR √(s² + o²), with two estimates of the error. Let r be the mean
-#: square slope of the removed waves over that of the kept ones. Then s = _BY_STATE r^_POWER times the slope of
-#: ln(leakage) over ln(load) that the contact fraction suggests, and o is the change of ln(leakage) without the shortest
-#: octave, scaled by the same power. Measured on 90 files of three kinds, see docs/evidence/error_budget.md.
+#: The error of ln(leakage) that removed waves cause is _ERROR √(s² + o²), where s and o are two estimates. Let r be the
+#: ratio of the mean square slope of the removed waves to that of the remaining waves. The estimate from the contact
+#: state is s = _BY_STATE r^_POWER |d ln(leakage)/d ln(load)|, with the slope that the contact fraction suggests. The
+#: estimate from the octave, o, is the change of ln(leakage) without the shortest octave, scaled by the same power.
+#: Measured on 90 files of three kinds, see docs/evidence/error_budget.md.
 _POWER, _BY_STATE, _ERROR = 0.4, 0.4, 0.8
-#: The surface may be sealed if the error by the contact state is larger than this. Of 1739 loads, 38 were sealed by the
-#: removed waves; 30 of these lie above the limit, and one in eleven of all loads.
+#: The surface may be sealed if the estimate of the error from the contact state is larger than this. Of 1739 loads, 38
+#: were sealed by the removed waves. The estimate is above the limit at 30 of these, and at one in eleven of all loads.
 _MAY_CLOSE = 1.5
-#: Largest change of ln(leakage) that counts, because the surface may be sealed without the octave.
+#: Larger changes of ln(leakage) are reduced to this, because the surface may even be sealed without the octave.
 _MOST_CHANGE = float(np.log(VAGUE))
-#: The removed waves act as a load that is lower by this power of the kept fraction of the slope. Measured on 96
-#: surfaces of four kinds, see docs/evidence/error_budget.md: with a power of 1 one load of 106 leaks more than the
-#: upper end, with 1.25 one of 425.
+#: The removed waves have the same effect as a load that is multiplied by κ**LOAD_POWER, where κ is the remaining
+#: fraction of the rms slope. Measured on 96 surfaces of four kinds, see docs/evidence/error_budget.md: with a power of
+#: 1 one load of 106 leaks more than the upper end, with 1.25 one of 425.
 LOAD_POWER = 1.25
-#: Least kept fraction of the slope for an estimate from a single load.
-_LEAST_KEPT = 0.5
-#: Contact fraction with all waves above which a surface is sealed for certain. The largest of an open surface was 0.58.
+#: Smallest remaining fraction of the slope for which the leakage is extrapolated from a single load.
+_LEAST_SLOPE_RATIO = 0.5
+#: A surface is sealed for certain if its contact fraction with all waves is above this value. The largest contact
+#: fraction of an open surface was 0.58.
 SEALED_CONTACT = 0.6
 
 
 def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
     """Estimate the error of the pixel size for a scene that was solved on one grid only.
 
-    A step that is sealed on this grid may in truth be open, unless its contact fraction rules that out.
+    Nothing is known about the steps that leak. A step that is sealed on this grid may in truth be open, unless its
+    contact fraction rules that out.
 
-    in_contact : contact fraction at every step (steps,). The list is empty where no step may be open.
+    in_contact : contact fraction at every step (steps,).
+
+    Returns an empty list if no sealed step may be open.
     """
     q = np.abs(np.asarray(leakage, float))
     may_open = (q == 0) & ~sealed_for_certain(in_contact)
-    note = "one grid, which does not tell by how much load a sealed face is sealed"
-    return [ErrorPart("pixels", q, np.where(may_open, np.inf, q), note)] if may_open.any() else []
+    if not may_open.any():
+        return []
+    note = "one grid, which does not show how far beyond its closing load a sealed face is"
+    return [ErrorPart("pixels", q, np.where(may_open, np.inf, q), note)]
 
 
 def filter_part(
@@ -67,13 +74,13 @@ def filter_part(
     leakage: Array,
     in_contact: Array,
     filtered: CoarserSolution,
-    kept: float,
+    slope_ratio: float,
     name: str = "filter",
 ) -> ErrorPart:
     """Estimate the error that the filter causes, from the slope of the removed waves and a solution with fewer waves.
 
-    The additional solution lacks the shortest octave of the remaining waves. The estimate depends on the contact state
-    alone, not on other loads. On unloading it is at least as large as at the peak. Where most of the slope was removed,
+    The additional solution lacks the shortest octave of the remaining waves. The estimate at a load only depends on the
+    contact state at this load. On unloading it is at least as large as at the peak. If most of the slope was removed,
     the removed waves may also seal the surface.
 
     Parameters
@@ -81,25 +88,26 @@ def filter_part(
     scene : input of the study.
     leakage : array (steps,), m²/s.
     in_contact : contact fraction, array (steps,).
-    filtered : solution without the shortest octave of waves.
-    kept : rms slope of the surface over its rms slope with the removed waves.
-    name : of the part.
+    filtered : solution without the shortest octave of the remaining waves.
+    slope_ratio : ratio of the rms slope of the surface to its rms slope with the removed waves.
+    name : name of the error source.
     """
     steps = scene.steps
     change = filtered.change(leakage)
-    removed = 1 / kept**2 - 1
+    # mean square slopes of the removed waves and of the octave, relative to that of the surface
+    removed = 1 / slope_ratio**2 - 1
     octave = 1.0
     if filtered.rms_slope is not None and scene.surface.rms_slope:
         octave = max(1 - (filtered.rms_slope / scene.surface.rms_slope) ** 2, 0.0)
-    share = min(removed / octave, 1.0) ** _POWER if octave else 1.0
-    by_octave = share * np.minimum(np.abs(change), _MOST_CHANGE)
-    by_state = _BY_STATE * expected_sensitivity(in_contact) * removed**_POWER
-    distance = _ERROR * np.hypot(by_octave, by_state)
+    octave_factor = min(removed / octave, 1.0) ** _POWER if octave else 1.0
+    from_octave = octave_factor * np.minimum(np.abs(change), _MOST_CHANGE)
+    from_state = _BY_STATE * expected_sensitivity(in_contact) * removed**_POWER
+    distance = _ERROR * np.hypot(from_octave, from_state)
     distance = np.fmax(distance, distance[steps.peak_indices])
-    below = np.where(_ERROR * by_state > _MAY_CLOSE, np.inf, distance)
+    below = np.where(_ERROR * from_state > _MAY_CLOSE, np.inf, distance)
     note = (
-        f"removed waves have {as_text(1 - kept, percent=True)} of the rms slope; by it, the fraction in contact, "
-        "and the change of ln(leakage) without the shortest octave that is kept"
+        f"removed waves have {as_text(1 - slope_ratio, percent=True)} of the rms slope; estimated from it, from the "
+        "contact fraction, and from the change of ln(leakage) without the shortest octave of the remaining waves"
     )
     return part_of_changes(
         name, steps, leakage, below, distance, note, change=change, coarse=filtered
@@ -112,13 +120,14 @@ def continuation_part(
     in_contact: Array,
     others: Sequence[CoarserSolution],
     shorter: CoarserSolution,
-    kept: float,
+    slope_ratio: float,
 ) -> ErrorPart:
     """Estimate the error that is caused by continuing the spectrum.
 
-    Two contributions are combined as the square root of the sum of their squares. The first is the scatter between
-    random phases of the continued waves. It is Student's prediction interval for one more realisation, because the true
-    surface is like one more realisation. The second is the effect of waves beyond the cut-off, see `filter_part`.
+    Two contributions are combined as the square root of the sum of their squares. The first one is the scatter between
+    surfaces whose continued waves have different random phases. It is Student's prediction interval for one more such
+    surface, because the true surface is like one more. The second one is the effect of waves beyond the cut-off, see
+    `filter_part`.
 
     Parameters
     ----------
@@ -127,113 +136,139 @@ def continuation_part(
     in_contact : contact fraction, array (steps,).
     others : solutions with other phases.
     shorter : solution without the shortest octave of waves.
-    kept : rms slope of the surface over its rms slope with those waves beyond the cut-off that count.
+    slope_ratio : ratio of the rms slope of the surface to its rms slope with the waves beyond the cut-off that matter.
     """
-    steps, n = scene.steps, len(others) + 1
-    changes = np.array([other.change(leakage) for other in others])
+    steps = scene.steps
+    n = len(others) + 1
+    changes = np.array([other.change(leakage) for other in others])  # (solution, step)
     finite = np.where(np.isinf(changes), 0.0, changes)
-    every = np.vstack([np.zeros(len(steps)), finite])
-    mean, scatter = every.mean(axis=0), every.std(axis=0, ddof=1)
-    interval = stdtrit(n - 1, (1 + COVERAGE) / 2) * np.sqrt(1 + 1 / n) * scatter
-    trend = filter_part(scene, leakage, in_contact, shorter, kept)
+    # the surface of the study itself is one of the n realisations, with a change of 0
+    all_changes = np.vstack([np.zeros(len(steps)), finite])
+    mean = all_changes.mean(axis=0)
+    deviation = all_changes.std(axis=0, ddof=1)
+    scatter = stdtrit(n - 1, (1 + COVERAGE) / 2) * np.sqrt(1 + 1 / n) * deviation
+    beyond_cut_off = filter_part(scene, leakage, in_contact, shorter, slope_ratio)
     q = np.abs(leakage)
     with np.errstate(divide="ignore", invalid="ignore"):
-        sides = [
-            np.nan_to_num(np.log(pair), nan=0.0) for pair in (q / trend.lower, trend.upper / q)
-        ]
-    below, above = (
-        np.hypot(np.maximum(interval + s * mean, 0.0), t)
-        for s, t in zip((-1, 1), sides, strict=True)
-    )
+        filter_below = np.nan_to_num(np.log(q / beyond_cut_off.lower), nan=0.0)
+        filter_above = np.nan_to_num(np.log(beyond_cut_off.upper / q), nan=0.0)
+    below = np.hypot(np.maximum(scatter - mean, 0.0), filter_below)
+    above = np.hypot(np.maximum(scatter + mean, 0.0), filter_above)
     below = np.where(np.isneginf(changes).any(axis=0), np.inf, below)
-    opened = np.where(np.isposinf(changes).any(axis=0), np.inf, changes.sum(axis=0))
+    # inf where other phases open a sealed step
+    total_change = np.where(np.isposinf(changes).any(axis=0), np.inf, changes.sum(axis=0))
     leakiest = max(others, key=lambda other: float(np.nansum(np.abs(other.leakage))))
     note = (
         f"{n} realisations by Student's interval, and waves beyond the cut-off, which have "
-        f"{as_text(1 - kept, percent=True)} of the rms slope"
+        f"{as_text(1 - slope_ratio, percent=True)} of the rms slope"
     )
     return part_of_changes(
-        "continuation", steps, leakage, below, above, note, change=opened, coarse=leakiest
+        "continuation", steps, leakage, below, above, note, change=total_change, coarse=leakiest
     )
 
 
 def raised_by_slope(
-    part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, kept: float
+    part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, slope_ratio: float
 ) -> ErrorPart:
-    """Raise the upper ends of an interval to at least the upper bound that follows from the removed slope.
+    """Raise the upper ends of an interval to the upper bound that follows from the removed slope.
 
-    The bound is the leakage of the present surface under a lower load, see `under_less_load`.
+    The bound is the leakage of the present surface under a lower load, see `under_less_load`. The upper end of a sealed
+    step is inf if no load shows how much it would leak.
 
     Parameters
     ----------
+    part : error source with the interval.
+    steps : the load programme.
     leakage, in_contact : leakage [m²/s] and contact fraction at every step, arrays (steps,).
-    kept : rms slope of the surface over its rms slope with the removed waves; 1 where none were removed.
-
-    The upper end of a sealed step is inf where no load shows how much it would leak.
+    slope_ratio : ratio of the rms slope of the surface to its rms slope with the removed waves; 1 if none were removed.
     """
-    least = under_less_load(steps, np.abs(np.asarray(leakage, float)), in_contact, kept)
-    raised = least > part.upper  # an unknown end stays so
-    note = f"{part.note}; no less than under {kept**LOAD_POWER:.2g} times the load, for the slope that was removed"
-    return replace(
-        part, upper=np.where(raised, least, part.upper), note=note if raised.any() else part.note
-    )
+    bound = under_less_load(steps, np.abs(np.asarray(leakage, float)), in_contact, slope_ratio)
+    is_raised = bound > part.upper  # False for an unknown end, which stays unknown
+    if not is_raised.any():
+        return part
+    load_ratio = f"{slope_ratio**LOAD_POWER:.2g}"
+    note = f"{part.note}; no less than under {load_ratio} times the load, for the slope that was removed"
+    return replace(part, upper=np.where(is_raised, bound, part.upper), note=note)
 
 
-def sealed_for_certain(in_contact: Array, kept: float = 1.0) -> Flags:
+def sealed_for_certain(in_contact: Array, slope_ratio: float = 1.0) -> Flags:
     """Return at which steps the surface would be sealed even with its removed waves (steps,).
 
-    This is certain where the contact fraction is large enough. It is False where the contact fraction is unknown.
+    This is certain if the contact fraction would then be at least `SEALED_CONTACT`, by Persson's theory. It is False
+    where the contact fraction is unknown.
     """
     with np.errstate(invalid="ignore"):
-        return erf(kept * erfinv(np.clip(in_contact, 0.0, 1.0))) >= SEALED_CONTACT
+        return erf(slope_ratio * erfinv(np.clip(in_contact, 0.0, 1.0))) >= SEALED_CONTACT
 
 
-def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, kept: float) -> Array:
-    """Estimate the leakage at every step under kept**LOAD_POWER times its load (steps,).
+def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_ratio: float) -> Array:
+    """Estimate the leakage at every step under slope_ratio**LOAD_POWER times its load (steps,).
 
-    It is 0 where the seal is sealed there too.
-    Loads of unloading are evaluated on their own branch. They leak more by the same factor as their peak does, but no
-    more than on loading.
+    It is 0 where the surface is sealed under this load, too.
+
+    Steps of an unloading are evaluated on their own branch. In addition, their leakage is multiplied by the factor by
+    which that of the peak rises, because the peak would have been lower, too. It is limited by the leakage on loading.
+
+    Parameters
+    ----------
+    steps : the load programme.
+    q, in_contact : leakage [m²/s] and contact fraction at every step, arrays (steps,).
+    slope_ratio : ratio of the rms slope of the surface to its rms slope with the removed waves.
     """
-    relieved, p = np.array(q, float), steps.pressures
-    if kept == 1:
-        return relieved
-    rising, *ways = steps.branches
-    relieved[rising] = _on_branch(p[rising], q[rising], kept, p[rising], in_contact[rising])
-    for unloading in ways:
+    p = steps.pressures
+    estimate = np.array(q, float)
+    if slope_ratio == 1:
+        return estimate
+    loading, *unloadings = steps.branches
+    estimate[loading] = _on_branch(
+        p[loading], q[loading], slope_ratio, p[loading], in_contact[loading]
+    )
+    for unloading in unloadings:
         peak = int(steps.peak_indices[unloading[0]])
         branch = np.append(unloading, peak)
-        on_branch = _on_branch(p[branch], q[branch], kept, p[unloading], in_contact[branch])
+        on_branch = _on_branch(p[branch], q[branch], slope_ratio, p[unloading], in_contact[branch])
         if q[peak] > 0:
-            on_branch = on_branch * (relieved[peak] / q[peak])
+            on_branch = on_branch * (estimate[peak] / q[peak])
         else:
-            on_branch = np.maximum(on_branch, relieved[peak])
-        on_loading = _on_branch(p[rising], q[rising], kept, p[unloading], in_contact[rising])
-        relieved[unloading] = np.minimum(on_branch, on_loading)
-    relieved[(q == 0) & sealed_for_certain(in_contact, kept)] = 0.0
-    return np.where(np.isnan(q), np.nan, np.maximum(relieved, q))
+            on_branch = np.maximum(on_branch, estimate[peak])
+        on_loading = _on_branch(
+            p[loading], q[loading], slope_ratio, p[unloading], in_contact[loading]
+        )
+        estimate[unloading] = np.minimum(on_branch, on_loading)
+    estimate[(q == 0) & sealed_for_certain(in_contact, slope_ratio)] = 0.0
+    return np.where(np.isnan(q), np.nan, np.maximum(estimate, q))
 
 
-def _on_branch(pressure: Array, q: Array, kept: float, at: Array, in_contact: Array) -> Array:
-    """Interpolate the leakage under kept**LOAD_POWER times the loads `at` on one branch; inf where it is unknown.
+def _on_branch(
+    pressure: Array, q: Array, slope_ratio: float, loads: Array, in_contact: Array
+) -> Array:
+    """Interpolate the leakage under slope_ratio**LOAD_POWER times some loads on one branch.
 
-    The interpolation is linear in logarithms. It is extrapolated below the lowest load; from a single load with the
-    largest slope that its contact fraction suggests.
+    The interpolation is linear in logarithms. Below the lowest load it is extrapolated. If only one load leaks, the
+    slope of the extrapolation is the largest one that the contact fraction suggests.
+
+    Parameters
+    ----------
+    pressure, q, in_contact : load [Pa], leakage [m²/s] and contact fraction at the steps of the branch (n,).
+    slope_ratio : ratio of the rms slope of the surface to its rms slope with the removed waves.
+    loads : loads (m,) [Pa], before they are reduced.
+
+    Returns the leakage (m,) [m²/s]; 0 at loads from the lowest sealed load on, and inf where it is unknown.
     """
-    opened = (q > 0) & (pressure > 0)
-    order = np.argsort(pressure[opened])
-    x = np.log(pressure[opened])[order]
-    y = np.log(q[opened])[order]
-    closed = np.log(pressure[(q == 0) & (pressure > 0)].min(initial=np.inf))
+    is_open = (q > 0) & (pressure > 0)
+    order = np.argsort(pressure[is_open])
+    x = np.log(pressure[is_open])[order]
+    y = np.log(q[is_open])[order]
+    lowest_sealed = np.log(pressure[(q == 0) & (pressure > 0)].min(initial=np.inf))
     with np.errstate(divide="ignore", invalid="ignore"):
-        place = np.log(at) + LOAD_POWER * np.log(kept)
-        found = np.full(at.shape, np.inf)
-        if x.size == 1 and kept < _LEAST_KEPT:
-            found[place >= x[0]] = np.exp(y[0])
+        reduced = np.log(loads) + LOAD_POWER * np.log(slope_ratio)
+        leakage = np.full(loads.shape, np.inf)
+        if x.size == 1 and slope_ratio < _LEAST_SLOPE_RATIO:
+            leakage[reduced >= x[0]] = np.exp(y[0])
         elif x.size == 1:
-            slope = STEEPEST * float(expected_sensitivity(in_contact[opened])[0])
-            found = np.exp(y[0] + slope * np.maximum(x[0] - place, 0.0))
+            slope = STEEPEST * float(expected_sensitivity(in_contact[is_open])[0])
+            leakage = np.exp(y[0] + slope * np.maximum(x[0] - reduced, 0.0))
         elif x.size:
-            below = y[0] + (y[1] - y[0]) / (x[1] - x[0]) * (place - x[0])
-            found = np.exp(np.where(place < x[0], below, np.interp(place, x, y)))
-    return np.where((place >= closed) | (at <= 0), 0.0, found)
+            below = y[0] + (y[1] - y[0]) / (x[1] - x[0]) * (reduced - x[0])
+            leakage = np.exp(np.where(reduced < x[0], below, np.interp(reduced, x, y)))
+    return np.where((reduced >= lowest_sealed) | (loads <= 0), 0.0, leakage)

@@ -1,8 +1,8 @@
 """List the error sources of the leakage of a run. The run and its forecast iterate over the same list.
 
-Each error source says which modified versions of the input must be solved for it, and evaluates them for the result of
-one study. To add an error source, write both as functions and enter them into `SOURCES`. If it belongs to the model or
-to its input, also enter its name into `MODEL_PARTS`.
+Each error source has two functions. The first one lists the modified versions of the input that must be solved. The
+second one evaluates them for the result of one study. To add an error source, write both functions and enter them into
+`SOURCES`. If it belongs to the model or to its input, also enter its name into `MODEL_PARTS`.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from .resolution import continuation_part
 from .versions import (
     Version,
     VersionLeakage,
-    against,
     coarser_grid,
+    compare_leakage,
     continued_versions,
     kept_slope,
     leakage_of,
-    route,
+    solved_study,
     solved_version,
     without_filtered_waves,
 )
@@ -46,13 +46,13 @@ from .versions import (
 
 @dataclass(frozen=True)
 class BudgetRequest:
-    """Hold the input from which an error budget is made.
+    """Hold the input of an error budget.
 
     Parameters
     ----------
     version : Version
         Input of the run.
-    model_parts : names of the error sources of the model that the budget shall contain.
+    model_parts : names of the error sources of the model that the budget is to contain.
     hardness : float
         Relative error of the hardness.
     form_effect : effect of the form of a measured patch on the leakage; None if it was not solved.
@@ -80,18 +80,20 @@ class BudgetRequest:
 
     @cached_property
     def continued(self) -> list[Version]:
-        """Versions of the input in which the spectrum is continued with other waves."""
+        """Versions of the input in which the spectrum of the surface is continued differently."""
         return continued_versions(self.grid)
 
     @cached_property
     def changes(self) -> list[tuple[ModelChange, Version, Version | None]]:
         """Changes of the model, each with the version that has this change and the version with the opposite change."""
-        grid, found = self.grid, []
+        grid = self.grid
+        changes = []
         for change in model_changes(grid.scene, self.model_parts, self.hardness, grid.form):
-            opposite = change.opposite
-            back = None if opposite is None else grid.changed(opposite)
-            found.append((change, grid.changed(change), back))
-        return found
+            opposite_version = None
+            if change.opposite is not None:
+                opposite_version = grid.changed(change.opposite)
+            changes.append((change, grid.changed(change), opposite_version))
+        return changes
 
 
 class Evaluation:
@@ -100,6 +102,7 @@ class Evaluation:
     def __init__(self, request: BudgetRequest, mapper: Mapper) -> None:
         self.request = request
         self.mapper = mapper
+        # versions that are solved and their leakages, by the identity of the version
         self._solved: dict[int, tuple[Version, dict[str, VersionLeakage]]] = {}
 
     def solve(self, version: Version) -> dict[str, VersionLeakage]:
@@ -109,16 +112,19 @@ class Evaluation:
         return self._solved[id(version)][1]
 
     def on_grid(self, version: Version, result: Any) -> CoarserSolution | None:
-        """Compare the leakage of a version with that of `grid`, from which it differs; None if one of them failed."""
-        key = route(study_of_result(result)).key
-        plain = self.solve(self.request.grid).get(key)
-        found = self.solve(version).get(key)
-        if plain is None or found is None:
+        """Compare the leakage of a changed version with that of the unchanged input on the same grid.
+
+        Returns None if one of the two solutions failed.
+        """
+        key = solved_study(study_of_result(result)).key
+        unchanged = self.solve(self.request.grid).get(key)
+        changed = self.solve(version).get(key)
+        if unchanged is None or changed is None:
             return None
-        return CoarserSolution(version.scene.surface.shape, found.leakage, plain.leakage)
+        return CoarserSolution(version.scene.surface.shape, changed.leakage, unchanged.leakage)
 
 
-#: Makes the parts of a source for the result of a study, from its budget without them.
+#: Function that evaluates an error source for the result of a study. The budget contains the error sources before it.
 Parts = Callable[[Evaluation, Any, ErrorBudget], Sequence[ErrorPart | None]]
 
 
@@ -129,13 +135,14 @@ class ErrorSource:
     Parameters
     ----------
     name : str
-        Name of its row in the budget.
+        Name of the row in the budget.
     versions : callable
-        Lists all versions of the input that may have to be solved for it.
+        Lists all versions of the input that may have to be solved for this error source.
     parts : callable
-        Evaluates its contributions to the budget, see `Parts`.
+        Evaluates the error source, see `Parts`.
     of_model : bool
-        True if it belongs to the model or its input, and is selected by its name. False for numerical errors.
+        Whether this is an error of the model or its input, which is only evaluated if its name is requested. False for
+        numerical errors, which are always evaluated.
     """
 
     name: str
@@ -149,6 +156,7 @@ class ErrorSource:
 
 
 def _no_versions(request: BudgetRequest) -> list[Version | None]:
+    """Return an empty list, because nothing is solved for this error source."""
     return []
 
 
@@ -164,7 +172,7 @@ def _solver(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequenc
 def _pixels(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
     request = evaluation.request
     solved = {} if request.coarser is None else evaluation.solve(request.coarser)
-    coarse = against(result, request.grid, solved)
+    coarse = compare_leakage(result, request.grid, solved)
     version = request.version
     wave_pixels = version.conditioning.shortest_wave / max(version.scene.surface.spacing)
     return _errors_of(evaluation, result).pixels(coarse, wave_pixels)
@@ -174,7 +182,7 @@ def _filter(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequenc
     smoother = evaluation.request.smoother
     filtered = None
     if smoother is not None:
-        filtered = against(result, smoother, evaluation.solve(smoother))
+        filtered = compare_leakage(result, smoother, evaluation.solve(smoother))
     return _errors_of(evaluation, result).filter(filtered, kept_slope(evaluation.request.version))
 
 
@@ -228,58 +236,64 @@ def _continuation(
     """Evaluate the waves with which the spectrum was continued. If a version failed, the error is unknown."""
     version, grid = evaluation.request.version, evaluation.request.grid
     continued = version.continuation
-    plain = evaluation.solve(grid).get(route(study_of_result(result)).key)
-    if continued is None or plain is None:
+    unchanged = evaluation.solve(grid).get(solved_study(study_of_result(result)).key)
+    if continued is None or unchanged is None:
         return []
-    shape, unknown = grid.scene.surface.shape, np.full(len(grid.scene.steps), np.nan)
+    unknown = CoarserSolution(
+        grid.scene.surface.shape, np.full(len(grid.scene.steps), np.nan), unchanged.leakage
+    )
     solutions = [
-        evaluation.on_grid(one, result) or CoarserSolution(shape, unknown, plain.leakage)
-        for one in evaluation.request.continued
+        evaluation.on_grid(continued_version, result) or unknown
+        for continued_version in evaluation.request.continued
     ]
+    # the last version lacks the shortest octave of waves, see `continued_versions`
+    *other_phases, without_octave = solutions
     surface, cut_off = version.scene.surface, continued.cut_off
-    *others, last = solutions
-    shorter = replace(last, rms_slope=surface.low_pass(2 * cut_off).rms_slope)
-    # an octave beyond the cut-off at least, and a decade at most
+    shorter = replace(without_octave, rms_slope=surface.low_pass(2 * cut_off).rms_slope)
+    # the waves beyond the cut-off are considered over an octave at least, and over a decade at most
     law, modulus = grid.scene.law, grid.scene.surface_modulus
-    ends = continued.shortest_relevant_wave(law.mean_hardness, modulus)
-    shortest = float(np.clip(ends, cut_off / UNSEEN, cut_off / 2))
-    beyond = continued.law.slope_power(cut_off, shortest)
-    kept = surface.rms_slope / hypot(surface.rms_slope, sqrt(beyond))
+    last_wave = continued.shortest_relevant_wave(law.mean_hardness, modulus)
+    shortest = float(np.clip(last_wave, cut_off / UNSEEN, cut_off / 2))
+    square_slope_beyond = continued.law.slope_power(cut_off, shortest)
+    slope_ratio = surface.rms_slope / hypot(surface.rms_slope, sqrt(square_slope_beyond))
     in_contact: Array = contact_fraction_of(result, version.scene.steps)
     leakage = leakage_of(result)
-    return [continuation_part(version.scene, leakage, in_contact, others, shorter, kept)]
+    return [
+        continuation_part(version.scene, leakage, in_contact, other_phases, shorter, slope_ratio)
+    ]
 
 
 def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]:
     """List the versions of the input with a change of the model, and those with the opposite change."""
     versions: list[Version | None] = []
-    for change, there, back in request.changes:
+    for change, changed_version, opposite_version in request.changes:
         if change.name == name:
-            versions += [there, back]
+            versions += [changed_version, opposite_version]
     return versions
 
 
 def _changed_model(
     evaluation: Evaluation, result: Any, budget: ErrorBudget, name: str
 ) -> list[ErrorPart | None]:
-    """Evaluate a change of the model. Solve the opposite change too where an assumption of symmetry would matter."""
+    """Evaluate a change of the model. The opposite change is only solved if it matters, see `opposite_matters`."""
     parts: list[ErrorPart | None] = []
     leakage = leakage_of(result)
-    for change, there, back in evaluation.request.changes:
+    for change, changed_version, opposite_version in evaluation.request.changes:
         if change.name != name:
             continue
-        solution = evaluation.on_grid(there, result)
+        solution = evaluation.on_grid(changed_version, result)
         if solution is None:
             continue
         part = model_part(change, result.steps, leakage, solution)
-        if back is not None and opposite_matters(part, budget):
-            opposite = evaluation.on_grid(back, result)
+        if opposite_version is not None and opposite_matters(part, budget):
+            opposite = evaluation.on_grid(opposite_version, result)
             part = model_part(change, result.steps, leakage, solution, opposite)
         parts.append(part)
     return parts
 
 
 def _source_of_changes(name: str) -> ErrorSource:
+    """Make the error source for the changes of the model with a name."""
     return ErrorSource(
         name, partial(_changed_versions, name=name), partial(_changed_model, name=name)
     )
@@ -321,24 +335,26 @@ def budgets_of(
 
     Parameters
     ----------
-    request : input of the run, and the desired error sources.
-    studies : results of the studies, by their key.
+    request : input of the run, and the requested error sources.
+    studies : results of the studies, by the key of the study.
     mapper : computes the items of a stage.
-    known : budgets of the numerical errors, if they have been made already.
+    known : budgets of the numerical errors that have been made already, by the key of the study.
 
     Returns the budgets by the key of the study.
     """
+    known_budgets = known or {}
     evaluation = Evaluation(request, mapper)
-    budgets = dict(known or {})
+    budgets = dict(known_budgets)
     for source in SOURCES:
+        if not source.is_wanted(request):
+            continue
         for key, result in studies.items():
-            if not source.of_model and key in (known or {}):
+            if not source.of_model and key in known_budgets:
                 continue
-            if not source.is_wanted(request):
-                continue
-            budget = budgets.get(key) or NumericalErrors(request.version.scene, result).budget_of(
-                []
-            )
+            if key not in budgets:
+                errors = NumericalErrors(request.version.scene, result)
+                budgets[key] = errors.budget_of([])
+            budget = budgets[key]
             parts = [part for part in source.parts(evaluation, result, budget) if part is not None]
             budgets[key] = replace(budget, parts=(*budget.parts, *parts))
     return budgets

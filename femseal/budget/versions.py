@@ -1,6 +1,7 @@
 """Make the modified versions of the input of a run that its error budget needs.
 
-They are coarser, have fewer waves, or differ in one assumption of the model."""
+They have fewer points, fewer waves, or one other assumption of the model.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +20,17 @@ from ..topography import Conditioning, Continuation, Representative, Surface
 from .changed_models import FormTolerance, ModelChange
 from .error_parts import CoarserSolution
 
-#: Points a side of the coarser grid over those of the scene.
+#: Ratio of the numbers of points along each side of the coarser grid and of the original one.
 COARSENING = 0.5
-#: A coarser grid of more than this fraction of the points shows nothing.
+#: A coarser grid with more than this fraction of the points is too similar to the original one for a comparison.
 MOST_POINTS_FRACTION = 0.6
-#: Seals that are drawn again from a changed face, at most, and as long as how many faces they are together; each is
-#: compared with that of the same cells.
-SEALS_AGAIN, FACES_AGAIN = 5, 40
-#: Fraction of the rms slope that removed waves have at least where they matter.
+#: Largest number of realisations that are solved again for a version.
+_MOST_REALISATIONS = 5
+#: Number of tiles of all these realisations together, in multiples of the number of cells of the surface.
+_SURFACES = 40
+#: Removed waves only matter if they have at least this fraction of the rms slope.
 LEAST_REMOVED = 1e-4
-#: Draws of the phases of continued waves besides that of a run.
+#: Number of versions in which the continued waves have other random phases.
 OTHER_PHASES = 3
 log = logging.getLogger("femseal")
 
@@ -48,12 +50,12 @@ class Version(Protocol):
 
     @property
     def conditioning(self) -> Conditioning:
-        """How the surface was conditioned."""
+        """Record of how the surface was conditioned."""
         ...
 
     @property
     def continuation(self) -> Continuation | None:
-        """How the spectrum of the surface is continued; None if it is not continued."""
+        """Continuation of the spectrum of the surface; None if it is not continued."""
         ...
 
     @property
@@ -63,7 +65,7 @@ class Version(Protocol):
 
     @property
     def longest_waves(self) -> Representative | None:
-        """Longest waves of a measured patch; None of generated surfaces."""
+        """Longest waves of a measured patch; None for a generated surface."""
         ...
 
     @property
@@ -88,7 +90,7 @@ class Version(Protocol):
 
     @property
     def points_divide_by(self) -> Shape:
-        """Numbers along x1 and x2 by which the numbers of points must be divisible."""
+        """Divisors of the numbers of points along x1 and x2: a surface can only be divided into equal blocks then."""
         ...
 
     @property
@@ -116,22 +118,27 @@ class Version(Protocol):
 def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 1)) -> Shape | None:
     """Return half the number of points along each axis, or slightly more if the cells need it.
 
-    The result is None if such a grid would have nearly as many points as the present one, so that a comparison would
-    show nothing.
+    The result is None if such a grid would be too similar to the original one for a comparison.
+
+    Parameters
+    ----------
+    points : numbers of points along x1 and x2.
+    least : smallest possible numbers of points.
+    divide_by : divisors of the numbers of points.
     """
-    wanted = [
-        ceil(max(ceil(COARSENING * n), few) / m) * m
-        for n, few, m in zip(points, least, divide_by, strict=True)
-    ]
-    if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
+    n1, n2 = (
+        ceil(max(ceil(COARSENING * n), smallest) / divisor) * divisor
+        for n, smallest, divisor in zip(points, least, divide_by, strict=True)
+    )
+    if n1 * n2 > MOST_POINTS_FRACTION * points[0] * points[1]:
         return None
-    return wanted[0], wanted[1]
+    return n1, n2
 
 
-def route(study: Study) -> Study:
-    """Return the study that is solved on a coarser grid in place of a study.
+def solved_study(study: Study) -> Study:
+    """Return the study that is solved for a version of the input in place of a study of the run.
 
-    The deterministic study replaces the two-scale study, because both solve the whole surface.
+    The two-scale study is replaced by the deterministic one, because both solve the whole surface.
     """
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 
@@ -149,12 +156,13 @@ def without_filtered_waves(version: Version) -> Version | None:
         return None
     surface, wave = version.scene.surface, 2 * version.conditioning.shortest_wave
     n1, n2 = (
-        ceil(n / (2 * m)) * m for n, m in zip(surface.shape, version.points_divide_by, strict=True)
+        ceil(n / (2 * divisor)) * divisor
+        for n, divisor in zip(surface.shape, version.points_divide_by, strict=True)
     )
     least1, least2 = version.least_points
     if wave >= max(surface.size) or n1 < least1 or n2 < least2:
         log.warning(
-            "error budget: the face or its cells are too small to do without the shortest waves"
+            "error budget: the face or its cells are too small to be solved without the shortest waves"
         )
         return None
     return _reduced(version, surface.low_pass(wave).resample((n1, n2)))
@@ -170,48 +178,56 @@ def continued_versions(grid: Version) -> list[Version]:
     if continued is None:
         return []
     surface = grid.scene.surface
-    measured = continued.add_to(surface, factor=-1.0)
-    others = [continued.add_to(measured, number) for number in range(1, OTHER_PHASES + 1)]
-    surfaces = [*others, surface.low_pass(2 * continued.cut_off)]
-    return [grid.replaced(scene=replace(grid.scene, surface=one)) for one in surfaces]
+    without_continuation = continued.add_to(surface, factor=-1.0)
+    other_phases = [
+        continued.add_to(without_continuation, number) for number in range(1, OTHER_PHASES + 1)
+    ]
+    without_octave = surface.low_pass(2 * continued.cut_off)
+    return [
+        grid.replaced(scene=replace(grid.scene, surface=changed_surface))
+        for changed_surface in (*other_phases, without_octave)
+    ]
 
 
 def kept_slope(version: Version) -> float:
     """Return the ratio of the rms slope of the surface to the slope that it would have with its missing waves.
 
-    It is 1 if no waves are missing that matter.
+    It is 1 if the missing waves do not matter.
     """
     return version.conditioning.kept_slope if _lacks_waves(version) else 1.0
 
 
 def _lacks_waves(version: Version) -> bool:
-    """Return whether waves that matter are missing, because a filter removed them or the instrument missed them."""
+    """Return whether waves that matter are missing, because of the filter or the resolution of the instrument."""
     return 1 - version.conditioning.kept_slope >= LEAST_REMOVED
 
 
 def _reduced(version: Version, surface: Surface) -> Version:
-    """Make the version of the input with a coarser surface, the same cells, and the first few realisations."""
+    """Make the version of the input with a coarser surface, the same cells, and the first few realisations.
+
+    The realisations have the same cells in the same tiles as the first ones of the run, with which they are compared.
+    """
     sampling = version.sampling
     if sampling is not None:
         cut, tiles = version.cut_and_tiles
-        enough = ceil(FACES_AGAIN * prod(cut.shape) / tiles.count)
-        few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN, enough)
-        sampling = replace(sampling, realisations=few, median_fields=False)
-    methods = frozenset(route(study).name for study in version.studies)
+        n_enough = ceil(_SURFACES * prod(cut.shape) / tiles.count)
+        count = min(sampling.realisations or FEWEST_SEALS, _MOST_REALISATIONS, n_enough)
+        sampling = replace(sampling, realisations=count, median_fields=False)
+    methods = frozenset(solved_study(study).name for study in version.studies)
     scene = replace(version.scene, surface=surface)
-    found: Version = version.replaced(scene=scene, sampling=sampling, methods=methods)
-    return found
+    reduced: Version = version.replaced(scene=scene, sampling=sampling, methods=methods)
+    return reduced
 
 
 @dataclass(frozen=True, eq=False)
 class VersionLeakage:
-    """Hold the leakage of a study at every step (steps,) [m²/s], and the number of its realisations.
+    """Hold the leakage of one study of a version.
 
-    The number is None for studies without realisations.
+    leakage : leakage at every step (steps,) [m²/s]. realisations : number of realisations; None if the study has none.
     """
 
     leakage: Array
-    seals: int | None
+    realisations: int | None
 
 
 def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage]:
@@ -225,24 +241,30 @@ def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage
         except FemsealError as error:
             log.warning("error budget: %s on a coarser grid failed: %s", study.name, error)
             continue
-        seals = len(result.leakage) if isinstance(result, StochasticResult) else None
-        leakages[study.key] = VersionLeakage(leakage_of(result), seals)
+        realisations = len(result.leakage) if isinstance(result, StochasticResult) else None
+        leakages[study.key] = VersionLeakage(leakage_of(result), realisations)
     return leakages
 
 
 def leakage_of(result: Any) -> Array:
-    """Return the leakage of a study at every step (steps,) [m²/s]; for realisations it is their median."""
+    """Return the leakage of a study at every step (steps,) [m²/s]; that of a stochastic study is its median."""
     return study_of_result(result).leakage(result)
 
 
-def against(result: Any, version: Version, solved: Mapping[str, VersionLeakage]) -> CoarserSolution:
-    """Compare the leakage of a coarser version with the result of a study; it is NaN if the version failed."""
+def compare_leakage(
+    result: Any, version: Version, solved: Mapping[str, VersionLeakage]
+) -> CoarserSolution:
+    """Compare the leakage of a coarser version with the result of a study.
+
+    solved : leakages of the version by the key of the study. If that of this study is missing, the compared leakage is
+        NaN.
+    """
     points, slope = version.scene.surface.shape, version.scene.surface.rms_slope
-    solution = solved.get(route(study_of_result(result)).key)
+    solution = solved.get(solved_study(study_of_result(result)).key)
     if solution is None:
         return CoarserSolution(points, np.full(len(version.scene.steps), np.nan))
     if not isinstance(result, StochasticResult):
         return CoarserSolution(points, solution.leakage, rms_slope=slope)
-    # the first realisations of both have the same cells in the same tiles
-    same_seals = replace(result, leakage=result.leakage[: solution.seals])
+    # the first realisations of the study have the same cells in the same tiles as those of the version
+    same_seals = replace(result, leakage=result.leakage[: solution.realisations])
     return CoarserSolution(points, solution.leakage, leakage_of(same_seals), slope)

@@ -1,4 +1,4 @@
-"""Calibrate hardness, shortest wave and a factor between test and model with a measured curve of leakage."""
+"""Calibrate hardness, shortest wave and a factor between test and model with a measured leakage curve."""
 
 from ..base.lazy_package import lazy
 

@@ -1,4 +1,7 @@
-"""Calibrate a case with a leak test: solve a few scenes, interpolate their leakage, and find the posterior."""
+"""Calibrate a case with a leak test: solve a few scenes, interpolate their leakage, and compute the posterior.
+
+A scene is the case with one pair of values of hardness and shortest wave.
+"""
 
 from __future__ import annotations
 
@@ -47,19 +50,19 @@ from .surrogate import Surrogate
 
 #: Ends of a range, in SI or as texts with units.
 Range = tuple[float | str, float | str]
-#: Number of scenes that first fill the ranges; a power of 2, as the Sobol sequence needs.
+#: Number of scenes with which the ranges are filled first; a power of 2, as the Sobol sequence needs.
 FIRST = 16
-#: Number of scenes that are then added at a time where the posterior is.
+#: Number of scenes that are then added at a time where the posterior density is large.
 ADDED = 6
-#: Smallest number of scenes in all.
+#: Smallest total number of scenes.
 FEWEST = 10
-#: Factors by which the ranges extend above and below the values of the case unless they are given.
+#: Factors by which the default ranges extend above and below the values of the case.
 WIDTHS = {"hardness": 3.0, "shortest_wave": 3.0, "factor": 5.0}
-#: Error of the surrogate, as a fraction of that of the test, below which no more scenes are solved.
+#: No more scenes are solved if the error of the surrogate is below this fraction of the error of the test.
 _SMALL_ERROR = 0.2
 #: Name of the calibrated case in the folder.
 CASE_FILE = "calibrated.toml"
-#: Number of samples of the posterior by which further scenes are chosen.
+#: Number of samples of the posterior from which further scenes are chosen.
 _SAMPLES_BETWEEN = 2**9
 #: Number of samples of the final posterior.
 _SAMPLES_AT_END = 2**12
@@ -82,12 +85,12 @@ def calibrate(
     scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Find hardness, shortest wave and a factor between test and model from a measured curve of leakage.
+    """Estimate hardness, shortest wave and a factor between test and model from a measured leakage curve.
 
-    The shortest wave is the cut-off of the low-pass, below which waves do not count. The case is solved at the loads of
-    the test for up to `scenes` pairs of hardness and shortest wave. The first pairs are a Sobol sequence over the
-    ranges; further pairs lie where the posterior is large. See `calibration.surrogate` for the interpolation between
-    them, and `calibration.posterior` for the posterior.
+    The shortest wave is the cut-off of the low-pass filter, which removes all shorter waves. The case is solved at the
+    loads of the test for up to `scenes` pairs of hardness and shortest wave. The first pairs are a Sobol sequence over
+    the ranges. Further pairs are added where the posterior density is large. See `calibration.surrogate` for the
+    interpolation between the pairs, and `calibration.posterior` for the posterior.
 
     Parameters
     ----------
@@ -96,18 +99,19 @@ def calibrate(
     data : path
         Text file with the leak test, see `calibration.leak_test`.
     output : path, optional
-        Folder for table, picture and data, and for the calibrated case if the case is a file. Nothing is written unless
-        given.
+        Folder for table, picture and data, and for the calibrated case if the case is a file. By default nothing is
+        written.
     hardness, shortest_wave, factor : pair of float or str, optional
-        Ends of the ranges of the priors, in SI or as texts with units; the priors are uniform in the logarithm. Unless
-        given, they extend by the factors `WIDTHS` above and below the values of the case, or 1; no wave is shorter than
-        8 pixels.
+        Lower and upper end of the range of each quantity, in SI or as texts with units. The prior is uniform in the
+        logarithm within this range. The default range of hardness and shortest wave extends above and below the value
+        of the case by the factor in `WIDTHS`, but no wave is shorter than 8 pixels. The default range of the factor
+        extends above and below 1.
     error : float or str
         Relative standard deviation of a measured leakage.
     scenes : int
         Largest number of scenes that are solved.
     resume : bool
-        Whether to take the scenes in the folder that were solved for the same case, test and ranges.
+        Whether to use the scenes in the folder that an earlier calibration with the same case, test and ranges solved.
     replace_results : bool
         Whether to replace a finished calibration in the folder.
     workers, scheduler, progress
@@ -120,14 +124,14 @@ def calibrate(
     Raises
     ------
     InputError
-        The case, the test, a range or the folder cannot be used. Nothing has been computed then.
+        The case, the test, a range or the folder cannot be used. Nothing has been computed.
     FemsealError
         Too few scenes could be solved.
 
     Examples
     --------
-    >>> found = calibrate("seal.toml", "leak_test.csv", scenes=16)  # doctest: +SKIP
-    >>> found.hardness.median, found.factor  # doctest: +SKIP
+    >>> calibration = calibrate("seal.toml", "leak_test.csv", scenes=16)  # doctest: +SKIP
+    >>> calibration.hardness.median, calibration.factor  # doctest: +SKIP
     """
     folder = job.checked_output(output, resume)
     is_finished = folder is not None and (folder / FILE).exists()
@@ -150,7 +154,7 @@ def calibrate(
     prepared = prepare(tested_case)
     ranges = _ranges(tested_case, prepared, given_ranges)
     _check_corners(tested_case, ranges)
-    # loads of the scenes, and the load of each row of the test
+    # load steps that are solved, and for each row of the test the index of its load in them
     steps, rows = np.unique(test.rows_of(loaded), return_inverse=True)
     identity = {
         "case": tested_case.echo(),
@@ -160,7 +164,7 @@ def calibrate(
         "content of face files": job.face_files(tested_case),
         "version": numerical_versions(),
     } | job.user_code(tested_case)
-    # the case has no digest, but everything that its leakage depends on has one
+    # a case has no digest, so the results are stored under everything on which its leakage depends
     key = ("scenes", json.dumps(identity, default=str))
     solve_scene = partial(_solve_scene, tested_case, test.unit, steps)
     memory = forecast(tested_case, prepared).memory
@@ -182,7 +186,7 @@ def calibrate(
         solve_scenes = partial(mapper, stage)
         exploration = _explore(solve_scenes, test, rows, ranges, relative_error, scenes)
         samples = exploration.posterior.samples(_SAMPLES_AT_END)
-        calibration = Calibration.of(
+        calibration = Calibration.from_posterior(
             exploration.posterior,
             samples,
             exploration.scenes,
@@ -199,12 +203,12 @@ def calibrate(
 
 
 def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> Array:
-    """Find and check the ranges of hardness, shortest wave and factor in SI (3, 2).
+    """Choose or check the ranges of hardness, shortest wave and factor, an array (3, 2) in SI.
 
     Raises
     ------
     InputError
-        The ends of a range do not rise, or the softer solid has no single hardness.
+        The upper end of a range is not above the lower one, or the softer solid has no single hardness.
     """
     table = getattr(case, case.softer)
     if table.coating is not None:
@@ -258,7 +262,7 @@ def _given_ends(name: str, ends: Range) -> tuple[float, float]:
 
 
 def _check_corners(case: Case, ranges: Array) -> None:
-    """Check that the case can be run at all combinations of the ends of hardness and shortest wave."""
+    """Check that the case can be run at all four combinations of the ends of the ranges of hardness and wave."""
     hardnesses, waves = ranges[:2].tolist()
     for hardness, wave in product(hardnesses, waves):
         corner = with_values(case, hardness, wave)
@@ -266,11 +270,11 @@ def _check_corners(case: Case, ranges: Array) -> None:
 
 
 def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
-    """Change the hardness [Pa] of the softer solid and the shortest wave [m] of a case."""
+    """Return a copy of a case with another hardness of the softer solid [Pa] and another shortest wave [m]."""
     solid_name = case.softer
     changed = {"hardness": hardness, "yield_stress": None}
     solid = getattr(case, solid_name).model_copy(update=changed)
-    # a case that has `detrend` says what is form: its effect is then not solved for every scene
+    # if `detrend` is set explicitly, a run does not compute the effect of the form again for every scene
     treatment = {"shortest_wave": shortest_wave, "detrend": case.surface.detrend}
     surface = case.surface.model_copy(update=treatment)
     return case.model_copy(update={solid_name: solid, "surface": surface})
@@ -279,7 +283,10 @@ def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
 def _solve_scene(
     case: Case, unit: LeakUnit, steps: Indices, hardness: float, shortest_wave: float
 ) -> list[float]:
-    """Compute the leakage that decides on classes at some load steps, in a unit; NaN if the solution failed."""
+    """Compute the leakage that is compared with leakage classes at some load steps; NaN if the solution failed.
+
+    unit : unit of the returned leakages. steps : indices of the load steps.
+    """
     log = logging.getLogger("femseal")
     level = log.level
     log.setLevel(logging.ERROR)  # the warnings of the case are the same for every scene
@@ -297,10 +304,10 @@ def _solve_scene(
 
 @dataclass(frozen=True)
 class _Exploration:
-    """The posterior, and the scenes that it was found from.
+    """The posterior, and the scenes from which it was computed.
 
-    scenes : hardness [Pa] and shortest wave [m] of each (scenes, 2). leakages : in the unit of the test (scenes,
-    loads), NaN where the solution failed.
+    posterior : posterior density. scenes : hardness [Pa] and shortest wave [m] of each scene (scenes, 2). leakages :
+    leakages of each scene in the unit of the test (scenes, loads), NaN where the solution failed.
     """
 
     posterior: Posterior
@@ -316,7 +323,9 @@ def _explore(
     error: float,
     most_scenes: int,
 ) -> _Exploration:
-    """Solve scenes that fill the ranges, and then others where the posterior is, until it is known well enough.
+    """Solve scenes that fill the ranges, and then further scenes where the posterior density is large.
+
+    The loop ends if the surrogate is accurate enough there, or if the largest number of scenes is reached.
 
     Parameters
     ----------
@@ -325,7 +334,7 @@ def _explore(
     test : LeakTest
         The leak test.
     rows : array of int (rows,)
-        Load of each row of the test.
+        Index of the load of each row of the test.
     ranges : array (3, 2)
         Ranges of the priors in SI.
     error : float
@@ -338,8 +347,8 @@ def _explore(
     def to_si_units(points: Array) -> Array:
         return np.exp(low + points * (high - low))
 
-    points = np.empty((0, 2))  # in the unit square
-    leakages = np.empty((0, int(max(rows)) + 1))
+    points = np.empty((0, 2))  # (scene, quantity), in the unit square
+    leakages = np.empty((0, int(max(rows)) + 1))  # (scene, load)
     sobol = qmc.Sobol(2, rng=np.random.default_rng(1))
     new_points = sobol.random_base2(int(np.log2(FIRST)))[:most_scenes]
     while True:
@@ -349,14 +358,15 @@ def _explore(
         leakages = np.concatenate([leakages, new_leakages])
         is_solved = np.asarray(np.isfinite(leakages).all(axis=1))
         _check_enough_solved(is_solved, len(new_points))
-        surrogate = Surrogate.through(points[is_solved], leakages[is_solved])
+        surrogate = Surrogate.fit(points[is_solved], leakages[is_solved])
         posterior = Posterior(test, list(rows), ranges, surrogate, error)
         samples = posterior.samples(_SAMPLES_BETWEEN)
         surrogate_error = np.median(posterior.predict(samples).deviation, axis=0).max()
         n_left = most_scenes - len(points)
         if n_left <= 0 or surrogate_error < _SMALL_ERROR * error:
             return _Exploration(posterior, to_si_units(points), leakages)
-        # consecutive samples, which are different ones each time
+        # Samples are in random order, so that consecutive ones spread over the posterior. Starting from the number of
+        # scenes so far takes other samples in each round.
         chosen = len(points) + np.arange(min(ADDED, n_left))
         new_points = samples[chosen % len(samples), :2]
 

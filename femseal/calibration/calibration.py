@@ -1,4 +1,4 @@
-"""The result of a calibration: prior and posterior, measured and calibrated curve, as tables, files and a picture."""
+"""Hold the result of a calibration, and show it in tables, files and a picture."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FILE, TABLE, PICTURE = "calibration.json", "calibration.csv", "calibration.png"
-#: Width of the ends of a range in the logarithm, as a fraction of the range.
+#: A sample lies at an end of a range if its distance from this end is below this fraction of the range, in logarithms.
 _END = 0.03
-#: Fraction of the samples in an end of a range from which on the range is said to be too narrow.
+#: The range may be too narrow if more than this fraction of the samples lies at one of its ends.
 _MANY_SAMPLES = 0.1
-#: Root mean square of the residuals, in their standard deviations, from which on the model is said not to fit.
+#: The model does not fit if the root mean square of the standardised residuals is above this value.
 _LARGE_MISFIT = 2.0
 #: Units of the axes by SI unit, and the value of each in SI.
 _AXIS_UNITS = {
@@ -68,7 +68,7 @@ class Calibration(Plotted):
     hardness, shortest_wave, factor : Estimate
         Posterior of the hardness [Pa], of the shortest wave [m], and of the factor between test and model.
     prior : dict of Estimate
-        Medians and ends of the ranges of the priors by name.
+        Median and range of the prior of each quantity, by its name.
     correlation : array (3, 3)
         Correlation of the logarithms of the three quantities.
     samples : array (n, 3)
@@ -104,26 +104,27 @@ class Calibration(Plotted):
     notes: tuple[str, ...]
 
     @classmethod
-    def of(
+    def from_posterior(
         cls, posterior: Posterior, cube: Array, scenes: Array, leakages: Array, case: Case
     ) -> Calibration:
-        """Summarise a posterior.
+        """Make a calibration from samples of its posterior.
 
         Parameters
         ----------
         posterior : Posterior
             The posterior.
         cube : array (n, 3)
-            Samples of it in the unit cube.
+            Samples of the posterior in the unit cube.
         scenes, leakages : array
             Solved scenes and their leakages, as in the attributes.
         case : Case
             The case at the loads of the test.
         """
         samples = posterior.quantities(cube)
-        estimates = {name: Estimate.of(samples[:, n]) for n, name in enumerate(UNITS)}
-        middle_low_high = posterior.quantities(np.repeat([[0.5], [0.0], [1.0]], 3, axis=1))
-        prior = {name: Estimate(*map(float, middle_low_high[:, n])) for n, name in enumerate(UNITS)}
+        estimates = {name: Estimate.from_samples(samples[:, n]) for n, name in enumerate(UNITS)}
+        # median, lower and upper end of the uniform priors in the unit cube (3, quantity)
+        median_low_high = posterior.quantities(np.repeat([[0.5], [0.0], [1.0]], 3, axis=1))
+        prior = {name: Estimate(*map(float, median_low_high[:, n])) for n, name in enumerate(UNITS)}
         curve = _calibrated_curve(posterior, cube)
         notes = _notes_on_ranges(cube) + _notes_on_fit(posterior, cube, curve[1])
         return cls(
@@ -177,7 +178,7 @@ class Calibration(Plotted):
             ("", [_plain_name(name) for name in UNITS]),
             ("prior", [_interval_text(name, self.prior[name]) for name in UNITS]),
             ("posterior", [_value_text(name, posterior[name].median) for name in UNITS]),
-            (_region_name(), [_interval_text(name, posterior[name]) for name in UNITS]),
+            (_interval_name(), [_interval_text(name, posterior[name]) for name in UNITS]),
         ]
         for name, coefficients in zip(UNITS, self.correlation, strict=True):
             head = f"correlation with {_plain_name(name)}"
@@ -202,7 +203,7 @@ class Calibration(Plotted):
             ("branch", [branch_text(step.unloaded_from, load_text) for step in steps]),
             ("measured", measured),
             ("calibrated", median),
-            (_region_name(), intervals),
+            (_interval_name(), intervals),
         ]
         return TextTable.of_columns(f"Leakage [{self.test.unit.name}]", columns, names=2)
 
@@ -268,9 +269,10 @@ class Calibration(Plotted):
 
 
 def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
-    """Find the lower end, median and upper end of the calibrated leakage (3, rows), 0 where sealed.
+    """Compute lower end, median and upper end of the calibrated leakage in each row of the test (3, rows).
 
-    The curve includes the error of the surrogate, by one random leakage for each sample of the posterior.
+    The leakage is 0 where the case is sealed. To include the error of the surrogate, one leakage is drawn at random
+    from the prediction for each sample of the posterior.
     """
     prediction = posterior.predict(cube)
     rng = np.random.default_rng(2)
@@ -282,7 +284,7 @@ def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
 
 
 def _notes_on_ranges(cube: Array) -> list[str]:
-    """Note the ranges that may be too narrow, because many samples (n, 3) of the unit cube lie at an end."""
+    """Note which ranges may be too narrow, because many samples (n, 3) in the unit cube lie at one of their ends."""
     notes = []
     for n, name in enumerate(UNITS):
         for end, is_there in (("lower", cube[:, n] < _END), ("upper", cube[:, n] > 1 - _END)):
@@ -295,7 +297,7 @@ def _notes_on_ranges(cube: Array) -> list[str]:
 
 
 def _notes_on_fit(posterior: Posterior, cube: Array, median: Array) -> list[str]:
-    """Note where the calibrated median curve (rows,) does not fit the test, or is not known well enough."""
+    """Note where the median of the calibrated leakage (rows,) does not fit the test, or is too uncertain."""
     notes = []
     test = posterior.test
     both_leak = ~test.sealed & (median > 0)
@@ -315,7 +317,7 @@ def _notes_on_fit(posterior: Posterior, cube: Array, median: Array) -> list[str]
     if largest_error > posterior.error:
         notes.append(
             f"the interpolation between solved scenes has an error of {100 * largest_error:.2g} % at some load, more "
-            "than the test: solve more --scenes"
+            "than the test: increase --scenes"
         )
     return notes
 
@@ -335,8 +337,8 @@ def _interval_text(name: str, estimate: Estimate) -> str:
     return f"{_value_text(name, estimate.lower)} to {_value_text(name, estimate.upper)}"
 
 
-def _region_name() -> str:
-    """Name the regions of the posterior."""
+def _interval_name() -> str:
+    """Name the intervals of the posterior, such as "90 % interval"."""
     return f"{100 * PROBABILITY:g} % interval"
 
 
@@ -345,7 +347,7 @@ def _region_name() -> str:
 
 @shows(Calibration)
 def calibration_figure(calibration: Calibration) -> Figure:
-    """Draw the hardness against the shortest wave and the factor, and the leakage against load."""
+    """Draw samples of shortest wave and factor over the hardness, and measured and calibrated leakage over the load."""
     test = calibration.test
     pressure, peaks = pressures_and_peaks(test.steps)
     unit, unit_in_si = _AXIS_UNITS[calibration.load_unit]
@@ -358,7 +360,7 @@ def calibration_figure(calibration: Calibration) -> Figure:
         median,
         "",
         band=(low, high),
-        band_name=_region_name(),
+        band_name=_interval_name(),
         scale=(1.0, f"leakage [{test.unit.name}]"),
         force=None if calibration.load_unit == "Pa" else (unit, 1 / unit_in_si),
     )
@@ -381,7 +383,10 @@ def calibration_figure(calibration: Calibration) -> Figure:
 
 
 def _draw_samples(axes: Axes, calibration: Calibration, name: str) -> None:
-    """Draw samples and medians of a quantity against the hardness, and the solved scenes if they have both."""
+    """Draw samples and median of a quantity over the hardness.
+
+    The solved scenes are drawn, too, if the quantity is the shortest wave; they have no factor.
+    """
     names = list(UNITS)
     columns = [names.index("hardness"), names.index(name)]
     hardness_unit, hardness_in_si = _AXIS_UNITS[UNITS["hardness"]]
@@ -416,9 +421,9 @@ def calibrated_text(
     case_folder : Path
         Folder to which the names of files in the case are relative.
     folder : Path
-        Folder of the new case, to which they are made relative.
+        Folder of the new case. The names of files in it become relative to this folder.
     calibration : Calibration
-        The calibration, whose medians are taken.
+        The calibration; the new case has the medians of its posterior.
     """
     calibrated = {name: _relocate(value, case_folder, folder) for name, value in tables.items()}
     solid = dict(calibrated[calibration.solid])
@@ -436,14 +441,14 @@ def calibrated_text(
 
 
 def _relocate(value: Any, case_folder: Path, folder: Path) -> Any:
-    """Make the names of existing files in a value, which are relative to one folder, relative to another."""
+    """Change the names of files in a value of a case: instead of `case_folder` they are relative to `folder`."""
     if isinstance(value, dict):
         return {key: _relocate(inner, case_folder, folder) for key, inner in value.items()}
     if isinstance(value, list):
         return [_relocate(inner, case_folder, folder) for inner in value]
     if not isinstance(value, str):
         return value
-    # "lay.vtu:name" is a field of a file
+    # "lay.vtu:name" means the field `name` of the file lay.vtu
     for file_name in (value, value.rpartition(":")[0]):
         if file_name and (case_folder / file_name).is_file():
             path = os.path.relpath(case_folder / file_name, folder).replace(os.sep, "/")

@@ -17,8 +17,8 @@ from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
 from ..seal.seal_files import text_rows
 
-#: Columns of a leak test, for messages.
-COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"
+#: Description of the columns of a leak test, for messages.
+COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row was measured during unloading, branch, unloaded from [MPa]"
 BRANCHES = ("loading", "unloading")
 #: Text of the leakage of a sealed row, and first character of a limit of detection.
 SEALED, BELOW = "sealed", "<"
@@ -48,7 +48,7 @@ class LeakTest:
     steps : tuple of LoadStep
         Load of each row, in the unit of the loads of the case.
     leakage : array (rows,)
-        Leakage in `unit`; for a sealed row, the limit below which it lies.
+        Leakage in `unit`; in a sealed row, the limit below which the leakage lies.
     sealed : array of bool (rows,)
         Which rows are sealed or below the limit of detection.
     unit : LeakUnit
@@ -61,7 +61,7 @@ class LeakTest:
     unit: LeakUnit
 
     def of_case(self, case: Case) -> Case:
-        """Reduce a case to the loads of the test, and leave out what the calibration does not need."""
+        """Return a copy of a case with the loads of the test, without output that the calibration does not need."""
         loading = {step.pressure for step in self.steps if step.unloaded_from is None}
         unloading = {step.pressure for step in self.steps if step.unloaded_from is not None}
         peaks = {step.unloaded_from for step in self.steps if step.unloaded_from is not None}
@@ -92,21 +92,21 @@ class LeakTest:
         )
 
     def rows_of(self, case: Case) -> list[int]:
-        """Find the load step of each row in a run of `of_case`."""
+        """Return the index of the load step of each row in the run of the case that `of_case` returns."""
         load = self.of_case(case).load
         programme = LoadProgramme.of(load.loading, load.unload_from, load.unloading)
         return [programme.index(step) for step in self.steps]
 
 
 class _Column(NamedTuple):
-    """Position of a column in the rows, and the value of its unit in the unit of the case."""
+    """Position of a column in the rows, and the factor that converts its unit to the unit of the case."""
 
     position: int
     factor: float
 
 
 class _Leakage(NamedTuple):
-    """Leakage of a row, or its limit if the row is sealed; NaN for a sealed row without a limit."""
+    """Leakage of a row; in a sealed row, the limit below which the leakage lies, or NaN if no limit is given."""
 
     value: float
     is_sealed: bool
@@ -115,9 +115,9 @@ class _Leakage(NamedTuple):
 def read_leak_test(path: Path, case: Case) -> LeakTest:
     """Read a leak test of a case from a text file with columns.
 
-    The first line that is no comment (#) contains the names and units of the columns, see `COLUMNS`. A leakage is a
-    number, "sealed", or a limit of detection such as "< 0.1". Sealed rows without a limit leak less than the smallest
-    leakage that was measured.
+    The first line that is not a comment (#) contains the names and units of the columns, see `COLUMNS`. A leakage is a
+    number, "sealed", or a limit of detection such as "< 0.1". For a sealed row without a limit, the limit is the
+    smallest measured leakage.
 
     Parameters
     ----------
@@ -133,9 +133,10 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
     Raises
     ------
     InputError
-        The file cannot be read, a column or a unit is unknown or missing, or some rows cannot be used. The message has
-        a line for each fault with its line in the file.
+        The file cannot be read, a column or a unit is unknown or missing, or some rows cannot be used. The message
+        describes each fault in a line, and says in which line of the file it is.
     """
+    # number, text and cells of each line
     (_, _, heads), *lines = text_rows(path, "data")
     if not lines:
         given = f"'{path}' without rows"
@@ -167,7 +168,7 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
 
 
 def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakUnit]:
-    """Find the columns by their names, and the unit of leakage."""
+    """Read the head of the columns: the position and the unit of each column by its name, and the leakage unit."""
     columns: dict[str, _Column] = {}
     unit_of_leakage: LeakUnit | None = None
     for position, head in enumerate(heads):
@@ -192,7 +193,7 @@ def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakU
 
 
 def _leakage_unit(name: str, head: str, case: Case) -> LeakUnit:
-    """Find a unit of leakage by its name; raise InputError if it does not suit the fluid of the test."""
+    """Return the leakage unit with a name; raise InputError if it cannot be used for the fluid of the test."""
     unit = leak_unit(name)
     fluid = (case.output.test_fluid or case.fluid).fluid
     reason = leak_basis(fluid, 1.0).lacks(unit)
@@ -221,7 +222,8 @@ def _read_step(cells: list[str], columns: dict[str, _Column], case: Case) -> Loa
     def read_load(column: str, what: str) -> float:
         text = cells[columns[column].position].strip()
         number = _read_number(text, what, "a number >= 0") * columns[column].factor
-        load = float(f"{number:.12g}")  # without the rounding of the unit, as loads are compared
+        # equal loads must be equal numbers, so the rounding errors of the conversion of units are removed
+        load = float(f"{number:.12g}")
         _check_range(load, what, case)
         return load
 
@@ -257,7 +259,7 @@ def _check_range(load: float, what: str, case: Case) -> None:
 
 
 def _read_leakage(text: str) -> _Leakage:
-    """Read the leakage of a row, "sealed", or a limit of detection."""
+    """Read the cell of a leakage: a number, "sealed", or a limit of detection."""
     expected = f"a leakage >= 0, '{SEALED}', or a limit such as '{BELOW} 0.1'"
     if text.lower() == SEALED:
         return _Leakage(np.nan, True)

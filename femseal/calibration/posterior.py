@@ -1,9 +1,9 @@
-"""Find the posterior of hardness, shortest wave and factor that a leak test gives, by Bayes' rule.
+"""Compute the posterior of hardness, shortest wave and factor from a leak test, by Bayes' rule.
 
-The measured leakage is the factor times the leakage of the model. ln(measured) is normal around ln(factor) + ln(model),
-with the error of the test, which is independent for each row, and the error of the surrogate, which is correlated
-between loads. In a row that is sealed, the model is closed or leaks less than the limit of the row. The priors are
-uniform in the logarithm within their ranges.
+The measured leakage is the factor times the leakage of the model. ln(measured) is normally distributed around
+ln(factor) + ln(model). Its variance is that of the test, which is independent for each row, plus that of the surrogate,
+which is correlated between loads. In a sealed row, the model is sealed too, or leaks less than the limit of this row.
+The priors are uniform in the logarithm within their ranges.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from .surrogate import Prediction, Surrogate
 
 #: Units of the calibrated quantities, in the order of all arrays.
 UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
-#: Probability of the regions that are given.
+#: Probability that the intervals of the calibrated quantities contain the true value.
 PROBABILITY = 0.9
-#: Fraction of the probability that may be lost when only the best cells are divided further.
-_LOST_PROBABILITY = 1e-4
-#: Number of slabs into which each cell is divided along ln(factor).
+#: Fraction of the probability that may be neglected when only the most probable squares are divided further.
+_NEGLECTED_PROBABILITY = 1e-4
+#: Number of slabs into which each square is divided along ln(factor).
 _SLABS = 24
 #: Distance of the first and the last slab from the mean of ln(factor), in its standard deviations.
 _SLAB_RANGE = 4.5
@@ -39,7 +39,7 @@ class Estimate:
     upper: float
 
     @classmethod
-    def of(cls, values: Array) -> Estimate:
+    def from_samples(cls, values: Array) -> Estimate:
         """Estimate a positive quantity from samples (n,); the interval is the shortest in the logarithm."""
         ordered = np.sort(values)
         count = int(np.ceil(PROBABILITY * len(ordered)))
@@ -51,24 +51,24 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class FactorDensity:
-    """Posterior density along ln(factor) at several pairs of hardness and shortest wave.
+    """Posterior density of ln(factor) at several pairs of hardness and shortest wave.
 
-    The rows that leak give a normal density; each sealed row multiplies it by a probability.
+    The rows that leak give a normal density. It is multiplied by the probability of each sealed row.
 
     Parameters
     ----------
     mean, deviation : array (pairs, 1)
-        Mean and standard deviation of ln(factor) by the rows that leak.
+        Mean and standard deviation of the normal density.
     misfit : array (pairs, 1)
-        Sum of the squares of the standardised residuals of these rows at the mean.
+        Sum of the squares of the standardised residuals of the rows that leak, with the factor at the mean.
     log_scale : array (pairs, 1)
-        ln of the factor of the density that does not depend on the residuals.
+        ln of that part of the density which does not depend on the residuals.
     sealed_limit : array (pairs, sealed rows)
         ln(limit) − ln(model) of the sealed rows.
     sealed_deviation : array (pairs, sealed rows)
-        Its standard deviation.
+        Standard deviation of `sealed_limit`.
     sealed_is_open : array (pairs, sealed rows)
-        Probability that the model is open.
+        Probability that the model leaks in the sealed rows.
     """
 
     mean: Array
@@ -80,21 +80,23 @@ class FactorDensity:
     sealed_is_open: Array
 
     def log_density(self, log_factor: Array) -> Array:
-        """Compute ln of the density, up to a constant, at ln(factor) (pairs, m)."""
+        """Compute ln of the density, up to a constant, at values (pairs, m) of ln(factor)."""
         standardised = (log_factor - self.mean) / self.deviation
         log_density = self.log_scale - 0.5 * (self.misfit + standardised**2)
         for row in range(self.sealed_limit.shape[1]):
             limit = self.sealed_limit[:, row, None]
-            leaks_more = ndtr((log_factor - limit) / self.sealed_deviation[:, row, None])
-            log_density += np.log(1 - self.sealed_is_open[:, row, None] * leaks_more)
+            # probability that an open model leaks more than the limit
+            exceeds_limit = ndtr((log_factor - limit) / self.sealed_deviation[:, row, None])
+            log_density += np.log(1 - self.sealed_is_open[:, row, None] * exceeds_limit)
         return log_density
 
 
 @dataclass(frozen=True, eq=False)
 class _Slabs:
-    """Slabs of equal width along ln(factor) in every cell.
+    """Slabs of equal width along ln(factor) above every square of the plane of hardness and wave.
 
-    first, last : ends of the range of the slabs (cells, 1). probability : up to a constant (cells, slabs).
+    first, last : ends of the range of the slabs (squares, 1). probability : probability of every slab, up to a constant
+    (squares, slabs).
     """
 
     first: Array
@@ -104,14 +106,16 @@ class _Slabs:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Posterior density in the unit cube of the logarithms of the three quantities between the ends of their ranges.
+    """Posterior density in the unit cube.
+
+    The coordinates of the cube are the logarithms of the three quantities, scaled from their ranges to 0 to 1.
 
     Parameters
     ----------
     test : LeakTest
         The leak test.
     rows : list of int
-        Load of the surrogate for each row of the test.
+        Index of the load of each row of the test in the loads of the surrogate.
     ranges : array (3, 2)
         Ends of the ranges of the priors in SI.
     surrogate : Surrogate
@@ -139,21 +143,22 @@ class Posterior:
 
     def _predict_rows(self, plane: Array) -> Prediction:
         """Predict the leakage of the model for every row of the test at hardnesses and waves (pairs, 2)."""
-        mean, deviation, is_open = self.surrogate.at(plane)
+        mean, deviation, is_open = self.surrogate.predict(plane)
         return Prediction(mean[:, self.rows], deviation[:, self.rows], is_open[:, self.rows])
 
     def along_factor(self, plane: Array) -> FactorDensity:
-        """Find the density along ln(factor) at hardnesses and waves (pairs, 2) of the unit square."""
+        """Compute the density of ln(factor) at pairs of hardness and wave (pairs, 2) in the unit square."""
         mean, deviation, is_open = self._predict_rows(plane)
         is_sealed = self.test.sealed
         leaks = ~is_sealed
         residuals = np.log(self.test.leakage) - mean  # (pair, row)
         loads = np.array(self.rows)[leaks]
-        errors = deviation[:, leaks]
+        errors = deviation[:, leaks]  # (pair, row that leaks)
         correlation = self.surrogate.correlation[np.ix_(loads, loads)]
         surrogate_covariance = correlation * errors[:, :, None] * errors[:, None]
         covariance = surrogate_covariance + self.error**2 * np.eye(len(loads))  # (pair, row, row)
-        # generalised least squares for ln(factor), by whitening with the Cholesky factor
+        # Generalised least squares: ln(factor) is the constant that is fitted to the residuals. Dividing residuals and
+        # ones by the Cholesky factor of the covariance makes it an ordinary least-squares problem.
         root = np.linalg.cholesky(covariance)
         columns = np.stack([residuals[:, leaks], np.ones_like(errors)], axis=-1)
         white_columns = np.linalg.solve(root, columns)
@@ -175,12 +180,13 @@ class Posterior:
         )
 
     def samples(self, count: int) -> Array:
-        """Take evenly distributed samples of the posterior in the unit cube.
+        """Draw quasi-random samples of the posterior in the unit cube.
 
-        The square of hardness and wave is divided into four cells per sample. As long as the quarter of the cells with
-        the most probability contains nearly all of it, these cells are divided further. Each cell is divided into slabs
-        along ln(factor). A Sobol sequence then chooses slabs, and points in them. The last digits of the density move
-        few samples, and only to the next cell, whereas they would change all states of a Markov chain.
+        The unit square of hardness and wave is divided into small squares, four for each sample. As long as the most
+        probable quarter of them contains nearly all of the probability, only these are kept and divided further. Each
+        square is divided into slabs along ln(factor). A Sobol sequence then chooses slabs, and points in the slabs. If
+        the last digits of the density change, only a few samples move, and only to the next square. In a Markov chain,
+        all later samples would change.
 
         Parameters
         ----------
@@ -193,32 +199,38 @@ class Posterior:
         """
         low, high = np.log(self.ranges[2])
         side = round(2 * count**0.5)
-        cells = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side  # centres (cell, 2)
+        centres = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side  # (square, 2)
         while True:
-            slabs = self._slabs(cells)
-            cell_probability = slabs.probability.sum(1)
-            best = np.sort(np.argsort(-cell_probability, kind="stable")[: len(cells) // 4])
-            kept_probability = cell_probability[best].sum()
-            if not kept_probability >= (1 - _LOST_PROBABILITY) * cell_probability.sum():
+            slabs = self._slabs(centres)
+            probability = slabs.probability.sum(1)  # (square,)
+            most_probable_first = np.argsort(-probability, kind="stable")
+            best = np.sort(most_probable_first[: len(centres) // 4])
+            if not probability[best].sum() >= (1 - _NEGLECTED_PROBABILITY) * probability.sum():
                 break
             side *= 2
             to_quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)
-            cells = (cells[best, None] + to_quarters).reshape(-1, 2)
+            centres = (centres[best, None] + to_quarters).reshape(-1, 2)
+        # random numbers of each sample: for the choice of a slab, and for the position in it along three axes
         random = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
         cumulative = np.cumsum(slabs.probability) / slabs.probability.sum()
-        cell, slab = np.divmod(np.searchsorted(cumulative[:-1], random[:, 0]), _SLABS)
-        plane = cells[cell] + (random[:, 1:3] - 0.5) / side
-        width = (slabs.last - slabs.first)[cell, 0]
-        log_factor = slabs.first[cell, 0] + width * (slab + random[:, 3]) / _SLABS
+        flat_index = np.searchsorted(cumulative[:-1], random[:, 0])
+        square, slab = np.divmod(flat_index, _SLABS)
+        plane = centres[square] + (random[:, 1:3] - 0.5) / side
+        width = (slabs.last - slabs.first)[square, 0]
+        log_factor = slabs.first[square, 0] + width * (slab + random[:, 3]) / _SLABS
         return np.c_[plane, (log_factor - low) / (high - low)]
 
-    def _slabs(self, cells: Array) -> _Slabs:
-        """Divide cells (cells, 2) into slabs along ln(factor), around its mean and within its range."""
+    def _slabs(self, centres: Array) -> _Slabs:
+        """Divide squares with these centres (squares, 2) into slabs along ln(factor).
+
+        The slabs cover several standard deviations around the mean of ln(factor), as far as they are within its range.
+        """
         low, high = np.log(self.ranges[2])
-        density = self.along_factor(cells)
+        density = self.along_factor(centres)
         centre = np.clip(density.mean, low, high)
         first = np.clip(centre - _SLAB_RANGE * density.deviation, low, high)
         last = np.clip(centre + _SLAB_RANGE * density.deviation, low, high)
         middles = first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS
+        # the slabs of all squares have the same number, but not the same width
         log_probability = density.log_density(middles) + np.log(last - first)
         return _Slabs(first, last, np.exp(log_probability - log_probability.max()))

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base.compiled import by_items, compiled, leader, number, over, parts, summed
+from ..base.compiled import by_items, compiled, leader, over, parts, summed, thread_count
 
 #: All functions are inlined. A function that is called may be compiled differently in another process, which would
 #: change the last digits of results.
@@ -120,7 +120,7 @@ def list_near_in_parts(*arguments):
     *problem, near, near_p, near_v, free, place, factor, weight, reach, _first, n_rows = arguments
     columns = problem[0].size // n_rows
     row_ranges = parts(n_rows, PART / columns)
-    n_at_a_time = 2 * number()
+    n_at_a_time = 2 * thread_count()
     size = columns * max(last - row for row, last in row_ranges)
     lists = [_PartLists.empty(size) for _ in row_ranges[:n_at_a_time]]
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, Flags, InputError, NotConverged, Shown, validate
-from ..base.compiled import number, over, rows, using
+from ..base.compiled import over, rows, thread_count, using_threads
 from .active_sets import solve_active_sets
 from .descent import Solution
 from .half_space import HalfSpace
@@ -197,8 +197,8 @@ def solve_contact(
         deformation = validate.field("deformation", deformation, unit="m", shape=shape, copy=False)
         gap = gap + deformation
         law = law.after(deformation)
-    n_threads = number() if threads is None else validate.count("threads", threads)
-    with using(n_threads):
+    n_threads = thread_count() if threads is None else validate.count("threads", threads)
+    with using_threads(n_threads):
         if np.ndim(fluid_pressure) or fluid_pressure != 0:
             gap, law, pressure = _as_dry_contact(gap, half_space, law, pressure, fluid_pressure)
         line = law.tangent(shape)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..base import Array, Indices, Shape
-from ..base.compiled import number
+from ..base.compiled import thread_count
 from . import gradient_steps, projection
 from .convolution import Convolution
 from .half_space import HalfSpace, stiffness_stencil
@@ -69,9 +69,9 @@ def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspa
     # half-spaces that differ only in their modulus share their arrays
     unit = half_space.of_unit_modulus
     if is_kept:
-        arrays = _kept_arrays(unit, number(), get_ident())
+        arrays = _kept_arrays(unit, thread_count(), get_ident())
     else:
-        arrays = WorkArrays(unit, number())
+        arrays = WorkArrays(unit, thread_count())
     return Workspace(half_space, arrays, is_kept)
 
 

@@ -1,4 +1,4 @@
-"""Answer design questions with runs: what pressures a seal needs, and what changes them most."""
+"""Find the pressures that a seal needs, and what changes them most."""
 
 from ..base.lazy_package import lazy
 

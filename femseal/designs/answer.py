@@ -1,4 +1,4 @@
-"""Answer the questions of a design for a case or a finished run: what pressures a seal needs, and what changes them."""
+"""Find the pressures that a seal needs, and what changes them, from a case or from the results of a run."""
 
 import json
 from collections.abc import Iterable
@@ -19,7 +19,7 @@ from ..results.load_steps import force_scale
 from ..runs import job
 from .data_sheet import Design
 from .requirements import Requirement, Seals, requirement, sealing_load
-from .sensitivities import Variants, inlet_slope, sensitivities, solved_variants, state_of_classes
+from .sensitivities import Variants, deciding_fluid, inlet_slope, sensitivities, solved_variants
 
 
 def design(
@@ -37,41 +37,41 @@ def design(
 ) -> Design:
     """Find the pressures that a seal needs in assembly and in service, and what changes its leakage most.
 
-    As in EN 13555 and EN 1591-1, Qmin(L) is the nominal pressure in assembly from which on the seal leaks no more than
-    a class L allows. QSmin(L; Q_A) is the pressure to which it may fall in service after an assembly at Q_A. Qmin is
-    read from the loading, QSmin from the unloading from Q_A, each by the leakage as computed and by the upper end of
-    its 95 % interval. These are the loads of the verdict in the report, see `results.verdict`.
+    As in EN 13555 and EN 1591-1, Qmin(L) is the lowest nominal pressure in assembly at which the seal meets a leakage
+    class L. QSmin(L; Q_A) is the pressure to which it may be unloaded in service after it was assembled at Q_A. Qmin is
+    read from the loading curve, and QSmin from the curve of unloading from Q_A. Both are given for the computed leakage
+    and for the upper end of its 95 % interval. These are the loads of the verdict in the report, see
+    `results.verdict`.
 
-    A second column gives the pressure that a fraction of the realisations needs as computed; the 95 % interval
-    contains the scatter between realisations already. If the case has a `relaxation`, the answer also has the pressure
-    in assembly from which on the class is still met after relaxation. Between load steps, ln(leakage) is interpolated
-    linearly over ln(pressure); nothing is extrapolated.
+    In addition, Qmin is given for a fraction of the realisations, from their computed leakage. (The 95 % interval
+    includes the scatter between realisations already.) If the case has a `relaxation`, the lowest pressure in assembly
+    at which the class is still met after relaxation is given, too. Between load steps, ln(leakage) is interpolated
+    linearly over ln(pressure). There is no extrapolation.
 
     Parameters
     ----------
     what : Case, Results or path
-        A case or its file, which is run; or results or their folder, which are taken as they are.
+        A case or its file, which is run; or results or their folder, which are used without a further run.
     output : path, optional
-        Folder for the run and the answer. Complete results of the same case in this folder are taken. Nothing is
-        written unless given, not even into the folder of results.
+        Folder for the run and the answer. If it already contains complete results of the same case, these are used. By
+        default nothing is written, not even into the folder of given results.
     classes : iterable of str
-        Leakage classes, or leakages with their unit, see `base.leak_rates`. Unless given, those of the case, or else
-        L0.01, L0.1 and L1. The leakage of the test fluid decides if the case has one.
+        Leakage classes, or leakages with their unit, see `base.leak_rates`. Default: the classes of the case, or else
+        L0.01, L0.1 and L1. If the case has a test fluid, its leakage is compared with the classes.
     probability : float
-        Fraction of the realisations of the second column, above 0 and below 1.
+        Fraction of the realisations for which Qmin is given in addition, above 0 and below 1.
     assembly : iterable of float or str
-        Loads in assembly Q_A besides those that the case is unloaded from, in SI or as texts such as "300 MPa"; forces,
-        such as "60 kN", if the loads of the case are forces.
-        Results must contain them already.
+        Further loads in assembly Q_A, from which the case is unloaded, in SI or as texts such as "300 MPa". If the
+        loads of the case are forces, these are forces, too, such as "60 kN". Given results must contain them already.
     nominal_diameter : float or str, optional
         Nominal diameter [m] for the rates of ISO 5208, or a text such as "50 mm".
     solve : bool
-        Whether a case is solved again with another hardness and another length of the flow law, because these two
-        sensitivities follow from no scaling law.
+        Whether to solve a case again with another hardness and another length in the flow law. These two sensitivities
+        do not follow from a scaling law.
     replace_results : bool
-        Whether results of another case in the folder are replaced.
+        Whether to replace results of another case in the folder.
     workers : int, optional
-        Number of processes; one for each core unless given.
+        Number of processes. Default: one for each core.
     progress : callable, optional
         See `run`.
 
@@ -112,7 +112,7 @@ def design(
             replace_results=replace_results,
             progress=report_progress,
         )
-    seals = Seals.of_results(results)
+    seals = Seals.from_results(results)
     if case is None:
         _check_unloaded_from(seals, _as_pressures(results, assembly_loads))
     if not seals.count:
@@ -125,7 +125,7 @@ def design(
     )
     load = _load_of_sensitivities(requirements, seals, probability)
     notes = _notes(seals, probability, results)
-    variants = Variants(hardness_counts=bool(np.isfinite(results.dataset.attrs["hardness_Pa"])))
+    variants = Variants(can_yield=bool(np.isfinite(results.dataset.attrs["hardness_Pa"])))
     if solve and case is None:
         notes.append(
             "results are not solved again, so that the sensitivity to hardness is unknown: femseal design CASE.toml "
@@ -154,7 +154,7 @@ def design(
 
 
 def _case_or_results(what: Case | Results | AnyPath) -> tuple[Case | None, Results | None]:
-    """Load the case or the results that the user named; the other one is None."""
+    """Return the case or the results that the user gave as an object or as a path; the other one is None."""
     if isinstance(what, Results):
         return None, what
     if isinstance(what, Case):
@@ -172,7 +172,7 @@ def _in_si(name: str, value: float | str, unit: str) -> float:
 def _loads_in_assembly(
     case: Case | None, results: Results | None, loads: Iterable[float | str]
 ) -> list[float]:
-    """Convert loads in assembly to SI, in the unit of the loads of the case: Pa, N or N/m."""
+    """Convert loads in assembly to the SI unit of the loads of the case: Pa, N or N/m."""
     unit = "Pa"
     if case is not None:
         unit = case.load.unit
@@ -182,21 +182,22 @@ def _loads_in_assembly(
 
 
 def _as_pressures(results: Results, loads: list[float]) -> list[float]:
-    """Convert loads in the unit of the case of a run to nominal pressures [Pa]."""
+    """Convert loads in the SI unit of the loads of a run (Pa, N or N/m) to nominal pressures [Pa]."""
     scale = force_scale(results.dataset)
     if scale is None:
         return loads
-    per_pascal = scale.per_pascal * (1.0 if scale.unit == "N" else 1e3)
-    return [load / per_pascal for load in loads]
+    unit_in_si = 1.0 if scale.unit == "N" else 1e3  # the other unit is N/mm
+    load_per_pascal = scale.per_pascal * unit_in_si
+    return [load / load_per_pascal for load in loads]
 
 
 def _with_assembly_loads(case: Case, loads: list[float]) -> Case:
-    """Let a case be unloaded from further loads, in the unit of its loads.
+    """Return a copy of a case that is also unloaded from further loads, given in the SI unit of its loads.
 
     Raises
     ------
     InputError
-        A load is outside the loads that the case can have.
+        A load is below the lowest load of the case, or above the hardness.
     """
     if not loads:
         return case
@@ -220,7 +221,7 @@ def _with_assembly_loads(case: Case, loads: list[float]) -> Case:
 def _check_classes_of_case(
     case: Case, class_names: tuple[str, ...], diameter: float | None
 ) -> None:
-    """Check that the leakage classes can be used for the fluid of the case before anything is solved."""
+    """Raise InputError if a leakage class cannot be used for the fluid of the case, before anything is solved."""
     fluid = case.output.test_fluid or case.fluid
     pressure_drop = fluid.state.pressure_drop
     basis = leak_basis(fluid.fluid, 1.0, pressure_drop=pressure_drop, **case.output.valve)
@@ -228,7 +229,7 @@ def _check_classes_of_case(
 
 
 def _check_unloaded_from(seals: Seals, pressures: list[float]) -> None:
-    """Check that results are unloaded from all pressures in assembly [Pa]; raise InputError if not."""
+    """Raise InputError if the run was not unloaded from all pressures in assembly [Pa]."""
     known = seals.steps.unload_from
     missing = [p for p in pressures if not np.isclose(p, known, rtol=1e-9).any()]
     if not missing:
@@ -242,9 +243,9 @@ def _check_unloaded_from(seals: Seals, pressures: list[float]) -> None:
 def _class_limits(
     results: Results, wanted_classes: tuple[LeakClass, ...], diameter: float | None
 ) -> dict[str, float]:
-    """Find the largest leakage per length [m²/s] of each leakage class, by its name.
+    """Return the largest leakage per length that each leakage class allows [m²/s], by the name of the class.
 
-    The classes of the results are taken unless others are wanted, and the usual ones if they have none.
+    If no classes are wanted, the classes of the results are used, and the usual ones if the results have none.
     """
     data = results.dataset
     if not wanted_classes:
@@ -256,9 +257,10 @@ def _class_limits(
 
 @dataclass(frozen=True)
 class _Load:
-    """The load at which the sensitivities are given.
+    """Load at which the sensitivities are computed.
 
-    class_name : leakage class whose Qmin it is, or "". pressure : nominal pressure [Pa], NaN if there is none.
+    class_name : leakage class whose Qmin this load is; "" if it is no Qmin. pressure : nominal pressure [Pa]; NaN if no
+    load is suitable.
     """
 
     class_name: str
@@ -266,36 +268,42 @@ class _Load:
 
     @property
     def is_known(self) -> bool:
-        """Whether there is such a load."""
+        """Whether a suitable load was found."""
         return bool(np.isfinite(self.pressure))
 
 
 def _load_of_sensitivities(
     requirements: tuple[Requirement, ...], seals: Seals, fraction: float
 ) -> _Load:
-    """Choose Qmin of the first class that has one, or else the geometric middle of the loads that leak."""
+    """Choose the load for the sensitivities.
+
+    It is Qmin of the first class that has one. Otherwise it is the geometric mean of the lowest and the highest load on
+    loading at which the seal leaks.
+    """
     for need in requirements:
         if np.isfinite(need.assembly.at):
             return _Load(need.name, need.assembly.at)
-    steps = seals.falling()
+    steps = seals.steps_from_highest()
     pressure = seals.steps.pressures[steps]
-    leakage = seals.curve_of(fraction)[steps]
-    leaking = pressure[(pressure > 0) & (leakage > 0) & np.isfinite(leakage)]
-    if leaking.size < 2:
+    leakage = seals.quantile_curve(fraction)[steps]
+    is_leaking = (pressure > 0) & (leakage > 0) & np.isfinite(leakage)
+    leaking_pressures = pressure[is_leaking]  # from the highest to the lowest
+    if leaking_pressures.size < 2:
         return _Load("", np.nan)
-    return _Load("", float(np.sqrt(leaking[0] * leaking[-1])))
+    geometric_mean = np.sqrt(leaking_pressures[0] * leaking_pressures[-1])
+    return _Load("", float(geometric_mean))
 
 
 def _with_fluid(variants: Variants, results: Results) -> Variants:
-    """Add what the sensitivities need to know about the fluid that decides on leakage classes."""
-    state = state_of_classes(results)
+    """Add the properties of the fluid that decides on leakage classes to the variants."""
+    state = deciding_fluid(results)
     if state is None:
         return variants
-    return replace(variants, law_length=state.law.length, inlet_slope=inlet_slope(state))
+    return replace(variants, length_parameter=state.law.length, inlet_slope=inlet_slope(state))
 
 
 def _note_on_version(results: Results) -> list[str]:
-    """Note that the results were computed by another version of femseal, if they were."""
+    """Write a note if the results were computed by another version of femseal."""
     version = json.loads(results.dataset.attrs["versions"]).get("femseal")
     if version == versions()["femseal"]:
         return []
@@ -311,7 +319,7 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
     smaller_fraction = min(fraction, 1 - fraction)
     if seals.count == 1:
         notes.append(
-            "the run has one seal, so that its figures have no probability; a stochastic run has many realisations"
+            "the run has a single seal, so that no probability can be given; a stochastic run has many realisations"
         )
     elif seals.count * smaller_fraction < 1 - 1e-9:
         notes.append(
@@ -320,8 +328,8 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
         )
     if results.budget is None:
         notes.append(
-            "without an error budget the pressures are those of the leakage as computed: set output.budget = true to "
-            "include the 95 % interval"
+            "without an error budget the pressures follow from the computed leakage alone: set output.budget = true "
+            "to include the 95 % interval"
         )
     if not seals.steps.unload_from:
         notes.append(
@@ -333,7 +341,7 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
     n_unknown = int(np.isinf(seals.leakage).any(axis=0).sum())
     if n_unknown:
         notes.append(
-            f"{counted(n_unknown, 'load')} counted as leaking: a seal that is computed as tight may leak there, or "
+            f"{counted(n_unknown, 'load')} counted as leaking: a seal whose computed leakage is 0 may leak there, or "
             "the fluid carries the whole load"
         )
     n_failed = results.dataset.sizes.get("realisation", seals.count) - seals.count

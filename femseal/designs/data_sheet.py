@@ -1,4 +1,4 @@
-"""Present the answer of a design as gasket data sheets do: tables for people, files for programs, and a picture."""
+"""Present the answer of a design like a gasket data sheet: tables, files for other programs, and a picture."""
 
 from __future__ import annotations
 
@@ -76,26 +76,27 @@ _COLUMNS = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Plotted):
-    """What a seal needs, see `design`.
+    """Pressures that a seal needs, and sensitivities of its leakage, see `design`.
 
     Parameters
     ----------
     results : Results
         Results of the run.
     seals : Seals
-        Leakages that decide on leakage classes.
+        Leakages of the realisations, which are compared with leakage classes.
     probability : float
-        Fraction of the realisations whose needed pressure is given too.
+        Fraction of the realisations for which Qmin is given in addition.
     requirements : tuple of Requirement
         Qmin and QSmin of every leakage class.
     relaxation : float
         Fraction of the load in assembly that is lost before service.
     sealing : NeededPressure
-        Pressure in assembly from which on nothing leaks.
+        Lowest pressure in assembly at which the seal does not leak.
     at : pair (str, float)
-        Leakage class and nominal pressure [Pa] of the sensitivities; NaN if there is none.
+        Nominal pressure at which the sensitivities are computed [Pa], NaN if there is none, after the name of the
+        leakage class whose Qmin it is.
     sensitivities : tuple of Sensitivity
-        What changes the leakage, and by how much.
+        Logarithmic slopes of the leakage with respect to every quantity.
     notes : tuple of str
         What to keep in mind about the answer.
     """
@@ -112,36 +113,38 @@ class Design(Plotted):
 
     @property
     def stiffness(self) -> dict[float, float]:
-        """Secant stiffness of the interface [Pa/m] from a pressure in assembly Q_A to a third of it, by Q_A [Pa].
+        """Secant stiffness of the interface on unloading from Q_A to Q_A/3 [Pa/m], for each pressure in assembly Q_A.
 
-        The modulus E_G of EN 13555 is this stiffness times the thickness of the gasket, which an interface does not
-        have. Between the steps of the unloading, the mean gap is interpolated linearly over ln(pressure). The
-        stiffness is unknown for stochastic runs, and if the unloading ends above a third of Q_A.
+        An interface has no thickness. For a gasket, the modulus E_G of EN 13555 is this stiffness times the thickness
+        of the gasket. Between the steps of unloading, the mean gap is interpolated linearly over ln(pressure). The
+        stiffness is unknown for stochastic runs, and if the unloading ends above Q_A/3.
         """
         data = self.results.dataset
         if "mean_gap" not in data:
             return {}
         stiffness = {}
         for peak in self.seals.steps.unload_from:
-            rising = self.seals.falling(peak)[::-1]
-            pressures = self.seals.steps.pressures[rising]
-            gap = data["mean_gap"].values[rising][pressures > 0]
-            log_pressure = np.log(pressures[pressures > 0])
+            from_lowest = self.seals.steps_from_highest(peak)[::-1]
+            pressures = self.seals.steps.pressures[from_lowest]
+            is_loaded = pressures > 0
+            gap = data["mean_gap"].values[from_lowest][is_loaded]
+            log_pressure = np.log(pressures[is_loaded])
             log_third = np.log(peak / 3)
             if log_pressure[0] > log_third + 1e-9:
                 continue
             gap_at_third = np.interp(log_third, log_pressure, gap)
-            stiffness[peak] = (peak - peak / 3) / (gap_at_third - gap[-1])
+            gap_at_peak = gap[-1]
+            stiffness[peak] = (peak - peak / 3) / (gap_at_third - gap_at_peak)
         return stiffness
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Whether each leakage class is met, and from which load on, as in the report."""
+        """Verdict of the report on each leakage class: whether it is met, and the load that it needs."""
         return verdicts_of(self.results, [(need.name, need.limit) for need in self.requirements])
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
-        """Unit of leakage, that of the first class, and the leakage per length [m²/s] that is 1 in it."""
+        """Leakage unit of the first class, and the leakage per length that is 1 in this unit [m²/s]."""
         unit = self.results.leak_unit
         if self.requirements:
             first_class = leak_classes([self.requirements[0].name])[0]
@@ -161,7 +164,9 @@ class Design(Plotted):
         return Group(*map(escape, sheet_sentences(self)), *sheet_tables(self))
 
     def write(self, folder: AnyPath) -> list[Path]:
-        """Write `design.csv`, `design.json` and `design.png`, and the report again if the folder contains results.
+        """Write `design.csv`, `design.json` and `design.png`.
+
+        If the folder contains results, their report is written again, because it includes the answer.
 
         Parameters
         ----------
@@ -215,7 +220,7 @@ class Design(Plotted):
 
 @shows(Design)
 def design_figure(answer: Design) -> Figure:
-    """Draw the leakage with its 95 % interval against load, the limits of the classes, Qmin and QSmin."""
+    """Draw the leakage and its 95 % interval over the load, with the limits of the classes, Qmin and QSmin."""
     unit, scale = answer.leak_scale
     seals = answer.seals
     curve = seals.curve
@@ -224,7 +229,7 @@ def design_figure(answer: Design) -> Figure:
         band = curve.lower, curve.upper
     elif seals.count > 1:
         low, high = ENDS
-        band = seals.curve_of(low), seals.curve_of(high)
+        band = seals.quantile_curve(low), seals.quantile_curve(high)
         band_name = f"{100 * low:g} – {100 * high:g} % of the seals"
     pressure, peaks = pressures_and_peaks(seals.steps)
     curves = LeakageCurves(
@@ -252,7 +257,7 @@ def design_figure(answer: Design) -> Figure:
 
 
 def _extend_to_limits(axes: Axes, limits: list[float]) -> None:
-    """Extend the leakage axis to the limits of classes that are within three decades of its ends."""
+    """Extend the leakage axis so that it contains the limits of classes within three decades of its ends."""
     low, high = axes.get_ylim()
     near_limits = [limit for limit in limits if 1e-3 * low < limit < 1e3 * high]
     lowest = min([low, *(limit / 2 for limit in near_limits)])
@@ -264,18 +269,18 @@ def _extend_to_limits(axes: Axes, limits: list[float]) -> None:
 def _mark_needed_pressures(
     axes: Axes, answer: Design, scale: float, load_factor: float
 ) -> list[Any]:
-    """Mark Qmin on the loading and QSmin on the unloadings, each with a bar to the end of its 95 % interval.
+    """Mark Qmin on the loading curve and QSmin on the unloading curves, with bars for their 95 % intervals.
 
     Parameters
     ----------
     axes : Axes
-        Axes of leakage against load.
+        Axes of leakage over load.
     answer : Design
         The answer.
     scale : float
-        Leakage [m²/s] that is 1 on the axis.
+        Leakage per length that is 1 on the leakage axis [m²/s].
     load_factor : float
-        Load on the axis at a nominal pressure of 1 Pa.
+        Value on the load axis for a nominal pressure of 1 Pa.
 
     Returns
     -------
@@ -284,7 +289,8 @@ def _mark_needed_pressures(
     """
     from matplotlib.lines import Line2D
 
-    peaks = sorted(answer.seals.steps.unload_from, reverse=True)  # branches have this order
+    # the branches are drawn in this order: loading, then unloading from the highest peak to the lowest
+    peaks = sorted(answer.seals.steps.unload_from, reverse=True)
     branches = [None, *peaks]
     styles = dict(zip(branches, branch_styles(len(branches)), strict=True))
     for need in answer.requirements:
@@ -312,7 +318,7 @@ def _mark_needed_pressures(
         Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=f"{name} as computed")
         for marker, name in (("v", "Qmin"), ("^", "QSmin"))
     ]
-    bar = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole 95 % interval")
+    bar = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="its 95 % interval")
     return [*handles, bar]
 
 
@@ -320,7 +326,7 @@ def _mark_needed_pressures(
 
 
 def sheet_tables(answer: Design) -> list[TextTable]:
-    """Make the table of Qmin and QSmin, with a line for each class, and that of the sensitivities if there are any."""
+    """Make the table of Qmin and QSmin of each class, and the table of sensitivities if there are any."""
     columns = _columns_of_realisations(answer) + _columns_of_relaxation(answer)
     names = ("Qmin(L)", "QSmin(L), Q_A = {}")
     needs = verdict_table(answer.results, answer.verdicts, columns, names=names)
@@ -331,17 +337,23 @@ def sheet_tables(answer: Design) -> list[TextTable]:
 
 
 def _columns_of_realisations(answer: Design) -> list[tuple[str, list[str]]]:
-    """Make the column of what a fraction of the realisations needs; none if there is only one seal."""
+    """Make the column of Qmin for a fraction of the realisations; an empty list if there is only one seal."""
     if answer.seals.count == 1:
         return []
     load_text = short_loads(answer.results)
-    texts = [need.of_seals.words(need.of_seals.value, load_text) for need in answer.requirements]
+    texts = [
+        need.for_fraction.words(need.for_fraction.value, load_text) for need in answer.requirements
+    ]
     head = f"Qmin(L) of {100 * answer.probability:.4g} % of the seals, as computed"
     return [(head, texts)]
 
 
 def _columns_of_relaxation(answer: Design) -> list[tuple[str, list[str]]]:
-    """Make the columns of Qmin with relaxation, and of whether what is left of each Q_A is enough; none without."""
+    """Make the columns about relaxation; an empty list if the case has none.
+
+    The first column contains Qmin with relaxation. The other ones say for each Q_A whether the pressure that is left
+    after relaxation is still enough.
+    """
     relaxation = answer.relaxation
     if not relaxation:
         return []
@@ -350,15 +362,15 @@ def _columns_of_relaxation(answer: Design) -> list[tuple[str, list[str]]]:
     texts = [need.relaxed.text(load_text) if need.relaxed else "" for need in needs]
     columns = [(f"Qmin(L), {100 * relaxation:.3g} % relaxation", texts)]
     for peak in answer.seals.steps.unload_from:
-        left = relaxed(peak, relaxation)
-        texts = ["enough" if need.service[peak].value <= left else "too low" for need in needs]
-        head = f"{load_text(left)}, left of {load_text(peak)} after relaxation"
+        load_left = relaxed(peak, relaxation)
+        texts = ["enough" if need.service[peak].value <= load_left else "too low" for need in needs]
+        head = f"{load_text(load_left)}, left of {load_text(peak)} after relaxation"
         columns.append((head, texts))
     return columns
 
 
 def _sensitivity_table(answer: Design) -> TextTable:
-    """Make the table of the logarithmic slopes of leakage and Qmin."""
+    """Make the table of the sensitivities of leakage and Qmin."""
     class_name, pressure = answer.at
     load = f"{answer.load_text(pressure)} on loading"
     if class_name:
@@ -379,7 +391,7 @@ def _slope_text(slope: float) -> str:
 
 
 def sheet_sentences(answer: Design) -> list[str]:
-    """Write the verdict on each class, the seal and the fluid, the sealing load, and what to keep in mind."""
+    """Write the verdicts on the classes, the conditions for which they hold, the sealing load and the notes."""
     data = answer.results.dataset
     load_text = answer.load_text
     sentences = verdict_lines(answer.results, answer.verdicts)
@@ -393,14 +405,14 @@ def sheet_sentences(answer: Design) -> list[str]:
         f"The seal is {width} wide and {length} long. The fluid ({fluid}) flows from {inlet} to {outlet}."
     )
     sentences.append(
-        "Qmin is the load in assembly from which on a class is met. QSmin is the load to which it may fall in service "
-        "after an assembly at Q_A."
+        "Qmin is the lowest load in assembly at which a class is met. QSmin is the load to which the seal may be "
+        "unloaded in service after it was assembled at Q_A."
     )
     count = answer.seals.count
     if count > 1:
         sentences.append(
-            f"Both are for the median of {count} realisations, whose scatter is contained in the 95 % interval. A "
-            f"further column says what {100 * answer.probability:.4g} % of the realisations need as computed."
+            f"Both are for the median of {count} realisations; the 95 % interval includes their scatter. A further "
+            f"column gives Qmin for {100 * answer.probability:.4g} % of the realisations, from their computed leakage."
         )
     sentences.append(f"The seal is completely tight {answer.sealing.text(load_text)}.")
     for peak, stiffness in answer.stiffness.items():
@@ -416,7 +428,7 @@ def sheet_sentences(answer: Design) -> list[str]:
 
 
 def rows(answer: Design) -> list[dict[str, Any]]:
-    """List all figures, one dictionary each: pressures in Pa, slopes and factors without unit."""
+    """List all numbers of the answer as rows of a table: pressures in Pa, and slopes without unit."""
     figures = [
         *(row for need in answer.requirements for row in _rows_of_requirement(answer, need)),
         _pressure_row(answer, "sealing load [Pa]", "", None, answer.sealing),
@@ -451,7 +463,7 @@ def _rows_of_requirement(answer: Design, need: Requirement) -> list[dict[str, An
     figures = [_pressure_row(answer, "Qmin [Pa]", name, None, need.assembly)]
     if answer.seals.count > 1:
         figure = f"Qmin of {100 * answer.probability:.4g} % of the seals [Pa]"
-        figures.append(_pressure_row(answer, figure, name, None, need.of_seals))
+        figures.append(_pressure_row(answer, figure, name, None, need.for_fraction))
     if need.relaxed is not None:
         figure = "Qmin with relaxation [Pa]"
         figures.append(_pressure_row(answer, figure, name, None, need.relaxed))
@@ -463,7 +475,7 @@ def _rows_of_requirement(answer: Design, need: Requirement) -> list[dict[str, An
 def _pressure_row(
     answer: Design, figure: str, class_name: str, peak: float | None, needed: NeededPressure
 ) -> dict[str, Any]:
-    """Make the row of a pressure; ends that are unknown or beyond the loads stay empty."""
+    """Make the row of a needed pressure; an end of its interval that is unknown or outside the loads stays empty."""
     value = needed.bound(needed.value)
     row = _row(
         figure=figure,
@@ -482,5 +494,5 @@ def _pressure_row(
 
 
 def _row(**cells: Any) -> dict[str, Any]:
-    """Make a row with all columns; those that are not given are empty."""
+    """Make a row with all columns; columns without a given value are empty."""
     return dict.fromkeys(_COLUMNS) | cells

@@ -1,8 +1,8 @@
-"""Find the pressures that a seal needs: in assembly to meet a leakage class, in service to keep it, and to be tight.
+"""Find the pressures that a seal needs to meet a leakage class in assembly and in service, and to be tight.
 
-They are the loads of the verdict on a class (`results/verdict.py`): those of the leakage as computed, and those of the
-ends of its 95 % interval, which contains the scatter between realisations. Another pressure is what a given fraction
-of the realisations needs as computed.
+These are the loads of the verdict on a class (`results/verdict.py`). One of them follows from the computed leakage, and
+two from the ends of its 95 % interval, which includes the scatter between realisations. In addition there is the
+pressure that is enough for a given fraction of the realisations, from their computed leakage.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from ..loads import LoadProgramme
 from ..results.results import Results
 from ..results.verdict import LeakageCurve, NeededPressure, crossings, falling_steps, relaxed_steps
 
-#: Quantiles of the realisations between which their scatter is drawn.
+#: Quantiles of the realisations that the picture shows as their scatter.
 ENDS = (0.05, 0.95)
 
 
 @dataclass(frozen=True, eq=False)
 class Seals:
-    """Leakages of the realisations of one seal.
+    """Leakages of all realisations of a seal.
 
     Parameters
     ----------
     steps : LoadProgramme
         The load steps.
     leakage : array (realisations, steps)
-        Magnitude of the leakage per length [m²/s]. It is infinite where a seal is computed as tight although the upper
-        end of its 95 % interval is unknown.
+        Magnitude of the leakage per length [m²/s]. It is infinite where the computed leakage is 0, but the upper end of
+        its 95 % interval is unknown.
     curve : LeakageCurve
-        The leakage that the run gives, such as the median of the realisations, with its interval.
+        Leakage that the run reports, such as the median of the realisations, with its interval.
     """
 
     steps: LoadProgramme
@@ -41,8 +41,11 @@ class Seals:
     curve: LeakageCurve
 
     @classmethod
-    def of_results(cls, results: Results) -> Seals:
-        """Take the realisations of a run, or its one seal, with the fluid that decides on leakage classes."""
+    def from_results(cls, results: Results) -> Seals:
+        """Collect the leakages of all realisations of a run, or of its single seal.
+
+        The fluid is the one that decides on leakage classes: the test fluid if there is one.
+        """
         _, leakage = results.class_leakage
         interval = results.class_interval
         if interval is not None:
@@ -51,20 +54,20 @@ class Seals:
         return cls._with_open_loads(results.steps, leakage, LeakageCurve.of_results(results))
 
     @classmethod
-    def of(
+    def from_leakage(
         cls,
         steps: LoadProgramme,
         leakage: Array,
         interval: tuple[Array, Array] | None = None,
     ) -> Seals:
-        """Make seals from leakages; those that failed at a load step are left out.
+        """Collect leakages of realisations; those whose solution failed at a load step are left out.
 
         Parameters
         ----------
         steps : LoadProgramme
             The load steps.
         leakage : array (realisations, steps) or (steps,)
-            Leakage per length in either direction [m²/s]; infinite if unknown, NaN if the solution failed.
+            Leakage per length [m²/s], whose sign does not matter; infinite if unknown, NaN if the solution failed.
         interval : pair of arrays (steps,), optional
             Ends of the 95 % interval of the median [m²/s].
         """
@@ -75,10 +78,10 @@ class Seals:
 
     @classmethod
     def _with_open_loads(cls, steps: LoadProgramme, leakage: Array, curve: LeakageCurve) -> Seals:
-        """Mark low loads whose leakage is unknown as open: the fluid carries these loads alone.
+        """Set the leakage at low loads to infinity if it is unknown there, because the fluid alone carries these loads.
 
-        These are the loads below all loads of their branch whose leakage is known. Each branch is treated on its own,
-        because a fluid opens an unloaded surface at another load than one that is pressed for the first time.
+        The low loads of a branch are those below the lowest load with a known leakage. The branches are treated
+        separately, because the fluid separates the faces at another load on unloading than on loading.
         """
         magnitude = np.abs(np.atleast_2d(reals(leakage)))
         is_known = ~np.isnan(magnitude).all(axis=0)  # (steps,)
@@ -86,6 +89,7 @@ class Seals:
             for peak in {step.unloaded_from for step in steps}:
                 on_branch = np.array([step.unloaded_from == peak for step in steps])
                 known_pressures = steps.pressures[on_branch & is_known]
+                # if nothing is known on an unloading branch, all of its loads are low, as they are below its peak
                 lowest_known = known_pressures.min(initial=inf if peak is None else peak)
                 magnitude[:, on_branch & (steps.pressures < lowest_known)] = inf
         is_complete = ~np.isnan(magnitude).any(axis=1)  # (realisations,)
@@ -96,48 +100,54 @@ class Seals:
         """Number of realisations."""
         return len(self.leakage)
 
-    def curve_of(self, fraction: float) -> Array:
-        """Find the leakage per length that a fraction of the realisations does not exceed (steps,) [m²/s]."""
+    def quantile_curve(self, fraction: float) -> Array:
+        """Return the leakage per length that a fraction of the realisations does not exceed (steps,) [m²/s]."""
         return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]
 
-    def falling(self, peak: float | None = None) -> Indices:
-        """List the steps of the loading, or of the unloading from a peak including it, from the highest load down."""
+    def steps_from_highest(self, peak: float | None = None) -> Indices:
+        """List the indices of the steps of a branch from the highest load to the lowest.
+
+        peak : peak of the unloading branch [Pa], which is the first step in the list; None for loading.
+        """
         return falling_steps(self.steps, peak)
 
-    def needed(self, limit: float, peak: float | None = None) -> Array:
-        """Find the pressure down to which each realisation stays within a limit.
+    def needed_pressures(self, limit: float, peak: float | None = None) -> Array:
+        """Find the lowest pressure at which each realisation meets a limit of the leakage.
 
         Parameters
         ----------
         limit : float
             Largest leakage per length [m²/s].
         peak : float, optional
-            Pressure from which the seal is unloaded [Pa]; the loading unless given.
+            Pressure from which the seal is unloaded [Pa]. Default: loading.
 
         Returns
         -------
         array (realisations,)
-            Nominal pressure [Pa]; infinite if the limit is exceeded at the highest load already, 0 if at no load.
+            Nominal pressure [Pa]. It is infinite if the limit is exceeded even at the highest load, and 0 if it is
+            exceeded at no load.
         """
-        steps = self.falling(peak)
+        steps = self.steps_from_highest(peak)
         return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
 
     def needed_with_relaxation(self, limit: float, relaxation: float) -> Array:
-        """Find the lowest peak from which on each realisation stays within a limit after relaxation.
+        """Find the lowest peak from which each realisation still meets a limit after relaxation.
 
-        The parameters, and the result (realisations,) [Pa], are those of `needed`; `relaxation` is the fraction of the
-        load that is lost.
+        Parameters and result are those of `needed_pressures`; `relaxation` is the fraction of the load that is lost.
         """
         peaks, steps_after = relaxed_steps(self.steps, relaxation)
         return crossings(peaks, self.leakage[:, steps_after], limit)
 
-    def needed_by(self, fraction: float, limit: float, peak: float | None = None) -> NeededPressure:
-        """Find the pressure that a fraction of the realisations needs as computed.
+    def needed_by_fraction(
+        self, fraction: float, limit: float, peak: float | None = None
+    ) -> NeededPressure:
+        """Find the pressure that is enough for a fraction of the realisations, from their computed leakage.
 
-        It is the pressure that one of them needs, an order statistic, and is not interpolated between realisations.
+        This is an order statistic: the pressure that one of the realisations needs, without interpolation between
+        realisations.
         """
-        value = float(np.sort(self.needed(limit, peak))[_rank(fraction, self.count)])
-        pressures = self.steps.pressures[self.falling(peak)]
+        value = float(np.sort(self.needed_pressures(limit, peak))[_rank(fraction, self.count)])
+        pressures = self.steps.pressures[self.steps_from_highest(peak)]
         return NeededPressure(
             value=value,
             computed=value,
@@ -150,36 +160,38 @@ class Seals:
 
 
 def _rank(fraction: float, count: int) -> int:
-    """Find the index of the sorted value that a fraction of `count` values does not exceed."""
-    number = ceil(fraction * count - 1e-9)  # 0.9 × 10 is 9 whatever the rounding
+    """Return the index, in sorted order, of the value that a fraction of `count` values does not exceed."""
+    number = ceil(
+        fraction * count - 1e-9
+    )  # a product that is slightly above 9 because of rounding counts as 9
     return min(max(number, 1), count) - 1
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """What a leakage class needs.
+    """Pressures that a leakage class needs.
 
     Parameters
     ----------
     name : str
         Name of the class.
     limit : float
-        Its largest leakage per length [m²/s].
+        Largest leakage per length that the class allows [m²/s].
     assembly : NeededPressure
-        Qmin, the pressure in assembly from which on the class is met.
+        Qmin, the lowest pressure in assembly at which the class is met.
     service : dict of NeededPressure
-        QSmin by the pressure in assembly Q_A [Pa]: the pressure to which it may fall afterwards.
-    of_seals : NeededPressure
-        Pressure in assembly that is enough for a fraction of the realisations as computed.
+        QSmin for each pressure in assembly Q_A [Pa]: the pressure to which the seal may be unloaded in service.
+    for_fraction : NeededPressure
+        Pressure in assembly that is enough for a fraction of the realisations, from their computed leakage.
     relaxed : NeededPressure, optional
-        Pressure in assembly from which on the class is still met after relaxation.
+        Lowest pressure in assembly at which the class is still met after relaxation.
     """
 
     name: str
     limit: float
     assembly: NeededPressure
     service: dict[float, NeededPressure]
-    of_seals: NeededPressure
+    for_fraction: NeededPressure
     relaxed: NeededPressure | None = None
 
 
@@ -195,9 +207,9 @@ def requirement(
     name : str
         Name of the class.
     limit : float
-        Its largest leakage per length [m²/s].
+        Largest leakage per length that the class allows [m²/s].
     fraction : float
-        Fraction of the realisations of `Requirement.of_seals`.
+        Fraction of the realisations for which `Requirement.for_fraction` is enough.
     relaxation : float
         Fraction of the load in assembly that is lost before service.
 
@@ -215,11 +227,11 @@ def requirement(
         limit=limit,
         assembly=curve.needed(limit),
         service={peak: curve.needed(limit, peak) for peak in peaks},
-        of_seals=seals.needed_by(fraction, limit),
+        for_fraction=seals.needed_by_fraction(fraction, limit),
         relaxed=with_relaxation,
     )
 
 
 def sealing_load(seals: Seals) -> NeededPressure:
-    """Find the pressure in assembly from which on nothing leaks."""
+    """Find the lowest pressure in assembly at which the seal does not leak."""
     return seals.curve.needed(0.0)

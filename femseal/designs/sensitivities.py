@@ -1,19 +1,19 @@
-"""Find what changes the leakage of a seal, and the pressure that it needs, most: logarithmic slopes at one load.
+"""Compute how much each quantity changes the leakage of a seal and the pressure that it needs.
 
-Two slopes need a further solution: that with respect to hardness, and that with respect to the length of a flow law.
-A rarefied gas has such a length, its mean free path, which is proportional to its viscosity, and so has a fluid with
-slip, its slip length. All other slopes follow from these two and from the slope of the loading curve, because the
-problem has no length and no stress of its own. If heights, hardness and pressure are multiplied by one number, then
-every gap is multiplied by it; and contact is unchanged if all stresses are multiplied by one number. The leakage L
-therefore obeys
+The sensitivities are logarithmic slopes at one load. Two of them need a further solution: the slope with respect to the
+hardness, and the slope with respect to the length in the flow law. A rarefied gas has such a length, its mean free
+path, which is proportional to its viscosity. A fluid with slip has its slip length. All other slopes follow from these
+two and from the slope of the loading curve by two scaling laws. If heights, hardness and pressure are multiplied by the
+same number, every gap is multiplied by this number. If all stresses are multiplied by the same number, the gaps do not
+change. The leakage L therefore obeys
 
     L(αa, E, αH, αp, αη, αb) = α² L(a, E, H, p, η, b)     L(a, βE, βH, βp, η, b) = L(a, E, H, p, η, b)
 
-with the amplitude a of the roughness, the contact modulus E, the hardness H, the nominal pressure p, the viscosity η of
-the flow law (for a continuum, L is proportional to 1/η), and the slip length b. It follows that the slopes s of ln L
-obey s_a + s_H + s_p + s_η + s_b = 2 and s_E + s_H + s_p = 0. The leakage of a long seal is inversely proportional to
-its breadth (Darcy's law). If another quantity changes, the pressure that keeps the leakage constant changes with the
-slope −s/s_p.
+with the amplitude a of the roughness, the contact modulus E, the hardness H, the nominal pressure p, the viscosity η
+(without slip and rarefaction, L is proportional to 1/η), and the slip length b. Taking logarithms and derivatives with
+respect to α and β gives s_a + s_H + s_p + s_η + s_b = 2 and s_E + s_H + s_p = 0, where s_x is d ln L/d ln x. The
+leakage of a long seal is inversely proportional to its breadth (Darcy's law). If a quantity x changes, the pressure
+that keeps the leakage constant changes as d ln p/d ln x = −s_x/s_p.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -34,16 +34,16 @@ from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead
 from .requirements import Seals
 
-#: Factor by which hardness and the length of a flow law are changed: small enough for a slope, and large enough that
-#: the residual of contact does not matter.
+#: Factor by which hardness and the length of a flow law are changed. It is close enough to 1 for a slope, but large
+#: enough that the tolerance of the contact solution does not matter.
 _FACTOR = 1.03
-#: Relative change of the inlet pressure for its slope.
+#: Relative change of the inlet pressure in the difference quotient for its slope.
 _INLET_CHANGE = 1e-4
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Logarithmic slopes with respect to one quantity x.
+    """Logarithmic slopes of leakage and needed pressure with respect to one quantity x.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Sensitivity:
     pressure : float
         d ln Qmin/d ln x of the pressure that a leakage class needs; NaN if unknown.
     how : str
-        How the slopes were found.
+        How the slopes were computed, as a text for tables.
     """
 
     quantity: str
@@ -65,38 +65,38 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Variants:
-    """The same seals, solved again with one quantity changed.
+    """The same seals with one quantity changed, and properties of their solids and their fluid.
 
     Parameters
     ----------
     harder : Seals, optional
-        Seals whose hardness is multiplied by `factor`.
+        Seals whose hardness is multiplied by `factor`; None if they are not solved.
     longer : Seals, optional
-        Seals whose flow law has a length multiplied by `factor`.
+        Seals in whose flow law the length is multiplied by `factor`; None if they are not solved.
     factor : float
-        Factor by which the quantity was changed.
-    hardness_counts : bool
+        Factor by which the quantity is multiplied.
+    can_yield : bool
         Whether the solids yield.
     hardens : bool
         Whether the hardness changes with plastic deformation.
-    law_length : str
-        Name of the parameter of the fluid to which the length of the flow law is proportional; "" without a length.
+    length_parameter : str
+        Name of the parameter of the fluid that is proportional to the length in its flow law; "" if there is no length.
     inlet_slope : float
-        d ln L/d ln p_in by the potential of the fluid; NaN if unknown.
+        d ln L/d ln p_in, where p_in is the inlet pressure; NaN if unknown.
     """
 
     harder: Seals | None = None
-    longer: Seals | None = None
+    longer_length: Seals | None = None
     factor: float = 1.1
-    hardness_counts: bool = True
+    can_yield: bool = True
     hardens: bool = False
-    law_length: str = ""
+    length_parameter: str = ""
     inlet_slope: float = np.nan
 
 
 @dataclass(frozen=True)
 class _Slope:
-    """d ln L/d ln x of the leakage with respect to one quantity, NaN if unknown, and how it was found."""
+    """Slope d ln L/d ln x of the leakage, NaN if unknown, and a text that says how it was computed."""
 
     value: float
     how: str
@@ -105,7 +105,7 @@ class _Slope:
 def sensitivities(
     seals: Seals, variants: Variants, pressure: float, fraction: float
 ) -> tuple[Sensitivity, ...]:
-    """Find the slopes of the leakage that a fraction of the realisations does not exceed.
+    """Compute the slopes of the leakage that a fraction of the realisations does not exceed.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def sensitivities(
     variants : Variants
         The same seals with one quantity changed.
     pressure : float
-        Nominal pressure on loading at which the slopes are taken [Pa].
+        Nominal pressure on loading at which the slopes are computed [Pa].
     fraction : float
         Fraction of the realisations.
 
@@ -126,21 +126,23 @@ def sensitivities(
     def solved_slope(variant: Seals | None, quantity: str) -> _Slope:
         if variant is None:
             return _Slope(np.nan, "unknown: takes a solution of the case")
-        change = level_at(variant, pressure, fraction) - level_at(seals, pressure, fraction)
+        change = log_leakage_at(variant, pressure, fraction) - log_leakage_at(
+            seals, pressure, fraction
+        )
         how = f"solved again with {variants.factor:g} times the {quantity}"
         return _Slope(change / np.log(variants.factor), how)
 
-    load = slope_at(seals, pressure, fraction)
+    load = slope_at(seals, pressure, fraction)  # d ln L/d ln p
     hardness = _Slope(0.0, "elastic: no hardness")
-    if variants.hardness_counts:
+    if variants.can_yield:
         hardness = solved_slope(variants.harder, "hardness")
     viscosity = _Slope(-1.0, "flow as a continuum")
     slip_length: dict[str, _Slope] = {}
-    if variants.law_length == "viscosity":
-        viscosity = solved_slope(variants.longer, "viscosity")
-    elif variants.law_length:
-        name = variants.law_length.replace("_", " ")
-        slip_length[name] = solved_slope(variants.longer, name)
+    if variants.length_parameter == "viscosity":
+        viscosity = solved_slope(variants.longer_length, "viscosity")
+    elif variants.length_parameter:
+        name = variants.length_parameter.replace("_", " ")
+        slip_length[name] = solved_slope(variants.longer_length, name)
     slope_of_slip = sum(slope.value for slope in slip_length.values())
     amplitude = _Slope(
         2 - hardness.value - load - viscosity.value - slope_of_slip,
@@ -165,16 +167,17 @@ def sensitivities(
         "inlet pressure": _Slope(variants.inlet_slope, inlet_how),
     }
     slope_of_load = load if load != 0 else np.nan
-    found = [Sensitivity("nominal pressure", load, np.nan, "the loading curve")]
+    rows = [Sensitivity("nominal pressure", load, np.nan, "the loading curve")]
     for quantity, slope in slopes.items():
-        found.append(Sensitivity(quantity, slope.value, -slope.value / slope_of_load, slope.how))
-    return tuple(found)
+        slope_of_qmin = -slope.value / slope_of_load
+        rows.append(Sensitivity(quantity, slope.value, slope_of_qmin, slope.how))
+    return tuple(rows)
 
 
-def level_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """Interpolate ln(leakage) on loading at a nominal pressure [Pa]; NaN if the leakage is unknown or 0 there.
+def log_leakage_at(seals: Seals, pressure: float, fraction: float) -> float:
+    """Interpolate ln(leakage [m²/s]) on loading at a nominal pressure [Pa]; NaN if the leakage is unknown or 0 there.
 
-    The leakage is what a fraction of the realisations does not exceed [m²/s].
+    fraction : fraction of the realisations that do not exceed this leakage.
     """
     log_pressure, log_leakage = _leaking_loads(seals, fraction)
     if not log_pressure.size:
@@ -183,11 +186,11 @@ def level_at(seals: Seals, pressure: float, fraction: float) -> float:
 
 
 def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """Find d ln L/d ln p on loading at a nominal pressure [Pa]; NaN beyond the loads or if there is no leakage.
+    """Compute d ln L/d ln p on loading at a nominal pressure [Pa]; NaN outside the loads or without leakage.
 
-    The slope is that of a monotone cubic (PCHIP) through the load steps. The slope of the chord between two steps has
-    a large error where the curve bends: on the turned face of the examples at 579 MPa it is −2.73, while PCHIP gives
-    −3.00 and two solutions near this load give −3.06.
+    The curve through the load steps is a monotone cubic spline (PCHIP). The chord between two steps would have a large
+    error where the curve bends: on the turned face of the examples at 579 MPa its slope is −2.73, while PCHIP gives
+    −3.00, and two solutions near this load give −3.06.
     """
     log_pressure, log_leakage = _leaking_loads(seals, fraction)
     at = np.log(pressure)
@@ -198,10 +201,10 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
 
 
 def _leaking_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
-    """Collect ln(pressure) and ln(leakage) of the loads on loading whose leakage is known and not 0, rising."""
-    steps = seals.falling()[::-1]
+    """Return ln(pressure) and ln(leakage) of the steps of loading with a known leakage above 0, by rising pressure."""
+    steps = seals.steps_from_highest()[::-1]
     pressure = seals.steps.pressures[steps]
-    leakage = seals.curve_of(fraction)[steps]
+    leakage = seals.quantile_curve(fraction)[steps]
     is_leaking = (pressure > 0) & (leakage > 0) & (leakage < np.inf)
     return np.log(pressure[is_leaking]), np.log(leakage[is_leaking])
 
@@ -209,19 +212,20 @@ def _leaking_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
 def solved_variants(
     case: Case, results: Results, workers: int | None, progress: Progress
 ) -> Variants:
-    """Solve the seals of a run again with another hardness, and with another length of the flow law.
+    """Solve the seals of a run again with another hardness, and with another length in the flow law.
 
-    The fluid is the one that decides on leakage classes. Nothing is solved for solids that do not yield or for a flow
-    law without a length.
+    The fluid is the one that decides on leakage classes. The first solution is left out if the solids do not yield, the
+    second one if the flow law has no length.
 
     Parameters
     ----------
     case : Case
         The case.
     results : Results
-        Its results, which have the number of realisations and the last version on the way to an accuracy.
+        Results of the case. The seals are solved again with their number of realisations, and with the settings of the
+        last attempt if the case has an accuracy.
     workers : int or None
-        Number of processes; one for each core if None.
+        Number of processes. None: one for each core.
     progress : callable
         See `run`.
 
@@ -232,8 +236,8 @@ def solved_variants(
     prepared: Prepared = last_version(case, prepare(case), results.attempts)
     if "realisation" in results.dataset.sizes:
         prepared = prepared.with_realisations(results.dataset.sizes["realisation"])
-    deciding_fluid = case.output.test_fluid or case.fluid
-    scene = deciding_fluid.state.in_scene(prepared.scene)
+    fluid_table = case.output.test_fluid or case.fluid
+    scene = fluid_table.state.in_scene(prepared.scene)
 
     def solve(changed: Scene, quantity: str) -> Seals:
         version = replace(prepared, scene=changed)
@@ -242,34 +246,38 @@ def solved_variants(
             Run(mapper, progress).timed(f"another {quantity}") as timed_mapper,
         ):
             answer = version.solve(version.answer, timed_mapper)
-        return Seals.of(changed.steps, answer.leakage)
+        return Seals.from_leakage(changed.steps, answer.leakage)
 
     harder = None
     can_yield = not scene.law.is_elastic
     if can_yield:
         harder = solve(replace(scene, hardness=scene.law.times(_FACTOR)), "hardness")
-    longer = None
+    longer_length = None
     fluid = cast(Any, scene.fluid)
-    law_length = law_of(scene.fluid).length
-    if hasattr(fluid, law_length):
-        changed_fluid = replace(fluid, **{law_length: _FACTOR * getattr(fluid, law_length)})
-        longer = solve(replace(scene, fluid=changed_fluid), law_length.replace("_", " "))
+    length_parameter = law_of(scene.fluid).length
+    if hasattr(fluid, length_parameter):
+        changed_fluid = replace(
+            fluid, **{length_parameter: _FACTOR * getattr(fluid, length_parameter)}
+        )
+        longer_length = solve(
+            replace(scene, fluid=changed_fluid), length_parameter.replace("_", " ")
+        )
     return Variants(
         harder=harder,
-        longer=longer,
+        longer_length=longer_length,
         factor=_FACTOR,
-        hardness_counts=can_yield,
+        can_yield=can_yield,
         hardens=not scene.law.is_perfect,
     )
 
 
-def state_of_classes(results: Results) -> FluidState | None:
+def deciding_fluid(results: Results) -> FluidState | None:
     """Read the fluid that decides on leakage classes from the case of the results.
 
     Returns
     -------
     FluidState or None
-        If the case does not name the fluid, that of the scene of the results, or None if they have no scene.
+        If the fluid of the case cannot be read, the fluid of the scene of the results. None if they have no scene.
     """
     try:
         table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]
@@ -283,7 +291,7 @@ def state_of_classes(results: Results) -> FluidState | None:
 
 
 def inlet_slope(state: FluidState) -> float:
-    """Find d ln L/d ln p_in of a fluid whose flow law does not depend on pressure; NaN for a rarefied gas."""
+    """Compute d ln L/d ln p_in, where p_in is the inlet pressure; NaN if the flow law depends on the pressure."""
     if state.law.depends_on_pressure:
         return np.nan
     higher = replace(state, inlet_pressure=state.inlet_pressure * (1 + _INLET_CHANGE))

@@ -1,1 +1,1 @@
-"""Compute the items of stages in processes or on a Dask cluster, lock output folders, and report progress."""
+"""Compute stages in several processes or on a Dask cluster, lock output folders, and report progress."""

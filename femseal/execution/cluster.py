@@ -23,8 +23,8 @@ ANSWER_SECONDS = 5
 WORKER_SECONDS = 600
 #: Unfinished tasks for each thread of the cluster: one is computed while the next one waits.
 UNDER_WAY = 2
-#: Largest number of tasks that were sent, over the number that should be unfinished. It includes tasks that are done
-#: but wait for an earlier one.
+#: Largest number of tasks that were sent and whose results were not returned yet, in multiples of the number that
+#: should be unfinished. They include finished tasks that wait for an earlier one.
 MOST_SENT = 8
 #: Number of times that a task is sent again after the cluster has lost its data.
 RETRIES = 10
@@ -77,7 +77,10 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
 
 
 def _connect(scheduler: str) -> Any:
-    """Return a client of a cluster that has at least one worker; all workers must have the versions of this process."""
+    """Connect to a cluster, wait for its first worker, and return a client.
+
+    All workers must have the same versions of packages as this process.
+    """
     from distributed import Client
 
     with ExitStack() as stack:
@@ -103,7 +106,7 @@ def _connect(scheduler: str) -> Any:
 def _check_answer(scheduler: str) -> None:
     """Raise an error if no Dask scheduler answers at an address.
 
-    A client would wait for ever if a service of another kind answered.
+    Without this check, a client would wait for ever if a service of another kind were at the address.
     """
     from distributed import Security
     from distributed.comm import connect
@@ -113,14 +116,14 @@ def _check_answer(scheduler: str) -> None:
         connection = await connect(scheduler, timeout=ANSWER_SECONDS, **arguments)
         await connection.close()
 
-    # a thread of its own is needed because the caller may already run an event loop
+    # a separate thread is needed, because the caller may already run an event loop
     with ThreadPoolExecutor(1) as thread:
         answer = asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS)
         thread.submit(asyncio.run, answer).result()
 
 
 def _check_versions(scheduler: str, worker: str, versions: dict[str, str]) -> None:
-    """Raise InputError if a worker has other versions than this process."""
+    """Raise InputError if a worker has other versions of packages than this process."""
     differences = [
         f"{name} {versions.get(name)} instead of {version}"
         for name, version in numerical_versions().items()
@@ -129,8 +132,8 @@ def _check_versions(scheduler: str, worker: str, versions: dict[str, str]) -> No
     if differences:
         given = f"'{scheduler}' whose worker {worker} has {', '.join(differences)}"
         expected = (
-            "workers with the versions of this process: otherwise results would depend on who computes "
-            "them"
+            "workers with the versions of this process, because otherwise results would depend on where they are "
+            "computed"
         )
         raise InputError("scheduler", given, expected)
 
@@ -138,8 +141,8 @@ def _check_versions(scheduler: str, worker: str, versions: dict[str, str]) -> No
 def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     """Yield the results of a stage in the order of its items.
 
-    The stage is sent to the workers once. A few items for each thread are sent in advance. An item that takes long does
-    not hold up others: those after it are computed, and wait for their turn.
+    The stage is sent to the workers once. A few items for each thread are sent in advance. If an item takes long, the
+    items after it are computed meanwhile, and their results are yielded in their turn.
     """
     items = zip(*iterables, strict=False)
     remote_stage = _send_stage(client, stage)
@@ -147,7 +150,7 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     task_finished = Event()
     while True:
         task_finished.clear()
-        for item in islice(items, _free_places(client, sent)):
+        for item in islice(items, _number_to_send(client, sent)):
             task = _submit(client, remote_stage, item)
             sent.append((item, task))
             task.add_done_callback(lambda _: task_finished.set())
@@ -175,8 +178,11 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
         yield result
 
 
-def _free_places(client: Any, sent: deque[tuple[tuple[Any, ...], Any]]) -> int:
-    """Return how many more tasks should be sent."""
+def _number_to_send(client: Any, sent: deque[tuple[tuple[Any, ...], Any]]) -> int:
+    """Return how many further tasks should be sent.
+
+    sent : items and tasks that were sent, and whose results were not returned yet.
+    """
     wanted = UNDER_WAY * max(1, _threads(client))
     unfinished = sum(not task.done() for _, task in sent)
     return max(0, min(wanted - unfinished, MOST_SENT * wanted - len(sent)))
@@ -189,7 +195,7 @@ def _send_stage(client: Any, stage: Stage) -> Any:
 
 
 def _submit(client: Any, remote_stage: Any, item: tuple[Any, ...]) -> Any:
-    """Send a task that computes one item."""
+    """Send a task that computes one item, and return the task."""
     with warnings.catch_warnings():
         # an item may contain large arrays of gaps
         warnings.filterwarnings("ignore", "Sending large graph")
@@ -232,7 +238,7 @@ def _await_worker(client: Any) -> None:
 
 
 def _call(stage: Stage, item: tuple[Any, ...]) -> Any:
-    """Compute an item on a worker, with one thread in each library."""
+    """Compute an item on a worker, with a single thread in each library."""
     with _thread_limits(len(sys.modules)).limit(limits=1):
         return stage(*item)
 
@@ -241,7 +247,7 @@ def _call(stage: Stage, item: tuple[Any, ...]) -> Any:
 def _thread_limits(modules: int) -> Any:
     """Return an object that limits the threads of the loaded libraries.
 
-    modules : number of loaded modules. If it has changed, libraries are looked for again.
+    modules : number of loaded modules. If it changes, the libraries are searched again.
     """
     from threadpoolctl import ThreadpoolController
 

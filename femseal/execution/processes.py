@@ -26,21 +26,21 @@ from ..base.machine import sharing
 log = logging.getLogger("femseal.execution.processes")
 #: Fraction of the free memory that all concurrent calls of a stage may use together.
 FREE_FRACTION = 0.7
-#: Time that processes without work have to end by themselves [s].
+#: Time within which processes without work must end by themselves [s].
 END_SECONDS = 10.0
 #: Interval at which a process checks whether its parent is alive [s].
 WATCH_SECONDS = 0.5
-#: Name of the thread that checks it.
+#: Name of the thread that does this.
 WATCHER = "watches the parent"
-#: Environment of the processes. The GNU C library keeps freed memory up to this size [byte], because requesting new
-#: memory for each result takes as long as sending the result. Packages are not searched in the working folder; the
-#: femseal command does not do so either.
+#: Environment variables of the processes. With the first two, the GNU C library keeps freed memory up to this size
+#: [byte], because requesting new memory for each result would take as long as sending the result. With the third one,
+#: packages are not searched in the working folder, as for the femseal command itself.
 ENVIRONMENT = {
     "MALLOC_TRIM_THRESHOLD_": str(2**25),
     "MALLOC_MMAP_THRESHOLD_": str(2**25),
     "PYTHONSAFEPATH": "1",
 }
-#: Whether joblib may have processes.
+#: Set if joblib may have started processes.
 _has_processes = threading.Event()
 
 
@@ -48,10 +48,10 @@ _has_processes = threading.Event()
 def over_processes(count: int) -> Iterator[Mapper]:
     """Yield a mapper over `count` processes.
 
-    Within the context, arrays of `shared_empty` are shared with the processes. The processes stay alive for later
-    contexts and end with this process. If the context ends with an error, they end at once.
+    Arrays that `shared_empty` creates within the context are shared with the processes. The processes stay alive for
+    later contexts, and end with this process. If the context ends with an error, they are ended at once.
     """
-    # joblib replaces a process whose memory has grown by 300 MB, for example by compiling; nothing is lost
+    # joblib replaces a process whose memory has grown by 300 MB, for example by compiling, and warns needlessly
     warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
     try:
         with sharing(), TemporaryDirectory(prefix="femseal-", ignore_cleanup_errors=True) as folder:
@@ -64,9 +64,9 @@ def over_processes(count: int) -> Iterator[Mapper]:
 def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     """Yield the results of a stage in the order of its items.
 
-    Each process reads the stage once from a file; joblib sends the items in batches.
+    Each process reads the stage once from a file. joblib sends the items in batches.
 
-    count : number of processes. folder : temporary folder.
+    count : number of processes. folder : temporary folder for this file.
     """
     import joblib
 
@@ -82,7 +82,7 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         most_calls = FREE_FRACTION * free_memory() / stage.memory
         under_way = int(np.clip(most_calls, 1, 2 * count))
         processes = under_way
-    # cores of processes that have no item are used by the threads of the others
+    # if there are fewer items than cores, each process uses several threads
     threads = max(1, count // min(processes, len(first_items)))
     results = None
     _has_processes.set()
@@ -112,10 +112,10 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
 
 @contextmanager
 def starting_processes() -> Iterator[None]:
-    """Let processes that start in this context have `ENVIRONMENT` and ignore SIGINT and SIGTERM.
+    """Make processes that start in this context use `ENVIRONMENT` and ignore SIGINT and SIGTERM.
 
-    The signals are blocked meanwhile, which the new processes inherit. This process receives a signal when the context
-    ends, and then ends the others.
+    Both signals are blocked within the context, and new processes inherit this. If this process receives a signal
+    meanwhile, it handles the signal at the end of the context, and ends the other processes.
     """
     from multiprocessing import resource_tracker
 
@@ -125,7 +125,7 @@ def starting_processes() -> Iterator[None]:
     os.environ.update({name: ENVIRONMENT[name] for name in added})
     previous_mask = None
     if hasattr(signal, "pthread_sigmask"):  # not on Windows
-        # the trackers unblock the signals when they start, so they have to start before
+        # the resource trackers unblock the signals when they start, so they must be started before
         resource_tracker.ensure_running()
         loky_tracker.ensure_running()
         previous_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
@@ -139,12 +139,12 @@ def starting_processes() -> Iterator[None]:
 
 
 def end_processes(kill: bool = False) -> None:
-    """End the processes, those that do not end within `END_SECONDS` by force.
+    """End the processes. Processes that do not end within `END_SECONDS` are killed.
 
-    joblib itself would wait for them without a limit, also when this process ends, so that a process that hangs would
-    keep it alive for ever.
+    joblib itself would wait for them without a time limit, even when this process ends. A process that hangs would keep
+    this process alive for ever.
 
-    kill : whether to end all of them by force at once.
+    kill : whether to kill all processes at once.
     """
     from joblib.externals.loky import get_reusable_executor
 
@@ -164,7 +164,7 @@ def end_processes(kill: bool = False) -> None:
         with suppress(psutil.Error):
             worker.kill()
     with suppress(OSError, AttributeError):
-        # joblib waits for calls that no process takes any more, and has no public means against it
+        # joblib would wait for calls that no process takes any more, and has no public function to stop this
         calls._reader.close()
     ending.join(END_SECONDS)
 
@@ -185,7 +185,7 @@ def _call_stored(parent: int, path: str, threads: int, *item: Any) -> Any:
     Parameters
     ----------
     parent : int
-        Number of the process that has started this one.
+        Identifier of the process that has started this one.
     path : str
         File with the stage.
     threads : int
@@ -196,9 +196,9 @@ def _call_stored(parent: int, path: str, threads: int, *item: Any) -> Any:
     _folders.add(str(Path(path).parent))
     _end_with(parent)
     # imported here, because the process that starts others does not need numba
-    from ..base.compiled import using
+    from ..base.compiled import using_threads
 
-    with using(threads):
+    with using_threads(threads):
         return _load_stage(path)(*item)
 
 
@@ -214,15 +214,16 @@ _folders: set[str] = set()
 
 @cache
 def _end_with(parent: int) -> None:
-    """End this process soon after its parent, even if the parent is killed, and remove the parent's folders.
+    """Make this process end soon after its parent, even if the parent is killed, and remove the parent's folders.
 
-    It also ends `END_SECONDS` after its main thread, whatever other threads do: joblib waits for it without a limit.
+    The process also ends `END_SECONDS` after its main thread has ended, even if other threads are still running,
+    because joblib would wait for it without a time limit.
     """
 
     def watch() -> None:
         with suppress(psutil.NoSuchProcess):
             process = psutil.Process(parent)
-            # `process.wait` would not return until the program that has started the parent asks for its exit code
+            # `process.wait` would only return after the program that started the parent has read its exit code
             while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
                 time.sleep(WATCH_SECONDS)
                 if not threading.main_thread().is_alive():

@@ -1,9 +1,9 @@
-"""Keep runs apart, one in a folder at a time, and resume runs that were stopped.
+"""Lock the output folder of a run, and resume runs that were stopped.
 
-A run that was stopped leaves its store in the output folder, together with a manifest that says on what its results
-depend. With it the run can be resumed. A run holds a lock on a file in its folder. The operating system releases the
-lock when the process ends for whatever reason. File systems without locks, such as some network file systems, have a
-file in place of the lock, which names the process.
+A run that was stopped leaves the store with its results in the output folder, and a manifest of everything on which
+these results depend. From these files the run can be resumed. While a run is under way, it holds a lock on a file in
+its folder. The operating system releases the lock when the process ends, for whatever reason. On file systems without
+locks, such as some network file systems, an additional file serves as a mark instead of the lock. It names the process.
 """
 
 import errno
@@ -30,15 +30,15 @@ from ..store.store import SUFFIX
 
 #: Subfolder of the output folder that contains the store of its run.
 FOLDER = ".checkpoint"
-#: File in this folder that says on what the results depend.
+#: File in this folder with everything on which the results depend.
 MANIFEST = "manifest.json"
 #: Largest size of a manifest [byte].
 _LARGEST_MANIFEST = 1e8
 #: Largest number of changed keys that a message lists.
 _MOST_CHANGES = 20
-#: File in the output folder that says which process holds the lock.
+#: File in the output folder that is locked. Its text says which process holds the lock.
 LOCK = ".lock"
-#: Added to the name of this file on file systems without locks.
+#: Suffix of the name of the file that replaces the lock on file systems without locks.
 MARK = "-mark"
 #: Time for which a lock is tried, in case another run is just removing its file, and interval between trials [s].
 _PATIENCE, _POLL = 0.2, 0.02
@@ -79,9 +79,9 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 
 def _acquire_lock(path: Path) -> Any:
-    """Acquire a lock on a file, or on a file system without locks a mark beside it, and return it.
+    """Acquire a lock on a file and return it. On a file system without locks, a mark beside the file is used instead.
 
-    Raises filelock.Timeout if another run holds it.
+    Raises filelock.Timeout if another run holds the lock.
     """
     from filelock import FileLock, SoftFileLock
 
@@ -102,7 +102,7 @@ def _acquire_lock(path: Path) -> Any:
 
 
 def _holder(path: Path) -> str:
-    """Return which run holds a lock, according to the lock's file."""
+    """Describe the run that holds a lock, from the text of the locked file."""
     try:
         process = read_plain(path, 1000).decode()
     except (OSError, ValueError):
@@ -121,13 +121,13 @@ def writing_in(folder: Path, identity: dict[str, Any], resume: bool) -> Iterator
     identity : dict
         Everything on which the results depend, as nested plain data.
     resume : bool
-        Whether a run that was stopped there may be resumed.
+        Whether to resume a run that was stopped in this folder.
 
     Raises
     ------
     InputError
-        Another run is under way in the folder; or the folder contains an unfinished run, and `resume` is false or the
-        run has another identity.
+        Another run is under way in the folder. Or the folder contains an unfinished run, but `resume` is false, or the
+        unfinished run has another identity.
     """
     with alone_in(folder):
         if not resume:
@@ -136,7 +136,7 @@ def writing_in(folder: Path, identity: dict[str, Any], resume: bool) -> Iterator
 
 
 def resumable(output: Path, identity: dict[str, Any]) -> bool:
-    """Return whether the output folder contains an unfinished run of the same identity. Nothing is written.
+    """Return whether the output folder contains an unfinished run with the same identity.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
         expected = f"an intact file; remove '{path.parent}' to start anew"
         raise InputError("resume", given, expected) from None
     old = _flatten(stored_identity)
-    # through JSON, which turns tuples into lists as in the manifest
+    # JSON turns tuples into lists, as in the manifest
     new = _flatten(json.loads(json.dumps(identity)))
     changed = [key for key in old | new if old.get(key) != new.get(key)]
     if not changed:
@@ -179,7 +179,7 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
 def refuse_unfinished(output: Path, name: str = FOLDER) -> None:
     """Raise InputError if the output folder contains results of an unfinished run.
 
-    name : subfolder with the store of the run.
+    name : name of the subfolder with the store of the run.
     """
     has_results = any(store_folder(output, name).glob(f"*{SUFFIX}"))
     if has_results:
@@ -198,7 +198,7 @@ def remove_run(output: Path) -> None:
     """
     folder = store_folder(output)
     try:
-        # without its manifest a run is never resumed, even if other files remain
+        # the manifest is removed first: without it the run is never resumed, even if other files cannot be removed
         (folder / MANIFEST).unlink(missing_ok=True)
         if folder.exists():
             shutil.rmtree(folder)
@@ -207,7 +207,13 @@ def remove_run(output: Path) -> None:
 
 
 def store_folder(output: Path, name: str = FOLDER) -> Path:
-    """Return the folder of the store, which need not exist. A link is refused, because it may lead elsewhere."""
+    """Return the folder of the store, which need not exist.
+
+    Raises
+    ------
+    InputError
+        It is a file, or a link, which may lead to any other folder.
+    """
     folder = output / name
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise InputError("output", f"'{folder}', which is a link or a file", "a folder, or none")
@@ -215,7 +221,7 @@ def store_folder(output: Path, name: str = FOLDER) -> Path:
 
 
 def begin_run(output: Path, identity: dict[str, Any]) -> None:
-    """Write the manifest of a run, which says on what its results depend.
+    """Write the manifest of a run, with everything on which its results depend.
 
     Raises
     ------
@@ -232,7 +238,7 @@ def begin_run(output: Path, identity: dict[str, Any]) -> None:
 
 
 def _flatten(value: Any, key: str = "") -> dict[str, Any]:
-    """Turn nested tables into one table with dotted keys. Lists of plain values stay whole."""
+    """Turn nested tables into one table with dotted keys. Lists are only divided if they contain tables."""
     if isinstance(value, list) and any(isinstance(item, dict) for item in value):
         value = dict(enumerate(value))
     if not isinstance(value, dict):

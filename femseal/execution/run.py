@@ -1,7 +1,7 @@
-"""Hold a run while it is under way: where its stages are computed, its progress, its timings and its log file.
+"""Compute the stages of a run, and report its progress, its wall times and its log lines.
 
-Stages are computed in this process, in several processes on this machine, or on a Dask cluster. BLAS has one thread in
-each process; Fourier transforms and compiled loops have one anyway. Therefore the workers do not compete for cores, and
+Stages are computed in this process, in several processes on this machine, or on a Dask cluster. In each process BLAS
+has a single thread, like Fourier transforms and compiled loops. Therefore the processes do not compete for cores, and
 the results do not depend on where they were computed.
 """
 
@@ -22,7 +22,7 @@ Progress = Callable[[str, int, int | None], None]
 LOG_SECONDS = 60.0
 #: Name of the stage in which loops are compiled.
 COMPILING = "compiling, once after an installation"
-#: The listener that reports compilation, empty if there is none.
+#: Listener that reports compilation; the list is empty if there is none.
 _active_listeners: list[Any] = []
 
 
@@ -32,9 +32,9 @@ def no_progress(stage: str, done: int, total: int | None) -> None:
 
 @contextmanager
 def reporting_compilation(progress: Progress) -> Iterator[None]:
-    """Report when loops are compiled in this context, because it takes a minute after an installation.
+    """Report the compilation of loops within this context, which takes a minute after an installation.
 
-    Within another context of this kind nothing happens, because the outer one reports.
+    A context inside another context of this kind does nothing, because the outer one reports already.
 
     Parameters
     ----------
@@ -75,16 +75,16 @@ def reporting_compilation(progress: Progress) -> Iterator[None]:
 
 @dataclass(eq=False)
 class Run:
-    """Hold a run while it is under way.
+    """Compute the stages of a run, and record their wall times.
 
     Parameters
     ----------
     mapper : callable
-        Computes the stages of the run.
+        Computes the items of a stage.
     progress : callable
         Called with the progress of the stages, see `Progress`.
     timings : dict
-        Wall times [s] by name: of the parts that `timed` names, and of every stage in them.
+        Wall times [s] of the parts of the run, see `timed`, and of every stage in them, by name.
     """
 
     mapper: Mapper = map
@@ -105,20 +105,20 @@ class Run:
         self.progress(name, 1, 1)
         log.info("%s: %.1f s", name, seconds)
 
-    def decided(self, name: str, of: Any, value: Any) -> Any:
-        """Return a value that a resumed run must not change: in such a run, the value of the first run.
+    def decided(self, name: str, identity: Any, value: Any) -> Any:
+        """Store a decision, or return the stored one, so that a resumed run decides in the same way.
 
         Parameters
         ----------
         name : str
             Name of the decision.
-        of : object
-            Plain data that distinguish the decision from others of this name.
+        identity : object
+            Plain data that distinguish this decision from others with the same name.
         value : object
-            The value, if the decision has not been made before.
+            Value of the decision, which is returned unless another value has been stored before.
         """
         stage = Stage(name, partial(_return_value, value), key=("decided", name))
-        (result,) = self.mapper(stage, [of])
+        (result,) = self.mapper(stage, [identity])
         return result
 
     def _add_time(self, name: str, seconds: float) -> None:
@@ -154,19 +154,19 @@ class Run:
 
 
 def _log_rate(name: str, done: int, total: int | None, seconds: float) -> None:
-    """Log how many items of a stage are done, and how long the others will take."""
+    """Log how many items of a stage are done after some time [s], and how long the remaining ones will take."""
     rate = done / seconds
-    left = "" if total is None else f", {(total - done) / rate:.0f} s left"
-    log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
+    remaining = "" if total is None else f", {(total - done) / rate:.0f} s left"
+    log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, remaining)
 
 
-def _return_value(value: Any, of: Any) -> Any:
-    """Return the value of a decision; `of` only serves as its key in the store."""
+def _return_value(value: Any, identity: Any) -> Any:
+    """Return the value of a decision; `identity` only serves as its key in the store."""
     return value
 
 
 class LogFile(logging.FileHandler):
-    """Write log lines to a file. On a full disk the log ends, but the run goes on."""
+    """Write log lines to a file. If the disk is full, lines are lost, but the run continues."""
 
     def close(self) -> None:
         """Close the file, even if its last lines cannot be written."""
@@ -204,8 +204,8 @@ def ordered_map(
     workers : int, optional
         Number of processes on this machine. Default: one for each core.
     scheduler : str, optional
-        Address of a Dask scheduler on which to compute instead. Its first worker is awaited for
-        `cluster.WORKER_SECONDS`. "local" starts a scheduler and `workers` processes here.
+        Address of a Dask scheduler on which to compute instead, which must have a worker within
+        `cluster.WORKER_SECONDS`. "local" starts a scheduler and `workers` processes on this machine.
     before : callable, optional
         Called with the mapper over several processes before it is used, such as `compile_ahead`.
 
@@ -215,7 +215,7 @@ def ordered_map(
         There is no scheduler with workers at the address, its workers have other versions, or femseal[cluster] is not
         installed.
     FemsealError
-        Workers died again and again. It is raised while results are taken from the mapper.
+        Workers died repeatedly. This error is raised while results are taken from the mapper.
     """
     import joblib
     from threadpoolctl import threadpool_limits

@@ -23,7 +23,7 @@ def option(help: str, default: str, *names: str) -> Any:
     """Declare an option of a command.
 
     help : help text.
-    default : what holds without the option, for the help text.
+    default : description of the default value, for the help text.
     names : names of the option. Default: the name of its argument.
     """
     return typer.Option(*names, help=help, show_default=default)
@@ -40,7 +40,7 @@ Quiet = Annotated[bool, flag("--quiet", "No progress, no log lines, no tables.")
 
 
 def _refuse_part(part: str | None) -> None:
-    """Answer the option of a former version that divided a run among jobs."""
+    """Raise InputError for the removed option `--part`, which divided a run among several jobs."""
     if part is not None:
         expected = (
             "none: removed; start a Dask cluster and give its address with --scheduler, as "
@@ -49,19 +49,19 @@ def _refuse_part(part: str | None) -> None:
         raise InputError("--part", shown(part), expected)
 
 
-#: Former option of the commands whose work several machines divide.
+#: Removed option of the commands that can run on several machines.
 PartOption = Annotated[str | None, typer.Option(hidden=True, callback=_refuse_part)]
 
 
 def print_table(table: Any) -> None:
-    """Print a table of rich. In files and pipes there is space for long lines."""
+    """Print a table with rich, as wide as the terminal, or with long lines into files and pipes."""
     from rich.console import Console
 
     Console(width=None if sys.stdout.isatty() else 160).print(table)
 
 
 def print_text(text: str) -> None:
-    """Print a text of some sentences, wrapped at the width of the terminal."""
+    """Print a text, wrapped at the width of the terminal."""
     from rich.markup import escape
 
     print_table(escape(text))
@@ -93,11 +93,11 @@ def _open_log_file(path: Path) -> logging.Handler:
 
 
 def _echo_handler(is_terminal: bool) -> logging.Handler:
-    """Return a handler that prints log lines, on a terminal only warnings."""
+    """Return a handler that prints log lines, or only warnings on a terminal."""
     handler = _Echo(logging.WARNING if is_terminal else logging.INFO)
 
     def is_shown(record: logging.LogRecord) -> bool:
-        # failures of studies are shown with the results, and on a terminal the command itself reports how the run ended
+        # failures of studies are shown with the results; on a terminal the command itself reports how the run ended
         has_failed = record.exc_info is not None
         is_reported = is_terminal and record.name == "femseal"
         return not has_failed and not is_reported

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import Array, Flags, Lengths, Pair, Shown, Singles, validate
-from ..base.compiled import compiled, inner, number, over, rows, using
+from ..base.compiled import compiled, inner, over, rows, thread_count, using_threads
 from .core_flux import core_ratio
 from .grid import Stencil, gap_on_rows, link_weights
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
@@ -142,7 +142,7 @@ def cell_permeability(
     if law != CUBIC_LAW:
         gap = gap_by_law(validated_cell(gap, spacing, 0, sides)[0], law, pressure)
     check_solver(solver)
-    with using(number() if threads is None else validate.count("threads", threads)):
+    with using_threads(thread_count() if threads is None else validate.count("threads", threads)):
         cell = cell_flow(
             gap,
             spacing,

@@ -19,7 +19,7 @@ from ..base import (
     free_memory,
     to_text,
 )
-from ..budget import MODEL_PARTS, BudgetRequest, ErrorBudget, budgets_of, widest_band
+from ..budget import MODEL_PARTS, BudgetRequest, ErrorBudget, budgets_of, widest_interval
 from ..case.case import Case
 from ..execution.run import Run
 from ..face.cells import FEWEST_POINTS
@@ -29,34 +29,34 @@ from ..studies.study_registry import contact_tolerance
 
 #: Time limit of all attempts [s] if the case has an accuracy but no time limit.
 TIME_LIMIT = 3600.0
-#: Number of grid doublings, relative to the points of the case, in the first attempt and in the finest one. On the grid
-#: of the case the shortest wave has 8 pixels. In the first attempt it has 4 pixels, and 2 on the coarser grid with
-#: which the error of this attempt is estimated. With even fewer pixels, the error budget was found to be too small by
-#: up to a factor of 2.
+#: Number of times that the points along each side are doubled, relative to the points of the case, in the first attempt
+#: and in the finest one. On the grid of the case the shortest wave has 8 pixels. In the first attempt it has 4 pixels,
+#: and 2 on the coarser grid with which the error of this attempt is estimated. With even fewer pixels, the estimated
+#: error was too small by up to a factor of 2.
 FIRST_GRID, MOST_GRID = -1, 4
-#: Smallest residual of the contact solution.
+#: Smallest tolerance of the contact solution.
 LEAST_RTOL = 1e-8
 #: Advice for error sources that no setting can reduce.
-_BY_NOTHING = {
+_ADVICE = {
     "filter": "short waves were removed; a shorter surface.shortest_wave with more surface.points keeps them, if they "
     "were measured",
     "patch": "one measured patch does not show more; measure a larger area or more patches",
 }
-#: Number of realisations in the first attempt, largest number, and factor on the number that halves the error of the
-#: median.
+#: Number of realisations in the first attempt, and the largest number. The error of the median is halved if the number
+#: is multiplied by `HALVING`.
 FIRST_SEALS, MOST_SEALS, HALVING = 20, 20480, 4
 log = logging.getLogger("femseal.refinement")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Numerical settings of an attempt, which a case need not specify.
+    """Numerical settings of an attempt.
 
     Parameters
     ----------
     method : name of the study that gives the leakage.
     grid : number of times that the points along each side of the surface are doubled; negative if they are halved.
-    rtol : residual of the contact solution.
+    rtol : tolerance of the contact solution, as a relative residual.
     realisations : number of realisations; None if the study has none.
     """
 
@@ -67,7 +67,7 @@ class Settings:
 
 
 def given_settings(case: Case) -> dict[str, str]:
-    """Return the settings that the case specifies and that must not be changed, with the key of each in the case."""
+    """Return the settings that the case fixes, each with its key in the case. Attempts do not change them."""
     keys: dict[str, str] = {}
     if case.surface.points is not None:
         keys["grid"] = "surface.points"
@@ -78,70 +78,70 @@ def given_settings(case: Case) -> dict[str, str]:
     return keys
 
 
-def first_settings(case: Case, made: Prepared) -> Settings:
+def first_settings(case: Case, original: Prepared) -> Settings:
     """Choose the settings of the first attempt: coarse pixels, and few realisations.
 
-    made : prepared case with the original grid of its surface.
+    original : prepared case on the original grid of its surface.
     """
     assert case.accuracy is not None
     given = given_settings(case)
-    sampling = made.sampling
+    sampling = original.sampling
     realisations = None if sampling is None else sampling.realisations
     if sampling is not None and "realisations" not in given:
         realisations = FIRST_SEALS
     rtol = case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy)
-    settings = Settings(made.answer.name, 0, rtol, realisations)
+    settings = Settings(original.answer.name, 0, rtol, realisations)
     if "grid" in given:
         return settings
-    # the error is estimated on a grid that is coarser still, whose cells must have enough points, too
-    points = grid_points(made, FIRST_GRID - 1)
-    cells = made.cells or (1, 1)
+    # the error is estimated on a grid with half the points along each side, whose cells must have enough points, too
+    points = grid_points(original, FIRST_GRID - 1)
+    cells = original.cells or (1, 1)
     has_enough_points = all(n // m >= FEWEST_POINTS for n, m in zip(points, cells, strict=True))
     return replace(settings, grid=FIRST_GRID) if has_enough_points else settings
 
 
-def grid_points(made: Prepared, grid: int) -> Shape:
-    """Return the numbers of points along both sides of the surface after `grid` doublings.
+def grid_points(original: Prepared, grid: int) -> Shape:
+    """Return the numbers of points along both sides of the surface after they are doubled `grid` times.
 
-    They are rounded up to the next numbers that can be divided into cells.
+    They are rounded up to multiples of `original.points_divide_by`, so that a surface can be divided into equal blocks.
     """
     n1, n2 = (
-        ceil(n * 2.0**grid / m) * m
-        for n, m in zip(made.scene.surface.shape, made.points_divide_by, strict=True)
+        ceil(n * 2.0**grid / divisor) * divisor
+        for n, divisor in zip(original.scene.surface.shape, original.points_divide_by, strict=True)
     )
     return n1, n2
 
 
-def apply_settings(made: Prepared, settings: Settings) -> Prepared:
+def apply_settings(original: Prepared, settings: Settings) -> Prepared:
     """Return a prepared case with other settings; the surface is resampled to the grid of the settings.
 
-    made : prepared case with the original grid of its surface.
+    original : prepared case on the original grid of its surface.
     """
-    surface = made.scene.surface
-    points = grid_points(made, settings.grid)
+    surface = original.scene.surface
+    points = grid_points(original, settings.grid)
     face = surface if points == surface.shape else surface.resample(points)
-    sampling = made.sampling
+    sampling = original.sampling
     if sampling is not None:
         sampling = replace(sampling, realisations=settings.realisations)
     return replace(
-        made,
-        scene=replace(made.scene, surface=face, rtol=settings.rtol),
+        original,
+        scene=replace(original.scene, surface=face, rtol=settings.rtol),
         sampling=sampling,
-        conditioning=replace(made.conditioning, shape=face.shape, spacing=face.spacing),
+        conditioning=replace(original.conditioning, shape=face.shape, spacing=face.spacing),
     )
 
 
-def first_version(case: Case, made: Prepared) -> Prepared:
+def first_version(case: Case, original: Prepared) -> Prepared:
     """Prepare the first attempt at the accuracy of a case."""
     with refuse_impossible_sizes():
-        return apply_settings(made, first_settings(case, made))
+        return apply_settings(original, first_settings(case, original))
 
 
-def last_version(case: Case, made: Prepared, attempts: dict[str, Any] | None) -> Prepared:
+def last_version(case: Case, original: Prepared, attempts: dict[str, Any] | None) -> Prepared:
     """Prepare a case with the settings of the last attempt of its results; without attempts, return the case itself."""
     if attempts is None or case.accuracy is None:
-        return made
-    return apply_settings(made, Settings(**attempts["settings"]))
+        return original
+    return apply_settings(original, Settings(**attempts["settings"]))
 
 
 def expected_cost(prepared: Prepared) -> tuple[float, float]:
@@ -151,15 +151,15 @@ def expected_cost(prepared: Prepared) -> tuple[float, float]:
     return only_answer.cost(answer)
 
 
-def refined(
-    case: Case, made: Prepared, settings: Settings, part: str, memory: float
+def finer_settings(
+    case: Case, original: Prepared, settings: Settings, part: str, memory: float
 ) -> tuple[Settings | None, str]:
-    """Choose settings that reduce one source of error to about a half.
+    """Choose settings that halve one source of error, approximately.
 
     Parameters
     ----------
     case : the case.
-    made : prepared case with the original grid of its surface.
+    original : prepared case on the original grid of its surface.
     settings : settings of the last attempt.
     part : name of the error source in the error budget of the last attempt.
     memory : memory that an attempt may use [byte].
@@ -171,7 +171,7 @@ def refined(
     rtol = settings.rtol / 10
     grid = settings.grid + 1
     realisations = HALVING * (settings.realisations or 0)
-    points = as_text(grid_points(made, grid))
+    points = as_text(grid_points(original, grid))
     refinements = {
         "solver": _Refinement(
             setting="rtol",
@@ -190,7 +190,7 @@ def refined(
         ),
     }
     if part not in refinements:
-        return None, _BY_NOTHING.get(part, "nothing refines it")
+        return None, _ADVICE.get(part, "no setting reduces this error")
     refinement = refinements[part]
     text = refinement.text
     case_key = given_settings(case).get(refinement.setting)
@@ -199,7 +199,7 @@ def refined(
     if not refinement.is_allowed:
         return None, f"{text} is finer than any attempt"
     finer = replace(settings, **{refinement.setting: refinement.value})
-    _, needed = expected_cost(apply_settings(made, finer))
+    _, needed = expected_cost(apply_settings(original, finer))
     if needed <= memory:
         return finer, text
     needed_text = to_text(needed, "B", 3)
@@ -208,7 +208,7 @@ def refined(
 
 
 class _Refinement(NamedTuple):
-    """Change of one setting that reduces an error to about a half.
+    """Change of one setting that halves an error, approximately.
 
     setting : name of the setting in `Settings`.
     value : new value of the setting.
@@ -264,31 +264,31 @@ class RefinedAnswer:
     result : result of its study.
     budget : error budget of this result.
     attempts : all attempts in their order.
-    why : reason why there is no further attempt although the accuracy is not reached; "" if it is reached.
-    half : description of the effort that would reduce the error to a half.
-    wanted : required accuracy.
-    limit : time limit [s].
+    reason : reason why there is no further attempt although the accuracy is not reached; "" if it is reached.
+    half_error : description of the change and the time that would halve the error.
+    accuracy : required accuracy, as the largest relative error of the leakage.
+    time_limit : time limit of all attempts [s].
     """
 
     prepared: Prepared
     result: Any
     budget: ErrorBudget
     attempts: tuple[Attempt, ...]
-    why: str
-    half: str
-    wanted: float
-    limit: float
+    reason: str
+    half_error: str
+    accuracy: float
+    time_limit: float
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warning that the accuracy is not reached, with the reason; empty if it is reached."""
-        if not self.why:
+        if not self.reason:
             return ()
         last = self.attempts[-1]
-        wanted = format_deviation(np.log1p(self.wanted))
+        required = format_deviation(np.log1p(self.accuracy))
         error = f"{format_deviation(last.half_width)} at {last.load}"
         return (
-            f"accuracy {wanted} is not reached: the error of the numbers alone may be {error}; {self.why}",
+            f"accuracy {required} is not reached: the numerical errors alone may be {error}; {self.reason}",
         )
 
     def as_data(self, budget: ErrorBudget) -> dict[str, Any]:
@@ -298,16 +298,16 @@ class RefinedAnswer:
         """
         last = self.attempts[-1]
         data = {
-            "wanted": self.wanted,
-            "reached": not self.why,
+            "wanted": self.accuracy,
+            "reached": not self.reason,
             "half_width": last.half_width,
             "model_parts": [part.name for part in budget.parts if part.name in MODEL_PARTS],
-            "with_model": widest_band(budget).half_width,
+            "with_model": widest_interval(budget).half_width,
             "limit": last.limit,
             "load": last.load,
-            "why": self.why,
-            "half_error": self.half,
-            "time_limit": self.limit,
+            "why": self.reason,
+            "half_error": self.half_error,
+            "time_limit": self.time_limit,
             "settings": asdict(last.settings),
             "attempts": [asdict(attempt) for attempt in self.attempts],
         }
@@ -315,15 +315,15 @@ class RefinedAnswer:
         return json.loads(json.dumps(data), parse_constant=lambda _: None)
 
 
-def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
+def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswer:
     """Solve a case with finer and finer settings, until its accuracy is reached or cannot be reached.
 
-    Each attempt refines the setting that determines the largest source of error of the attempt before.
+    Each attempt refines the setting that causes the largest error of the previous attempt.
 
     Parameters
     ----------
     case : a case with an accuracy.
-    made : prepared case with the original grid of its surface.
+    original : prepared case on the original grid of its surface.
     run : run that solves the studies. A resumed run repeats the decisions that it took before it was interrupted.
 
     Raises
@@ -333,11 +333,12 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
     assert case.accuracy is not None
     goal = np.log1p(case.accuracy)
     time_limit = case.time_limit or TIME_LIMIT
-    # the memory limit of a case includes the memory of the imported packages, which the free memory does not
+    # the memory limit of a case includes the imported packages, which are not part of the free memory
     memory = free_memory() if case.memory is None else case.memory - START_MEMORY
-    attempts = _Attempts(case, made, run, memory)
-    settings: Settings | None = first_settings(case, made)
-    why = text = ""
+    attempts = _Attempts(case, original, run, memory)
+    settings: Settings | None = first_settings(case, original)
+    reason = ""
+    change = ""
     while settings is not None:
         try:
             solved = attempts.attempt(settings)
@@ -346,24 +347,24 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
         except FemsealError as error:
             if not attempts.done:
                 raise
-            why = f"{text} failed: {error}"
+            reason = f"{change} failed: {error}"
             break
         last = attempts.done[-1]
         log.info("attempt %d: %s", len(attempts.done), last)
         if last.half_width <= goal:
             break
-        settings, text, why = attempts.next_settings(goal, time_limit)
-        log.info("next: %s", text or why)
+        settings, change, reason = attempts.next_settings(goal, time_limit)
+        log.info("next: %s", change or reason)
     prepared, result, budget = solved
     return RefinedAnswer(
         prepared=prepared,
         result=result,
         budget=budget,
         attempts=tuple(attempts.done),
-        why=why,
-        half=attempts.half_error(),
-        wanted=case.accuracy,
-        limit=time_limit,
+        reason=reason,
+        half_error=attempts.half_error(),
+        accuracy=case.accuracy,
+        time_limit=time_limit,
     )
 
 
@@ -372,14 +373,14 @@ class _Attempts:
     """Attempts of a case so far.
 
     case : the case.
-    made : prepared case with the original grid of its surface.
+    original : prepared case on the original grid of its surface.
     run : run that solves the studies.
     memory : memory that an attempt may use [byte].
     done : finished attempts.
     """
 
     case: Case
-    made: Prepared
+    original: Prepared
     run: Run
     memory: float
     done: list[Attempt] = field(default_factory=list)
@@ -387,7 +388,7 @@ class _Attempts:
     def attempt(self, settings: Settings) -> tuple[Prepared, Any, ErrorBudget]:
         """Solve the case with the given settings, compute its error budget, and record the attempt."""
         name = f"attempt {len(self.done) + 1}"
-        prepared = apply_settings(self.made, settings)
+        prepared = apply_settings(self.original, settings)
         answer = prepared.answer
         key = answer.key
         start = time.perf_counter()
@@ -399,7 +400,7 @@ class _Attempts:
         seconds = time.perf_counter() - start
         # a resumed run takes the measured time of the original run, so that its decisions are the same
         seconds = self.run.decided("time of the attempt", self._so_far, seconds)
-        widest = widest_band(budget)
+        widest = widest_interval(budget)
         self.done.append(
             Attempt(
                 settings=settings,
@@ -424,8 +425,8 @@ class _Attempts:
         Returns
         -------
         settings : settings of the next attempt, or None if there is none.
-        text : description of the change, or "".
-        why : reason why there is no further attempt, or "".
+        text : description of the change; "" if there is no further attempt.
+        reason : reason why there is no further attempt; "" if there is one.
         """
         last = self.done[-1]
         text = ""
@@ -436,7 +437,9 @@ class _Attempts:
             # refined, but only until they are below the goal.
             if reasons and last.parts[part] <= goal < max(last.parts.values()):
                 break
-            finer, change = refined(self.case, self.made, last.settings, part, self.memory)
+            finer, change = finer_settings(
+                self.case, self.original, last.settings, part, self.memory
+            )
             if finer is None:
                 reasons.append(f"{part}: {change}")
                 continue
@@ -449,18 +452,20 @@ class _Attempts:
                 finer = None
                 text = ""
             break
-        why = "; ".join(reasons) if finer is None else ""
-        return self.run.decided("next attempt", self._so_far, (finer, text, why))
+        reason = "; ".join(reasons) if finer is None else ""
+        return self.run.decided("next attempt", self._so_far, (finer, text, reason))
 
     @property
     def _so_far(self) -> tuple[str, int]:
-        """Case as text, and number of finished attempts, which identify a decision of the run in its store."""
+        """Case as text and number of finished attempts, which together identify a decision of the run in its store."""
         return json.dumps(self.case.echo(), default=str), len(self.done)
 
     def half_error(self) -> str:
-        """Describe the change and the time that would reduce the largest error of the last attempt to a half."""
+        """Describe the change that would halve the largest error of the last attempt, and the time it would take."""
         last = self.done[-1]
-        finer, change = refined(self.case, self.made, last.settings, last.limit, self.memory)
+        finer, change = finer_settings(
+            self.case, self.original, last.settings, last.limit, self.memory
+        )
         if finer is None:
             return f"not possible: {change}"
         return f"{change}, about {duration(self._expected_seconds(finer))}"
@@ -468,6 +473,6 @@ class _Attempts:
     def _expected_seconds(self, settings: Settings) -> float:
         """Estimate the wall time of an attempt with other settings [s], from the measured time of the last attempt."""
         last = self.done[-1]
-        new_cost, _ = expected_cost(apply_settings(self.made, settings))
-        last_cost, _ = expected_cost(apply_settings(self.made, last.settings))
+        new_cost, _ = expected_cost(apply_settings(self.original, settings))
+        last_cost, _ = expected_cost(apply_settings(self.original, last.settings))
         return last.seconds * new_cost / last_cost

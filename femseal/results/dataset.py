@@ -254,7 +254,7 @@ def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
         return
     variables.add_cell_centres(data, "", face.cells.cut)
     for declaration, values in fields_of(face.cells):
-        if declaration.place == CELL:
+        if declaration.dimensions == CELL:
             variables.add(data, declaration, values)
 
 

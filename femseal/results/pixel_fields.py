@@ -51,7 +51,7 @@ def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
     study = run.two_scale or run.deterministic
     if study is None:
         return []
-    return [(field, values) for field, values in fields_of(study) if field.place == PIXEL]
+    return [(field, values) for field, values in fields_of(study) if field.dimensions == PIXEL]
 
 
 # --- images of all fields ---------------------------------------------------------------------------------------
@@ -331,7 +331,7 @@ def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) ->
 
 def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
     """Write a field to an image for ParaView."""
-    field = Field.of(values)
+    field = Field.from_variable(values)
     pixel, corner = _pixel_and_corner(values)
     image = vtk_files.image(pixel, corner, [(field.array_name, values.values * field.scale)])
     vtk_files.with_load(image, vtk_files.loads_of(run.dataset)[step])

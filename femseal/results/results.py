@@ -25,7 +25,7 @@ from ..base import (
 )
 from ..base.leak_rates import LeakBasis
 from ..base.leak_units import LeakUnit, leak_unit
-from ..base.text import room
+from ..base.text import display_package
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme
 from ..studies import FaceResult, Scene, StochasticResult, StudyResult
@@ -181,12 +181,12 @@ class Results(Plotted):
     @property
     def verdicts(self) -> tuple[Any, ...]:
         """Verdict on each leakage class of the case: whether it is met, and from which load on."""
-        return tuple(room("results").verdicts_of(self))
+        return tuple(display_package("results").verdicts_of(self))
 
     @property
     def verdict_lines(self) -> list[str]:
         """Paragraphs of text that state the verdicts, see `verdict_text.verdict_paragraphs`."""
-        return list(room("results").verdict_lines(self))
+        return list(display_package("results").verdict_lines(self))
 
     # --- load steps -----------------------------------------------------------------------------------------------
 
@@ -308,7 +308,7 @@ class Results(Plotted):
 
     def pixels(self, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
         """Return a field over the pixels (x1, x2) at one step in SI units, see `pixel_fields.read_pixels`."""
-        return room("results").read_pixels(self, name, step, cell)
+        return display_package("results").read_pixels(self, name, step, cell)
 
     def gap(self, step: int, cell: Shape | None = None) -> xarray.DataArray:
         """Return the deformed gap (x1, x2) [m] at one step, see `pixels`."""
@@ -325,17 +325,17 @@ class Results(Plotted):
     @property
     def stored_steps(self) -> list[int]:
         """Indices of the steps whose fields over the pixels are available in memory or in the folder."""
-        return room("results").stored_steps(self)
+        return display_package("results").stored_steps(self)
 
     # --- tables, pictures and files -------------------------------------------------------------------------------
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the results as one dictionary for each load step, in SI units, see `tables.rows`."""
-        return room("results").rows(self)
+        return display_package("results").rows(self)
 
     def table(self) -> TextTable:
         """Return a table of the leakage that `rich.print` displays, see `tables.leakage_table`."""
-        return room("results").leakage_table(self)
+        return display_package("results").leakage_table(self)
 
     def attempts_table(self) -> TextTable:
         """Return a table of the attempts to reach the requested accuracy, which `rich.print` displays.
@@ -347,7 +347,7 @@ class Results(Plotted):
         """
         if self.attempts is None:
             raise InputError("attempts", "a case that asks for no accuracy", "one with it")
-        return room("results").attempts_table(self.attempts)
+        return display_package("results").attempts_table(self.attempts)
 
     @property
     def plot(self) -> RunPictures:  # type: ignore[override]
@@ -356,7 +356,7 @@ class Results(Plotted):
 
     def plot_cells(self) -> Any:
         """Plot the permeability of the cells against their mean gap and their contact pressure, see `cells_figure`."""
-        return room("plots").shown(room("plots").cells_figure(self))
+        return display_package("plots").shown(display_package("plots").cells_figure(self))
 
     def plot_pieces(self) -> Any:
         """Plot the permeability of the cells. This is the former name of `plot_cells`."""
@@ -365,21 +365,21 @@ class Results(Plotted):
 
     def plot_seal(self, step: int | None = None) -> Any:
         """Plot contact pressure, gap and fluid pressure over the seal at one step, see `seal_figure`."""
-        return room("plots").shown(room("plots").seal_figure(self, step))
+        return display_package("plots").shown(display_package("plots").seal_figure(self, step))
 
     def report(self, path: AnyPath | None = None) -> Path:
         """Write the report, by default as `report.html` in the folder of the results, see `write_report`."""
-        return room("report").write_report(self, path)
+        return display_package("report").write_report(self, path)
 
     def export(self, path: AnyPath, **options: Any) -> list[Path]:
         """Write a field over the pixels for other programs, see `pixel_fields.export_field`."""
-        return room("results").export_field(self, path, **options)
+        return display_package("results").export_field(self, path, **options)
 
     def __repr__(self) -> str:
-        return room("results").summary_text(self)
+        return display_package("results").summary_text(self)
 
     def _repr_html_(self) -> str:
-        return room("results").summary_html(self)
+        return display_package("results").summary_html(self)
 
 
 def checked_cell(

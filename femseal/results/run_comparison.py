@@ -26,7 +26,7 @@ from ..base import (
 )
 from ..base.fields import with_unit
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
-from ..base.text import room
+from ..base.text import display_package
 from ..loads import LoadStep
 from .dataset_file import open_results
 from .ranking import Ranking
@@ -281,7 +281,7 @@ class RunComparison(Plotted):
             The folder cannot be created.
         """
         target = made_folder(folder)
-        picture = room("plots").png(room("plots").comparison_figure(self))
+        picture = display_package("plots").png(display_package("plots").comparison_figure(self))
         return [
             write_text(target / f"{stem}.csv", comma_separated(self.rows())),
             write_bytes(target / f"{stem}.png", picture),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..base import InputError
-from ..base.text import room
+from ..base.text import display_package
 
 
 class RunPictures:
@@ -22,7 +22,7 @@ class RunPictures:
 
     def __call__(self, **options: Any) -> Any:
         """Draw the leakage against the load, see `leakage`."""
-        return room("plots").picture(self._results, **options)
+        return display_package("plots").picture(self._results, **options)
 
     def leakage(self) -> Any:
         """Draw the leakage against the load, with its 95 % interval and the limits of the leakage classes."""
@@ -68,7 +68,7 @@ class RunPictures:
         """
         self._require("drawn_corners", "a stochastic run")
         self._require("face_gap", "a run that also solved the surface, compare = ['two-scale']")
-        plots = room("plots")
+        plots = display_package("plots")
         data = self._results.dataset
         chosen = plots.maps.default_step(data) if step is None else step
         return plots.shown(plots.realisation_figure(data, chosen))
@@ -79,7 +79,7 @@ class RunPictures:
 
     def _shown(self, name: str, *arguments: Any) -> Any:
         """Draw a picture by a function of `femseal.plots`, given by its name, and show it."""
-        plots = room("plots")
+        plots = display_package("plots")
         return plots.shown(getattr(plots, name)(*arguments))
 
     def _require(self, variable: str, expected: str) -> None:

@@ -49,7 +49,7 @@ def rows(run: Results) -> list[dict[str, Any]]:
     variables = {"nominal_pressure_Pa": data["nominal_pressure"], "leakage_m2_per_s": run.leakage}
     for variable in data.data_vars.values():
         if variable.dims == ("step",):
-            variables[Field.of(variable).column_name] = variable
+            variables[Field.from_variable(variable).column_name] = variable
     for unit in run.leak_basis.units():
         if unit.si != 1:
             variables[with_unit("leakage", unit.name)] = run.leakage_in(unit.name)
@@ -334,7 +334,7 @@ def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
         sentences.append(f"It is limited by the {attempts['limit']}, most at {attempts['load']}.")
     if attempts["why"]:
         sentences.append(f"No further attempt: {attempts['why']}.")
-    is_known_to_fail = attempts["why"] and attempts["half_error"].startswith("cannot")
+    is_known_to_fail = attempts["why"] and attempts["half_error"].startswith("not possible")
     if has_error and not is_known_to_fail:
         sentences.append(f"Half the error: {attempts['half_error']}.")
     return sentences

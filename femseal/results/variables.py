@@ -26,8 +26,8 @@ from ..base.fields import (
     REALISATION,
     STATE,
     STEP,
+    Dimensions,
     Field,
-    Place,
     fields_of,
 )
 from ..base.leak_rates import LeakBasis
@@ -67,7 +67,7 @@ def add(data: xarray.Dataset, declaration: Field, values: Any, **attrs: Any) -> 
     """
     if declaration.name not in data:
         attributes = declaration.attrs | attrs
-        data[declaration.name] = (declaration.place, values, attributes)
+        data[declaration.name] = (declaration.dimensions, values, attributes)
 
 
 def add_new(
@@ -76,7 +76,7 @@ def add_new(
     unit: str,
     long_name: str,
     values: Any,
-    dims: Place = STEP,
+    dims: Dimensions = STEP,
     **attrs: Any,
 ) -> None:
     """Add a field that no result declares; the arguments are explained in `Field` and `add`."""
@@ -93,7 +93,7 @@ def add_coordinate(
 def add_declared(data: xarray.Dataset, result: Any) -> None:
     """Add all declared fields of a result except those over all pixels, which are too large."""
     for declaration, values in fields_of(result):
-        if declaration.place != PIXEL and np.size(values):
+        if declaration.dimensions != PIXEL and np.size(values):
             add(data, declaration, values)
 
 
@@ -162,11 +162,13 @@ def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
     add_load_steps(data, "state", "state_", cells.steps)
     add_cell_centres(data, "state_", cells.cut)
     for declaration, values in fields_of(cells):
-        if declaration.place == CELL:
+        if declaration.dimensions == CELL:
             name = declaration.name.replace("cell_", "state_")
             long_name = f"{declaration.long_name}, by state"
-            declaration = replace(declaration, name=name, long_name=long_name, place=CELL_STATE)
-        if declaration.place == STATE or not np.isnan(values).all():
+            declaration = replace(
+                declaration, name=name, long_name=long_name, dimensions=CELL_STATE
+            )
+        if declaration.dimensions == STATE or not np.isnan(values).all():
             add(data, declaration, values)
 
 
@@ -209,7 +211,7 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> No
     """
     add_blocks(data, ("block1", "block2"), scene.surface, FIELD_BLOCKS)
     for declaration, at_pixels in fields_of(study):
-        if declaration.place == PIXEL:
+        if declaration.dimensions == PIXEL:
             means = [block_means(values, FIELD_BLOCKS) for values in one_at_a_time(at_pixels)]
             name, unit = f"face_{declaration.name}", declaration.unit
             long_name = f"{declaration.long_name}, mean of each block"
@@ -278,8 +280,8 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     throughput_state = ""
     if basis.temperature is not None:
         volume_state = f" at {basis.temperature:g} K and {basis.pressure:g} Pa"
-    if basis.stated_temperature is not None:
-        throughput_state = f" at {basis.stated_temperature:g} K"
+    if basis.throughput_temperature is not None:
+        throughput_state = f" at {basis.throughput_temperature:g} K"
     for suffix, unit, si_unit, measure in (
         ("", "m³/s", "m^3/s", f"by volume{volume_state}"),
         ("_mass", "kg/s", "kg/s", "by mass"),
@@ -340,7 +342,7 @@ def add_test_fluid(
     data: xarray.Dataset,
     test: OtherLeakage,
     service: FluidState,
-    stated_temperature: float | None,
+    throughput_temperature: float | None,
     valve: Mapping[str, float],
 ) -> None:
     """Add the leakage of the test fluid, and attributes that describe the fluid and its pressures.
@@ -351,7 +353,7 @@ def add_test_fluid(
     test : leakage of the test fluid.
     service : fluid of the run and its pressures. Attributes store the ratios of the two leakages in the limits of
         viscous and of molecular flow.
-    stated_temperature : temperature at which the throughput of a gas is given [K]; None for that of the gas.
+    throughput_temperature : temperature at which the throughput of a gas is given [K]; None for that of the gas.
     valve : arguments of `LeakBasis` that describe the valve.
     """
     long_name = "leakage per unit seal length, test fluid"
@@ -362,7 +364,7 @@ def add_test_fluid(
     state = test.state
     factors = limit_factors(state, service)
     drop = state.pressure_drop
-    basis = leak_basis(state.fluid, 1.0, stated_temperature, pressure_drop=drop, **valve)
+    basis = leak_basis(state.fluid, 1.0, throughput_temperature, pressure_drop=drop, **valve)
     data.attrs |= {
         "test_fluid": fluid_text(state.fluid),
         "test_inlet_pressure_Pa": float(state.inlet_pressure),

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import AnyPath, Array, Mapper, Pair, Stage, made_folder, write_bytes, write_text
-from ..base.fields import CELL, CELL_STATE, PART, PART_FORM, PART_VECTOR, Field, Place
+from ..base.fields import CELL, CELL_STATE, PART, PART_FORM, PART_VECTOR, Dimensions, Field
 from ..topography import Surface
 
 if TYPE_CHECKING:
@@ -274,7 +274,7 @@ def _write_views(folder: Path, views: list[Cells], surface: Surface | None) -> l
     return [path.relative_to(folder) for path in paths]
 
 
-def _cells_of_face(name: str, data: xarray.Dataset, dims: Place) -> Cells:
+def _cells_of_face(name: str, data: xarray.Dataset, dims: Dimensions) -> Cells:
     """Return the cells of the face with all variables that have the dimensions `dims`.
 
     Parameters
@@ -296,7 +296,7 @@ def _cells_of_face(name: str, data: xarray.Dataset, dims: Place) -> Cells:
     cell_data: dict[str, NDArray[Any]] = {}
     for variable in data.data_vars.values():
         if variable.dims == dims:
-            field = Field.of(variable)
+            field = Field.from_variable(variable)
             array = field.array_name.removeprefix("cell_").removeprefix("state_")
             cell_data[array] = (variable.values * field.scale).reshape(len(loads), -1)
     return Cells(name, corners_of_cells, loads, cell_data)
@@ -317,7 +317,7 @@ def _realisation(data: xarray.Dataset) -> Cells:
     for variable in data.data_vars.values():
         if variable.dims not in (PART, PART_FORM, PART_VECTOR):
             continue
-        field = Field.of(variable)
+        field = Field.from_variable(variable)
         values = variable.values * field.scale
         if variable.dims == PART_FORM:
             # the form is the same at every step

@@ -1,15 +1,14 @@
-"""What a run of a case computes and takes, before it is started, in lines for `femseal check` and for the report.
+"""Forecast time, memory and disk space of a run before it is started, for `femseal check` and for the report.
 
-Unknowns, memory and disk follow from the sizes of the case. Time follows from the numbers of pixels, load steps and
-elements and from the throughput of runs that were measured. It is stated as a range, as the number of iterations that
-a surface takes is known afterwards only.
+The numbers of unknowns, the memory and the disk space follow from the sizes in the case. The time follows from the
+numbers of pixels, load steps and elements, and from the throughput that was measured in other runs. It is given as a
+range, because the number of iterations is only known after the surface has been solved.
 """
 
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import prod
-from operator import itemgetter
 
 import numpy as np
 import psutil
@@ -18,253 +17,348 @@ from ..base import InputError, Shape, as_text, counted, duration, free_memory, t
 from ..base.machine import storing
 from ..budget import BudgetRequest, versions_of_budget
 from ..case.case import Case
-from ..case.faces import FileFace
-from ..case.solid_table import CoatingTable, SolidTable
-from ..checks import FormEffect, QuickEstimate, flow_warnings, mean_modulus
+from ..checks import flow_warnings
 from ..contact.workspace import KEPT_POINTS
 from ..flow.solvers.choice import elimination_memory
-from ..materials import METALS
-from ..preparation.drawing_check import drawing_text
 from ..preparation.memory import START_MEMORY
 from ..preparation.preparation import Prepared
 from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
-from ..results.load_steps import cycle_text
-from ..results.variables import fluid_text
-from ..studies import Scene, drop_ratio
-from ..studies.blocks import blocks_of
+from ..studies import drop_ratio
 from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
-from ..studies.sampling import FEWEST_SEALS, MOST_SEALS, describe_map
+from ..studies.sampling import FEWEST_SEALS, MOST_SEALS
 from ..studies.study_registry import TABULATED_STATES, uses_tabulated_pressures, usual_realisations
-from ..topography import Patches
+from .case_description import Line, describe_case
 
-#: Seconds of starting, of loading compiled loops and making or reading a face, and of pictures, report and tables.
-_START_SECONDS, _PICTURES_SECONDS = 2.5, 2.4
-#: Shortest and longest time that a run takes, over the expected one. Measured: docs/evidence/forecast.md.
+#: Time of starting a run, which includes loading compiled loops and reading or generating a face [s].
+_START_SECONDS = 2.5
+#: Time of writing pictures, report and tables [s].
+_PICTURES_SECONDS = 2.4
+#: Shortest and longest time of a run, relative to the expected time. Measured: docs/evidence/forecast.md.
 _SHORTEST, _LONGEST = 0.4, 2.5
-#: Part of `START_MEMORY` that pictures take [byte]. It does not add to the memory of contact and flow where their
-#: arrays are freed before, as those of large surfaces are. Measured on 2400 × 1800 points: 0.88 GB in all.
+#: Part of `START_MEMORY` that pictures take [byte]. The arrays of contact and flow of a large surface are freed before
+#: pictures are drawn, so that this part is not needed in addition. Measured on 2400 × 1800 points: 0.88 GB in all.
 _PICTURES_MEMORY = 0.2e9
-#: Memory of another process [byte].
+#: Memory of every further worker process [byte].
 _WORKER_MEMORY = 0.25e9
-#: Shortest waves that a cell should hold along each side.
-ADVISED_WAVES = 8
+#: Size of the three fields of a pixel in single precision: gap, contact pressure and fluid pressure [byte].
+_FIELDS_BYTES = 12.0
+#: Size of a cell in `results.nc` and in the mesh of the seal at a load step: ten numbers [byte].
+_CELL_BYTES = 80
+#: Size of pictures and report together [byte].
+_PICTURES_BYTES = 2e6
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """Expected time on one core and memory [byte] of a run.
+    """Expected time and memory of a run.
 
-    own : seconds of what one process does, whatever the number of workers: starting, pictures, files. work : seconds
-    of contact and flow, which the workers share. memory : with one worker, and most_memory where a flow through the
-    whole surface is solved by elimination, because multigrid does not suit its gap.
-    most_work : `work` with as many realisations as the run takes at most, where their number follows from their
-    scatter and `work` is that of the fewest.
+    Parameters
+    ----------
+    serial_seconds : float
+        Time of the work of the main process on start, pictures and files, which workers do not shorten [s].
+    parallel_seconds : float
+        Time on one core for contact and flow, which the workers share [s]. If the number of realisations depends on
+        their scatter, it is the time for the fewest realisations.
+    memory : float
+        Memory with one worker [byte].
+    most_parallel_seconds : float
+        The same time as `parallel_seconds` for the largest number of realisations [s].
+    most_memory : float
+        Memory with one worker if the flow through the whole surface has to be solved by elimination, because multigrid
+        does not converge on its gap [byte].
     """
 
-    own: float
-    work: float
+    serial_seconds: float
+    parallel_seconds: float
     memory: float
-    most_work: float
+    most_parallel_seconds: float
     most_memory: float = 0.0
 
     def seconds(self, workers: int = 1) -> float:
-        """Expected time [s]."""
-        return self.own + self.work / workers
+        """Return the expected time with this number of workers [s]."""
+        return self.serial_seconds + self.parallel_seconds / workers
 
     def range_seconds(self, workers: int = 1) -> tuple[float, float]:
-        """Shortest and longest time [s] that the run is expected to take."""
-        most = self.own + self.most_work / workers
-        return _SHORTEST * self.seconds(workers), _LONGEST * most
+        """Return the shortest and the longest time that the run is expected to take [s]."""
+        most_seconds = self.serial_seconds + self.most_parallel_seconds / workers
+        return _SHORTEST * self.seconds(workers), _LONGEST * most_seconds
 
     def time_text(self, workers: int = 1) -> str:
-        """State the range of the time.
+        """Write the range of the time.
 
-        >>> Forecast(own=10.0, work=90.0, memory=0.0, most_work=90.0).time_text()
+        Examples
+        --------
+        >>> forecast = Forecast(
+        ...     serial_seconds=10.0, parallel_seconds=90.0, memory=0.0, most_parallel_seconds=90.0
+        ... )
+        >>> forecast.time_text()
         '40 s to 250 s'
         """
-        return " to ".join(map(duration, self.range_seconds(workers)))
+        return " to ".join(duration(seconds) for seconds in self.range_seconds(workers))
 
 
-def describe(case: Case, made: Prepared) -> list[str]:
-    """Lines that say what a run of a prepared case computes: surface, steps, cells, unknowns, time and sizes."""
-    return [f"{name:<14} {text}" for name, text in _facts(case, made)]
+def describe(case: Case, original: Prepared) -> list[str]:
+    """Describe what a run of a case computes, how long it takes, and how much memory and disk space it needs.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    original : Prepared
+        The prepared case, before its grid is changed to reach an accuracy.
+
+    Returns
+    -------
+    list of str
+        Lines of text, ending with the warnings.
+    """
+    return [f"{name:<14} {text}" for name, text in _lines(case, original)]
 
 
-def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
-    """Name and text of each line; one that goes on with the name before has none."""
-    prepared, attempt = made, ""
-    form_effect = made.solve_form_effect()
+def _lines(case: Case, original: Prepared) -> Iterator[Line]:
+    """Yield name and text of every line of `describe`."""
+    prepared = original if case.accuracy is None else first_version(case, original)
+    form_effect = original.solve_form_effect()
     yield "case", f"{case.title or '(no title)'}: valid"
-    if case.accuracy is not None:
-        prepared, attempt = first_version(case, made), "first attempt: "
     estimate = prepared.estimate()
-    yield from described(case, prepared, estimate, form_effect)
+    yield from describe_case(case, prepared, estimate, form_effect)
     if case.accuracy is not None:
-        chosen = first_settings(case, made)
-        first = f"{as_text(grid_points(made, chosen.grid))} points, contact.rtol {chosen.rtol:.0e}"
-        if chosen.realisations is not None:
-            first += f", {counted(chosen.realisations, 'seal')}"
-        limit = (
-            f"then what limits is refined, for at most {duration(case.time_limit or TIME_LIMIT)}"
-        )
-        text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {first}"
-        yield "accuracy", f"{text}; {limit}"
-    if again := budget_inputs(case, prepared):
-        counts = Counter[Shape]()
-        for one in again:
-            counts[one.scene.surface.shape] += _face_states(one)
-        states = (f"{count} on {as_text(shape)} points" for shape, count in counts.items())
+        yield "accuracy", _accuracy_text(case, original)
+    budget_versions = budget_inputs(case, prepared)
+    if budget_versions:
+        states_by_shape = Counter[Shape]()
+        for version in budget_versions:
+            states_by_shape[version.scene.surface.shape] += _count_face_states(version)
+        states = [f"{n} on {as_text(shape)} points" for shape, n in states_by_shape.items()]
         yield "error budget", f"states again, {' and '.join(states)}"
-    expected, cores = forecast(case, prepared, again=again), psutil.cpu_count() or 1
-    alone, shared = expected.time_text(), expected.time_text(cores)
-    times = f"{alone} on one core, {shared} on the {cores} of this machine"
-    if expected.most_work > expected.work:
-        times += f" ({FEWEST_SEALS} to {MOST_SEALS} seals, as many as their scatter asks for)"
-    further = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
-    memory = f"{expected.memory / 1e9:.1f} GB of memory"
-    if expected.most_memory > 1.1 * expected.memory:
-        memory += (
-            f" ({expected.most_memory / 1e9:.1f} GB if a flow has to be solved by elimination)"
-        )
-    yield "expected", f"{attempt}{times}; {memory}, {further}"
-    yield "disk", str(disk(case, prepared, again))
+    expected = forecast(case, prepared, budget_versions)
+    attempt = "" if case.accuracy is None else "first attempt: "
+    yield "expected", f"{attempt}{_time_line(expected)}; {_memory_line(expected)}"
+    yield "disk", str(disk_space(case, prepared, budget_versions))
     warnings = list(prepared.warnings)
     if form_effect is not None:
         warnings += form_effect.warnings
     if estimate is not None:
-        fast = flow_warnings(prepared.scene, estimate.leakage, estimate.mean_gap)
-        warnings += [f"by the quick estimate: {text}" for text in fast]
+        estimate_warnings = flow_warnings(prepared.scene, estimate.leakage, estimate.mean_gap)
+        warnings += [f"by the quick estimate: {text}" for text in estimate_warnings]
     for text in warnings:
         yield "warning", text
 
 
-def _face_states(prepared: Prepared) -> int:
-    """Number of states of the whole face that are solved, about."""
+def _accuracy_text(case: Case, original: Prepared) -> str:
+    """Write the required accuracy of a case, the settings of the first attempt and the time limit."""
+    assert case.accuracy is not None
+    settings = first_settings(case, original)
+    points = as_text(grid_points(original, settings.grid))
+    first = f"{points} points, contact.rtol {settings.rtol:.0e}"
+    if settings.realisations is not None:
+        first += f", {counted(settings.realisations, 'seal')}"
+    time_limit = duration(case.time_limit or TIME_LIMIT)
+    return (
+        f"{100 * case.accuracy:.3g} % for the numerical errors alone, first with {first}; "
+        f"then the largest error is reduced again and again, for at most {time_limit}"
+    )
+
+
+def _time_line(expected: Forecast) -> str:
+    """Write the expected time on one core and on all cores of this machine."""
+    n_cores = psutil.cpu_count() or 1
+    one_core = expected.time_text()
+    all_cores = expected.time_text(n_cores)
+    text = f"{one_core} on one core, {all_cores} on the {n_cores} of this machine"
+    if expected.most_parallel_seconds > expected.parallel_seconds:
+        text += f" ({FEWEST_SEALS} to {MOST_SEALS} seals, as many as their scatter asks for)"
+    return text
+
+
+def _memory_line(expected: Forecast) -> str:
+    """Write the expected memory with one worker, and that of every further worker."""
+    text = f"{expected.memory / 1e9:.1f} GB of memory"
+    if expected.most_memory > 1.1 * expected.memory:
+        most = f"{expected.most_memory / 1e9:.1f} GB"
+        text += f" ({most} if a flow has to be solved by elimination)"
+    return f"{text}, and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
+
+
+def _count_face_states(prepared: Prepared) -> int:
+    """Estimate how many contact states of the whole surface are solved."""
     sampling = prepared.sampling
-    if (
-        sampling is None
-        or _keeps_states(prepared)
-        or not uses_tabulated_pressures(prepared.scene, sampling)
-    ):
+    if sampling is None or _keeps_states(prepared):
         return len(prepared.scene.steps)
-    return round(TABULATED_STATES)
+    if uses_tabulated_pressures(prepared.scene, sampling):
+        return round(TABULATED_STATES)
+    return len(prepared.scene.steps)
 
 
 def forecast(
-    case: Case,
-    prepared: Prepared,
-    again: list[Prepared] | None = None,
+    case: Case, prepared: Prepared, budget_versions: list[Prepared] | None = None
 ) -> Forecast:
-    """Expected time and memory of a run.
+    """Forecast time and memory of a run.
 
-    again : what the error budget solves besides, where it is known already.
+    Parameters
+    ----------
+    case : Case
+        The case.
+    prepared : Prepared
+        The prepared case.
+    budget_versions : list of Prepared, optional
+        Versions of the input that the error budget solves. Default: `budget_inputs` of the case.
     """
-    again = budget_inputs(case, prepared) if again is None else again
+    if budget_versions is None:
+        budget_versions = budget_inputs(case, prepared)
     with storing(None, case.memory):
-        solved, test = [prepared, *again], case.output.test_fluid
-        if test is not None and drop_ratio(test.state, prepared.scene) is None:
-            methods, scene = frozenset({prepared.answer.name}), test.state.in_scene(prepared.scene)
-            solved.append(replace(prepared, methods=methods, scene=scene))
-        few, many = (
-            [
-                one.cost(study)
-                for one in [_with_seals(each, count) for each in solved]
-                for study in one.solved_studies
-            ]
-            for count in (FEWEST_SEALS, MOST_SEALS)
-        )
-    own = _START_SECONDS + _PICTURES_SECONDS * (case.output.pictures or case.output.report)
-    seconds, memory = zip(*few, strict=True)
-    most = sum(seconds for seconds, _ in many)
-    # what a study holds stays until the results are written; what it works with does not
-    pixels = max(one.scene.surface.heights.size for one in solved)
-    is_freed = pixels > KEPT_POINTS
-    needed = START_MEMORY - _PICTURES_MEMORY * is_freed + max(memory)
+        inputs = [prepared, *budget_versions]
+        test_fluid = case.output.test_fluid
+        if test_fluid is not None and drop_ratio(test_fluid.state, prepared.scene) is None:
+            # the seals of the answer are solved again with the test fluid
+            methods = frozenset({prepared.answer.name})
+            scene = test_fluid.state.in_scene(prepared.scene)
+            inputs.append(replace(prepared, methods=methods, scene=scene))
+        fewest_costs = _study_costs(inputs, FEWEST_SEALS)
+        most_costs = _study_costs(inputs, MOST_SEALS)
+    # Results of a study stay in memory until they are written, its working arrays do not. The inputs are solved one
+    # after the other, so that the largest one decides.
+    pixels = max(version.scene.surface.heights.size for version in inputs)
+    memory = START_MEMORY + max(memory for _, memory in fewest_costs)
+    if pixels > KEPT_POINTS:
+        memory -= _PICTURES_MEMORY
     resolves_flow = prepared.methods != {"blocks"}
-    most_memory = needed + elimination_memory(pixels) * resolves_flow
-    return Forecast(own, sum(seconds), needed, most, most_memory)
+    draws_pictures = case.output.pictures or case.output.report
+    return Forecast(
+        serial_seconds=_START_SECONDS + _PICTURES_SECONDS * draws_pictures,
+        parallel_seconds=sum(seconds for seconds, _ in fewest_costs),
+        memory=memory,
+        most_parallel_seconds=sum(seconds for seconds, _ in most_costs),
+        most_memory=memory + elimination_memory(pixels) * resolves_flow,
+    )
 
 
-def _with_seals(prepared: Prepared, count: int) -> Prepared:
-    """The same input with a number of realisations, where it does not say how many."""
-    if prepared.sampling is None or prepared.sampling.realisations is not None:
-        return prepared
-    return prepared.with_realisations(count)
+def _study_costs(inputs: list[Prepared], realisations: int) -> list[tuple[float, float]]:
+    """Estimate the time on one core [s] and the memory [byte] of every study of several inputs.
+
+    realisations : number of realisations if the input does not specify it.
+    """
+    costs = []
+    for prepared in inputs:
+        if prepared.sampling is not None and prepared.sampling.realisations is None:
+            prepared = prepared.with_realisations(realisations)
+        costs += [prepared.cost(study) for study in prepared.solved_studies]
+    return costs
 
 
-def refuse_too_large(case: Case, made: Prepared) -> None:
-    """Raise InputError if a run of a prepared case is expected to take more memory than it allows, or than is free."""
-    prepared = made if case.accuracy is None else first_version(case, made)
-    most, which = case.memory, "of the key memory"
-    if most is None:
-        most, which = free_memory(), "that are free"
+def refuse_too_large(case: Case, original: Prepared) -> None:
+    """Raise InputError if a run is expected to need more memory than the case allows, or than is free.
+
+    original : prepared case, before its grid is changed to reach an accuracy.
+    """
+    prepared = original if case.accuracy is None else first_version(case, original)
+    limit, limit_name = case.memory, "of the key memory"
+    if limit is None:
+        limit, limit_name = free_memory(), "that are free"
     needed = forecast(case, prepared).memory
-    if needed <= most:
+    if needed <= limit:
         return
     points = as_text(prepared.scene.surface.shape)
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
     advice = "fewer surface.points or load steps, or the method blocks, which solves a block of a face at a time"
-    if most <= START_MEMORY:
+    if limit <= START_MEMORY:
         advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes before its work"
     expected = (
-        f"at most the {most / 1e9:.3g} GB {which}: {advice}; "
+        f"at most the {limit / 1e9:.3g} GB {limit_name}: {advice}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
     raise InputError("memory", given, expected)
 
 
 @dataclass(frozen=True)
-class Disk:
-    """Expected sizes before compression [byte].
+class DiskSpace:
+    """Expected sizes of the files of a run, before compression.
 
-    fields : the fields over all pixels, at `steps` `of` the load steps. others : all other files. checkpoint : size of
-    the store during the run, and of states that lie on disk.
+    Parameters
+    ----------
+    fields : float
+        Size of the fields over all pixels [byte].
+    stored_steps : int
+        Number of load steps whose fields are stored.
+    steps : int
+        Number of all load steps.
+    other_files : float
+        Size of all other files of the results [byte].
+    checkpoint : float
+        Size of the store during the run, with the contact states that lie on disk [byte].
     """
 
     fields: float
+    stored_steps: int
     steps: int
-    of: int
-    others: float
+    other_files: float
     checkpoint: float
 
     def __str__(self) -> str:
-        """The sizes as a line of a forecast."""
-        text = f"about {_size(self.fields + self.others)}"
+        """Write the sizes as a line of a forecast."""
+        text = f"about {_size_text(self.fields + self.other_files)}"
         if self.fields:
-            text += f", of it fields {_size(self.fields)} before compression"
-            text += f" ({self.steps} of {self.of} steps, fields_limit)"
+            text += f", of it fields {_size_text(self.fields)} before compression"
+            text += f" ({self.stored_steps} of {self.steps} steps, fields_limit)"
         if self.checkpoint:
-            text += f"; {_size(self.checkpoint)} more while it runs"
+            text += f"; {_size_text(self.checkpoint)} more while it runs"
         return text
 
 
-def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) -> Disk:
-    """Expected sizes of the files of a run; `again` as in `forecast`."""
-    again = budget_inputs(case, prepared) if again is None else again
+def disk_space(
+    case: Case, prepared: Prepared, budget_versions: list[Prepared] | None = None
+) -> DiskSpace:
+    """Forecast the sizes of the files of a run; the parameters are those of `forecast`."""
+    if budget_versions is None:
+        budget_versions = budget_inputs(case, prepared)
     scene = prepared.scene
-    steps, pixels = len(scene.steps), prod(scene.surface.shape)
-    # three fields in single precision; drawn seals and blocks have none
-    each = 12.0 * pixels
-    there = case.output.fields and not {"deterministic", "two-scale"}.isdisjoint(prepared.methods)
-    fitting = there * int(min(case.output.fields_limit // each, steps))
-    formats = case.output.paraview != "none"
-    # pictures and report; heights for ParaView
-    others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
-    # a cell: ten numbers in results.nc, and in the mesh of the seal
-    others += 80 * steps * prod(prepared.cells or (0, 0)) * (1 + formats)
-    if (sampling := prepared.sampling) is not None:
-        cut, tiles = prepared.cut_and_tiles
-        seals = sampling.realisations or usual_realisations(cut.shape, tiles)
-        others += 8.0 * steps * (seals + 5 * len(tiles.tile) * (1 + formats))
-    checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
+    steps = len(scene.steps)
+    pixels = prod(scene.surface.shape)
+    step_size = _FIELDS_BYTES * pixels
+    stored_steps = 0
+    # stochastic seals and blocks have no fields over all pixels
+    has_fields = not {"deterministic", "two-scale"}.isdisjoint(prepared.methods)
+    if case.output.fields and has_fields:
+        stored_steps = int(min(case.output.fields_limit // step_size, steps))
+    checkpoint = sum(_store_size(version) for version in (prepared, *budget_versions))
     with storing(None, case.memory):
-        if not states_memory(pixels, steps) and _keeps_states(prepared):
-            checkpoint += RESULT_BYTES * pixels * steps  # the states themselves
-    return Disk(each * fitting, fitting, steps, others, checkpoint)
+        states_lie_on_disk = not states_memory(pixels, steps)
+    if states_lie_on_disk and _keeps_states(prepared):
+        checkpoint += RESULT_BYTES * pixels * steps
+    return DiskSpace(
+        fields=step_size * stored_steps,
+        stored_steps=stored_steps,
+        steps=steps,
+        other_files=_size_without_fields(case, prepared),
+        checkpoint=checkpoint,
+    )
+
+
+def _size_without_fields(case: Case, prepared: Prepared) -> float:
+    """Estimate the size of all files of the results without the fields over all pixels [byte]."""
+    steps = len(prepared.scene.steps)
+    # cells and tiles are written to results.nc, and to files for ParaView if they are asked for
+    n_files = 1 + (case.output.paraview != "none")
+    size = 0.0
+    if case.output.pictures or case.output.report:
+        size += _PICTURES_BYTES
+    if case.output.paraview != "none":
+        size += 4.0 * prod(prepared.scene.surface.shape)  # heights in single precision
+    size += _CELL_BYTES * steps * prod(prepared.cells or (0, 0)) * n_files
+    sampling = prepared.sampling
+    if sampling is None:
+        return size
+    cut, tiles = prepared.cut_and_tiles
+    n_seals = sampling.realisations or usual_realisations(cut.shape, tiles)
+    # a leakage of every realisation, and five numbers of every tile of one of them
+    return size + 8.0 * steps * (n_seals + 5 * len(tiles.tile) * n_files)
 
 
 def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
-    """What the error budget of a run solves besides, at most: opposite changes are left out that matter little."""
+    """List all versions of the input that the error budget of a run may solve.
+
+    A run leaves out the opposite changes of the model that turn out to matter little.
+    """
     if not case.output.budget:
         return []
     request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
@@ -272,211 +366,29 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
 
 
 def _keeps_states(prepared: Prepared) -> bool:
-    """Whether a study keeps the states of the whole face: all but seals whose cells are taken along a ladder."""
+    """Return whether a study keeps the contact states of the whole surface.
+
+    Only the stochastic study alone does not, if its cells are interpolated between tabulated pressures.
+    """
     return prepared.methods != {"stochastic"} or prepared.cut_and_tiles[1].in_order
 
 
-def _checkpoint(prepared: Prepared) -> float:
-    """Expected size of the store of the studies of an input [byte]."""
-    scene, drawn = prepared.scene, "stochastic" in prepared.methods
-    steps, pixels, peaks = len(scene.steps), prod(scene.surface.shape), len({*scene.unload_from})
-    uses_tabulated_pressures = drawn and not prepared.cut_and_tiles[1].in_order
-    found = 8.0 * pixels * max(peaks, 1) if uses_tabulated_pressures else 0.0
-    if _keeps_states(prepared):
-        found += pixels * (STATE_BYTES * steps + 8.0 * peaks)
-    return found
-
-
-def _size(size: float) -> str:
-    return to_text(float(f"{size:.1e}"), "B", 3)
-
-
-def described(
-    case: Case,
-    prepared: Prepared,
-    estimate: QuickEstimate | None,
-    form_effect: FormEffect | None,
-) -> Iterator[tuple[str, str]]:
-    """Describe a prepared case in lines, each with a name and a text; a line without a name continues the one before.
-
-    estimate, form_effect : of the case, None where they do not apply.
-    """
+def _store_size(prepared: Prepared) -> float:
+    """Estimate the size of the store of the studies of an input [byte]."""
     scene = prepared.scene
-    files = (
-        ", ".join(str(patch.path) for patch in face.patches or [face])
-        if isinstance(face, FileFace)
-        else face.kind
-        for face in case.face
-    )
-    yield "face", " against ".join(files)
-    yield from _surface_facts(prepared, form_effect)
-    if roughness := drawing_text(case, scene.surface):
-        yield "roughness", roughness
-    if prepared.seat:
-        yield "seat", prepared.seat
-    yield "load", _load_text(case, scene)
-    yield "material", solids_text(case)
-    of_waves = " of short waves" if scene.coatings else ""
-    modulus = to_text(scene.surface_modulus, "Pa")
-    yield "", f"contact modulus{of_waves} {modulus}, {scene.law}"
-    for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
-        if table is not None:
-            ends = table.inlet_pressure, table.outlet_pressure
-            text, name = fluid_text(table.fluid), table.name or ""
-            text = text if name in text else f"{name}: {text}"
-            yield "fluid", f"{what}{text}, from {' to '.join(to_text(p, 'Pa') for p in ends)}"
-        if table is case.fluid:
-            yield "", scene.fluid_effect
-    yield "flow", f"solver {scene.solver}"
-    yield from _law_facts(scene)
-    yield from _study_facts(prepared)
-    if str(scene.layout) != "a strip":
-        yield "seal", str(scene.layout)
-    if estimate is not None:
-        yield "quick estimate", str(estimate)
-
-
-def solids_text(case: Case) -> str:
-    """The two solids of a case, and which of them yields."""
-    face, counter = case.material, case.counter_material
-    if counter is None:
-        return f"{_solid_text(face)} against a rigid flat"
-    text = f"{_solid_text(face)} against {_solid_text(counter)}"
-    hardness = {"face": face.law.mean_hardness, "counter-face": counter.law.mean_hardness}
-    (softer, low), (_, high) = sorted(hardness.items(), key=itemgetter(1))
-    if low == np.inf:
-        return text
-    other = to_text(high, "Pa") if high < np.inf else "no pressure"
-    return f"{text}; the {softer} yields, at {to_text(low, 'Pa')}, and the other at {other}"
-
-
-def _solid_text(solid: SolidTable) -> str:
-    """A solid, with the source of the values that its name stands for."""
-    text = f"E = {to_text(solid.young, 'Pa')}, ν = {solid.poisson:g}"
-    for value, name in ((solid.hardness, "hardness"), (solid.yield_stress, "yield stress")):
-        text += "" if value is None else f", {name} {to_text(value, 'Pa')}"
-    text += ", hardness by a table of depths" if solid.hardness_table else ""
-    if solid.coating is not None:
-        below = _named_text(solid, text)
-        thickness = to_text(solid.coating.thickness, "m")
-        return f"a coating of {thickness}, {_coating_text(solid.coating)}, on {below}"
-    return _named_text(solid, text)
-
-
-def _coating_text(coating: CoatingTable) -> str:
-    """A coating, with the source of the values that its name stands for."""
-    text = f"E = {to_text(coating.young, 'Pa')}, ν = {coating.poisson:g}"
-    for value, name in ((coating.hardness, "hardness"), (coating.yield_stress, "yield stress")):
-        text += "" if value is None else f", {name} {to_text(value, 'Pa')}"
-    return _named_text(coating, text)
-
-
-def _named_text(solid: SolidTable | CoatingTable, text: str) -> str:
-    """Put the name of a metal and its source before its values."""
-    for name, (_, source) in METALS.items():
-        if name.casefold() == (solid.name or "").casefold().strip():
-            return f"{name} ({source}; keys of the case come first): {text}"
-    return text
-
-
-def _load_text(case: Case, scene: Scene) -> str:
-    """The steps of the cycle, and its highest load."""
-    text = f"{cycle_text(scene.steps)}, up to {to_text(scene.steps.pressures.max(), 'Pa', 3)}"
-    if case.load.unit != "Pa":
-        text += f", from {to_text(case.load.highest, case.load.unit)}"
-    return text
-
-
-def _surface_facts(prepared: Prepared, form_effect: FormEffect | None) -> Iterator[tuple[str, str]]:
-    """Points, roughness and filter of the face."""
-    scene, report = prepared.scene, prepared.conditioning
-    surface = scene.surface
-    points = f"{as_text(surface.shape)} points, {as_text(surface.size, 'm')}"
-    yield "surface", f"{points}, pixel {as_text(surface.spacing, 'm')}"
-    height, slope = to_text(surface.rms_height, "m", 3), surface.rms_slope
-    hard = "" if slope else ": a flat face"
-    if slope and np.isfinite(scene.law.mean_hardness):  # of elastic faces it is not
-        hard = f", H/(E*·slope) {scene.law.mean_hardness / mean_modulus(scene) / slope:.3g}"
-    yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
-    if report.undefined_fraction or report.spike_points:
-        undefined = f"{report.undefined_fraction:.2%} undefined points"
-        yield "", f"{undefined} and {report.spike_points} in spikes filled"
-    if isinstance(surface, Patches):
-        yield "", f"{len(surface.widths)} patches"
-    if overlap := prepared.overlap:
-        size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
-        resampled = ", the second resampled" if overlap.resampled else ""
-        yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
-    waves = prepared.longest_waves
-    of_waves = str(waves) if waves is not None and not waves.warnings else ""
-    of_form = str(form_effect) if form_effect is not None and not form_effect.warnings else ""
-    for text in (of_waves, of_form, str(prepared.continuation or ""), report.unseen):
-        if text:
-            yield "", text
-    shortest = report.shortest_wave
-    kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
-    removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
-    yield "filter", f"{kept}, with {removed:.0%} of the rms slope"
-
-
-def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Say how much more than the viscous flow passes a gap of the rms height, where the law is not the cubic one."""
-    drop = scene.flow.drop
-    if drop.law.homogeneous:
-        return
-    height = scene.surface.rms_height
-    factor = drop.mean_factor_of(height)
-    yield (
-        "slip",
-        f"{factor:.3g} times the viscous flow in a gap of the rms height, {to_text(height, 'm', 3)}",
-    )
-
-
-def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    """What every study solves."""
-    scene, steps = prepared.scene, len(prepared.scene.steps)
+    steps = len(scene.steps)
+    peaks = len({*scene.unload_from})
     pixels = prod(scene.surface.shape)
-    of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
-    if "deterministic" in prepared.methods:
-        yield "deterministic", of_face
-    if prepared.cells is None:
-        return
-    m1, m2 = prepared.cells
-    yield "cells", _cells(prepared, prepared.cells)
-    if "two-scale" in prepared.methods:
-        yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of cells"
-    if "blocks" in prepared.methods:
-        b1, b2 = blocks_of(prepared.cells)
-        n1, n2 = scene.surface.shape
-        blocks = f"{b1} × {b2} blocks of {n1 // b1} × {n2 // b2} points"
-        yield "blocks", f"{blocks}, about {TABULATED_STATES:.0f} states of each"
-    if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
-        return
-    _, tiles = prepared.cut_and_tiles
-    length = to_text(tiles.size[1], "m", 3)
-    number, how = "seals", ", as many as the band of error needs"
-    if sampling.realisations is not None:
-        number, how = counted(sampling.realisations, "seal"), ""
-    states, where = counted(steps, "state"), "at its loads"
-    if tiles.in_order:
-        where = "at its loads; cells stay in their rows"
-    elif uses_tabulated_pressures(scene, sampling):
-        states, where = f"about {TABULATED_STATES:.0f} states", "on a ladder of nominal pressures"
-    yield "stochastic", f"{states} of the face, {where}"
-    drawn = f"{length} long"
-    if tiles.part < 1:
-        drawn = f"{100 * tiles.part:.2g} % of a length of {length}"
-    yield "", f"{number} of {tiles}, {drawn}{how}"
-    if uneven := describe_map(scene, tiles, sampling.pressure_map):
-        yield "pressure map", uneven
+    # at every peak the plastic deformation is stored in double precision, for the unloading from it
+    plastic_deformation = 8.0 * pixels
+    size = 0.0
+    if "stochastic" in prepared.methods and not prepared.cut_and_tiles[1].in_order:
+        size += plastic_deformation * max(peaks, 1)
+    if _keeps_states(prepared):
+        size += STATE_BYTES * pixels * steps + plastic_deformation * peaks
+    return size
 
 
-def _cells(prepared: Prepared, count: Shape) -> str:
-    """Number and size of cells."""
-    sizes = [side / m for side, m in zip(prepared.scene.surface.size, count, strict=True)]
-    waves = [length / prepared.conditioning.shortest_wave for length in sizes]
-    size = " × ".join(to_text(length, "m", 3) for length in sizes)
-    text = f"{count[0]} × {count[1]} of about {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves"
-    if min(waves) < ADVISED_WAVES * 0.99:
-        text += f"; {ADVISED_WAVES} or more are advised, of a larger face"
-    return text
+def _size_text(size: float) -> str:
+    """Write a size [byte] with two significant digits."""
+    return to_text(float(f"{size:.1e}"), "B", 3)

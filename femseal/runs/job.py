@@ -1,4 +1,4 @@
-"""One run of a case: prepare, compute each study, write the results folder; or take complete results that are there."""
+"""Run a case: prepare it, solve its studies and write the results folder, or take results that are complete already."""
 
 from __future__ import annotations
 
@@ -51,6 +51,7 @@ from ..execution.run import (
 )
 from ..preparation.preparation import Prepared, prepare
 from ..refinement.refine_to_accuracy import (
+    RefinedAnswer,
     first_settings,
     first_version,
     last_version,
@@ -65,12 +66,13 @@ from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, StochasticResult, drop_ratio
 from ..studies.compiling import compile_ahead
 from ..studies.study_registry import mean_gap_of
-from .forecast import described, refuse_too_large, solids_text
+from .case_description import describe_case, solids_text
+from .forecast import refuse_too_large
 
 log = logging.getLogger("femseal")
 
 
-#: What divides the work of a run among machines, for those who ask for a part of it.
+#: Advice for users of the removed argument `part`, with which a run was divided among machines.
 DIVIDED_BY_DASK = "start a Dask cluster and give its scheduler, as examples/slurm.sh does"
 
 
@@ -86,30 +88,45 @@ def run(
     replace_results: bool = False,
     progress: Progress | None = None,
 ) -> Results:
-    """Run a case, from surface to leakage.
+    """Run a case: compute contact, flow and leakage of its surface and its seal, and write the results.
 
     Parameters
     ----------
-    case : a `Case`, or the path of a case file.
-    output : results folder, made if it does not exist; None writes nothing.
-    resume : take the results from the folder if it holds those of the same case, complete and with the same choices
-        where the case leaves them open; else go on from the store of a run that was ended, with the same bits.
-    workers : processes; all cores unless given. The results do not depend on it.
-    scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
+    case : Case or path
+        The case, or the path of its file.
+    output : path, optional
+        Results folder, which is made if it does not exist. By default nothing is written.
+    resume : bool
+        Whether to use results that are in the folder already. Results of a finished run are returned if they belong to
+        the same case, and if the settings that the case leaves open are still the same. A run that was stopped is
+        continued, and gives the same results to the last bit as a run that was not stopped.
+    workers : int, optional
+        Number of processes. Default: one for each core. The results do not depend on it.
+    scheduler : str, optional
+        Address of a Dask scheduler on which to compute instead (needs femseal[cluster]), or "local" for a temporary one
         with `workers` processes, see `execution.run.ordered_map`.
-    replace_results : compute the case where the folder holds results of a finished run, whose files are replaced.
-    shared : folder with results of stages, where a run keeps its own and finds those of other runs that do the same
-        with the same numbers; it grows with every run.
-    progress : called as progress(stage, done, total) while states and realisations are computed.
+    shared : path, optional
+        Folder for the results of single stages, which several runs can share. A run stores the results of its stages
+        there, and reads those that another run has computed from the same input. The folder grows with every run.
+    replace_results : bool
+        Whether to replace the results of a finished run in the folder.
+    progress : callable, optional
+        Called as progress(stage, done, total) while states and realisations are computed.
+
+    Returns
+    -------
+    Results
 
     Raises
     ------
-    InputError : the case or an argument cannot be used, the run is expected to take more memory than there is, the
-        folder holds the results of a finished run, with `resume` those of another case, or an unfinished run of another
-        case, other face files or other versions, or one without `resume`, or another run is under way there; nothing
-        has been written then.
-    FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
-        folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
+    InputError
+        Nothing has been written. Possible reasons: the case or an argument cannot be used. The run is expected to need
+        more memory than there is. Another run is under way in the folder. The folder contains results of a finished run
+        (with `resume`: of another case). The folder contains an unfinished run, and `resume` is false, or that run has
+        another case, other face files or other versions of packages.
+    FemsealError
+        The computation failed as a whole, or a file could not be written. Computed results stay in the folder, and
+        `resume` continues from them. Single cells that fail raise no error: they are listed in `Results.failures`.
 
     Examples
     --------
@@ -122,16 +139,12 @@ def run(
         raise InputError("workers", workers, "a whole number >= 1, or None for all cores")
     folder = checked_output(output, resume)
     faces = face_files(case)
-    # options of the output may change before a run is resumed
-    echo = case.echo()
-    echo |= {"output": {"test_fluid": echo["output"].get("test_fluid")}}
-    identity = echo | {"content of face files": faces, "version": numerical_versions()}
-    identity |= user_code(case)
-    if resume and folder is not None and (finished := finished_results(case, faces, folder)):
-        with suppress(InputError), alone_in(folder):  # the store of another run stays
-            resumable(folder, identity)
-            remove_run(folder)
-        return finished
+    identity = _identity(case, faces)
+    if resume and folder is not None:
+        finished = finished_results(case, faces, folder)
+        if finished is not None:
+            _remove_own_store(folder, identity)
+            return finished
     if folder is not None and not replace_results:
         refuse_finished(folder, case if resume else None)
     progress = progress or no_progress
@@ -140,27 +153,28 @@ def run(
         enter = stack.enter_context
         enter(storing(folder, case.memory))
         enter(reporting_compilation(progress))
-        # a folder is made once the case has been found good
-        if there := folder is not None and folder.is_dir():
-            going_on = enter(writing_in(folder, identity, resume))
+        is_resumed: bool | None = None  # known as soon as the folder exists and is locked
+        if folder is not None and folder.is_dir():
+            is_resumed = enter(writing_in(folder, identity, resume))
         prepared = prepare(case)
         if scheduler is None:
             refuse_too_large(case, prepared)
         mapper = enter(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
         if folder is None:
-            kept = Path(enter(TemporaryDirectory()) if shared is None else shared)
-            store = enter(Store(kept, required=False))
+            stage_folder = enter(TemporaryDirectory()) if shared is None else shared
+            store = enter(Store(Path(stage_folder), required=False))
             return _results(case, prepared, faces, Run(store.over(mapper), progress))
-        if not there:
-            going_on = enter(writing_in(made_folder(folder), identity, resume))
-        enter(_log_file(folder, append=going_on))
-        if going_on:
+        if is_resumed is None:
+            # a new folder is made only now that the case is known to be valid
+            is_resumed = enter(writing_in(made_folder(folder), identity, resume))
+        enter(_log_file(folder, append=is_resumed))
+        if is_resumed:
             log.info("resumed from %s", store_folder(folder))
         begin_run(folder, identity)
         store = enter(Store(Path(shared or store_folder(folder))))
         results = _results(case, prepared, faces, Run(store.over(mapper), progress))
         progress("writing results", 0, None)
-        # the pictures are small, and drawn on this machine
+        # the pictures are always drawn on this machine, also if a Dask scheduler computes the rest
         _write(results, folder, case, mapper if scheduler is None else map)
         for text in results.left_out:
             log.info("left out: %s", text)
@@ -168,25 +182,44 @@ def run(
         return replace(results, folder=folder)
 
 
+def _identity(case: Case, faces: dict[str, str]) -> dict[str, Any]:
+    """Collect everything on which the results of a run depend, as nested plain data.
+
+    Options of the output are left out, except for the test fluid: they may be changed before a run is resumed.
+    """
+    echo = case.echo()
+    echo |= {"output": {"test_fluid": echo["output"].get("test_fluid")}}
+    identity = echo | {"content of face files": faces, "version": numerical_versions()}
+    return identity | user_code(case)
+
+
+def _remove_own_store(folder: Path, identity: dict[str, Any]) -> None:
+    """Remove the store that a finished run left in its folder; the store of a run with another identity stays."""
+    with suppress(InputError), alone_in(folder):
+        resumable(folder, identity)  # raises InputError for another identity
+        remove_run(folder)
+
+
 def checked_output(output: AnyPath | None, resume: bool) -> Path | None:
-    """Return the output folder as a path, None where nothing is written.
+    """Return the output folder as a path, or None if nothing is to be written.
 
     Raises
     ------
-    InputError : the output is a file, or there is no folder whose run could be resumed.
+    InputError
+        The output is a file, or a run is to be resumed but no folder is given.
     """
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
         expected = "a folder, or one that does not exist"
         raise InputError("output", f"'{folder}', which is a file", expected)
     if resume and folder is None:
-        raise InputError("resume", resume, "an output folder with it")
+        raise InputError("resume", resume, "an output folder whose run is resumed")
     return folder
 
 
 @contextmanager
 def _interrupts() -> Iterator[None]:
-    """Raise KeyboardInterrupt for a Ctrl-C within compiled code, which numba reports as SystemError."""
+    """Turn the SystemError that numba raises for Ctrl-C within compiled code back into a KeyboardInterrupt."""
     try:
         yield
     except SystemError as error:
@@ -199,49 +232,58 @@ def _interrupts() -> Iterator[None]:
 
 
 @_interrupts()
-def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Results:
-    """Solve the studies of a prepared case, and put their results together."""
-    log.info("case %s: surface %s", case.title or "without title", made.scene.surface)
-    form_effect = made.solve_form_effect()
-    prepared, studies, refined = made, {}, None
+def _results(case: Case, original: Prepared, faces: dict[str, str], run: Run) -> Results:
+    """Solve the studies of a case, its test fluid and its error budget, and assemble the results.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    original : Prepared
+        The prepared case, before its grid is changed to reach an accuracy.
+    faces : dict of str
+        Digest of each face file by its path, see `face_files`.
+    run : Run
+        Run that computes the stages.
+    """
+    log.info("case %s: surface %s", case.title or "without title", original.scene.surface)
+    form_effect = original.solve_form_effect()
+    prepared = original
+    refined: RefinedAnswer | None = None
+    studies: dict[str, Any] = {}
     if case.accuracy is not None:
-        refined = refine_to_accuracy(case, made, run)
-        prepared, studies[made.answer.key] = refined.prepared, refined.result
-    for study in prepared.solved_studies:
-        if study.key not in studies:
-            with run.timed(study.name) as mapper:
-                studies[study.key] = prepared.solve(study, mapper)
-    if {"deterministic", "two-scale"} <= prepared.methods:
-        studies["deterministic"] = studies["two_scale"].without_cells
+        refined = refine_to_accuracy(case, original, run)
+        prepared = refined.prepared
+        studies[prepared.answer.key] = refined.result
+    _solve_other_studies(prepared, studies, run)
+    answer = studies[prepared.answer.key]
+    warnings = prepared.warnings
+    if form_effect is not None:
+        warnings += tuple(form_effect.warnings)
     test = None
-    test_warnings: tuple[str, ...] = ()
-    if (fluid := case.output.test_fluid) is not None:
-        answer = studies[prepared.answer.key]
-        test = _of_test_fluid(fluid.state, prepared, answer, run)
-        tested_scene = fluid.state.in_scene(prepared.scene)
+    if case.output.test_fluid is not None:
+        state = case.output.test_fluid.state
+        test = _solve_test_fluid(state, prepared, answer, run)
+        tested_scene = state.in_scene(prepared.scene)
         texts = flow_warnings(tested_scene, test.leakage, mean_gap_of(answer))
-        test_warnings = tuple(f"Test fluid: {text}" for text in texts)
+        warnings += tuple(f"Test fluid: {text}" for text in texts)
     budgets: dict[str, ErrorBudget] = {}
-    if case.output.budget:  # last, so that it can be switched before a run is resumed
-        known = {} if refined is None else {prepared.answer.key: refined.budget}
+    # the budget comes last, so that it can be switched on or off before a run is resumed
+    if case.output.budget:
+        known_budgets = {} if refined is None else {prepared.answer.key: refined.budget}
         request = BudgetRequest(
             prepared, case.output.model_parts, case.hardness_tolerance, form_effect
         )
         with run.timed("error budget") as mapper:
-            budgets = budgets_of(request, studies, mapper, known)
-    estimate = studies[prepared.answer.key].quick_estimate
-    description = [*described(case, prepared, estimate, form_effect)]
+            budgets = budgets_of(request, studies, mapper, known_budgets)
+    description = [*describe_case(case, prepared, answer.quick_estimate, form_effect)]
     attributes = {
         "seat": prepared.seat,
         "face_files": json.dumps(faces),
         "solids": solids_text(case),
         "description": json.dumps(description, ensure_ascii=False),
-        "chosen": json.dumps(_chosen(case, made)),
+        "chosen": json.dumps(_settings(case, original)),
     }
-    warnings = prepared.warnings
-    if form_effect is not None:
-        warnings += tuple(form_effect.warnings)
-    warnings += test_warnings
     if refined is not None:
         warnings += refined.warnings
         attributes["accuracy"] = json.dumps(refined.as_data(budgets[prepared.answer.key]))
@@ -265,33 +307,52 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     return results
 
 
-def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) -> OtherLeakage:
-    """Leakage of the test fluid on the seals of the answer; they are solved again where their permeability differs."""
-    if (ratio := drop_ratio(state, prepared.scene)) is not None:
-        return OtherLeakage.of_study(state, own, ratio)
+def _solve_other_studies(prepared: Prepared, studies: dict[str, Any], run: Run) -> None:
+    """Solve the studies of a prepared case that have no result yet, and add their results to `studies` by key."""
+    for study in prepared.solved_studies:
+        if study.key not in studies:
+            with run.timed(study.name) as mapper:
+                studies[study.key] = prepared.solve(study, mapper)
+    if {"deterministic", "two-scale"} <= prepared.methods:
+        # the two-scale study also solves the whole surface
+        studies["deterministic"] = studies["two_scale"].without_cells
+
+
+def _solve_test_fluid(state: FluidState, prepared: Prepared, answer: Any, run: Run) -> OtherLeakage:
+    """Compute the leakage of the test fluid through the seals of the answer.
+
+    The leakage of the answer is multiplied by a factor if the permeability is the same for both fluids. Otherwise the
+    study is solved again.
+    """
+    ratio = drop_ratio(state, prepared.scene)
+    if ratio is not None:
+        return OtherLeakage.of_study(state, answer, ratio)
     same_seals = prepared
-    if isinstance(own, StochasticResult):
-        same_seals = prepared.with_realisations(len(own.leakage))
-    other = replace(same_seals, scene=state.in_scene(prepared.scene))
+    if isinstance(answer, StochasticResult):
+        same_seals = prepared.with_realisations(len(answer.leakage))
+    tested = replace(same_seals, scene=state.in_scene(prepared.scene))
     with run.timed("test fluid") as mapper:
-        return OtherLeakage.of_study(state, other.solve(other.answer, mapper))
+        return OtherLeakage.of_study(state, tested.solve(tested.answer, mapper))
 
 
 def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
-    """Write the folder of results; then the store of the run goes."""
+    """Write the files of the results into the folder, and then remove the store of the run."""
     try:
         surface = None if results.scene is None else results.scene.surface
         write_folder(results, folder, surface, mapper=mapper, **case.output.files)
     except Exception as error:
-        known = isinstance(error, FemsealError)
-        reason = str(error) if known else f"results: {error or type(error).__name__}"
-        text = f"{reason}; mend that, then a run with --resume has only to write them"
+        is_explained = isinstance(error, FemsealError)
+        reason = str(error) if is_explained else f"results: {error or type(error).__name__}"
+        text = f"{reason}; fix that, and run again with --resume, which only writes the files"
         raise FemsealError(text) from error
     remove_run(folder)
 
 
 def face_files(case: Case) -> dict[str, str]:
-    """SHA-256 of the file of every face, of its mask, of seal, seat and maps, by its path in the case."""
+    """Compute the SHA-256 digest of every file that a case reads, by its path in the case.
+
+    These are the files of faces and their masks, of the seal, the seat and maps.
+    """
     digests = {}
     for key, path in case.files():
         try:
@@ -304,26 +365,26 @@ def face_files(case: Case) -> dict[str, str]:
 
 
 def user_code(case: Case) -> dict[str, str]:
-    """Return a digest of the code of the fluids, seal shapes, seats and forms of a case that a user has registered.
+    """Compute a digest of the user's own code in a case: of registered fluids, seal shapes, seats and forms.
 
-    The dictionary is empty where all of them are femseal's, whose version is known. Where the code cannot be described,
-    the digest differs each time, so that no former result is taken.
+    The dictionary is empty if the case only uses classes of femseal, whose version is known. If the code cannot be
+    digested, the value is different each time, so that no earlier result is used.
     """
     makers = [maker for maker in makers_in(case) if not is_known(maker.__module__)]
     if not makers:
         return {}
     try:
-        found = digest(makers)
+        code = digest(makers)
     except NoDigest as error:
-        found = f"unknown ({error}), {uuid4().hex}"
-    return {"code of registered classes": found}
+        code = f"unknown ({error}), {uuid4().hex}"
+    return {"code of registered classes": code}
 
 
 @contextmanager
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
-    """Context in which log lines are written to run.log in the results folder."""
+    """Write log lines to run.log in the results folder within this context."""
     with writing("output", folder, "a folder"):
-        # lines through a link would end up elsewhere, and nobody reads a pipe
+        # if run.log were a link, the lines would go to another file; if it were a pipe, writing would block
         remove_foreign(folder / "run.log")
         handler = LogFile(folder / "run.log", "a" if append else "w", encoding="utf-8")
     with logging_to(handler):
@@ -338,49 +399,71 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
 
 
 def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
-    """Complete results of the same case and face files in a folder, if what the case leaves open is chosen as then.
+    """Read the results of a finished run from a folder, if a run of the case would give the same results.
 
-    Where the case asks for other files than those that are there, and their fields are not needed for them, the files
-    are written first.
+    If the case asks for other files than the folder contains, these are written first, unless they need fields that the
+    results do not contain.
 
-    faces : digest of every face file by its path in the case.
+    Parameters
+    ----------
+    case : Case
+        The case.
+    faces : dict of str
+        Digest of each face file by its path, see `face_files`.
+    folder : Path
+        Results folder.
 
-    Raises InputError: another run is under way in the folder.
-    FemsealError : a file could not be written.
+    Returns
+    -------
+    Results or None
+        None if the folder contains no results, or if case, face files or settings are different. It is also None if the
+        files that the case asks for cannot be written from the results.
+
+    Raises
+    ------
+    InputError
+        Another run is under way in the folder.
+    FemsealError
+        A file could not be written.
     """
     try:
         results = open_results(folder)
-        face_files = json.loads(results.dataset.attrs.get("face_files", "{}"))
-        then = json.loads(results.dataset.attrs.get("chosen", "{}"))
+        former_faces = json.loads(results.dataset.attrs.get("face_files", "{}"))
+        former_settings = json.loads(results.dataset.attrs.get("chosen", "{}"))
     except (FemsealError, ValueError, TypeError, RecursionError):
         return None
     echo = case.echo()
-    if _numbers(results.case) != _numbers(echo) or face_files != faces:
+    if _without_file_keys(results.case) != _without_file_keys(echo) or former_faces != faces:
         return None
     prepared = prepare(case)
-    same_choices = then == _chosen(case, prepared)
-    if same_choices and results.case == echo:
+    has_same_settings = former_settings == _settings(case, prepared)
+    if has_same_settings and results.case == echo:
         return results
-    if not same_choices or _lacks(results.case["output"], echo["output"]):
-        log.info("computed again: the results in %s lack fields, or are of other choices", folder)
+    if not has_same_settings or _needs_new_fields(results.case["output"], echo["output"]):
+        log.info("the results in %s lack fields, or have other settings: they are replaced", folder)
         return None
     with alone_in(folder):
         results.dataset.attrs["case"] = json.dumps(echo, ensure_ascii=False)
         options = {key: value for key, value in case.output.files.items() if key != "fields_limit"}
-        write_again(
-            results, last_version(case, prepared, results.attempts).scene.surface, **options
-        )
+        surface = last_version(case, prepared, results.attempts).scene.surface
+        write_again(results, surface, **options)
         log.info("other files written to %s", folder)
     return results
 
 
 def refuse_finished(folder: Path, case: Case | None = None) -> None:
-    """Raise InputError where a folder holds the results of a finished run, or of one of another case.
+    """Raise InputError if a folder contains results of a finished run that must not be replaced.
 
-    case : that may go on there; None: no results may be there.
+    Parameters
+    ----------
+    folder : Path
+        Results folder.
+    case : Case, optional
+        Case of a run that is resumed, whose earlier results may be replaced. By default any results are refused.
     """
     path = folder / FILE_NAME
-    if path.is_symlink() or not path.is_file():  # the file that a link leads to stays
+    if path.is_symlink() or not path.is_file():
+        # writing the results would replace a link, but not the file to which it leads
         return
     if case is None:
         given = f"'{folder}', which holds the results of a finished run"
@@ -388,9 +471,10 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
     else:
         try:
             former = open_results(folder).case
-        except FemsealError:  # a damaged file is no result
+        except FemsealError:  # a damaged file contains no results to be lost
             return
-        if _numbers(former) == _numbers(case.echo()):  # computed again, as of another face file
+        if _without_file_keys(former) == _without_file_keys(case.echo()):
+            # the same case is computed again, for example because a face file has changed
             return
         given = f"'{folder}', which holds the results of another case, or of another version"
         expected = "another folder"
@@ -400,23 +484,28 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
     raise InputError("output", given, expected)
 
 
-def _chosen(case: Case, made: Prepared) -> dict[str, Any]:
-    """What a run of a prepared case computes first, see `Prepared.chosen`, settings of an accuracy, and users' code."""
+def _settings(case: Case, original: Prepared) -> dict[str, Any]:
+    """Collect the settings that the program chooses for a case, and a digest of the user's code, as plain data.
+
+    With an accuracy these are the settings of the first attempt.
+    """
     if case.accuracy is None:
-        return made.chosen | user_code(case)
-    settings = asdict(first_settings(case, made))
-    first = first_version(case, made).chosen | user_code(case)
-    return first | {f"settings.{name}": value for name, value in settings.items()}
+        return original.chosen | user_code(case)
+    chosen = first_version(case, original).chosen | user_code(case)
+    settings = asdict(first_settings(case, original))
+    return chosen | {f"settings.{name}": value for name, value in settings.items()}
 
 
-def _numbers(echo: dict[str, Any]) -> dict[str, Any]:
-    """The case without what says only which files are written."""
+def _without_file_keys(echo: dict[str, Any]) -> dict[str, Any]:
+    """Leave out the keys of a case that only choose which files are written."""
     output = {key: value for key, value in echo.get("output", {}).items() if key not in FILE_KEYS}
     return {**echo, "output": output}
 
 
-def _lacks(former: dict[str, Any], now: dict[str, Any]) -> bool:
-    """Whether files are asked for that take fields of the studies which are not kept."""
-    keys = ("fields", "fields_limit") if now["fields"] else ()
-    others = any(former.get(key) != now[key] for key in keys)
-    return others or now["paraview"] not in (former.get("paraview"), "none")
+def _needs_new_fields(former_output: dict[str, Any], output: dict[str, Any]) -> bool:
+    """Return whether a table [output] asks for files that need fields which the former results do not contain."""
+    if output["paraview"] not in (former_output.get("paraview"), "none"):
+        return True
+    if not output["fields"]:
+        return False
+    return any(former_output.get(key) != output[key] for key in ("fields", "fields_limit"))

@@ -1,1 +1,1 @@
-"""Results of stages on disk; a digest of the stage's function and input is the key of each."""
+"""Store results of stages on disk. The key of a result is a digest of the function and the input of its stage."""

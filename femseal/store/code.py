@@ -1,10 +1,10 @@
-"""Describe the code of users by plain data, so that a digest of it changes when the code does.
+"""Describe the user's own code by plain data, so that its digest changes when the code changes.
 
-Two contact laws with the same name and parameters may compute different things: what they compute is in their code.
-Code of Python, femseal and installed packages is identified by its name and version. All other code is described by
-what Python executes: bytecode, constants, default values, and the values of the variables that it uses from enclosing
-functions and from its module, which are described in the same way. If something cannot be described, `NoDigest` is
-raised, and the store neither reads nor writes such results.
+Two contact laws with the same name and parameters may compute different things if their code is different. Code of
+Python, femseal and installed packages is identified by its name and version. All other code is described by what Python
+executes: bytecode, constants, default values, and the values of the variables that it uses from enclosing functions and
+from its module. These values are described in the same way. If something cannot be described, `NoDigest` is raised. The
+store then neither reads nor writes the results.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 _PACKAGE = __name__.partition(".")[0]
 #: Folders of installed packages.
 _INSTALLED = {"site-packages", "dist-packages"}
-#: Attributes of a class that do not influence what its objects do, or follow from other attributes.
+#: Attributes of a class that do not influence the behaviour of its objects, or that follow from other attributes.
 _NOT_CODE = {
     "__dict__",
     "__weakref__",
@@ -53,28 +53,32 @@ _C_FUNCTIONS = (
     types.ClassMethodDescriptorType,
     types.MethodWrapperType,
 )
-#: Modules whose functions do not name their module, such as `numpy.exp`.
+#: Modules whose universal functions, such as `numpy.exp`, do not know the name of their module.
 _HOMES_OF_UFUNCS = ("numpy", "scipy.special")
 
 
 class NoDigest(TypeError):
-    """A value cannot be described, so that it has no digest."""
+    """Report that a value cannot be described, so that it has no digest."""
 
 
 class CodeDescription:
-    """Describes the objects of one digest; a function or class that appears again is described by a number."""
+    """Describe the functions, classes and objects in the input of one digest.
+
+    A function or class that appears for the second time is only described by its number, so that functions which call
+    each other can be described.
+    """
 
     def __init__(self) -> None:
         self._numbers: dict[int, int] = {}
-        # numbered objects are kept alive, because another object could get the id of a deleted one
+        # keeps the numbered objects alive, because another object could get the id of a deleted one
         self._numbered: list[Any] = []
 
     def __call__(self, value: Any) -> Any:
-        """Describe a value by plain data and by further values, which are described in turn.
+        """Describe a value by plain data and further values. The caller describes these values in the same way.
 
         Raises
         ------
-        NoDigest : the state of an object is unknown, as of one that is written in C.
+        NoDigest : the state of an object is unknown, for example because its class is written in C.
         """
         if not isinstance(value, types.FunctionType | type):
             return _describe_object(value)
@@ -88,17 +92,17 @@ class CodeDescription:
 
 
 def is_known(module: str) -> bool:
-    """Return whether code of a module is identified by name and version: of Python, femseal or an installed package.
+    """Return whether the code of a module is identified by its name and version.
 
-    A package that is installed in editable mode is not.
+    This is the case for modules of Python, femseal and installed packages, unless they are installed in editable mode.
     """
     return _origin(module) is not None
 
 
 def _origin(module: str) -> str | None:
-    """Return the version of the package of a module, "" for Python and femseal, None for all other code.
+    """Return the version of the installed package of a module, and None if the module is not installed.
 
-    The versions of Python and femseal are part of every key of a store.
+    For modules of Python and femseal it is "", because their versions are part of every key of a store anyway.
     """
     top = module.partition(".")[0]
     if top == _PACKAGE or top in sys.stdlib_module_names:
@@ -111,7 +115,7 @@ def _origin(module: str) -> str | None:
 
 @functools.cache
 def _installed_version(top: str) -> str | None:
-    """Return names and versions of the packages that install a top-level module, None without one."""
+    """Return names and versions of the packages that install a top-level module; None if no package does."""
     names = packages_distributions().get(top, [])
     return ", ".join(f"{name} {version(name)}" for name in sorted(names)) or None
 
@@ -138,7 +142,9 @@ def _describe_object(value: Any) -> Any:
         return "member", type(value).__module__, type(value).__qualname__, value.name, value.value
     if isinstance(value, set | frozenset):
         return type(value).__name__, *sorted(value, key=repr)
-    if isinstance(value, tuple | list):  # an instance of a subclass
+    if isinstance(
+        value, tuple | list
+    ):  # of a subclass, because tuples and lists themselves are plain data
         return "items", type(value), *value
     if isinstance(value, complex):
         return "complex", value.real, value.imag
@@ -157,7 +163,7 @@ def _describe_object(value: Any) -> Any:
 
 
 def _describe_c_function(function: Any) -> Any:
-    """Describe a function that is written in C by its name in a known module or class."""
+    """Describe a function that is written in C by its name and its class, or its name and its known module."""
     name = getattr(function, "__name__", None)
     owner = getattr(function, "__self__", None)
     if isinstance(owner, type):  # a class method, such as dict.fromkeys
@@ -175,7 +181,7 @@ def _describe_c_function(function: Any) -> Any:
 
 
 def _describe_function(function: types.FunctionType) -> Any:
-    """Describe a function by its name if its module is known, else by its code and the values that it uses."""
+    """Describe a function by its name if its module is known, and otherwise by its code and the values that it uses."""
     name, module = function.__qualname__, function.__module__
     is_named = "<" not in name  # neither a lambda nor a function inside another
     if is_named and is_known(module):
@@ -186,14 +192,14 @@ def _describe_function(function: types.FunctionType) -> Any:
 
 
 def _describe_bytecode(code: types.CodeType) -> Any:
-    """Describe a code object without its file and line numbers, which do not influence what it does."""
+    """Describe a code object. File and line numbers are left out, because they do not influence what it does."""
     numbers = [code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags]
     names = [code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars]
     return "bytecode", code.co_code, code.co_exceptiontable, numbers, names, code.co_consts
 
 
 def _describe_class(kind: type) -> Any:
-    """Describe a class by its name if its module is known, else by its attributes and base classes."""
+    """Describe a class by its name if its module is known, and otherwise by its attributes and base classes."""
     name, module = kind.__qualname__, kind.__module__
     if "<" not in name and is_known(module):
         return "class", module, name, _origin(module)
@@ -207,16 +213,16 @@ def _describe_class(kind: type) -> Any:
 
 
 def _is_generated_by_dataclass(value: Any) -> bool:
-    """Return whether `dataclass` has generated a method, which then follows from the fields."""
+    """Return whether a method was generated by `dataclass`, so that it follows from the fields."""
     method = getattr(value, "__wrapped__", value)
     code = getattr(method, "__code__", None)
     return code is not None and code.co_qualname.startswith("__create_fn__")
 
 
 def _state(value: Any) -> list[Any]:
-    """Return names and values of the fields of a dataclass; of a user's class also those of other attributes.
+    """Return names and values of the fields of an object of a dataclass.
 
-    Results that `cached_property` has stored are left out.
+    If the class is the user's own, other attributes are included, except for results that `cached_property` has stored.
     """
     kind = type(value)
     state = {field.name: getattr(value, field.name) for field in fields(value)}
@@ -231,8 +237,8 @@ def _state(value: Any) -> list[Any]:
 def _values_used(function: types.FunctionType) -> dict[str, Any]:
     """Return the values that a function uses from enclosing functions and from its module, by name.
 
-    Of another module of the user, these are all attributes that the function may refer to. Names without a value are
-    left out, because the function would fail where it uses them.
+    If the function uses another module of the user, all attributes of this module that it may refer to are included.
+    Names without a value are left out, because the function would raise an error when it uses them.
     """
     values = {}
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):

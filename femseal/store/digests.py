@@ -1,4 +1,4 @@
-"""Digests of plain data, of the content of files, and of code."""
+"""Compute digests of plain data, of the content of files, and of code."""
 
 from __future__ import annotations
 
@@ -12,16 +12,22 @@ from .plain_data import describe
 
 
 def digest(value: Any) -> str:
-    """Return a text that is equal for equal values only.
+    """Compute a digest of a value. Different values have different digests.
 
     Parameters
     ----------
-    value : plain data; a `Path` stands for the content of its file, and functions, classes and objects of users for
-        what their code does, see `femseal.store.code`.
+    value : plain data, see `femseal.store.plain_data`. They may also contain paths, which are replaced by the content
+        of their files, and functions, classes and objects of users, which are replaced by a description of their code,
+        see `femseal.store.code`.
+
+    Returns
+    -------
+    Digest of 16 bytes as hexadecimal text.
 
     Raises
     ------
-    NoDigest : the value contains something else, such as an object of C code, or a file that cannot be read.
+    NoDigest : the value contains something else, such as an object whose class is written in C, or the path of a file
+        that cannot be read.
 
     Examples
     --------
@@ -52,7 +58,7 @@ def digest(value: Any) -> str:
 
 
 def _digest_of_file(path: Path) -> bytes:
-    """Return the SHA-256 of the content of a file; NoDigest if it cannot be read."""
+    """Return the SHA-256 digest of the content of a file; raise NoDigest if it cannot be read."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").digest()

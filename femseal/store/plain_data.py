@@ -1,11 +1,11 @@
-"""Plain data as bytes, and back, without pickle.
+"""Convert plain data to bytes and back, without pickle.
 
-Plain data are None, numbers, texts, bytes, arrays of numbers, and tuples, lists, dictionaries and dataclasses of
-femseal that contain plain data.
+Plain data are None, numbers, texts, bytes and arrays of numbers, and also tuples, lists, dictionaries and dataclasses
+of femseal that contain plain data.
 
-The bytes consist of the length of a text, the text, and the content of all arrays. The text is JSON and describes the
-structure; an array in it has a data type, a shape, an order in memory and the place where its content begins. Reading
-calls no constructor and imports no module, so that a file which somebody has changed cannot run code.
+The bytes consist of the length of a JSON text, this text, and the content of all arrays. The text describes the
+structure of the data. It describes an array by its data type, its shape, its order in memory and the position at which
+its content begins. Reading calls no constructor and imports no module, so that a manipulated file cannot run code.
 """
 
 from __future__ import annotations
@@ -21,11 +21,18 @@ import numpy as np
 
 #: Data types of arrays: truth values, integers, real and complex numbers (`numpy.dtype.kind`).
 _NUMBERS = "biufc"
-#: Bytes that hold the length of the text.
+#: Number of bytes for the length of the JSON text.
 _LENGTH_BYTES = 8
 _PACKAGE = __name__.partition(".")[0]
-#: Errors that damaged bytes can cause, besides ValueError.
-_DAMAGES = (TypeError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError)
+#: Exceptions that damaged bytes can cause, besides ValueError.
+_ERRORS_OF_DAMAGE = (
+    TypeError,
+    LookupError,
+    AttributeError,
+    RecursionError,
+    OverflowError,
+    MemoryError,
+)
 
 
 def packed(value: Any) -> bytes:
@@ -33,11 +40,12 @@ def packed(value: Any) -> bytes:
 
     Raises
     ------
-    TypeError : the value contains something else.
+    TypeError : the value contains something that is not plain data.
     """
     content = bytearray()
 
     def append(data: bytes) -> int:
+        """Append bytes to the content, and return the position at which they begin."""
         start = len(content)
         content.extend(data)
         return start
@@ -48,11 +56,11 @@ def packed(value: Any) -> bytes:
 
 
 def unpacked(data: bytes | memoryview) -> Any:
-    """Restore the value from bytes that `packed` returned; arrays are copies.
+    """Restore a value from the bytes that `packed` returned. Its arrays are copies.
 
     Raises
     ------
-    ValueError : the bytes are damaged, or contain classes that are not in use.
+    ValueError : the bytes are damaged, or contain an object of a class that is not imported.
     """
     view = memoryview(data)
     try:
@@ -60,58 +68,62 @@ def unpacked(data: bytes | memoryview) -> Any:
         text_and_content = view[_LENGTH_BYTES:]
         text = bytes(text_and_content[:length])
         return _restore(json.loads(text), text_and_content[length:])
-    except _DAMAGES as error:
+    except _ERRORS_OF_DAMAGE as error:
         raise ValueError(f"{type(error).__name__}: {error}") from None
 
 
 def describe(
     value: Any, append: Callable[[bytes], int], substitute: Callable[[Any], Any] | None = None
 ) -> Any:
-    """Describe a value by nested lists, numbers and texts, which JSON can hold.
+    """Describe a value by nested lists, numbers and texts, which can be written as JSON.
+
+    A number, text or None describes itself. All other values are described by a list: the name of their type, followed
+    by the descriptions of their members.
 
     Parameters
     ----------
     value : the value.
-    append : takes the bytes of an array and returns a number that marks their place.
-    substitute : returns plain data that stands for a value which is none; without it such a value is an error.
+    append : stores the bytes of an array, and returns the position of their content.
+    substitute : returns plain data in place of a value that is not plain data. By default such a value is an error.
 
     Raises
     ------
-    TypeError : the value contains something that is no plain data, and there is no substitute.
+    TypeError : the value contains something that is not plain data, and there is no `substitute`.
     """
 
-    def inner(part: Any) -> Any:
-        return describe(part, append, substitute)
+    def describe_member(member: Any) -> Any:
+        return describe(member, append, substitute)
 
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
         return value
     if kind in (tuple, list):
-        return [kind.__name__, *map(inner, value)]
+        return [kind.__name__, *map(describe_member, value)]
     if kind is dict:
-        return ["dict", *([inner(key), inner(item)] for key, item in value.items())]
+        pairs = ([describe_member(key), describe_member(item)] for key, item in value.items())
+        return ["dict", *pairs]
     if kind is bytes:
         return ["bytes", len(value), append(value)]
     if isinstance(value, np.generic) and value.dtype.kind in _NUMBERS:
         return ["number", value.dtype.str, append(value.tobytes())]
     if isinstance(value, np.ndarray) and value.dtype.kind in _NUMBERS:
-        # the order is kept because the rounding of a sum over an array depends on it
+        # the order in memory is kept, because the rounding errors of a sum over an array depend on it
         order: Literal["C", "F"] = "F" if value.flags.fnc else "C"
         return ["array", value.dtype.str, list(value.shape), order, append(value.tobytes(order))]
     if is_dataclass(kind) and _is_ours(kind.__module__):
-        values = [inner(getattr(value, field.name)) for field in fields(kind)]
+        values = [describe_member(getattr(value, field.name)) for field in fields(kind)]
         return [f"{kind.__module__}.{kind.__qualname__}", *values]
     if substitute is None:
-        raise TypeError(f"a {kind.__name__} is no plain data")
-    return inner(substitute(value))
+        raise TypeError(f"a {kind.__name__} is not plain data")
+    return describe_member(substitute(value))
 
 
 def _restore(description: Any, content: memoryview) -> Any:
-    """Restore a value from its description and the content of all arrays."""
+    """Restore a value from its description, see `describe`, and from the content of all arrays."""
     if isinstance(description, dict):
         raise ValueError("no description of a value")
     if not isinstance(description, list):
-        return description
+        return description  # None, a number or a text
     kind, *parts = description
     if kind == "bytes":
         size, start = parts
@@ -132,7 +144,7 @@ def _restore(description: Any, content: memoryview) -> Any:
 
 
 def _array_in(content: memoryview, dtype: str, shape: Any, order: Any, start: int) -> Any:
-    """Return an array whose numbers begin at byte `start`; TypeError if the content ends before them."""
+    """Return an array whose numbers begin at byte `start`; raise TypeError if the content ends before their end."""
     numbers = np.dtype(dtype)
     if numbers.kind not in _NUMBERS or min((start, *shape)) < 0:
         raise ValueError(f"no array of numbers: {numbers}, {shape}, {start}")
@@ -142,14 +154,14 @@ def _array_in(content: memoryview, dtype: str, shape: Any, order: Any, start: in
 
 
 def _dataclass(name: str, values: list[Any]) -> Any:
-    """Return an object of a dataclass of femseal with these fields, without calling its constructor.
+    """Make an object of a dataclass of femseal with the given values of its fields, without calling its constructor.
 
-    Only modules that are already imported are searched for the class.
+    name : module and name of the class. The module must be imported already.
     """
     module, _, title = name.rpartition(".")
     kind = vars(sys.modules[module]).get(title) if _is_ours(module) else None
     if not (isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module):
-        raise ValueError(f"'{name[:80]}' is no class of data")
+        raise ValueError(f"'{name[:80]}' is not a dataclass of femseal")
     instance = object.__new__(kind)
     names = (field.name for field in fields(kind))
     vars(instance).update(zip(names, values, strict=True))
@@ -157,4 +169,5 @@ def _dataclass(name: str, values: list[Any]) -> Any:
 
 
 def _is_ours(module: str) -> bool:
+    """Return whether a module belongs to femseal."""
     return module.partition(".")[0] == _PACKAGE

@@ -1,12 +1,12 @@
-"""Results of stages in a folder. The key of a result is a digest of function, input and versions.
+"""Store results of stages in a folder. The key of a result is a digest of function, input and versions.
 
-Each process appends its results to a file of its own, so that several processes can share a folder without locks. A
-record consists of its size, its key, a checksum and the packed data. If the process is killed while it writes a
-record, that record is lost and all others remain readable. Records contain plain data only: whoever changes a file can
-falsify results, but cannot run code or reach other folders.
+Each process appends its results to a separate file, so that several processes can share a folder without locks. A
+record consists of its size, its key, a checksum and the packed data. If the process is killed while it writes a record,
+only this record is lost. Records only contain plain data. Somebody who manipulates a file can therefore falsify
+results, but cannot run code or access other folders.
 
-No library does this: an HDF5 file becomes unreadable if the process is killed while it writes, a record of SQLite is
-at most 1 GB, and joblib reads pickles.
+No library was found suitable: an HDF5 file becomes unreadable if the process is killed while it writes, SQLite is
+limited to records of 1 GB, and joblib reads pickles, which can run code.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Item = tuple[Any, ...]
 
 
 class _Record(NamedTuple):
-    """Place of a record: its file, first byte and size [byte]."""
+    """File of a record, position of its first byte in this file, and size [byte]."""
 
     path: Path
     start: int
@@ -49,27 +49,30 @@ class _Record(NamedTuple):
 
 
 class _Pending(NamedTuple):
-    """An item whose result has not been returned yet; `item` is None while the mapper computes it."""
+    """Item whose result has not been returned yet.
+
+    key : key of its result. item : the item if its result is stored already, or None if the mapper computes it.
+    """
 
     key: bytes
     item: Item | None
 
 
 class Store:
-    """Results of stages in a folder; a context manager that closes its files.
+    """Store results of stages in a folder. As a context manager, the store closes its files at the end.
 
     Parameters
     ----------
-    folder : created when the first result is written.
-    required : whether a result that cannot be written is an error; otherwise the store stops writing.
+    folder : folder of the results; it is created when the first result is written.
+    required : whether it is an error if a result cannot be written. If not, the store stops writing.
     """
 
     def __init__(self, folder: Path, *, required: bool = True) -> None:
         self.folder = folder
         self._required = required
         self._records: dict[bytes, _Record] = {}
-        #: First byte of each file that has not been indexed yet.
-        self._ends: dict[Path, int] = {}
+        #: Number of bytes of each file that have been indexed.
+        self._indexed: dict[Path, int] = {}
         self._files = ExitStack()
         self._opened = cache(lambda path: self._files.enter_context(opened_plain(path)))
         self._path = folder / f"{uuid4().hex}{SUFFIX}"
@@ -84,19 +87,19 @@ class Store:
         self._files.close()
 
     def __len__(self) -> int:
-        """Return the number of results that have been found in the folder so far."""
+        """Return the number of results that are known to be in the folder."""
         return len(self._records)
 
     def look(self) -> None:
-        """Look for results that other processes have written."""
+        """Search the folder for results that other processes have written."""
         with suppress(OSError):
             paths = self.folder.glob(f"*{SUFFIX}")
-            # newer files come later, as they contain replacements of damaged results
+            # newer files are indexed later, because their results replace damaged ones
             for path in sorted(paths, key=lambda path: path.lstat().st_mtime_ns):
                 self._index(path)
 
     def keys(self, stage: Stage) -> Callable[[Item], bytes]:
-        """Return the function that gives the key of an item of a stage, empty for an item without a digest.
+        """Return a function that computes the key of an item of a stage. The key of an item without a digest is empty.
 
         Raises
         ------
@@ -105,21 +108,29 @@ class Store:
         return partial(_key, digest((numerical_versions(), stage.key or stage.function)))
 
     def over(self, mapper: Mapper) -> Mapper:
-        """Return a mapper that reads the results in the folder, and computes and writes all others once."""
+        """Return a mapper that reads results from the folder. It computes all other results, and writes them.
+
+        The mapper below may ask for many items in advance. It only receives the items that must be computed. A queue of
+        all items puts the computed and the stored results in the order of the items again.
+        """
 
         def map_stage(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+            """Yield the results of a stage in the order of its items."""
             try:
                 key_of = self.keys(stage)
             except NoDigest:
                 yield from mapper(stage, *iterables)
                 return
+            # all items that the mapper has asked for, in their order, whose results have not been yielded yet
             pending: deque[_Pending] = deque()
             submitted: set[bytes] = set()
 
             def items_to_compute() -> Iterator[Item]:
+                """Yield the items that must be computed, and append all items to `pending`."""
                 for item in zip(*iterables, strict=False):
                     key = key_of(item)
                     if key in self._records or key in submitted:
+                        # the result is stored, or will be stored before its turn comes
                         pending.append(_Pending(key, item))
                         continue
                     pending.append(_Pending(key, None))
@@ -127,23 +138,25 @@ class Store:
                         submitted.add(key)
                     yield item
 
-            # the mapper takes an iterable for each argument
+            # the mapper takes one iterable for each argument of the stage
             copies = tee(items_to_compute(), len(iterables))
             arguments = [map(itemgetter(n), items) for n, items in enumerate(copies)]
             for result in mapper(stage, *arguments):
-                while (stored_item := pending[0].item) is not None:
-                    yield self._read(pending.popleft().key, stage, stored_item)
-                self._keep(pending.popleft().key, result)
+                # stored results of the items before the computed one
+                while pending[0].item is not None:
+                    stored = pending.popleft()
+                    yield self._read(stored.key, stage, stored.item or ())
+                self._write(pending.popleft().key, result)
                 yield result
             while pending:
-                key, item = pending.popleft()
-                yield self._read(key, stage, item or ())
+                stored = pending.popleft()
+                yield self._read(stored.key, stage, stored.item or ())
 
         return map_stage
 
     def _index(self, path: Path) -> None:
-        """Index the records that were added to a file since it was last read; the last one may be incomplete."""
-        start = self._ends.get(path, 0)
+        """Index the records that were added to a file since it was last indexed. The last one may be incomplete."""
+        start = self._indexed.get(path, 0)
         end = path.lstat().st_size
         if start + _HEAD.size > end:
             return
@@ -155,23 +168,23 @@ class Store:
                     break
                 self._records[key] = _Record(path, start, size)
                 start += size
-        self._ends[path] = start
+        self._indexed[path] = start
 
     def _read(self, key: bytes, stage: Stage, item: Item) -> Any:
-        """Read a result; a result that cannot be read is computed again."""
+        """Read a stored result. If it is damaged, compute it again."""
         if key in self._records:
             try:
-                return self._data(key)
+                return self._stored_data(key)
             except (OSError, ValueError) as error:
                 record = self._records.pop(key)
                 text = "%s: a result is damaged (%s); it is computed again (%s)"
                 log.warning(text, record.path, error, stage.name)
         result = stage.function(*item)
-        self._keep(key, result)
+        self._write(key, result)
         return result
 
-    def _data(self, key: bytes) -> Any:
-        """Read the data of a record; ValueError if its checksum is wrong."""
+    def _stored_data(self, key: bytes) -> Any:
+        """Read the data of a record; raise ValueError if the checksum is wrong."""
         record = self._records[key]
         file = self._opened(record.path)
         file.seek(record.start)
@@ -181,12 +194,12 @@ class Store:
             raise ValueError("checksum")
         return unpacked(data)
 
-    def _keep(self, key: bytes, result: Any) -> None:
-        """Write a result if it has a key and is plain data.
+    def _write(self, key: bytes, result: Any) -> None:
+        """Write a result, unless it has no key or is not plain data.
 
         Raises
         ------
-        NotKept : it cannot be written; results that were written before remain.
+        NotKept : the result cannot be written. Results that were written before remain.
         """
         if not key or self._is_full:
             return
@@ -195,15 +208,15 @@ class Store:
         except TypeError:
             return
         try:
-            self._records[key] = self._appended(_head(key, data), data)
+            self._records[key] = self._append(_head(key, data), data)
         except OSError as error:
             self._is_full = True
             if self._required:
                 raise self._not_kept(error) from error
             log.warning("results are not kept any more: %s", error)
 
-    def _appended(self, *parts: bytes) -> _Record:
-        """Append a record to the file of this process, whole or not at all."""
+    def _append(self, *parts: bytes) -> _Record:
+        """Append a record to the file of this process. If an error occurs, the file is left as it was before."""
         if self._file is None:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._file = self._files.enter_context(self._path.open("xb", buffering=0))
@@ -211,18 +224,19 @@ class Store:
         start = file.tell()
         try:
             for part in parts:
-                left = memoryview(part)
-                while left:
-                    written = file.write(left)
-                    left = left[written:]
+                # an unbuffered file may write fewer bytes than requested
+                remaining = memoryview(part)
+                while remaining:
+                    n_written = file.write(remaining)
+                    remaining = remaining[n_written:]
         except OSError:
             file.truncate(start)
             raise
-        self._ends[self._path] = file.tell()
+        self._indexed[self._path] = file.tell()
         return _Record(self._path, start, file.tell() - start)
 
     def _not_kept(self, error: OSError) -> NotKept:
-        """Return the error that says how to go on after a result could not be written."""
+        """Make the error for a result that could not be written, which says how to continue."""
         is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         remedy = "make room" if is_full else "fix the cause"
         return NotKept(
@@ -232,14 +246,14 @@ class Store:
 
 
 def _key(stage_digest: str, item: Item) -> bytes:
-    """Return the key of an item of a stage, empty without a digest."""
+    """Compute the key of an item of a stage; it is empty if the item has no digest."""
     with suppress(NoDigest):
         return bytes.fromhex(digest((stage_digest, item)))
     return b""
 
 
 def _head(key: bytes, data: bytes | memoryview) -> bytes:
-    """Return the head of a record."""
+    """Make the head of a record: its size, its key, and a checksum of key and data."""
     checksum = hashlib.blake2b(key, digest_size=16)
     checksum.update(data)
     return _HEAD.pack(_HEAD.size + len(data), key, checksum.digest())

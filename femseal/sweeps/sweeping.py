@@ -34,9 +34,9 @@ from ..runs import job
 from ..runs.forecast import refuse_too_large
 
 log = logging.getLogger("femseal.sweeps")
-#: Subfolder of the store that the cases share while the sweep is running.
+#: Subfolder for the results of stages, which all cases share while the sweep is running.
 SHARED = ".shared"
-#: Name of the files of the table and the picture, without ending.
+#: Name of the files of the table and the picture, without extension.
 STEM = "sweep"
 #: Largest number of cases of a sweep.
 MOST_CASES = 1000
@@ -51,11 +51,11 @@ class Variation:
     Parameters
     ----------
     name : str
-        Name of its folder.
+        Name of the folder of this case.
     setting : str
-        Keys and values of the run, as a text for tables and messages.
+        Changed keys and their values, as a text for tables and messages.
     values : tuple of str
-        Values of the keys as texts.
+        Values of the changed keys as texts.
     case : Case
         The case with these values.
     """
@@ -82,8 +82,8 @@ def sweep(
 ) -> RunComparison:
     """Run a case with every combination of the values of some keys, and compare the leakages.
 
-    All cases are checked before the first is run. What several cases have in common is computed once, for example the
-    contact of a surface that no key changes.
+    All cases are checked before the first one is run. Stages that several cases have in common are computed once, for
+    example the contact of a surface that no key changes.
 
     Parameters
     ----------
@@ -91,33 +91,34 @@ def sweep(
         Case file.
     keys : mapping of sequences
         Values of dotted keys, such as {"material.hardness": ["3 GPa", "4 GPa"], "cells.count": [[4, 8], [8, 16]]}.
-        Quantities are texts with their unit as in the file. "face.0.pitch" is a key of the first of two faces.
+        Quantities are texts with their unit as in the case file. "face.0.pitch" is a key of the first of two faces.
     output : path
-        Folder for a results folder of each case, `sweep.csv` and `sweep.png`; made if needed.
+        Folder for `sweep.csv`, `sweep.png` and the results folders of the cases; made if needed.
     resume : bool
-        Whether to take the cases that are complete, and to go on with those that are not.
+        Whether to use the results of cases that are complete, and to continue those that are not.
     replace_results : bool
         Whether to replace the results of finished runs in the folders of the cases.
     workers, scheduler
         See `run`.
     unit : str, optional
-        Unit of leakage of the comparison, see `compare`.
+        Leakage unit of the comparison, see `compare`.
     progress : callable, optional
-        Called as progress(stage, done, total), also with the stage "cases".
+        Called as progress(stage, done, total). The stage "cases" counts the cases that are complete.
     announce : callable, optional
         Called with a line of text before each case is run.
 
     Returns
     -------
     RunComparison
-        The runs side by side, without those that failed.
+        Comparison of all runs that did not fail.
 
     Raises
     ------
     InputError
-        A key or a value cannot be used, or a folder cannot be written. Nothing has been computed then.
+        A key or a value cannot be used, or a folder cannot be written. Nothing has been computed.
     FemsealError
-        Some cases failed. The others are complete in their folders, and `resume` tries the failed ones again.
+        Some cases failed. The results of the other cases are in their folders. With `resume` the failed cases are run
+        again.
 
     Examples
     --------
@@ -177,7 +178,7 @@ def sweep(
 def _check_before_run(
     variation: Variation, folder: Path, resume: bool, replace_results: bool
 ) -> None:
-    """Raise InputError if a case is too large for the machine or its folder cannot be written to."""
+    """Raise InputError if a case is too large for the machine, or if its folder contains results that must be kept."""
     try:
         refuse_too_large(variation.case, prepare(variation.case))
     except InputError as error:
@@ -194,7 +195,7 @@ def _check_before_run(
 def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
     """Parse texts such as "material.hardness=3GPa,4GPa".
 
-    Values are written as in TOML, but texts need no quotes unless they are in a list: 3GPa is "3GPa".
+    Values are written as in TOML, but texts outside lists need no quotes: 3GPa means "3GPa".
 
     Parameters
     ----------
@@ -230,13 +231,13 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def _parse_values(text: str) -> list[Any]:
-    """Parse values as a list of TOML, or else as texts between commas, each of which may be a value of TOML."""
+    """Parse values that are separated by commas: each is a TOML value, or a text without quotes."""
     try:
         return list(tomllib.loads(f"values = [{text}]")["values"])
     except (tomllib.TOMLDecodeError, RecursionError):
         parts = [part.strip() for part in text.split(",")]
     if len(parts) == 1:
-        return parts
+        return parts  # a text without quotes
     values = []
     for part in parts:
         values += _parse_values(part)
@@ -246,7 +247,7 @@ def _parse_values(text: str) -> list[Any]:
 def variations(
     data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]
 ) -> list[Variation]:
-    """Make and check the case of every combination of values; the values of the last key change fastest.
+    """Make and check the cases for all combinations of the values; the value of the last key changes fastest.
 
     Parameters
     ----------
@@ -264,8 +265,8 @@ def variations(
     Raises
     ------
     InputError
-        There is no key, a key has no values or the same value twice, a key cannot exist, there are more than
-        `MOST_CASES` cases, or a case cannot be used. The message has a line for each fault.
+        There is no key, a key has no values or the same value twice, a key does not exist, there are more than
+        `MOST_CASES` cases, or a case cannot be used. The message describes each fault in a line.
     """
     _check_values(keys)
     short_keys = short_names(list(keys))
@@ -291,7 +292,7 @@ def variations(
 
 
 def _check_values(keys: Mapping[str, Sequence[Any]]) -> None:
-    """Raise InputError if the values of a sweep cannot be used, or if they are too many."""
+    """Raise InputError if the values of a sweep cannot be used, or if there are too many cases."""
     if not keys:
         expected = "at least one key of the case with its values, such as seed=1,2,3"
         raise InputError("sweep", "no key", expected)
@@ -307,13 +308,13 @@ def _check_values(keys: Mapping[str, Sequence[Any]]) -> None:
 
 
 def _folder_name(pairs: list[tuple[str, str]]) -> str:
-    """Make a folder name from keys and values, with letters, digits and a few signs that all file systems allow."""
+    """Make a folder name from keys and values; characters that some file systems do not allow become hyphens."""
     name = "_".join(f"{key}={text}" for key, text in pairs).replace(" ", "")
     return re.sub(r"[^\w.=+-]+", "-", name).strip("-.")
 
 
 def _with_usable_names(cases: list[Variation]) -> list[Variation]:
-    """Number the cases if their names are too long, or equal on file systems that ignore upper case."""
+    """Use numbers as names of the cases if their names are too long, or equal apart from upper and lower case."""
     names = {variation.name.lower() for variation in cases}
     if len(names) == len(cases) and max(len(name) for name in names) <= _LONGEST_NAME:
         return cases
@@ -321,12 +322,12 @@ def _with_usable_names(cases: list[Variation]) -> list[Variation]:
 
 
 def with_setting(error: InputError, setting: str) -> InputError:
-    """Append the setting of a case of a sweep to an error."""
+    """Append the setting of a case to the message of an error."""
     return InputError(error.what, error.given, f"{error.expected} (with {shortened(setting)})")
 
 
 def short_names(keys: Sequence[str]) -> tuple[str, ...]:
-    """Shorten dotted keys to as many of their last parts as are needed to distinguish them.
+    """Shorten dotted keys to their last parts, as many as are needed to distinguish them.
 
     Examples
     --------
@@ -338,6 +339,7 @@ def short_names(keys: Sequence[str]) -> tuple[str, ...]:
         parts = key.split(".")
         for count in range(1, len(parts) + 1):
             ending = ".".join(parts[-count:])
+            # with a dot in front, an ending only matches whole parts
             n_matching = sum(f".{other}".endswith(f".{ending}") for other in keys)
             if n_matching == 1:
                 return ending
@@ -366,7 +368,7 @@ def value_text(value: Any) -> str:
 
 
 def _set_key(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key in nested tables and lists; tables that do not exist are made."""
+    """Set a dotted key in nested tables and lists; tables that do not exist are created."""
     parts = key.split(".")
     table: Any = data
     for n, part in enumerate(parts):

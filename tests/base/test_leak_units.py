@@ -176,7 +176,7 @@ def test_standard_volumes_count_molecules():
         basis.factor(LEAK_UNITS["std cm³/s"]) / basis.factor(LEAK_UNITS["kg/s"]) / AIR.molar_mass
     )
     assert_allclose(moles, 1e-3 / 22.414, rtol=1e-5)
-    assert basis.stated_temperature == AIR.temperature
+    assert basis.throughput_temperature == AIR.temperature
 
 
 @pytest.fixture(scope="module")

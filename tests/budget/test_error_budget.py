@@ -30,7 +30,7 @@ Q = np.array([4.0, 1.0, 0.0])
 
 
 def part(name, below, above, upper_sealed=0.0):
-    made = ErrorPart.of(name, Q, np.array(below, float), np.array(above, float), "")
+    made = ErrorPart.from_distances(name, Q, np.array(below, float), np.array(above, float), "")
     upper = np.where(Q == 0, upper_sealed, made.upper)
     return ErrorPart(name, made.lower, upper, "")
 
@@ -291,10 +291,18 @@ def test_check_says_what_the_budget_solves_besides(case):
     (line,) = (line for line in describe(loaded, prepared) if line.startswith("error budget"))
     assert "16 × 32 points" in line
     off = loaded.model_copy(update={"output": loaded.output.model_copy(update={"budget": False})})
-    assert 1.02 < forecast(loaded, prepared).work / forecast(off, prepared).work < 2.2
+    assert (
+        1.02
+        < forecast(loaded, prepared).parallel_seconds / forecast(off, prepared).parallel_seconds
+        < 2.2
+    )
     sure = loaded.output.model_copy(update={"model_parts": ()})
     numbers = loaded.model_copy(update={"output": sure})
-    assert 1.02 < forecast(numbers, prepared).work / forecast(off, prepared).work < 1.6
+    assert (
+        1.02
+        < forecast(numbers, prepared).parallel_seconds / forecast(off, prepared).parallel_seconds
+        < 1.6
+    )
 
 
 def test_two_scales_of_the_whole_face_are_looked_at_by_the_deterministic_one_on_fewer_points(case):

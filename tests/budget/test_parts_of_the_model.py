@@ -123,9 +123,9 @@ def test_the_opposite_is_solved_where_the_mirror_image_matters(scene):
     q = np.array([4.0, 2.0, 1.0])
     for width, expected in ((0.1, False), (0.3, True)):
         others = ErrorBudget(
-            "deterministic", q, (ErrorPart.of("patch", q, [1.0] * 3, [1.0] * 3, ""),)
+            "deterministic", q, (ErrorPart.from_distances("patch", q, [1.0] * 3, [1.0] * 3, ""),)
         )
-        part = ErrorPart.of("hardness", q, [0.0, 0.0, width], [0.0, 0.0, width], "")
+        part = ErrorPart.from_distances("hardness", q, [0.0, 0.0, width], [0.0, 0.0, width], "")
         assert opposite_matters(part, others) == expected
 
 
@@ -141,7 +141,7 @@ def test_a_gap_that_is_not_thin_leaks_less_where_slopes_are_steep(scene):
 
 def test_numbers_alone_stay_beside_the_whole():
     q, names = np.array([1.0]), ("pixels", "hardness", "form")
-    parts = tuple(ErrorPart.of(name, q, [0.1], [0.1], "") for name in names)
+    parts = tuple(ErrorPart.from_distances(name, q, [0.1], [0.1], "") for name in names)
     budget = ErrorBudget("deterministic", q, parts)
     assert_allclose(budget.half_width(0), np.sqrt(0.03))
     assert_allclose(budget.numerical.half_width(0), 0.1)

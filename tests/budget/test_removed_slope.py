@@ -123,13 +123,16 @@ def test_an_unloaded_seal_leaks_no_less_and_no_more_than_on_loading():
 def test_a_design_does_not_count_on_what_may_be_open(tmp_path):
     results = solved(tmp_path, [1000, 3000])
     assert results.leakage.values[1] == 0
-    seals = Seals.of_results(results)
+    seals = Seals.from_results(results)
     assert seals.leakage[0, 1] == np.inf
     limit = 0.5 * results.leakage.values[0]
     assert (
-        seals.needed(limit)[0] == np.inf
+        seals.needed_pressures(limit)[0] == np.inf
     )  # by the leakage alone it would be some pressure between both
-    assert Seals.of(results.steps, results.leakage.values).needed(limit)[0] < np.inf
+    assert (
+        Seals.from_leakage(results.steps, results.leakage.values).needed_pressures(limit)[0]
+        < np.inf
+    )
 
 
 def test_a_load_by_itself_may_leak_as_much_more_as_its_contact_lets_expect():

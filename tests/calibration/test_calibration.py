@@ -50,14 +50,14 @@ def steep(points):
 
 
 def test_a_surrogate_is_exact_at_its_scenes_and_near_between_them():
-    found = Surrogate.through(POINTS, steep(POINTS))
-    mean, _, is_open = found.at(POINTS)
+    found = Surrogate.fit(POINTS, steep(POINTS))
+    mean, _, is_open = found.predict(POINTS)
     # of values in their standard deviations, rounding is 5e-4
     assert_allclose(mean[:, 0], np.log(steep(POINTS)[:, 0]), atol=3e-3)
     assert_allclose(is_open[:, 1] > 0.5, steep(POINTS)[:, 1] > 0)
     between = np.random.default_rng(0).random((300, 2))
     truth = steep(between)
-    mean, deviation, is_open = found.at(between)
+    mean, deviation, is_open = found.predict(between)
     assert np.abs(mean[:, 0] - np.log(truth[:, 0])).max() < 0.05
     assert np.mean(np.abs(mean[:, 0] - np.log(truth[:, 0])) < 3 * deviation[:, 0] + 1e-3) > 0.95
     assert np.mean((is_open[:, 1] > 0.5) == (truth[:, 1] > 0)) > 0.95
@@ -67,7 +67,7 @@ def test_a_surrogate_is_exact_at_its_scenes_and_near_between_them():
 def test_a_load_at_which_few_scenes_are_open_is_unknown():
     leakage = np.zeros((len(POINTS), 1))
     leakage[:2] = 1.0
-    _, deviation, is_open = Surrogate.through(POINTS, leakage).at(POINTS)
+    _, deviation, is_open = Surrogate.fit(POINTS, leakage).predict(POINTS)
     assert deviation.min() > 10
     assert is_open[2:].max() < 0.5
 
@@ -83,7 +83,7 @@ class Line:
 
     correlation = np.eye(3)
 
-    def at(self, points):
+    def predict(self, points):
         mean = -np.outer(points[:, 0], [1.0, 2.0, 4.0])
         return mean, np.zeros_like(mean), np.ones_like(mean) - 1e-9
 
@@ -143,7 +143,7 @@ def test_regions_hold_the_truth_as_often_as_they_say(n_tests):
         points = qmc.Sobol(2, rng=rng).random_base2(4)
         factor = np.exp(2 * truth[2] - 1 + 0.05 * rng.standard_normal(5))
         measured = leakage(truth[None, :2])[0] * factor
-        surrogate = Surrogate.through(points, leakage(points))
+        surrogate = Surrogate.fit(points, leakage(points))
         found = posterior(np.maximum(measured, 1e-4), measured < 1e-4, surrogate)
         samples = log_density(found, found.samples(2**8))
         levels.append(np.mean(samples < log_density(found, truth[None])))
@@ -153,7 +153,7 @@ def test_regions_hold_the_truth_as_often_as_they_say(n_tests):
 
 
 def test_a_region_is_the_shortest_interval():
-    found = Estimate.of(np.exp(np.random.default_rng(0).exponential(size=40_000)))
+    found = Estimate.from_samples(np.exp(np.random.default_rng(0).exponential(size=40_000)))
     assert_allclose(
         np.log([found.median, found.lower, found.upper]), [np.log(2), 0, np.log(10)], atol=0.05
     )

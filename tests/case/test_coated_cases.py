@@ -12,7 +12,7 @@ from femseal.base import InputError
 from femseal.case import parse_case
 from femseal.contact.law import contact_law
 from femseal.preparation.preparation import prepare
-from femseal.runs.forecast import solids_text
+from femseal.runs.case_description import solids_text
 
 CASE = {
     "title": "coated",

@@ -12,7 +12,7 @@ import femseal as fs
 from femseal.base import InputError, to_text
 from femseal.case import parse_case
 from femseal.designs.requirements import Seals, requirement, sealing_load
-from femseal.designs.sensitivities import Variants, level_at, sensitivities, slope_at
+from femseal.designs.sensitivities import Variants, log_leakage_at, sensitivities, slope_at
 from femseal.loads import LoadProgramme
 from femseal.results import assemble
 from femseal.results.verdict import LeakageCurve
@@ -43,17 +43,19 @@ MEAN, LIMIT = 1e12, 1e12 * 2e8**-FALL
 
 
 def seals_of(leakage=None, steps=STEPS, interval=None):
-    return Seals.of(steps, power_law(AMPLITUDES) if leakage is None else leakage, interval)
+    return Seals.from_leakage(
+        steps, power_law(AMPLITUDES) if leakage is None else leakage, interval
+    )
 
 
 def test_pressures_of_power_laws_are_exact():
     seals = seals_of()
-    assert_allclose(seals.needed(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
+    assert_allclose(seals.needed_pressures(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
     for peak in (4e8, 9e8):
         exact = peak * (AMPLITUDES * peak**-FALL / LIMIT) ** (1 / RISE)
         exact = np.where(exact < 1e7, 0.0, np.where(exact > peak, np.inf, exact))
-        assert_allclose(seals.needed(LIMIT, peak), exact)
-    assert np.isfinite(seals.needed(LIMIT, 4e8)).all()
+        assert_allclose(seals.needed_pressures(LIMIT, peak), exact)
+    assert np.isfinite(seals.needed_pressures(LIMIT, 4e8)).all()
 
 
 def test_a_share_of_the_seals_keeps_the_class():
@@ -62,13 +64,13 @@ def test_a_share_of_the_seals_keeps_the_class():
         (None, lambda p: AMPLITUDES * p**-FALL),
         (4e8, lambda p: AMPLITUDES * 4e8**-FALL * (p / 4e8) ** -RISE),
     ):
-        needed = seals_of().needed_by(0.9, LIMIT, peak)
+        needed = seals_of().needed_by_fraction(0.9, LIMIT, peak)
         assert np.mean(leak(needed.value * 1.000001) <= LIMIT) >= 0.9
         assert np.mean(leak(needed.value * 0.999999) <= LIMIT) < 0.9
         assert needed.relation == "="
         assert needed.low == needed.value == needed.computed
     need = requirement(seals_of(), "L", LIMIT, 0.9)
-    assert need.of_seals == seals_of().needed_by(0.9, LIMIT)
+    assert need.for_fraction == seals_of().needed_by_fraction(0.9, LIMIT)
     # as computed it is the median seal
     middle = np.sort(AMPLITUDES)[(len(AMPLITUDES) - 1) // 2]
     assert_allclose(need.assembly.computed, (middle / LIMIT) ** (1 / FALL))
@@ -101,7 +103,7 @@ def test_what_keeps_a_class_keeps_it_at_higher_loads():
     """Intervals of a test fluid are those of the run by their factor, which may rise faster than the leakage falls."""
     leakage, limit = power_law([1e12]), 1e12 * 2e8**-FALL
     upper = np.where(STEPS.pressures > 5e8, 10 * limit, leakage[0])
-    seals = Seals.of(STEPS, leakage, (leakage[0], upper))
+    seals = Seals.from_leakage(STEPS, leakage, (leakage[0], upper))
     assert requirement(seals, "L", limit, 0.5).assembly.text(pascals) == "from 200 MPa on"
 
 
@@ -134,15 +136,15 @@ def test_nothing_is_extrapolated():
 def test_loads_that_the_fluid_carries_alone_are_open():
     seals = seals_of(np.where(STEPS.pressures == 1e7, np.nan, power_law(AMPLITUDES)))
     assert seals.count == len(AMPLITUDES)
-    assert_allclose(seals.needed(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
-    assert np.all(seals.needed(LIMIT, 9e8) >= 3e7)
+    assert_allclose(seals.needed_pressures(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
+    assert np.all(seals.needed_pressures(LIMIT, 9e8) >= 3e7)
     assert seals_of(np.full((60, len(STEPS)), np.nan)).count == 0
     # also on an unloading, at loads that the first loading sealed
     late = ~STEPS.on_loading & (STEPS.pressures < 5e7)
     seals = seals_of(np.where(late, np.nan, power_law(AMPLITUDES)))
     assert seals.count == len(AMPLITUDES)
     assert np.isinf(seals.leakage[:, late]).all()
-    assert np.all(seals.needed(1.0, 9e8) == 1e8)
+    assert np.all(seals.needed_pressures(1.0, 9e8) == 1e8)
 
 
 def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
@@ -152,7 +154,7 @@ def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
     assert sealing_load(closing).value == 4e8
     # a loading that leaks more again counts from there on
     again = seals_of(np.array([[1.0, 0.1, 1.0, 0.1, 0.01]]), loading)
-    assert 1e8 < again.needed(0.5)[0] < 4e8
+    assert 1e8 < again.needed_pressures(0.5)[0] < 4e8
 
 
 def slopes(**given):
@@ -186,15 +188,15 @@ def test_slopes_of_power_laws_are_exact():
 @pytest.mark.parametrize(
     ("given", "exact"),
     [
-        ({"hardness_counts": False}, {"hardness": 0, "roughness amplitude": 6}),
+        ({"can_yield": False}, {"hardness": 0, "roughness amplitude": 6}),
         ({}, {"hardness": np.nan, "roughness amplitude": np.nan}),
         # L(αa, αp, αη, αb) = α² L: what goes with the slip length no longer goes with the amplitude
         (
-            {"hardness_counts": False, "law_length": "slip_length", "longer": factor(0.3)},
+            {"can_yield": False, "length_parameter": "slip_length", "longer_length": factor(0.3)},
             {"viscosity": -1, "slip length": 0.3, "roughness amplitude": 5.7},
         ),
         (
-            {"hardness_counts": False, "law_length": "viscosity", "longer": factor(-0.4)},
+            {"can_yield": False, "length_parameter": "viscosity", "longer_length": factor(-0.4)},
             {"viscosity": -0.4, "roughness amplitude": 5.4},
         ),
         (
@@ -212,7 +214,7 @@ def test_slopes_go_with_what_the_laws_depend_on(given, exact):
 def test_slopes_and_levels_at_a_load():
     seals = seals_of()
     assert_allclose([slope_at(seals, p, 0.5) for p in (1e7, 9e8, 9.1e8)], [-3, -3, np.nan])
-    assert_allclose(np.exp(level_at(seals, 2e8, 1.0)), AMPLITUDES.max() * 2e8**-FALL)
+    assert_allclose(np.exp(log_leakage_at(seals, 2e8, 1.0)), AMPLITUDES.max() * 2e8**-FALL)
     leak = power_law(AMPLITUDES)
     leak[:, 4] = np.inf  # at a load whose leakage is not known
     assert_allclose(slope_at(seals_of(leak), 5e7, 0.9), -FALL)

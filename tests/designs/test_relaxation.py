@@ -63,7 +63,7 @@ def test_pressure_in_assembly_with_relaxation_of_power_laws_is_exact():
     """L = A q^−3 (1 − r)^−½ after relaxing from q: the peaks on which the limit lies are straight in log–log."""
     peaks, lost = [5e7, 1e8, 4e8, 9e8], 0.2
     steps = LoadProgramme.of([1e7], unload_from=peaks, unloading=[0.8 * p for p in peaks])
-    seals, limit = Seals.of(steps, power_law(AMPLITUDES, steps)), 1e12 * 2e8**-FALL
+    seals, limit = Seals.from_leakage(steps, power_law(AMPLITUDES, steps)), 1e12 * 2e8**-FALL
     exact = (AMPLITUDES * (1 - lost) ** -RISE / limit) ** (1 / FALL)
     assert_allclose(seals.needed_with_relaxation(limit, lost), exact)
     need = requirement(seals, "L", limit, 0.9, lost)

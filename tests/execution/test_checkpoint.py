@@ -228,7 +228,7 @@ def test_a_full_disk_in_an_attempt_or_a_budget_stops_the_run(tmp_path, monkeypat
 
         def progress(name, done, total):
             if name.startswith(stage + ": "):
-                patch.setattr(Store, "_appended", full)
+                patch.setattr(Store, "_append", full)
 
         with pytest.raises(fs.FemsealError, match=r"full.*make room.*--resume"):
             fs.run(file, tmp_path / "out", workers=1, progress=progress)

@@ -408,7 +408,7 @@ def test_processes_that_hang_do_not_keep_the_run_alive(end):
 
 
 def _threads(item):
-    return compiled.number()
+    return compiled.thread_count()
 
 
 def test_idle_processes_leave_their_cores_to_the_others():
@@ -417,4 +417,4 @@ def test_idle_processes_leave_their_cores_to_the_others():
         many = list(mapper(Stage("states", _threads), [1, 2, 3]))
         large = list(mapper(Stage("large states", _threads, memory=1e15), [1, 2, 3]))
     assert (alone, many, large) == ([2], [1, 1, 1], [2, 2, 2])
-    assert compiled.number() == 1
+    assert compiled.thread_count() == 1

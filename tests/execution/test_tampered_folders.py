@@ -70,7 +70,7 @@ class Foreign:
     "value", [Foreign(), object(), print, np.array([None]), np.array(["a"]), {1}, Path("/")]
 )
 def test_only_plain_data_are_stored(value):
-    with pytest.raises(TypeError, match="no plain data"):
+    with pytest.raises(TypeError, match="not plain data"):
         packed((1, value))
 
 

@@ -10,14 +10,14 @@ from numpy.testing import assert_array_equal
 from small_cases import STRIP
 
 import femseal as fs
-from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_band
+from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_interval
 from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.refinement.refine_to_accuracy import (
+    finer_settings,
     first_settings,
     first_version,
     last_version,
-    refined,
 )
 from femseal.results.tables import attempt_sentences
 
@@ -164,7 +164,7 @@ def test_what_is_changed_where_a_source_of_error_limits_or_why_nothing_is(
     wanted = parse_case(data)
     made = prepare(wanted)
     settings = first_settings(wanted, made)
-    finer, text = refined(wanted, made, settings, part, memory)
+    finer, text = finer_settings(wanted, made, settings, part, memory)
     if isinstance(changed, str):
         assert finer is None
         assert changed in text
@@ -216,15 +216,15 @@ def test_loads_that_count():
     part = ErrorPart("pixels", q / 2, np.array([2.0, 4e-3, 2e-3, 5e-3, 1e-4]), "")
     sealed = ErrorPart("pixels", 0 * q, np.array([0.0, 0.0, 0.0, 1e-5, 0.0]), "")
     unknown = np.where([True, False, False, False, True], np.nan, q)
-    for leakage, one, parted, counted in (
+    for leakage, one, separated, counted in (
         (q, part, (), [0, 1]),
         (0 * q, sealed, (), [3]),
         (unknown, part, (), [0, 1, 2, 4]),
         (unknown, part, (0,), [1, 2, 4]),
     ):
-        budget = ErrorBudget("deterministic", leakage, (one,), parted=parted)
+        budget = ErrorBudget("deterministic", leakage, (one,), separated=separated)
         assert counting_steps(budget).tolist() == counted
-    assert widest_band(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
+    assert widest_interval(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
 
 
 def test_loads_that_the_fluid_carries_do_not_hinder_the_accuracy():

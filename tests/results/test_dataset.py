@@ -441,8 +441,8 @@ def test_steps_without_leakage_stand_in_the_strip(scene, studies):
 def test_a_band_that_says_nothing_has_no_number_and_a_warning_with_its_source(scene, studies):
     q, wide = studies["deterministic"].leakage, np.zeros(len(scene.steps))
     wide[0] = 90.0
-    solver = ErrorPart.of("solver", q, 0 * q + 0.1, 0 * q + 0.1, "")
-    unknown = ErrorPart.of("filter", q, wide, wide, "")
+    solver = ErrorPart.from_distances("solver", q, 0 * q + 0.1, 0 * q + 0.1, "")
+    unknown = ErrorPart.from_distances("filter", q, wide, wide, "")
 
     def results(*parts):
         budgets = {"deterministic": ErrorBudget("deterministic", q, parts)}

@@ -15,7 +15,7 @@ from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.report.page import report_html
 from femseal.runs import forecast as module
-from femseal.runs.forecast import describe, disk, forecast
+from femseal.runs.forecast import describe, disk_space, forecast
 from femseal.studies import StudyOptions
 from femseal.studies.sampling import FEWEST_SEALS, MOST_SEALS
 from femseal.studies.study_registry import deterministic_cost, stochastic_cost, two_scale_cost
@@ -45,9 +45,11 @@ def of(data):
 
 def test_forecast_adds_up_the_methods(data):
     one, two = (forecast(*of(data | {"compare": compare})) for compare in ([], ["two-scale"]))
-    assert two.work >= one.work  # contact and flow of the face are those of both
-    assert two.own >= one.own
-    assert_allclose(one.seconds(2), one.own + one.work / 2)
+    assert (
+        two.parallel_seconds >= one.parallel_seconds
+    )  # contact and flow of the face are those of both
+    assert two.serial_seconds >= one.serial_seconds
+    assert_allclose(one.seconds(2), one.serial_seconds + one.parallel_seconds / 2)
 
 
 @pytest.mark.parametrize("fluid_pressure", ["acts", "ignored"])
@@ -56,7 +58,7 @@ def test_the_range_of_time_contains_the_time_of_a_run(data, fluid_pressure):
     data["face"] |= {"points": [256, 256], "size": ["240 um", "240 um"]}
     data |= {"load": {"loading": ["100 MPa", "300 MPa"]}, "output": {"budget": False}}
     case, prepared = of(data | {"contact": {"fluid_pressure": fluid_pressure}})
-    expected = replace(forecast(case, prepared), own=0.0)
+    expected = replace(forecast(case, prepared), serial_seconds=0.0)
     fs.deterministic(prepared.scene)  # compiles the loops
     start = time.process_time()
     fs.deterministic(prepared.scene)
@@ -80,7 +82,7 @@ def test_elimination_may_take_more_memory_than_is_forecast_for_multigrid(data):
 
 def test_time_grows_with_pixels_and_load_steps(data):
     def work(**changes):
-        return forecast(*of(data | {"output": {"budget": False}} | changes)).work
+        return forecast(*of(data | {"output": {"budget": False}} | changes)).parallel_seconds
 
     loads = ["50 MPa", "100 MPa"]
     once, twice = (work(load={"loading": some}) for some in (loads[:1], loads))
@@ -112,7 +114,7 @@ def test_large_states_take_disk_and_no_memory(data):
     ends = []
     for memory in ("2 GB", "1 MB"):
         case, prepared = of(data | {"memory": memory})
-        ends.append((forecast(case, prepared).memory, disk(case, prepared).checkpoint))
+        ends.append((forecast(case, prepared).memory, disk_space(case, prepared).checkpoint))
     states = (4 + 4 + 4 + 4 + 0.125) * 64 * 96 * len(prepared.scene.steps)
     assert_allclose(np.subtract(*ends), [states, -states])
 
@@ -128,7 +130,7 @@ def test_large_states_take_disk_and_no_memory(data):
         ),
         (
             {"method": "stochastic", "stochastic": {"length": "1 mm", "breadth": "0.5 mm"}},
-            "about 25 states of the face, on a ladder of nominal pressures",
+            "about 25 states of the face, at tabulated pressures",
         ),
     ],
 )
@@ -163,10 +165,18 @@ def test_seals_as_many_as_their_scatter_asks_for_are_forecast_as_a_range(data):
         return forecast(*of(data | {"stochastic": drawn | more}))
 
     open_number = foreseen({})
-    assert_allclose(open_number.work, foreseen({"realisations": FEWEST_SEALS}).work, rtol=1e-12)
+    assert_allclose(
+        open_number.parallel_seconds,
+        foreseen({"realisations": FEWEST_SEALS}).parallel_seconds,
+        rtol=1e-12,
+    )
     most = foreseen({"realisations": MOST_SEALS})
-    assert_allclose([open_number.most_work, most.most_work], most.work, rtol=1e-12)
-    assert open_number.most_work > 3 * open_number.work
+    assert_allclose(
+        [open_number.most_parallel_seconds, most.most_parallel_seconds],
+        most.parallel_seconds,
+        rtol=1e-12,
+    )
+    assert open_number.most_parallel_seconds > 3 * open_number.parallel_seconds
     texts = [
         "\n".join(describe(*of(data | {"stochastic": drawn | m})))
         for m in ({}, {"realisations": 9})
@@ -181,7 +191,7 @@ def test_drawn_seals_take_longer_at_several_fluid_pressures(data):
     drawn = {"length": "20 mm", "breadth": "1 mm", "realisations": 50}
     data |= {"method": "stochastic", "stochastic": drawn, "output": {"budget": False}}
     acts, ignored = (
-        forecast(*of(data | {"contact": {"fluid_pressure": how}})).work
+        forecast(*of(data | {"contact": {"fluid_pressure": how}})).parallel_seconds
         for how in ("acts", "ignored")
     )
     assert 1.5 * ignored < acts < 20 * ignored

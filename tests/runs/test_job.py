@@ -17,7 +17,7 @@ from femseal.case import parse_case
 from femseal.execution import cluster as cluster_map
 from femseal.fluids import FLUIDS
 from femseal.preparation import prepare
-from femseal.runs.forecast import disk
+from femseal.runs.forecast import disk_space
 from femseal.runs.job import user_code
 from femseal.studies import STUDIES
 
@@ -243,7 +243,7 @@ def test_size_of_the_folder_is_foreseen(case, tmp_path, limit):
     """Of the gaps that all studies keep, too, once all is computed."""
     case.write_text(case.read_text() + f'[output]\nfields_limit = "{limit}"\n')
     loaded, kept, out = fs.load_case(case), [], tmp_path / "out"
-    foreseen = disk(loaded, prepare(loaded))
+    foreseen = disk_space(loaded, prepare(loaded))
 
     def measure(stage, done, total):
         if stage == "writing results":
@@ -251,9 +251,9 @@ def test_size_of_the_folder_is_foreseen(case, tmp_path, limit):
 
     fs.run(loaded, out, workers=1, progress=measure)
     written = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
-    assert written < 1.2 * (foreseen.fields + foreseen.others) < 20 * written
+    assert written < 1.2 * (foreseen.fields + foreseen.other_files) < 20 * written
     assert 0.6 < sum(kept) / foreseen.checkpoint < 1.2
-    assert len(fs.open_results(out).stored_steps) == foreseen.steps
+    assert len(fs.open_results(out).stored_steps) == foreseen.stored_steps
 
 
 @pytest.mark.parametrize(

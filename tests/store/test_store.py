@@ -215,7 +215,7 @@ def test_a_store_that_nobody_needs_does_without_a_disk(tmp_path, monkeypatch, ca
     def full(*parts):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Store, "_appended", full)
+    monkeypatch.setattr(Store, "_append", full)
     with Store(tmp_path, required=False) as kept:
         assert_complete(study(kept.over(map)))
     assert caplog.text.count("results are not kept any more") == 1
@@ -239,7 +239,7 @@ def test_two_processes_share_a_store(tmp_path):
 def test_every_stage_of_a_run_is_kept(tmp_path, monkeypatch, name):
     """Else a run that goes on would compute it again."""
     left = []
-    of_stage, of_item, keep = Store.keys, store._key, Store._keep
+    of_stage, of_item, keep = Store.keys, store._key, Store._write
 
     def keys(self, stage):
         try:
@@ -258,7 +258,7 @@ def test_every_stage_of_a_run_is_kept(tmp_path, monkeypatch, name):
 
     monkeypatch.setattr(Store, "keys", keys)
     monkeypatch.setattr(store, "_key", key)
-    monkeypatch.setattr(Store, "_keep", keeping)
+    monkeypatch.setattr(Store, "_write", keeping)
     case = fs.load_case(EXAMPLES / f"{name}.toml")
     changed = {"output": {"pictures": False, "report": False, "paraview": "none"}}
     if name == "gasket_seal":

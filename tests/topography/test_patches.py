@@ -227,7 +227,7 @@ def test_the_jackknife_of_a_mean_is_its_interval():
         mean, others = one.mean(axis=0), (one.sum(axis=0) - one) / 3
         # every column is a first load: a leakage of its own, with no decades below another
         parts = [
-            patches_part(q, others[:, [n]], ErrorPart.of("patch", q, usual, usual, ""))
+            patches_part(q, others[:, [n]], ErrorPart.from_distances("patch", q, usual, usual, ""))
             for n, q in enumerate(mean[:, None])
         ]
         upper, lower = (np.ravel([getattr(p, end) for p in parts]) for end in ("upper", "lower"))
@@ -238,7 +238,7 @@ def test_the_jackknife_of_a_mean_is_its_interval():
         assert np.sum((lower <= 1) & (upper >= 1)) >= binom.ppf(0.01, 1000, least)
     q = np.array([1.0, 0.0])
     others = np.array([[1.0, 0.0], [0.0, 0.0], [1.5, 2.0]])
-    shut = patches_part(q, others, ErrorPart.of("patch", q, usual, usual, ""))
+    shut = patches_part(q, others, ErrorPart.from_distances("patch", q, usual, usual, ""))
     assert shut.lower[0] == 0 < shut.upper[0] < np.inf
     assert shut.upper[1] > 2
     assert patches_to_halve(3) < patches_to_halve(4) < patches_to_halve(8)

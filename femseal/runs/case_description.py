@@ -1,0 +1,288 @@
+"""Describe a prepared case in lines of text, for `femseal check` and for the report."""
+
+from collections.abc import Iterator
+from math import prod
+from operator import itemgetter
+
+import numpy as np
+
+from ..base import Shape, as_text, counted, to_text
+from ..case.case import Case
+from ..case.faces import Face, FileFace
+from ..case.seal_tables import FluidTable
+from ..case.solid_table import CoatingTable, SolidTable
+from ..checks import FormEffect, QuickEstimate, mean_modulus
+from ..materials import METALS
+from ..preparation.drawing_check import drawing_text
+from ..preparation.preparation import Prepared
+from ..results.load_steps import cycle_text
+from ..results.variables import fluid_text
+from ..studies import Scene
+from ..studies.blocks import blocks_of
+from ..studies.sampling import describe_map
+from ..studies.study_registry import TABULATED_STATES, uses_tabulated_pressures
+from ..topography import Patches
+
+#: Number of shortest waves that each side of a cell should contain.
+ADVISED_WAVES = 8
+
+#: Name and text of a line. A line with the name "" continues the line above it.
+Line = tuple[str, str]
+
+
+def describe_case(
+    case: Case,
+    prepared: Prepared,
+    estimate: QuickEstimate | None,
+    form_effect: FormEffect | None,
+) -> Iterator[Line]:
+    """Describe surface, loads, materials, fluids and studies of a prepared case in lines of text.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    prepared : Prepared
+        The prepared case.
+    estimate : QuickEstimate, optional
+        Quick estimate of the leakage; None if the case has none.
+    form_effect : FormEffect, optional
+        Effect of the form of a measured patch; None if it is not computed.
+
+    Yields
+    ------
+    name, text : str
+        Name and text of a line. A line with the name "" continues the line above it.
+    """
+    scene = prepared.scene
+    yield "face", " against ".join(_face_text(face) for face in case.face)
+    yield from _surface_lines(prepared, form_effect)
+    roughness = drawing_text(case, scene.surface)
+    if roughness:
+        yield "roughness", roughness
+    if prepared.seat:
+        yield "seat", prepared.seat
+    yield "load", _load_text(case, scene)
+    yield "material", solids_text(case)
+    of_waves = " of short waves" if scene.coatings else ""
+    modulus = to_text(scene.surface_modulus, "Pa")
+    yield "", f"contact modulus{of_waves} {modulus}, {scene.law}"
+    yield "fluid", _fluid_text(case.fluid)
+    yield "", scene.fluid_effect
+    if case.output.test_fluid is not None:
+        yield "fluid", f"test fluid: {_fluid_text(case.output.test_fluid)}"
+    yield "flow", f"solver {scene.solver}"
+    yield from _slip_lines(scene)
+    yield from _study_lines(prepared)
+    if str(scene.layout) != "a strip":
+        yield "seal", str(scene.layout)
+    if estimate is not None:
+        yield "quick estimate", str(estimate)
+
+
+def _face_text(face: Face) -> str:
+    """Name the files of a measured face, or the kind of a generated one."""
+    if not isinstance(face, FileFace):
+        return face.kind
+    return ", ".join(str(patch.path) for patch in face.patches or [face])
+
+
+def _fluid_text(table: FluidTable) -> str:
+    """Describe a fluid, with its name unless the description contains it, and its pressures at both ends."""
+    text = fluid_text(table.fluid)
+    name = table.name or ""
+    if name not in text:
+        text = f"{name}: {text}"
+    inlet = to_text(table.inlet_pressure, "Pa")
+    outlet = to_text(table.outlet_pressure, "Pa")
+    return f"{text}, from {inlet} to {outlet}"
+
+
+def solids_text(case: Case) -> str:
+    """Describe the two solids of a case, and say which of them yields."""
+    face, counter = case.material, case.counter_material
+    if counter is None:
+        return f"{_solid_text(face)} against a rigid flat"
+    text = f"{_solid_text(face)} against {_solid_text(counter)}"
+    hardness = {"face": face.law.mean_hardness, "counter-face": counter.law.mean_hardness}
+    (softer, low), (_, high) = sorted(hardness.items(), key=itemgetter(1))
+    if low == np.inf:
+        return text
+    low_text = to_text(low, "Pa")
+    high_text = to_text(high, "Pa") if high < np.inf else "no pressure"
+    return f"{text}; the {softer} yields, at {low_text}, and the other at {high_text}"
+
+
+def _solid_text(solid: SolidTable) -> str:
+    """Describe a solid: elastic constants, hardness, coating, and the source of the properties of a named metal."""
+    text = f"E = {to_text(solid.young, 'Pa')}, ν = {solid.poisson:g}"
+    text += _strength_text(solid)
+    if solid.hardness_table:
+        text += ", hardness by a table of depths"
+    text = _with_metal(solid, text)
+    if solid.coating is None:
+        return text
+    thickness = to_text(solid.coating.thickness, "m")
+    return f"a coating of {thickness}, {_coating_text(solid.coating)}, on {text}"
+
+
+def _coating_text(coating: CoatingTable) -> str:
+    """Describe a coating: elastic constants, hardness, and the source of the properties of a named metal."""
+    text = f"E = {to_text(coating.young, 'Pa')}, ν = {coating.poisson:g}"
+    return _with_metal(coating, text + _strength_text(coating))
+
+
+def _strength_text(solid: SolidTable | CoatingTable) -> str:
+    """Write the hardness and the yield stress that a solid or a coating has, each after a comma."""
+    text = ""
+    for name, value in (("hardness", solid.hardness), ("yield stress", solid.yield_stress)):
+        if value is not None:
+            text += f", {name} {to_text(value, 'Pa')}"
+    return text
+
+
+def _with_metal(solid: SolidTable | CoatingTable, properties: str) -> str:
+    """Put the name of a known metal and the source of its properties in front of the properties."""
+    solid_name = (solid.name or "").casefold().strip()
+    for name, (_, source) in METALS.items():
+        if name.casefold() == solid_name:
+            return f"{name} ({source}; keys of the case come first): {properties}"
+    return properties
+
+
+def _load_text(case: Case, scene: Scene) -> str:
+    """Describe the steps of the load cycle, and its highest load."""
+    text = f"{cycle_text(scene.steps)}, up to {to_text(scene.steps.pressures.max(), 'Pa', 3)}"
+    if case.load.unit != "Pa":
+        text += f", from {to_text(case.load.highest, case.load.unit)}"
+    return text
+
+
+def _surface_lines(prepared: Prepared, form_effect: FormEffect | None) -> Iterator[Line]:
+    """Describe the points of the surface, its roughness, how it was measured, and its filter."""
+    surface = prepared.scene.surface
+    conditioning = prepared.conditioning
+    points = f"{as_text(surface.shape)} points, {as_text(surface.size, 'm')}"
+    yield "surface", f"{points}, pixel {as_text(surface.spacing, 'm')}"
+    yield "", _roughness_text(prepared.scene)
+    if conditioning.undefined_fraction or conditioning.spike_points:
+        undefined = f"{conditioning.undefined_fraction:.2%} undefined points"
+        yield "", f"{undefined} and {conditioning.spike_points} in spikes filled"
+    if isinstance(surface, Patches):
+        yield "", f"{len(surface.widths)} patches"
+    overlap = prepared.overlap
+    if overlap:
+        size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
+        resampled = ", the second resampled" if overlap.resampled else ""
+        yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
+    # longest waves and form are left out where warnings describe them
+    waves = prepared.longest_waves
+    if waves is not None and not waves.warnings:
+        yield from _line_unless_empty(str(waves))
+    if form_effect is not None and not form_effect.warnings:
+        yield from _line_unless_empty(str(form_effect))
+    yield from _line_unless_empty(str(prepared.continuation or ""))
+    yield from _line_unless_empty(conditioning.unseen)
+    yield "filter", _filter_text(prepared)
+
+
+def _line_unless_empty(text: str) -> Iterator[Line]:
+    """Yield a text as a line that continues the line above it, or nothing if the text is empty."""
+    if text:
+        yield "", text
+
+
+def _roughness_text(scene: Scene) -> str:
+    """Write rms height and rms slope of the surface, and the ratio H/(E*·slope) if it can yield."""
+    surface, hardness = scene.surface, scene.law.mean_hardness
+    slope = surface.rms_slope
+    text = f"rms height {to_text(surface.rms_height, 'm', 3)}, rms slope {slope:.3g}"
+    if not slope:
+        return f"{text}: a flat face"
+    if np.isfinite(hardness):
+        text += f", H/(E*·slope) {hardness / mean_modulus(scene) / slope:.3g}"
+    return text
+
+
+def _filter_text(prepared: Prepared) -> str:
+    """Say which waves the low-pass filter removed, and with them which part of the rms slope."""
+    surface = prepared.scene.surface
+    shortest = prepared.conditioning.shortest_wave
+    slope_before = prepared.conditioning.rms_slope_before
+    n_pixels = shortest / max(surface.spacing)
+    waves = f"waves below {to_text(shortest, 'm', 3)} ({n_pixels:.3g} pixels) removed"
+    removed = 1 - surface.rms_slope / slope_before if slope_before else 0.0
+    return f"{waves}, with {removed:.0%} of the rms slope"
+
+
+def _slip_lines(scene: Scene) -> Iterator[Line]:
+    """Say how much slip increases the flow in a gap as high as the rms height, if the fluid slips."""
+    drop = scene.flow.drop
+    if drop.law.homogeneous:  # the cubic law
+        return
+    height = scene.surface.rms_height
+    factor = drop.mean_factor_of(height)
+    gap = f"a gap of the rms height, {to_text(height, 'm', 3)}"
+    yield "slip", f"{factor:.3g} times the viscous flow in {gap}"
+
+
+def _study_lines(prepared: Prepared) -> Iterator[Line]:
+    """Say how many problems every study solves, and how large they are."""
+    scene = prepared.scene
+    steps = len(scene.steps)
+    pixels = prod(scene.surface.shape)
+    face_problems = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
+    if "deterministic" in prepared.methods:
+        yield "deterministic", face_problems
+    if prepared.cells is None:
+        return
+    m1, m2 = prepared.cells
+    yield "cells", _cells_text(prepared, prepared.cells)
+    if "two-scale" in prepared.methods:
+        # every cell is solved along both axes
+        cell_problems = counted(2 * steps * m1 * m2, "flow solution")
+        yield "two-scale", f"{face_problems}, {cell_problems} of cells"
+    if "blocks" in prepared.methods:
+        b1, b2 = blocks_of(prepared.cells)
+        n1, n2 = scene.surface.shape
+        blocks = f"{b1} × {b2} blocks of {n1 // b1} × {n2 // b2} points"
+        yield "blocks", f"{blocks}, about {TABULATED_STATES:.0f} states of each"
+    if "stochastic" in prepared.methods:
+        yield from _stochastic_lines(prepared)
+
+
+def _stochastic_lines(prepared: Prepared) -> Iterator[Line]:
+    """Describe the contact states and the realisations of the stochastic study, and its pressure map."""
+    scene, sampling = prepared.scene, prepared.sampling
+    if sampling is None:
+        return
+    _, tiles = prepared.cut_and_tiles
+    steps = len(scene.steps)
+    states = f"{counted(steps, 'state')} of the face, at its loads"
+    if tiles.in_order:
+        states += "; cells stay in their rows"
+    elif uses_tabulated_pressures(scene, sampling):
+        states = f"about {TABULATED_STATES:.0f} states of the face, at tabulated pressures"
+    yield "stochastic", states
+    length = to_text(tiles.size[1], "m", 3)
+    covered = f"{length} long"
+    if tiles.part < 1:
+        covered = f"{100 * tiles.part:.2g} % of a length of {length}"
+    if sampling.realisations is None:
+        yield "", f"seals of {tiles}, {covered}, as many as the 95 % interval needs"
+    else:
+        yield "", f"{counted(sampling.realisations, 'seal')} of {tiles}, {covered}"
+    uneven_pressure = describe_map(scene, tiles, sampling.pressure_map)
+    if uneven_pressure:
+        yield "pressure map", uneven_pressure
+
+
+def _cells_text(prepared: Prepared, cells: Shape) -> str:
+    """Write the number of cells and their size, with advice if they are small compared with the shortest wave."""
+    sides = [side / m for side, m in zip(prepared.scene.surface.size, cells, strict=True)]
+    n_waves = [side / prepared.conditioning.shortest_wave for side in sides]
+    size = " × ".join(to_text(side, "m", 3) for side in sides)
+    text = f"{cells[0]} × {cells[1]} of about {size}, that is {n_waves[0]:.3g} × {n_waves[1]:.3g} shortest waves"
+    if min(n_waves) < ADVISED_WAVES * 0.99:
+        text += f"; {ADVISED_WAVES} or more are advised, of a larger face"
+    return text
