@@ -10,8 +10,8 @@ import numpy as np
 from ..base import Array, to_text
 from ..scene import Scene
 
-#: Rms height of a surface, over the thickness of a coating, from which on most heights, ±3 rms heights, are as large as
-#: two thicknesses.
+#: Ratio of the rms height of a surface to the thickness of a coating above which a warning is given. At this ratio, the
+#: heights, which range over about ±3 rms heights, extend over two thicknesses.
 _LARGEST_ROUGHNESS = 1 / 3
 
 
@@ -29,29 +29,34 @@ def roughness_of_coating_warnings(scene: Scene) -> Iterator[str]:
 
 
 def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterator[str]:
-    """Warn of points that yield deeper than a coating is thick.
+    """Warn if the plastic deformation is larger than the thickness of a coating.
 
-    plastic_depth : array (steps,) of the largest plastic deformation [m]. Unless given, it is that of a surface that is
-        cut off at the height above which its points carry the load at the hardness, which is an upper estimate.
+    Parameters
+    ----------
+    scene : Scene
+        The surface, its load and its coatings.
+    plastic_depth : array (steps,) or None
+        Largest plastic deformation [m]. None before the scene is solved. An upper estimate is then used: all points
+        above a certain height carry the load at the hardness, and are flattened to this height.
     """
     if not scene.coatings or not isfinite(scene.law.mean_hardness):
         return
     thickness = min(body.thickness for body in scene.coatings)
     pressures = scene.steps.pressures
     if plastic_depth is None:
-        how = "may yield"
+        verb = "may yield"
         heights = scene.surface.heights
-        share = np.clip(pressures / scene.law.mean_hardness, 0.0, 1.0)
-        depths = heights.max() - np.quantile(heights, 1 - share)
+        flattened_fraction = np.clip(pressures / scene.law.mean_hardness, 0.0, 1.0)
+        depths = heights.max() - np.quantile(heights, 1 - flattened_fraction)
     else:
-        how = "yields"
+        verb = "yields"
         depths = np.asarray(plastic_depth)
     deepest = int(np.argmax(depths))
     if depths[deepest] <= thickness:
         return
     yield (
-        f"The coating {how} through: at {scene.steps[deepest].name} the surface {how} to a depth of "
+        f"The coating {verb} through: at {scene.steps[deepest].name} the surface {verb} to a depth of "
         f"{to_text(float(depths[deepest]), 'm', 3)}; the thinnest coating is {to_text(thickness, 'm', 3)} thick. "
-        "Beyond that the hardness is that of the substrate, and what is squeezed aside is left out. Use a "
-        "thicker coating, a smoother surface or a lower load"
+        "Below the coating the hardness is that of the substrate, and the material that is squeezed aside is left out. "
+        "Use a thicker coating, a smoother surface or a lower load"
     )

@@ -13,19 +13,22 @@ from ..fluids import Fluid, IdealGas, leak_basis
 from ..named_fluids import ideal_gas_error, is_nearly_ideal
 from ..scene import Scene
 
-#: Above the first pressure [Pa] no gas is ideal to good accuracy; up to the second no common gas condenses at 20 °C.
-_IDEAL_UP_TO, _NO_GAS_CONDENSES_UP_TO = 20e5, 2e5
-#: Relative error of the leakage of an ideal gas up to which there is no warning at lower pressures.
+#: Above this pressure no gas is ideal to good accuracy [Pa].
+_IDEAL_UP_TO = 20e5
+#: Up to this pressure no common gas condenses at 20 °C [Pa].
+_NO_GAS_CONDENSES_UP_TO = 2e5
+#: At pressures below `_IDEAL_UP_TO`, a warning is given if the relative error of the leakage exceeds this value.
 _IDEAL_WITHIN = 0.05
-#: Mass flux of a choked nozzle over √(p ρ) at its inlet, √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4. It is 0.67 for
-#: κ = 1.3 and 0.73 for 5/3.
+#: Mass flux through a choked nozzle, divided by √(p ρ) at its inlet: √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4. It
+#: is 0.67 for κ = 1.3 and 0.73 for κ = 5/3.
 _CHOKED = 0.685
 
 
 def choked_flux(fluid: Fluid, pressure: float) -> float:
     """Compute the largest mass flux through a nozzle [kg/(m² s)], which is infinite for a liquid.
 
-    The flux is √(pρ) at the inlet times a function of the ratio κ of specific heats, for which that of air is taken.
+    The flux is √(pρ) at the inlet, multiplied by a function of the ratio κ of specific heats. The value of this
+    function for air is used for all gases.
 
     Parameters
     ----------
@@ -48,8 +51,9 @@ def choked_flux(fluid: Fluid, pressure: float) -> float:
 def flow_warnings(scene: Scene, leakage: Array, mean_gap: Array) -> Iterator[str]:
     """Warn if a gas flow would be choked, or if inertia is not negligible, at the load step where this is worst.
 
-    Inertia is measured by the reduced Reynolds number (ρuh/η)(h/λ). The first factor is the mass rate per length over
-    η. The wavelength λ is that of a sine wave with the rms height Sq and rms slope h′ of the surface, 2πSq/h′.
+    Inertia is measured by the reduced Reynolds number (ρuh/η)(h/λ). Its first factor is the mass rate per seal length
+    divided by the viscosity η. The wavelength λ = 2πSq/Sdq is that of a sine wave with the rms height Sq and the rms
+    slope Sdq of the surface.
 
     Parameters
     ----------
@@ -69,19 +73,20 @@ def flow_warnings(scene: Scene, leakage: Array, mean_gap: Array) -> Iterator[str
         choked = np.nan_to_num(mass_rate / (choked_flux(fluid, pressure) * mean_gap), posinf=0.0)
         inertia = np.nan_to_num(mass_rate / viscosity * mean_gap / wave)
     names = [step.name for step in scene.steps]
-    n = int(choked.argmax())
-    if choked[n] > 1:
+    worst = int(choked.argmax())
+    if choked[worst] > 1:
         yield (
-            f"Less gas leaks than computed, at most {mass_rate[n] / choked[n]:.2g} kg/s per metre at {names[n]}: the "
-            f"computed {mass_rate[n]:.2g} kg/s per metre are {choked[n]:.2g} times what a choked nozzle as narrow as "
-            f"the mean gap, {to_text(mean_gap[n], 'm', 2)}, lets through, and the model has no speed of sound"
+            f"Less gas leaks than computed, at most {mass_rate[worst] / choked[worst]:.2g} kg/s per metre at "
+            f"{names[worst]}: the computed {mass_rate[worst]:.2g} kg/s per metre are {choked[worst]:.2g} times what a "
+            f"choked nozzle as narrow as the mean gap, {to_text(mean_gap[worst], 'm', 2)}, lets through, and the model "
+            "has no speed of sound"
         )
-    n = int(inertia.argmax())
-    if inertia[n] > 1:
+    worst = int(inertia.argmax())
+    if inertia[worst] > 1:
         yield (
-            f"Less leaks than computed at {names[n]}, as inertia is not negligible: the Reynolds number of the mean "
-            f"gap, {mass_rate[n] / viscosity:.2g}, times gap over wave, {mean_gap[n] / wave:.2g}, is {inertia[n]:.2g} "
-            "and should be below 1"
+            f"Less leaks than computed at {names[worst]}, as inertia is not negligible: the Reynolds number of the "
+            f"mean gap, {mass_rate[worst] / viscosity:.2g}, times gap over wave, {mean_gap[worst] / wave:.2g}, is "
+            f"{inertia[worst]:.2g} and should be below 1"
         )
 
 

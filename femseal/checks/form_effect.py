@@ -1,8 +1,8 @@
 """Compute how the form of a measured patch changes its leakage.
 
-Contact and flow are solved for the patch as it is, without its curvature, and without its longest waves, on a coarse
-grid with 128 points along the longer side. A coarse surface has smaller slopes, so that it may be sealed at a pressure
-at which the original surface leaks. The pressure is then reduced in the same ratio as the slope.
+Contact and flow are solved three times on a coarse grid: for the patch as it is, without its curvature, and without its
+longest waves. The grid has 128 points along the longer side. A coarse surface has smaller slopes, so that it may be
+sealed at a pressure at which the original surface leaks. The pressure is then reduced in the same ratio as the slope.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from ..topography.defects import fit_form
 from .quick_estimate import first_to_last
 
 #: Number of points along the longer side of a single patch. Several patches have fewer points each, so that the total
-#: time is the same. Compared with the full resolution on eight surfaces at three loads, all 11 ratios above 1.5 were
-#: detected, with one false alarm in 11 others. The median error of ln(ratio) is 0.04, and the 90th percentile 0.3.
+#: time is the same. Eight surfaces were compared with their full resolution at three loads. All 11 ratios above 1.5
+#: were detected, with one false alarm in 11 other cases. The median error of ln(ratio) is 0.04, and the 90th percentile
+#: 0.3.
 _POINTS = 128
 #: Smallest number of points along the shorter side.
 _FEWEST_POINTS = 8
-#: A ratio of leakages above which the form matters.
+#: Ratio of leakages above which the form matters.
 _NOTABLE_RATIO = 1.5
 #: Largest ratio of leakages. It also stands for the ratio to a sealed surface.
 _SEALED_RATIO = 1e4
@@ -65,9 +66,10 @@ class FormEffect:
 
     @property
     def changes(self) -> Array:
-        """Logarithm of the ratio of the leakage to that without curvature, and to that without long waves (2, loads).
+        """Effects of the curvature and of the long waves on the leakage (2, loads).
 
-        NaN if both surfaces are sealed.
+        Each is the logarithm of the ratio of the leakage of the patch to that without its curvature or without its long
+        waves. It is NaN if both surfaces are sealed.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.permeability[0] / self.permeability[1:]
@@ -83,7 +85,10 @@ class FormEffect:
                 "keeps the curvature; where it comes from the instrument, or the load presses it flat, 2 removes it"
             )
         if is_notable.any():
-            return "Waves as long as the patch decide, of which it has few: measure a larger area or several patches"
+            return (
+                "The leakage depends on waves as long as the patch, of which it contains few: measure a larger area or "
+                "several patches"
+            )
         return ""
 
     def distance(self, pressures: Array, long_waves: bool = False) -> Array | None:
@@ -96,14 +101,15 @@ class FormEffect:
         pressures : array, (steps,)
             Nominal pressures [Pa].
         long_waves : bool
-            Whether to take the larger one of the effects of the curvature and of the long waves.
+            False for the effect of the curvature, True for the larger of the effects of the curvature and of the long
+            waves.
 
         Returns
         -------
         array, (steps,), or None
             Effect of the form; None if it is unknown at all computed pressures.
         """
-        changes = np.abs(self.changes if long_waves else self.changes[:1])  # (version, load)
+        changes = np.abs(self.changes if long_waves else self.changes[:1])  # (effect, load)
         change = np.where(np.isfinite(changes), changes, -1.0).max(axis=0)  # −1 if unknown
         is_known = change >= 0
         if not is_known.any():
@@ -117,6 +123,7 @@ class FormEffect:
         return [str(self)] if self.advice else []
 
     def __str__(self) -> str:
+        """Describe the effect of the form in one sentence, followed by advice if the effect is large."""
         if not np.isfinite(self.changes).any():
             return (
                 f"The effect of the form is unknown at {self.loads}: on {_POINTS} points along its longer side the "
@@ -170,7 +177,7 @@ def solve_form_effect(
     permeability = []  # (load, version)
     for pressure in pressures:
         solved = [_permeability(surface, modulus, law, pressure, boundary) for surface in versions]
-        if not all(solved):  # a version is sealed
+        if not all(solved):  # a version is sealed, that is, its permeability is 0
             lower = pressure * kept_slope
             solved = [_permeability(surface, modulus, law, lower, boundary) for surface in versions]
         permeability.append(solved)
@@ -195,7 +202,7 @@ def _permeability(
     pressure: float,
     boundary: tuple[str, str],
 ) -> float:
-    """Compute the permeability of a surface, the mean over its patches [m³]; NaN if a solver fails."""
+    """Compute the mean permeability of the patches of a surface [m³]; NaN if a solver fails."""
     permeability = []
     for patch in surface.patches:
         half_space = HalfSpace(patch.shape, patch.spacing, modulus, boundary)

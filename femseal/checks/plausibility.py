@@ -1,4 +1,4 @@
-"""Check the plausibility of a scene and its solution: numbers that are probably wrong or outside of the model."""
+"""Check the plausibility of a scene and its solution: find values that are probably wrong or outside of the model."""
 
 from __future__ import annotations
 

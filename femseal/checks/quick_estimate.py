@@ -1,7 +1,7 @@
 """Estimate contact and leakage from the spectrum of a surface by Persson's theory, without a numerical solution.
 
-The estimate is a forecast for a case, and a plausibility check of a computed leakage. The leakage is that of two
-parallel plates whose distance is the gap of the critical junction, see `analytic.critical_junction`.
+The estimate is a forecast for a case, and a plausibility check of a computed leakage. The leakage is computed as
+between two parallel plates, whose distance is the gap of the critical junction, see `analytic.critical_junction`.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ from ..topography import Surface, Topography
 _BANDS = 64
 #: Bands with less than this fraction of the mean square slope contain rounding errors only.
 _ROUNDING = 1e-12
-#: The error of the estimate is known up to this contact fraction. At a higher one, single constrictions dominate.
+#: Contact fraction up to which the error of the estimate is known. Above it, single constrictions dominate the leakage.
 LIGHT_CONTACT = 0.3
-#: Half and 95 % of the estimates are right within these factors, measured on 100 scenes of
+#: Factors within which half and 95 % of the estimates are right, from 100 scenes of
 #: `tests/benchmarks/quick_estimate.py`.
 ERROR_FACTORS = (2.2, 10.0)
 #: A leakage is not plausible if it differs from the estimate by more than this many times the factor for 95 %.
 _IMPLAUSIBLE = 10.0
-#: Largest fraction of the variance of the heights that a smooth profile along one axis may have. Beyond it, the profile
-#: decides where the surfaces touch. In 120 self-affine surfaces without roll-off the fraction was at most 0.64. With a
-#: crown of fraction 0.6, the estimate is wrong by factors of 3 to 12; with 0.76, by 7 to more than 300.
+#: Largest fraction of the variance of the heights that a smooth profile along one axis may have. For a larger fraction,
+#: the profile determines where the surfaces touch. In 120 self-affine surfaces without roll-off the fraction was at
+#: most 0.64. With a crown of fraction 0.6, the estimate is wrong by factors of 3 to 12; with 0.76, by 7 to more than
+#: 300.
 _FORM_DECIDES = 0.7
 #: Degree of the polynomial that is fitted to a profile.
 _FORM_DEGREE = 4
@@ -89,16 +90,17 @@ class QuickEstimate:
         ]
 
     def __str__(self) -> str:
+        """Describe the estimate in one sentence, with its error."""
         text = (
             f"contact {first_to_last(100 * self.area)} %, "
             f"narrowest passage {first_to_last(1e6 * self.gap)} µm"
         )
         if np.isfinite(self.leakage).any():
             text += f", leakage {first_to_last(self.leakage)} m²/s per length (0: sealed)"
-        half, most = ERROR_FACTORS
+        factor_of_half, factor_of_95 = ERROR_FACTORS
         return (
-            f"{text}; by the spectrum alone, within a factor of {half:g} in half of the cases and {most:g} in 95 % up "
-            f"to {100 * LIGHT_CONTACT:g} % of contact, and unknown beyond"
+            f"{text}; by the spectrum alone, within a factor of {factor_of_half:g} in half of the cases and "
+            f"{factor_of_95:g} in 95 % up to {100 * LIGHT_CONTACT:g} % of contact, and unknown beyond"
         )
 
 
@@ -109,8 +111,9 @@ def first_to_last(values: Array) -> str:
     '0.12 to 4'
     """
     known = values[np.isfinite(values)]
-    ends = [*known[:1], *known[-1:]]
-    return " to ".join(dict.fromkeys(f"{float(f'{value:.2g}'):g}" for value in ends))
+    ends = [*known[:1], *known[-1:]]  # empty if no value is known
+    texts = [f"{float(f'{value:.2g}'):g}" for value in ends]
+    return " to ".join(dict.fromkeys(texts))  # one text if both ends are equal
 
 
 def estimate_surface(
@@ -121,9 +124,9 @@ def estimate_surface(
 ) -> QuickEstimate:
     """Estimate contact fraction and gaps of a surface. The leakage of the result is NaN.
 
-    Grooves along the seal close at a smaller contact fraction than isotropic roughness, and grooves in the direction of
-    the leakage at a larger one. The contact fraction of closing is multiplied by 2s₂/(s₁ + s₂) with the rms slopes s₁
-    and s₂ along x1 and x2. Several patches are averaged.
+    Compared with isotropic roughness, grooves along the seal close at a smaller contact fraction, and grooves in the
+    direction of the leakage at a larger one. The contact fraction at closing is therefore multiplied by 2s₂/(s₁ + s₂),
+    where s₁ and s₂ are the rms slopes along x1 and x2. Several patches are averaged.
 
     Parameters
     ----------
@@ -159,7 +162,7 @@ def estimate_surface(
                 )
     widths = [patch.shape[1] for patch in patches]
     area, _, mean_gap = np.average(junctions, axis=0, weights=widths).T
-    # permeabilities add up, which are proportional to the third power of the gap
+    # The permeabilities of the patches are averaged. They are proportional to the third power of the gap.
     gap = np.cbrt(np.average(junctions[..., 1] ** 3, axis=0, weights=widths))
     return QuickEstimate(area, gap, mean_gap, np.full(len(pressures), nan))
 
@@ -172,13 +175,13 @@ def estimate_scene(scene: Scene, unit_leakage: float | None = None) -> QuickEsti
     scene : Scene
         Surface, loads and fluid. Results at unloading steps are NaN.
     unit_leakage : float, optional
-        Leakage per seal length and permeability of the seal [1/(m s)], by default that of a seal as broad as the
+        Leakage per seal length for a uniform permeability of 1 m³ [1/(m s)], by default that of a seal as broad as the
         surface.
 
     Returns
     -------
     QuickEstimate or None
-        None if no estimate is possible: for a spiral, for a surface whose form decides where it touches, and if the
+        None if no estimate is possible: for a spiral, for a surface whose form determines where it touches, and if the
         contact is unknown at all loads.
     """
     if scene.flow.spiral is not None or any(map(_has_form, scene.surface.patches)):
@@ -196,7 +199,7 @@ def estimate_scene(scene: Scene, unit_leakage: float | None = None) -> QuickEsti
 
 
 def _has_form(patch: Topography) -> bool:
-    """Return True if a smooth profile along one axis, such as a crown, has most of the variance of the heights."""
+    """Return whether a smooth profile along one axis, such as a crown, has most of the variance of the heights."""
     heights = patch.heights - patch.heights.mean()
     variance = heights.var()
     for axis in (0, 1):
@@ -211,7 +214,7 @@ def _has_form(patch: Topography) -> bool:
 
 
 def mean_modulus(scene: Scene) -> float:
-    """Compute the contact modulus [Pa] of the waves of a surface, the root mean square over their slopes."""
+    """Compute the root mean square of the contact modulus over the waves of a surface, weighted by slope [Pa]."""
     if isinstance(scene.modulus, float):
         return scene.modulus
     waves, powers = _spectrum_in_bands(scene.surface.patches[0])
@@ -219,7 +222,10 @@ def mean_modulus(scene: Scene) -> float:
 
 
 def _mean_modulus(modulus: float | Bodies, waves: Array, powers: Array) -> float:
-    """Compute the root mean square of the contact modulus [Pa] over the slopes of waves, see `estimate_surface`."""
+    """Compute the root mean square of the contact modulus [Pa] over waves, weighted by their mean square slopes.
+
+    waves : wave number of each wave [rad/m]. powers : its mean square height [m²].
+    """
     if isinstance(modulus, float):
         return modulus
     square_slopes = powers * waves**2
@@ -235,8 +241,8 @@ def _spectrum_in_bands(patch: Topography) -> tuple[Array, Array]:
     """
     q, density = patch.radial_psd()
     starts = np.unique(np.geomspace(1, q.size, _BANDS).astype(int)) - 1
-    # moments of the isotropic spectrum up to a constant factor: ∫ C q dq is the mean square height, ∫ C q³ dq that of
-    # the slope
+    # Moments of the isotropic spectrum up to a constant factor: ∫ C q dq is the mean square height, and ∫ C q³ dq the
+    # mean square slope.
     height_moment = np.add.reduceat(density * q**1, starts)
     slope_moment = np.add.reduceat(density * q**3, starts)
     is_significant = slope_moment > _ROUNDING * slope_moment.sum()

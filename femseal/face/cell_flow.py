@@ -1,6 +1,7 @@
-"""Solve the flow through a whole surface at full resolution, and through a cell of it along one axis.
+"""Solve the flow through a whole surface at full resolution, and through one of its cells along one axis.
 
-The module also counts the solutions of an ensemble by solver, and keeps the reasons of those that failed.
+The module also contains `attempt`, which records the failure of a solver instead of stopping a run, and `SolveCounts`,
+which counts the solutions by solver.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from ..topography.patches import split_patches
 
 Result = TypeVar("Result")
 #: Relative tolerance of the iteration for a permeability that depends on the fluid pressure. For comparison, the slip
-#: factor of a gas is known to 0.9 %.
+#: factor of a gas is only known to 0.9 %.
 PRESSURE_RTOL = 1e-4
 #: Largest number of points of a surface whose flow is solved as a whole. Together with its contact it takes 9 GB.
 LARGEST_FLOW = 2**26
@@ -30,7 +31,7 @@ LARGEST_FLOW = 2**26
 
 @dataclass(frozen=True)
 class Failed:
-    """Placeholder for the result of a solver that failed, so that the other solutions of an ensemble can continue.
+    """Placeholder for the result of a solver that failed, so that a run can go on with the other solutions.
 
     Attributes
     ----------
@@ -88,7 +89,8 @@ class SolveCounts:
     @classmethod
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
         """Add up several counts."""
-        counts, systems = list(counts), Counter[str]()
+        counts = list(counts)
+        systems = Counter[str]()
         for count in counts:
             systems.update(dict(count.systems))
         worst = max((count.worst_imbalance for count in counts), default=0.0)
@@ -124,8 +126,7 @@ class FlowSettings:
         check_solver(self.solver)
 
 
-#: Default settings.
-_PLAIN = FlowSettings()
+_DEFAULT_SETTINGS = FlowSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +138,7 @@ class CellPermeabilities:
     k : array, (pressures,)
         Permeability at each fluid pressure [m³].
     counts : SolveCounts
-        Number of systems. The cell counts once as solved or closed, also with several fluid pressures.
+        Number of linear systems. The cell itself counts once as solved or closed, whatever the number of pressures.
     """
 
     k: Array
@@ -148,7 +149,7 @@ def cell_permeabilities(
     gap: Array,
     spacing: Pair,
     axis: int,
-    settings: FlowSettings = _PLAIN,
+    settings: FlowSettings = _DEFAULT_SETTINGS,
     core: tuple[int, int] | None = None,
 ) -> CellPermeabilities:
     """Compute the permeability along one axis of a cell with closed sides, at each fluid pressure.
@@ -164,7 +165,8 @@ def cell_permeabilities(
     settings : FlowSettings
         Fluid and solver.
     core : tuple of two int, optional
-        Range of points across the flow whose permeability is computed, see `cell_flow`; by default the whole cell.
+        Range of points on the axis perpendicular to the flow whose permeability is computed, see `cell_flow`; by
+        default the whole cell.
 
     Raises
     ------
@@ -181,9 +183,9 @@ def cell_permeabilities(
         )
         k[n] = cell.permeability
         solvers.append(SolveCounts.of(cell.flow))
-        if k[0] == 0:  # closed at every pressure
+        if k[0] == 0:  # a closed cell is closed at every fluid pressure
             break
-    # one flow, however many systems were solved for it
+    # the cell counts once, however many systems were solved for it
     is_open = cell.flow.percolates
     counts = SolveCounts.total(solvers)
     return CellPermeabilities(k, replace(counts, solved=int(is_open), closed=int(not is_open)))
@@ -196,7 +198,7 @@ class FaceFlow:
     Attributes
     ----------
     permeability : float
-        Permeability with respect to the drop of the potential of viscous flow [m³].
+        Permeability [m³], which refers to the drop of the pressure potential of viscous flow.
     solvers : SolveCounts
         Numbers of systems by solver.
     potential : array, (n1, n2)
@@ -211,13 +213,13 @@ class FaceFlow:
 def resolved_flow(
     gap: Floats,
     spacing: Pair,
-    settings: FlowSettings = _PLAIN,
+    settings: FlowSettings = _DEFAULT_SETTINGS,
     sides: str = "periodic",
 ) -> FaceFlow:
-    """Compute the flow along x1 through the gap of a whole surface.
+    """Solve the flow along x1 through the gap of a whole surface.
 
     A surface of more than `LARGEST_FLOW` points is divided along x2 into parts, each of which is treated as periodic.
-    If the settings contain a spiral, fluid also flows along its grooves past lands that are closed.
+    If the settings contain a spiral, the fluid can also follow its grooves around lands that are closed.
 
     Parameters
     ----------
@@ -245,6 +247,7 @@ def resolved_flow(
     counts = SolveCounts()
 
     def solve(gap: Array) -> tuple[float, Array, Permeability]:
+        """Solve the flow for a fixed gap; return permeability [m³], fluid pressure (1 to 0) and the whole solution."""
         nonlocal counts
         flow = cell_permeability(gap, spacing, sides=sides, solver=settings.solver)
         counts += SolveCounts.of(flow)
@@ -256,13 +259,14 @@ def resolved_flow(
         return flow.value, flow.fluid_pressure, flow
 
     flow, drop = settings.drop.solve_face(np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
-    value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
-    # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
+    value = flow.value * drop.mean_factor
+    potential = drop.viscous_fraction(flow.fluid_pressure)
+    # The exact potential lies between 0 and 1. The error of the solver, about 1e-3 in the energy norm, may exceed this.
     return FaceFlow(value, counts, np.clip(potential, 0.0, 1.0))
 
 
 def flow_sides(boundary: str) -> str:
-    """Return the sides of the flow at a contact boundary: "periodic" if it is periodic, otherwise "mirror"."""
+    """Return the condition at the sides of the flow for a boundary of the contact, "periodic" or "mirror"."""
     return "periodic" if boundary == "periodic" else "mirror"
 
 
@@ -287,7 +291,7 @@ def permeability_along_x2(
     Returns
     -------
     float
-        Mean permeability of the patches, weighted by their widths [m³].
+        Mean permeability of the patches, weighted with their widths [m³].
 
     Raises
     ------
@@ -308,7 +312,7 @@ def drop_fractions(
     potential: Floats,
     settings: FlowSettings,
 ) -> Array:
-    """Compute the fraction of the total dissipation in each pixel (n1, n2); NaN if there is no flow.
+    """Compute the fraction of the total dissipation that occurs in each pixel (n1, n2); NaN if there is no flow.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """Cut a surface in contact into rectangular cells, and compute the permeability of each cell along both axes.
 
 The contact is solved for the whole surface, because its long waves keep the valleys of a cell open; a single cell under
-load would be flattened. The flow through a cell is solved with closed sides, which exclude detours, so that the cells
-in order leak less than the surface. A correction factor for each axis and state compensates for this.
+load would be flattened. The flow through a cell is solved with closed sides. This excludes detours through neighbouring
+cells, so that the cells in order leak less than the surface. A correction factor for each axis and state compensates
+for this.
 """
 
 from __future__ import annotations
@@ -20,24 +21,25 @@ from ..loads import LoadProgramme
 from ..topography import Surface
 from .cell_flow import Failed, FlowSettings, SolveCounts, attempt, cell_permeabilities
 
-#: Default number of cells along the shorter side of a surface, for cells at random and for rows of cells in order. In
-#: order, two larger cells preserve the channels that cross from row to row, see docs/evidence/stochastic_seals.md.
+#: Default number of cells along the shorter side of a surface, for cells at random and for cells in order. Cells in
+#: order are larger, which preserves channels that cross from row to row, see docs/evidence/stochastic_seals.md.
 CELLS, CELLS_IN_ORDER = 4, 2
 #: Smallest number of points along a side of a cell.
 FEWEST_POINTS = 8
-#: Overlap of a cell with each neighbour across the flow, as a fraction of the cell. Channels that leave the cell and
-#: return are then open, but only the flux inside the cell itself counts, see `flow.core_flux`.
+#: Overlap of a cell with each neighbour at its sides, as a fraction of the width of the cell. Channels that leave the
+#: cell and return are then open, but only the flux inside the cell itself counts, see `flow.core_flux`.
 OVERLAP = 0.125
-#: Largest correction factor, and largest ratio of the leakage of a seal with rows in order to that of the surface.
+#: Largest correction factor, and largest ratio of the leakage of a seal with cells in order to that of the surface.
 #: Larger values would be due to single constrictions.
 MOST_FACTOR, MOST_RATIO = 3.0, 2.0
+#: Continuation of a surface along x1 and x2, as of a `HalfSpace`.
+Boundary = tuple[str, str]
 
 
 def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
     """Return the default numbers of nearly square cells along x1 and x2.
 
-    There are four cells along the shorter side of a patch, or two if `in_order`, which means that the seal is as broad
-    as the surface and rows of cells keep their order.
+    There are four cells along the shorter side of the shortest patch, or two if the cells stay in order.
     """
     d1, d2 = surface.spacing
     n1 = surface.shape[0]
@@ -45,25 +47,21 @@ def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
     side = shorter_side / (CELLS_IN_ORDER if in_order else CELLS)
     m1 = max(1, min(round(n1 * d1 / side), n1 // FEWEST_POINTS))
     m2 = 0
-    for width in surface.widths:
+    for width in surface.widths:  # number of points of each patch along x2
         m2 += max(1, min(round(width * d2 / side), width // FEWEST_POINTS))
     return m1, m2
 
 
-#: Boundary of a surface along x1 and x2, as of a `HalfSpace`.
-Boundary = tuple[str, str]
-
-
 @dataclass(frozen=True, eq=False)
 class WidenedCell:
-    """A cell with overlaps into its neighbours on both sides of the flow.
+    """A cell with overlaps into its neighbours at its sides, parallel to the flow.
 
     Attributes
     ----------
     field : array, (n1, n2)
         Values at the points of the cell and its overlaps.
     core : tuple of two int
-        Range of points across the flow that belong to the cell itself; the end is exclusive.
+        Range of points of the cell itself on the axis perpendicular to the flow; the end is exclusive.
     """
 
     field: NDArray[Any]
@@ -100,20 +98,21 @@ class Cut:
         m1, m2 = validate.grid("cells", cells)
         if m2 < len(widths):
             raise InputError("cells", cells, f"along x2 from {len(widths)}, one for each patch")
-        columns_of_patches = _shares(widths, min(m2, sum(widths)))
+        columns_of_patches = _distribute_columns(widths, min(m2, sum(widths)))
         # (number of points, number of cells) of each division
         divisions = [(surface.shape[0], m1), *zip(widths, columns_of_patches, strict=True)]
         if any(n // m < FEWEST_POINTS for n, m in divisions if m > 1):
-            given = "{} × {} of {} × {} points".format(m1, m2, *surface.shape)
+            given = f"{m1} × {m2} of {surface.shape[0]} × {surface.shape[1]} points"
             raise InputError(
                 "cells", given, f"cells of at least {FEWEST_POINTS} × {FEWEST_POINTS} points"
             )
-        columns, place = [0], []
+        columns = [0]
+        patch_of_column: list[int] = []
         for number, (width, count) in enumerate(zip(widths, columns_of_patches, strict=True)):
-            columns += _lines(columns[-1], width, count)[1:]
-            place += [number] * count
-        rows = _lines(0, surface.shape[0], m1)
-        return cls(tuple(rows), tuple(columns), tuple(place), surface.spacing)
+            columns += _divide_range(columns[-1], width, count)[1:]
+            patch_of_column += [number] * count
+        rows = _divide_range(0, surface.shape[0], m1)
+        return cls(tuple(rows), tuple(columns), tuple(patch_of_column), surface.spacing)
 
     @property
     def shape(self) -> Shape:
@@ -151,7 +150,7 @@ class Cut:
     def split_with_overlaps(
         self, field: NDArray[Any], axis: int, boundary: Boundary = ("free", "periodic")
     ) -> list[WidenedCell]:
-        """Cut a field into cells that overlap with their neighbours across the flow.
+        """Cut a field into cells that overlap with their neighbours at their sides, parallel to the flow.
 
         Parameters
         ----------
@@ -172,12 +171,13 @@ class Cut:
         for rows in pairwise(self.rows):
             for column, columns in enumerate(pairwise(self.columns)):
                 if axis == 0:
-                    beside, core = _overlapping(columns, self._patch_range(column), boundary[1])
-                    wide = field[rows[0] : rows[1], beside]
+                    patch = self._patch_range(column)
+                    points, core = _points_with_overlaps(columns, patch, boundary[1])
+                    wide_field = field[rows[0] : rows[1], points]
                 else:
-                    beside, core = _overlapping(rows, (0, self.rows[-1]), boundary[0])
-                    wide = field[beside, columns[0] : columns[1]]
-                cells.append(WidenedCell(wide, core))
+                    points, core = _points_with_overlaps(rows, (0, self.rows[-1]), boundary[0])
+                    wide_field = field[points, columns[0] : columns[1]]
+                cells.append(WidenedCell(wide_field, core))
         return cells
 
     def _patch_range(self, column: int) -> tuple[int, int]:
@@ -196,8 +196,8 @@ class Cut:
         return self.sums(field) / np.outer(np.diff(self.rows), np.diff(self.columns))
 
 
-def _shares(widths: Sequence[int], columns: int) -> list[int]:
-    """Distribute columns over patches in proportion to their widths, by the method of the largest remainders."""
+def _distribute_columns(widths: Sequence[int], columns: int) -> list[int]:
+    """Distribute columns of cells over patches in proportion to their widths, by the largest remainders."""
     wanted = np.array(widths) * (columns / sum(widths))
     shares = np.maximum(wanted.astype(int), 1)
     while shares.sum() != columns:
@@ -208,10 +208,10 @@ def _shares(widths: Sequence[int], columns: int) -> list[int]:
     return [int(share) for share in shares]
 
 
-def _overlapping(
+def _points_with_overlaps(
     cell: tuple[int, int], patch: tuple[int, int], boundary: str
 ) -> tuple[Indices, tuple[int, int]]:
-    """Find the points across the flow of a cell with its overlaps, and the range of them that is its core.
+    """Return the points of a cell with its overlaps, on the axis perpendicular to the flow.
 
     Parameters
     ----------
@@ -219,25 +219,34 @@ def _overlapping(
         Range of points of the cell, and of the measured patch to which it belongs; the ends are exclusive.
     boundary : str
         Continuation of the patch, see `Cut.split_with_overlaps`.
+
+    Returns
+    -------
+    points : array of int
+        Indices of the points on the surface.
+    core : tuple of two int
+        Range of these points that belongs to the cell itself; the end is exclusive.
     """
     first, end = patch
     size = end - first
-    overlap = round(OVERLAP * (cell[1] - cell[0]))
-    points = np.arange(cell[0] - overlap, cell[1] + overlap) - first  # relative to the patch
+    width = cell[1] - cell[0]
+    overlap = round(OVERLAP * width)
+    positions = np.arange(cell[0] - overlap, cell[1] + overlap) - first  # relative to the patch
     overlap_before = overlap
     if boundary == "periodic":
-        inside = points % size
+        inside = positions % size
     elif boundary == "mirror":
-        # two sizes are a period of the surface with its mirror image
-        image = points % (2 * size)
-        inside = np.minimum(image, 2 * size - 1 - image)
+        # a period consists of the patch and its mirror image
+        in_period = positions % (2 * size)
+        inside = np.minimum(in_period, 2 * size - 1 - in_period)
     else:
-        inside = points[(points >= 0) & (points < size)]
-        overlap_before = int((points[:overlap] >= 0).sum())
-    return inside + first, (overlap_before, overlap_before + cell[1] - cell[0])
+        # the overlaps end at the border of the patch
+        inside = positions[(positions >= 0) & (positions < size)]
+        overlap_before = int((positions[:overlap] >= 0).sum())
+    return inside + first, (overlap_before, overlap_before + width)
 
 
-def _lines(first: int, points: int, count: int) -> list[int]:
+def _divide_range(first: int, points: int, count: int) -> list[int]:
     """Divide a range of points into `count` parts of equal size, up to rounding, and return their `count` + 1 ends."""
     return [first + round(n * points / count) for n in range(count + 1)]
 
@@ -254,13 +263,13 @@ class CellState:
         Contact pressure [Pa], gap [m], contact fraction and fraction of points at the hardness, averaged over each
         cell.
     drop_fraction : array, (m1, m2)
-        Fraction of the dissipation in each cell; NaN if there is no flow.
+        Fraction of the total dissipation that occurs in each cell; NaN if there is no flow.
     rows : array, (n1,)
         Mean contact pressure of each row of points [Pa].
     counts : SolveCounts
-        Numbers of cells whose flow was solved, or is 0 because they are closed.
+        Numbers of open cells, whose flow was solved, and of closed ones.
     failures : tuple of str
-        Reasons for values of NaN.
+        Reasons for values that are NaN.
     surface_k1 : float
         Permeability of the whole surface along x1 [m³].
     surface_k2 : float
@@ -346,22 +355,23 @@ class CellState:
 
 
 def correction_factors(
-    face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FACTOR
+    surface: Array, cells: Array, steps: LoadProgramme, largest: float = MOST_FACTOR
 ) -> Array:
-    """Compute the correction factor of each state for one axis, so that the cells in order leak what the surface leaks.
+    """Compute the correction factor of each state for one axis.
 
-    If the surface or its cells are sealed or unknown in a state, the factor of the nearest state in the same branch of
-    the load cycle is taken, or 1 if no state has a factor. The factor is limited, because near closing it is that of
-    single constrictions, which other seals do not have.
+    Multiplied by this factor, the cells in order leak as much as the whole surface. If the surface or its cells are
+    sealed in a state, or their leakage is unknown, the factor of the nearest state in the same branch of the load cycle
+    is taken, or 1 if no state has a factor. The factor is limited, because near closing it depends on single
+    constrictions, which other seals do not have.
 
     Parameters
     ----------
-    face, own : arrays, (steps,)
-        Leakage or permeability along the axis of the surface, and of its cells in order.
+    surface, cells : arrays, (steps,)
+        Leakage or permeability of the whole surface and of its cells in order, along the axis.
     steps : LoadProgramme
         Load programme.
-    most : float
-        Largest factor; the smallest one is 1/`most`.
+    largest : float
+        Largest factor; the smallest one is 1/`largest`.
 
     Returns
     -------
@@ -369,13 +379,13 @@ def correction_factors(
         Correction factors.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        logs = np.log(face / own)
+        log_ratio = np.log(surface / cells)
     log_factor = np.zeros(len(steps))
-    for branch in steps.branches:
-        known = np.flatnonzero(np.isfinite(logs[branch]))
+    for branch in steps.branches:  # indices of the steps of each branch
+        known = np.flatnonzero(np.isfinite(log_ratio[branch]))  # positions in the branch
         if known.size:
             position = np.arange(len(branch))
             distance = np.abs(position[:, None] - known)  # (state, state with a factor)
             nearest = known[distance.argmin(axis=1)]
-            log_factor[branch] = logs[branch[nearest]]
-    return np.exp(np.clip(log_factor, -np.log(most), np.log(most)))
+            log_factor[branch] = log_ratio[branch[nearest]]
+    return np.exp(np.clip(log_factor, -np.log(largest), np.log(largest)))

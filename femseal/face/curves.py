@@ -1,9 +1,10 @@
-"""Interpolate the permeability of a cell at any pressure of any load cycle between tabulated pressures.
+"""Interpolate the permeability of a cell between tabulated pressures, for any load cycle.
 
-ln k is interpolated monotonically (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238) over the cube root of
-the pressure, because it is a nearly linear function of it from first touch to closing. Unloading curves are
-interpolated between tabulated peaks at equal fractions of the reopening pressure, so that each unloading curve begins
-on the loading curve. Below the lowest peak they tend to the loading curve, as without plastic deformation.
+ln k is a nearly linear function of the cube root of the pressure, from first touch to closing. It is interpolated
+monotonically over this cube root (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238). To unload from any
+peak, the curves of the tabulated peaks below and above it are interpolated at equal fractions of their reopening
+pressures, so that each unloading curve begins on the loading curve. Below the lowest tabulated peak, the unloading
+curves tend to the loading curve, as without plastic deformation.
 """
 
 from __future__ import annotations
@@ -18,21 +19,28 @@ from ..loads import LoadProgramme
 
 
 class LogCurve:
-    """Interpolated ln k as a function of an increasing x.
+    """Interpolated ln k as a function of a variable x, from open states at small x to closed ones.
 
-    The curve ends at `end`, in the middle between the last open and the first closed point.
+    Attributes
+    ----------
+    end : float
+        x at which the cell closes, in the middle between the last open and the first closed point. It is inf if the
+        cell is open at all points, and −inf if it is closed at all points.
     """
 
     def __init__(self, x: Array, k: Array) -> None:
         """Interpolate values k (n,) at increasing x (n,) up to the first point at which k is 0."""
-        n_open = int(np.argmin(np.append(k > 0, False)))
-        # mean of the last open and the first closed point; infinite if there is no such point
-        self.end = float(np.r_[-np.inf, x, np.inf][n_open : n_open + 2].mean())
+        n_open = int(
+            np.argmin(np.append(k > 0, False))
+        )  # number of points before the first closed one
+        # In the padded array, the last open point has the index n_open, and the first closed one n_open + 1.
+        padded = np.r_[-np.inf, x, np.inf]
+        self.end = float(padded[n_open : n_open + 2].mean())
         self._x, self._log_k = x[:n_open], np.log(k[:n_open])
         self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
 
     def __call__(self, x: Array) -> Array:
-        """Evaluate ln k at x, which is −inf if the cell is closed.
+        """Evaluate ln k at x; it is −inf beyond the end of the curve, where the cell is closed.
 
         Below the first point the curve is constant. Beyond the last open point it is continued linearly up to its end.
         """
@@ -41,7 +49,8 @@ class LogCurve:
             return np.full(x.shape, -np.inf)
         if self._inner is None:
             return np.where(x <= self.end, self._log_k[0], -np.inf)
-        slope = min(0.0, float(np.diff(self._log_k[-2:])[0] / np.diff(self._x[-2:])[0]))
+        last_slope = float(np.diff(self._log_k[-2:])[0] / np.diff(self._x[-2:])[0])
+        slope = min(0.0, last_slope)
         beyond = np.maximum(x - self._x[-1], 0.0) if np.isfinite(self.end) else 0.0
         value = self._inner(np.clip(x, self._x[0], self._x[-1])) + slope * beyond
         return np.where(x <= self.end, value, -np.inf)
@@ -67,7 +76,7 @@ class CellCurves:
         peaks = []
         self._unloading = []
         for branch in steps.branches[1:]:
-            down = branch[known[branch]][::-1]  # from low to high pressure
+            down = branch[known[branch]][::-1]  # known steps from low to high pressure
             peak = steps[branch[0]].unloaded_from
             if down.size and on_loading.any():
                 fractions = np.append(steps.pressures[down] / peak, 1.0)
@@ -111,60 +120,65 @@ class CellCurves:
                 else self.k_on_loading(pressure)
             )
         fraction = np.clip(pressure / peak, 0.0, 1.0)
-        # knot 0 is the loading curve, knot m the m-th tabulated peak; interpolate between `upper` − 1 and `upper`
+        # Knot 0 is the loading curve, and knot m the m-th tabulated peak. The result is interpolated between the knots
+        # `upper` − 1 and `upper`.
         knots = np.r_[0.0, self._peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
-        # a peak below the closing pressure leaves the cell open; above it the reopening fraction falls from 1
+        # Unloaded from a peak below the closing pressure, the cell is always open. For higher peaks, the reopening
+        # pressure as a fraction of the peak decreases from 1.
         closing = max(self.loading.end, 0.0) ** 3
-        above = self._peaks > closing
-        opens = np.array([_reopening(curve) for curve in self._unloading])
-        reopening = np.interp(peak, np.r_[closing, self._peaks[above]], np.r_[1.0, opens[above]])
+        is_above = self._peaks > closing
+        tabulated = np.array([_reopening_fraction(curve) for curve in self._unloading])
+        reopening = np.interp(
+            peak, np.r_[closing, self._peaks[is_above]], np.r_[1.0, tabulated[is_above]]
+        )
+        # pressure as a fraction of the reopening pressure; above 1 the cell is still closed
         relative = np.divide(
             fraction, reopening, out=np.full(fraction.shape, np.inf), where=reopening > 0
         )
         x = np.cbrt(knots)
         weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
-        inside = np.clip(relative, 0, 1)  # pressure over the reopening pressure
+        inside = np.clip(relative, 0, 1)
 
         def interpolate(relative_pressure: Array) -> Array:
-            below = self._at(upper - 1, relative_pressure, peak)
-            above = self._at(upper, relative_pressure, peak)
-            return _between(weight, below, above)
+            """Interpolate ln k between both knots, at fractions of their reopening pressures."""
+            below = self._log_k_at_knots(upper - 1, relative_pressure, peak)
+            above = self._log_k_at_knots(upper, relative_pressure, peak)
+            return _interpolate_log_k(weight, below, above)
 
-        value = interpolate(inside)
-        top = interpolate(np.ones_like(inside))  # at the reopening pressure
-        released = interpolate(np.zeros_like(inside))  # without pressure
-        ceiling = self.loading(np.cbrt(pressure))
-        floor = self.loading(np.cbrt(peak))
-        # If the cell is open at its peak, the unloading curve must begin at k on loading. The interpolated curve misses
-        # this value by `missed`. The correction decreases to 0 as the cell is released; between the loading curve and
-        # the lowest peak it is constant.
-        is_open = np.isfinite(floor) & np.isfinite(top)
-        missed = floor[is_open] - top[is_open]
-        rise = value[is_open] - top[is_open]
-        total_rise = np.maximum(released[is_open] - top[is_open], missed)
+        log_k = interpolate(inside)
+        at_reopening = interpolate(np.ones_like(inside))
+        without_pressure = interpolate(np.zeros_like(inside))
+        at_peak = self.loading(np.cbrt(peak))  # lower bound
+        on_loading = self.loading(np.cbrt(pressure))  # upper bound
+        # If the cell is open at its peak, the unloading curve must begin at `at_peak`. The interpolated curve begins at
+        # `at_reopening` instead, and is corrected by the difference. The correction decreases to 0 as the cell is
+        # released; between the loading curve and the lowest tabulated peak it is constant.
+        is_open = np.isfinite(at_peak) & np.isfinite(at_reopening)
+        difference = at_peak[is_open] - at_reopening[is_open]
+        rise = log_k[is_open] - at_reopening[is_open]
+        total_rise = np.maximum(without_pressure[is_open] - at_reopening[is_open], difference)
         has_rise = (total_rise > 0) & (upper[is_open] > 1)
         released_part = np.divide(rise, total_rise, out=np.zeros_like(rise), where=has_rise)
-        value[is_open] += missed * (1 - released_part)
-        value = np.clip(value, np.minimum(floor, ceiling), ceiling)
-        return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
+        log_k[is_open] += difference * (1 - released_part)
+        log_k = np.clip(log_k, np.minimum(at_peak, on_loading), on_loading)
+        return np.where((relative <= 1) & np.isfinite(on_loading), np.exp(log_k), 0.0)
 
-    def _at(self, knot: Indices, inside: Array, peak: Array) -> Array:
-        """Evaluate ln k (n,) on the curve of each knot (n,), at fractions `inside` (n,) of its reopening pressure.
+    def _log_k_at_knots(self, knot: Indices, relative: Array, peak: Array) -> Array:
+        """Evaluate ln k (n,) on the curve of each knot (n,), at fractions `relative` (n,) of its reopening pressure.
 
-        Knot 0 is the loading curve, for which the smaller one of the peak and the closing pressure is taken.
+        On the loading curve (knot 0), the fractions refer to the peak, or to the closing pressure if that is lower.
         """
-        log_k = self.loading(
-            np.cbrt(inside) * np.minimum(np.cbrt(peak), max(self.loading.end, 0.0))
-        )
+        root_of_reference = np.minimum(np.cbrt(peak), max(self.loading.end, 0.0))
+        log_k = self.loading(np.cbrt(relative) * root_of_reference)
         for number, curve in enumerate(self._unloading, start=1):
             is_on_curve = knot == number
             if is_on_curve.any():
-                log_k[is_on_curve] = curve(inside[is_on_curve] * _reopening(curve))
+                log_k[is_on_curve] = curve(relative[is_on_curve] * _reopening_fraction(curve))
         return log_k
 
     def k_on_paths(self, paths: Array, steps: LoadProgramme) -> Array:
-        """Evaluate k (steps, paths) [m³] for load paths, which are pressures of the cell at each step [Pa]."""
+        """Evaluate k (steps, paths) [m³] on pressure paths, the contact pressures of a cell at each step [Pa]."""
         peak = local_peaks(paths, steps)
         # at its own peak a cell is on the loading curve, even where the seal is being unloaded
         down = paths < peak
@@ -173,29 +187,30 @@ class CellCurves:
         return k
 
 
-def _reopening(unloading: LogCurve) -> float:
-    """Return the reopening pressure of a cell on unloading as a fraction of the peak; 0 if it stays closed."""
+def _reopening_fraction(unloading: LogCurve) -> float:
+    """Return the reopening pressure of a cell on unloading as a fraction of the peak; 0 if the cell stays closed."""
     return min(max(unloading.end, 0.0), 1.0)
 
 
-def _between(weight: Array, a: Array, b: Array) -> Array:
+def _interpolate_log_k(weight: Array, a: Array, b: Array) -> Array:
     """Interpolate ln k linearly, (1 − weight) a + weight b. If one value is −inf (closed), return the other one."""
     closed_a = np.isneginf(a)
     closed_b = np.isneginf(b)
-    weight = np.where(closed_a, 1.0, np.where(closed_b, 0.0, weight))
+    weight = np.where(closed_b, 0.0, weight)
+    weight = np.where(closed_a, 1.0, weight)
     mean = (1 - weight) * np.where(closed_a, 0.0, a) + weight * np.where(closed_b, 0.0, b)
     return np.where(closed_a & closed_b, -np.inf, mean)
 
 
 def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
-    """Return the highest pressure that a cell has had at or before each step (steps, paths) [Pa].
+    """Return the highest pressure that a cell has had up to each step, on each pressure path (steps, paths) [Pa].
 
-    The history of an unloading step is the loading up to its peak and the unloading from there. A cell can have its
-    highest pressure at another step than the seal, if its pressure decreases while that of the seal increases.
+    The history of an unloading step is the loading up to its peak and the unloading from there. The pressure of a cell
+    may decrease while that of the seal increases. The cell then has its highest pressure at another step than the seal.
     """
     highest = paths.copy()
     for branch in steps.branches:
-        # for unloading, begin with the step at the peak
+        # the steps of the branch; an unloading is preceded by the step at its peak
         history = np.union1d(branch, steps.peak_indices[branch])
         highest[history] = np.maximum.accumulate(highest[history], axis=0)
     return highest

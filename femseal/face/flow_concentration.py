@@ -1,9 +1,9 @@
-"""Measure how the flow through a surface is concentrated in one contact state.
+"""Measure how strongly the flow through a surface is concentrated in a few places.
 
-Near closing, the flow passes through a few constrictions, so that one measured patch says little about others. The
-number of blocks that carry the flow is measured by the participation number N = (Σd)²/Σd² of the dissipation d in
-blocks of one short wave. Source: Bell & Dean, Discuss. Faraday Soc. 50, 1970, 55, for the number of sites that a
-vibrational state occupies.
+Near closing, the flow passes through a few constrictions, so that one measured patch says little about others. To
+count them, the surface is divided into blocks as large as one short wave. With the dissipation d in each block, the
+participation number N = (Σd)²/Σd² is the effective number of blocks that carry the flow. Source: Bell & Dean, Discuss.
+Faraday Soc. 50, 1970, 55, where N is the number of sites that a vibrational state occupies.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from ..base import Floats, Shape
 from ..topography import Surface, Topography
 from ..topography.topography import wave_powers, wavenumber_grids
 
-#: Fraction of the mean square slope in waves no shorter than a block of the participation number.
+#: Fraction of the mean square slope that waves longer than the short wave contain.
 _SLOPE_FRACTION = 0.95
-#: Pixels of a block on a surface without slope.
+#: Side of a block on a surface without slope, in pixels.
 _FLAT_BLOCK = 8
 
 
@@ -35,11 +35,14 @@ def participation_number(dissipation: Floats, blocks: Shape) -> float:
     >>> participation_number(np.ones((8, 16)), (2, 4))
     8.0
     """
+    # index of the first pixel of each block along both axes
     starts = [np.arange(m) * n // m for m, n in zip(blocks, dissipation.shape, strict=True)]
     sums = np.add.reduceat(np.nan_to_num(dissipation), starts[0], axis=0, dtype=float)
-    sums = np.add.reduceat(sums, starts[1], axis=1)
+    sums = np.add.reduceat(sums, starts[1], axis=1)  # dissipation in each block
     total = float(sums.sum())
-    return total**2 / float((sums**2).sum()) if total > 0 else float("nan")
+    if not total > 0:
+        return float("nan")
+    return total**2 / float((sums**2).sum())
 
 
 def blocks_of_one_wave(surface: Surface) -> Shape:

@@ -149,7 +149,7 @@ def best_budget(data: xarray.Dataset) -> ErrorBudget | None:
 
 
 def has_test_fluid(data: xarray.Dataset) -> bool:
-    """Tell whether a run has a test fluid, whose leakage then decides on leakage classes."""
+    """Return whether a run has a test fluid, whose leakage then decides on leakage classes."""
     return "test_leakage" in data
 
 
@@ -187,9 +187,9 @@ def class_interval_of(
 ) -> tuple[Array, Array] | None:
     """Return the 95 % interval of the leakage that decides on classes.
 
-    Only the leakage of the fluid of the run has an error budget. The interval of a test fluid is the interval of that
-    fluid, multiplied by the ratio of the two leakages. At steps at which one of them is zero, the largest ratio of all
-    steps is taken, so that the upper end is not too low.
+    Only the leakage of the fluid of the run has an error budget. The interval of a test fluid is obtained by
+    multiplying the interval of the fluid of the run by the ratio of the two leakages. At steps at which one of them is
+    zero, the largest ratio of all steps is used, so that the upper end is not too low.
 
     Parameters
     ----------

@@ -143,8 +143,9 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     - `realisation`: realisations of the seal
     - `cell1`, `cell2`: cells of the face, whose coordinates are their centres [m]
     - `state`, `state_cell1`, `state_cell2`: contact states of the face, and its cells in these states
-    - `patch1`, `patch2`: blocks of the measured patch that leaks most
-    - `part`, `corner`, `plane`: tiles of the realisation nearest to the median, their corners, and their axes
+    - `patch1`, `patch2`: blocks of pixels of the measured patch that leaks most
+    - `part`, `corner`, `plane`: elements of the realisation nearest to the median, their corners, and the two axes of
+      the plane of the seal
     - `budget_part`: sources of error
 
     Its attributes store the case, the conditioning of the surface, versions, the machine, wall times, the peak memory
@@ -240,7 +241,7 @@ def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
 
 
 def _add_row_coordinate(data: xarray.Dataset, width: float) -> None:
-    """Add the positions of the centres of the rows between inlet and outlet, which are a `width` [m] apart."""
+    """Add the positions of the centres of the rows; inlet and outlet are a distance `width` [m] apart."""
     count = data.sizes["row"]
     centres = (np.arange(count) + 0.5) * (width / count)
     variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", centres)
@@ -440,4 +441,5 @@ def _json(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
+    """Convert NumPy arrays and numbers to lists and numbers, and all other objects to text."""
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)

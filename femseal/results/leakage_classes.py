@@ -50,7 +50,7 @@ def add_classes(
 ) -> list[str]:
     """Add variables that say which classes are met at each step, and by which fraction of the realisations.
 
-    If the computed leakage is zero but its 95 % interval has no upper end, it remains open whether a class is met.
+    If the computed leakage is zero but its 95 % interval has no upper end, it is undecided whether a class is met.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def add_classes(
 
 
 def _is_met(limits: Array, deciding: DecidingLeakage) -> Array:
-    """Return 1 where the leakage is within a limit, 0 where it is not, NaN where this is open; (leak_class, step)."""
+    """Return whether the leakage is within each limit: 1 if yes, 0 if no, NaN if undecided; (leak_class, step)."""
     is_met = np.array([within(deciding.leakage, limit) for limit in limits]).astype(float)
     if deciding.upper is not None:
         is_open = (deciding.leakage == 0) & ~np.isfinite(deciding.upper)
@@ -95,7 +95,7 @@ def _is_met(limits: Array, deciding: DecidingLeakage) -> Array:
 def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
     """Return the fraction of the realisations whose leakage is within each limit, (leak_class, step).
 
-    The fraction is NaN at steps at which it is open or the computation failed.
+    The fraction is NaN at steps at which it is undecided, or at which the computation failed.
     """
     leakage = deciding.of_realisations  # (realisation, step)
     is_known = np.isfinite(leakage)
@@ -104,7 +104,7 @@ def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
     fraction = np.array(met_counts) / known_count
     is_missing = ~is_known.any(axis=0) | np.isnan(deciding.leakage)
     if deciding.upper is not None:
-        # the true leakage of a realisation without computed leakage has no upper bound
+        # a realisation that is sealed as computed may leak any amount
         is_missing |= (leakage == 0).any(axis=0) & ~np.isfinite(deciding.upper)
     fraction[:, is_missing] = np.nan
     return fraction
@@ -162,7 +162,7 @@ def tightest_classes(data: xarray.Dataset) -> list[str]:
         elif np.isnan(fraction).all():
             texts.append("failed")
         else:
-            # a tighter class replaces a wider one of the same standard
+            # class by standard; a tighter class replaces a wider one of the same standard
             tightest: dict[str, str] = {}
             for number in largest_limit_first:
                 leak_class = classes[number]

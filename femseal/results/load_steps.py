@@ -81,6 +81,7 @@ def cycle_text(steps: LoadProgramme) -> str:
 
 
 def _pressure_text(pressure: float) -> str:
+    """Return a pressure as text with its unit."""
     return to_text(pressure, "Pa")
 
 

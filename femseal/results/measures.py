@@ -1,7 +1,7 @@
 """Estimate which measure would narrow the 95 % interval of a leakage most, and which would lower the leakage.
 
-- A smaller source of error: its contribution to the interval, in terms of ln(leakage), is multiplied by a factor, and
-  the other contributions of the error budget stay.
+- A reduced source of error: its contribution to the interval, in terms of ln(leakage), is multiplied by a factor. The
+  other contributions of the error budget remain unchanged.
 - A higher load: the leakage is extrapolated along the loading curve.
 - A smoother finish: the scaling law of contact and flow (see `designs.sensitivities`) gives the leakage, with the
   sensitivity to the hardness that the error budget contains.
@@ -55,14 +55,16 @@ _QUANTIFIED_MEASURES = {
     "form": ("half the tolerance of the form, by measuring it", 0.5),
     "patches": ("four times as many measured patches", 0.5),
 }
-#: Measures for the source "patch", with the ratio of the new area to the present one. The factor on the error depends
-#: on the contact state, see `_patch_factor`.
+#: Measures for the source "patch", with the ratio of the larger area to the present one. The factor by which they
+#: multiply the error depends on the contact state, see `_patch_factor`.
 _LARGER_PATCH = ("a measured area four times as large", 4.0)
 _LARGER_GENERATED = ("a generated surface with twice the length along each side", 4.0)
 #: The measure for a generated surface that is as wide as the seal already, so that only more length helps.
 _LONGER_GENERATED = ("a generated surface four times as long along x2", 4.0)
-#: Relative increase of the load, and ratio of the roughness heights to those of the case, whose effects are reported.
-LOAD_INCREASE, HEIGHTS = 0.1, 0.8
+#: Relative increase of the load whose effect is reported.
+LOAD_INCREASE = 0.1
+#: Ratio of smoother roughness heights to those of the case, whose effect is reported.
+HEIGHTS = 0.8
 #: Relative error of the hardness if the case does not give one.
 _HARDNESS_TOLERANCE = 0.1
 #: Keys of a material whose hardness depends on the depth of the deformation.
@@ -116,7 +118,7 @@ def narrowed_by(results: Results, source: str) -> str:
 
 
 def is_generated(results: Results) -> bool:
-    """Tell whether all faces of a run are generated instead of measured."""
+    """Return whether all faces of a run are generated instead of measured."""
     faces = results.case.get("face") or {}
     tables = faces if isinstance(faces, list) else [faces]
     return bool(faces) and all(table.get("kind", "file") != "file" for table in tables)
@@ -148,7 +150,7 @@ def best_narrowing(results: Results, step: int) -> Narrowing | None:
 
 def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) -> Narrowing:
     """Estimate the 95 % interval at a load step after one source of error has been reduced."""
-    # a measure of unknown effect is taken to remove the source, hence the factor 0
+    # the factor 0 of a measure of unknown effect assumes that the source of error vanishes
     action, factor = _QUANTIFIED_MEASURES.get(source, ("", 0.0))
     if source == "patch":
         action, area_ratio = _larger_patch(results)
@@ -180,10 +182,10 @@ def _larger_patch(results: Results) -> tuple[str, float]:
 def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
     """Estimate by which factor a larger measured area multiplies the error of ln(leakage) from the source "patch".
 
-    On a larger area, the number of blocks that carry the flow grows in proportion to the area, while the contact
-    fraction and the detours stay. The calibrated error of a patch then changes by its factor for the number of carriers
-    (`studies.patch_interval`), which is the same for cells in order and at random. If the number of blocks is unknown,
-    the error is taken to decrease like that of a mean of independent samples.
+    The number of blocks that carry the flow grows in proportion to the area, while the contact fraction and the detours
+    remain the same. The calibrated error of a patch therefore changes by its factor for the number of carriers, see
+    `studies.patch_interval.error_of_few_carriers`. If the number of blocks is unknown, the error is assumed to decrease
+    like that of a mean of independent samples.
 
     Parameters
     ----------
@@ -245,10 +247,10 @@ def _slope_over_load(results: Results, leakage: Array, step: int) -> float:
 def _slope_over_heights(results: Results, slope_over_load: float, step: int) -> float:
     """Return d ln(leakage)/d ln(roughness height), for a fluid without slip.
 
-    Multiplying all heights by a has the same effect as dividing load and hardness by a and multiplying the resulting
-    gap by a, that is, the leakage by a³. The slope therefore follows from the slopes over load and hardness.
+    If all heights are multiplied by a, the gap is a times the gap at load/a and hardness/a. The leakage is therefore a³
+    times the leakage at load/a and hardness/a, and its slope follows from the slopes over load and hardness.
 
-    It is NaN if the seal has a form or a seat, which do not scale with the roughness; if the hardness depends on
+    The slope is NaN if the seal has a form or a seat, which do not scale with the roughness; if the hardness depends on
     depth; or if the slope over the hardness is unknown, because the error budget has no source "hardness".
     """
     case = results.case

@@ -54,6 +54,7 @@ class Ranking:
             if not known[run]:
                 ranks.append(None)
                 continue
+            # numbers of runs whose whole interval lies below or above that of this run
             surely_less = int((self.upper[known] < self.lower[run]).sum())
             surely_more = int((self.lower[known] > self.upper[run]).sum())
             ranks.append(RankRange(1 + surely_less, int(known.sum()) - surely_more))

@@ -1,4 +1,4 @@
-"""Draw the pictures of a run by name, for example `results.plot.cells()` or `results.plot.seal(step=3)`."""
+"""Give access to the pictures of a run, for example `results.plot.cells()` or `results.plot.seal(step=3)`."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ def leakage_table(run: Results) -> TextTable:
     heading = best.attrs.get("heading", run.method)
     columns = [
         *_load_columns(data),
-        (heading, _cells(best, factor)),
+        (heading, _value_texts(best, factor)),
         *_interval_columns(run, factor),
     ]
     if unit.per_length:
@@ -117,7 +117,7 @@ def leakage_table(run: Results) -> TextTable:
     for name, variable in data_with_headings.items():
         is_shown = name != "sealed_fraction" or bool(variable.any())
         if is_shown and name != best.name:
-            columns.append((variable.attrs["heading"], _cells(variable, factor)))
+            columns.append((variable.attrs["heading"], _value_texts(variable, factor)))
     if "test_leakage" in data:
         test_unit = class_unit(run)
         test_factor = run.class_basis.factor(test_unit)
@@ -148,7 +148,7 @@ def _interval_columns(run: Results, factor: float) -> list[Column]:
     if "leakage_lower" in data:
         lower, upper = data["leakage_lower"], data["leakage_upper"]
         quantiles = "–".join(f"{100 * end.attrs['quantile']:g}" for end in (lower, upper))
-        pairs = zip(_cells(lower, factor), _cells(upper, factor), strict=True)
+        pairs = zip(_value_texts(lower, factor), _value_texts(upper, factor), strict=True)
         texts = [low if low == high else _joined(low, high) for low, high in pairs]
         columns.append((f"scatter between seals, {quantiles} %", texts))
     return columns
@@ -179,7 +179,7 @@ def _load_columns(data: xarray.Dataset) -> list[Column]:
     return columns
 
 
-def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
+def _value_texts(variable: xarray.DataArray, factor: float) -> list[str]:
     """Convert the values of a variable at all load steps to texts.
 
     A leakage is divided by `factor`, which is the leakage [m²/s] that equals 1 in the unit of the table. Fractions are
@@ -201,7 +201,7 @@ def leakage_texts(run: Results, factor: float) -> list[str]:
     run : results of a run.
     factor : leakage per unit seal length that equals 1 in the unit of the texts [m²/s].
     """
-    return _with_open_steps(run, _cells(run.leakage, factor))
+    return _with_open_steps(run, _value_texts(run.leakage, factor))
 
 
 def _with_open_steps(run: Results, texts: Iterable[str]) -> list[str]:
@@ -236,7 +236,7 @@ def leakage_of(run: Results) -> str:
 
 
 def kind_of(unit: LeakUnit) -> str:
-    """Tell whether a unit gives the leakage per length or the leakage of the whole seal."""
+    """Say in words whether a unit gives the leakage per length or the leakage of the whole seal."""
     return "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
 
 

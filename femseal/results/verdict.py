@@ -4,11 +4,13 @@ The report, the tables, the answer of a design and the terminal all take their s
 `LeakageCurve.needed` finds the load that is required to keep the leakage within a limit, on loading or on unloading;
 `verdict_text` puts it into words.
 
-Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Beyond the load steps nothing is extrapolated:
-the required load is then only known to lie above the highest or below the lowest step. There is no interpolation either
-if the seal opens or closes between two steps, or if one of them has zero load: the load of the step that keeps the
-limit is taken. A class is never met at a load at which the computation failed, which the fluid carries entirely, or at
-which the computed leakage is zero but its error has no upper bound.
+Between load steps, ln(leakage) is interpolated linearly in ln(pressure). If the seal opens or closes between two steps,
+or if one of them has zero load, no interpolation is possible. The required load is then that of the step at which the
+limit is kept. Nothing is extrapolated beyond the load steps: the required load is then only known to lie above the
+highest or below the lowest step.
+
+A class is not met at a load at which the computation failed, at which the fluid carries the whole load, or at which the
+computed leakage is zero but its error has no upper bound.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from .results import Results
 
 #: Function that converts a nominal pressure [Pa] to text, with the force if the case gives forces.
 LoadText = Callable[[float], str]
-#: Name of the interval in sentences.
+#: Name of the 95 % interval in sentences.
 INTERVAL = "the whole 95 % interval"
 
 
@@ -79,11 +81,15 @@ class NeededPressure:
     @property
     def relation(self) -> str:
         """Relation between the required pressure and `bound(value)`, "=" if it is known, otherwise "<=" or ">"."""
-        return {inf: ">", 0.0: "<="}.get(self.value, "=")
+        if self.value == inf:
+            return ">"
+        return "<=" if self.value == 0 else "="
 
     def bound(self, value: float) -> float:
         """Replace a required pressure of inf or 0 by the load that bounds it: the highest or the lowest one."""
-        return {inf: self.highest, 0.0: self.lowest}.get(value, value)
+        if value == inf:
+            return self.highest
+        return self.lowest if value == 0 else value
 
     def words(self, value: float, load_text: LoadText) -> str:
         """Say from which load on, or down to which load, the limit is kept.
@@ -120,8 +126,8 @@ class LeakageCurve:
     leakage : array
         Absolute value of the leakage per unit seal length, (step,) [m²/s]; inf if nothing is known about it.
     lower, upper : array
-        Ends of the 95 % interval, (step,) [m²/s]. The intervals of other loads narrow that of a load, because the
-        leakage decreases with the load. Without an interval, both are equal to the leakage.
+        Ends of the 95 % interval, (step,) [m²/s]. Because the leakage decreases with the load, the intervals at other
+        loads can narrow the interval at a load. Without an interval, both ends are equal to the leakage.
     has_interval : bool
         True if the 95 % interval is known.
     """
@@ -399,7 +405,7 @@ def verdicts_of(
 
 
 def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> Verdict:
-    """Judge whether the leakage curve of a run meets one limit, and find the measure that would narrow its interval."""
+    """Judge whether a run meets one limit, and find the measure that would narrow the interval of its leakage."""
     steps = curve.steps
     assembly_step = curve.assembly_step
     is_met = within(curve.leakage, limit)

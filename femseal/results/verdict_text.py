@@ -32,7 +32,7 @@ from .verdict import (
 Paragraph = list[str]
 #: Up to this number of classes, their required loads are described in sentences; more classes need the table.
 _MOST_IN_SENTENCES = 2
-#: Masses per year [kg/s] that are worth stating: 1 mg and 10 t.
+#: Smallest and largest mass rate that is given as mass per year [kg/s]: 1 mg and 10 t per year.
 _LEAST_MASS, _MOST_MASS = 1e-6 / 3.15576e7, 1e4 / 3.15576e7
 
 
@@ -74,7 +74,7 @@ def verdict_lines(results: Results, verdicts: Sequence[Verdict] | None = None) -
 
 
 class _Answer:
-    """Writer of the sentences about one run, which share its leakage curve and its assembly load."""
+    """Write the sentences about one run. They all use its leakage curve and its assembly load."""
 
     def __init__(self, results: Results) -> None:
         self.results = results
@@ -177,7 +177,7 @@ class _Answer:
         return sentences
 
     def _has_unit_of_mass(self) -> bool:
-        """Tell whether the leakage is given in a unit of mass already."""
+        """Return whether the case asks for the leakage in a unit of mass."""
         asked = self.results.asked_unit
         return asked is not None and asked.kind == "mass"
 
@@ -343,18 +343,20 @@ def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = Tr
     sentences = [f"{subject}: {verdict.answer}, at the assembly load of {assembly_load}."]
     if not whole:
         return sentences
-    sentences.append(f"On loading it is met {_both(verdict.assembly, load_text)}.")
+    sentences.append(f"On loading it is met {_required_loads(verdict.assembly, load_text)}.")
     for peak, needed in verdict.service.items():
         if needed.computed == inf:  # the class is not even met at the peak
             continue
-        sentences.append(f"Unloaded from {load_text(peak)} it is kept {_both(needed, load_text)}.")
+        sentences.append(
+            f"Unloaded from {load_text(peak)} it is kept {_required_loads(needed, load_text)}."
+        )
     if verdict.failed:
         loads = ", ".join(verdict.failed)
         sentences.append(f"The solution failed at {loads}: such a load counts as not met.")
     return sentences
 
 
-def _both(needed: NeededPressure, load_text: LoadText) -> str:
+def _required_loads(needed: NeededPressure, load_text: LoadText) -> str:
     """Say which load is required by the computed leakage, and with the whole interval if there is one."""
     as_computed = needed.words(needed.computed, load_text)
     if not needed.has_interval:

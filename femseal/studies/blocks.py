@@ -158,7 +158,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     block_pressures = [_cells_of_block(pressure, position) for position in np.ndindex(*blocks)]
     items = zip(block_scenes, block_pressures, strict=True)
     solved_blocks = list(mapper(Stage("cells of the blocks", _solve_block_cells), items))
-    # (fluid pressure, axis, step, row, column)
+    # permeabilities (fluid pressure, axis, step, row of cells, column of cells)
     k = np.empty((*solved_blocks[0].k.shape[:3], *cells_shape))
     for position, block in zip(np.ndindex(*blocks), solved_blocks, strict=True):
         block_k = block.k.reshape(*block.k.shape[:3], CELLS, CELLS)

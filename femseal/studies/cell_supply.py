@@ -149,12 +149,12 @@ def supply_cells(
         return _supply_in_order(scene, cut, tiles, mapper)
     steps = scene.steps
     path_fractions, path_of_tile = distinct_paths(fractions)
-    paths = steps.pressures[:, None] * path_fractions
+    paths = steps.pressures[:, None] * path_fractions  # nominal pressures (step, path)
     fluid = TileFluid.of(scene)
-    effective = fluid.effective_pressures(paths)
+    effective = fluid.effective_pressures(paths)  # what the contact carries of them
     is_uniform = effective.shape[1] == 1 and np.array_equal(effective[:, 0], steps.pressures)
     if is_uniform:
-        # all tiles have the pressure of the load steps, so that nothing is interpolated
+        # all tiles have the pressure of the load steps, so that nothing is interpolated; there is a single path
         cells = solve_cells_at_pressures(scene, cut, steps, mapper)
         k = cells.corrected_k.reshape(*cells.k.shape[:3], 1, -1)
     else:

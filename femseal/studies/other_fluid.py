@@ -78,11 +78,13 @@ def limit_factors(test: FluidState, service: FluidState) -> LimitFactors:
     """
 
     def free_flow(state: FluidState) -> float:
+        """Return a number that is proportional to the free molecular flow of a gas, as pressure × volume."""
         gas: Any = state.fluid
         speed = float(np.sqrt(gas.temperature / gas.molar_mass))
         return (state.inlet_pressure - state.outlet_pressure) * speed
 
-    viscous, molecular = service.drop / test.drop, float("nan")
+    viscous = service.drop / test.drop
+    molecular = float("nan")
     gases: list[Any] = [service.fluid, test.fluid]
     if all(hasattr(gas, "reference_pressure") for gas in gases):
         viscous *= gases[0].reference_pressure / gases[1].reference_pressure

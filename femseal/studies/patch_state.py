@@ -1,4 +1,4 @@
-"""Describe the contact state of a measured patch at every load step, from which the width of its interval follows."""
+"""Describe the contact state of a measured patch at every load step, which determines the width of its interval."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..loads import LoadProgramme
 from ..scene import Scene
 from .cell_states import FaceCells
 
-#: Permeability for which the leakage of an open seal is solved [m³]: of a gap of 1 µm.
+#: Permeability for which the leakage of an open seal is solved, that of a gap of 1 µm [m³].
 _OPEN_PERMEABILITY = 1e-18 / 12
 
 
@@ -23,8 +23,8 @@ class PatchState:
     """Hold the quantities of a patch that determine the width of its 95 % interval; all are arrays (steps,).
 
     The quantities of a step depend on its contact state alone, not on the other loads of the programme. A step on
-    unloading has the quantities of its peak, except for `open_leakage`, because one patch shows as little of the
-    unloaded state as of the peak.
+    unloading has the quantities of its peak, except for `open_leakage`: the unloaded state results from the deformation
+    at the peak, so that its leakage is as uncertain as that at the peak.
 
     Parameters
     ----------
@@ -71,10 +71,13 @@ class PatchState:
         quantities = cells.carriers, contact, detours
         peaks = steps.peak_indices
         if cells.steps == steps:
-            taken = [values[peaks] for values in quantities]
+            at_peaks = [values[peaks] for values in quantities]
         else:
-            taken = [_on_loading(cells.steps, values, pressures[peaks]) for values in quantities]
-        return cls(taken[0], taken[1], taken[2], open_leakage)
+            at_peaks = [
+                _interpolate_on_loading(cells.steps, values, pressures[peaks])
+                for values in quantities
+            ]
+        return cls(at_peaks[0], at_peaks[1], at_peaks[2], open_leakage)
 
 
 def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
@@ -85,17 +88,17 @@ def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
     return attempt(scene.leakage, seal, _OPEN_PERMEABILITY).per_length / _OPEN_PERMEABILITY
 
 
-def _on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
+def _interpolate_on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
     """Interpolate a quantity of the contact states on loading, linearly in the cube root of the pressure.
 
     The result is NaN at pressures for which the nearest contact state is sealed.
     """
     loading = np.flatnonzero(steps.on_loading)
-    values, known_at = values[loading], np.cbrt(steps.pressures[loading])
-    wanted = np.cbrt(pressures)
-    known = np.isfinite(values)
-    if not known.any():
-        return np.full(wanted.shape, np.nan)
-    interpolated = np.interp(wanted, known_at[known], values[known])
-    nearest = np.abs(wanted[:, None] - known_at).argmin(axis=1)
-    return np.where(known[nearest], interpolated, np.nan)
+    values, roots = values[loading], np.cbrt(steps.pressures[loading])
+    wanted_roots = np.cbrt(pressures)
+    is_known = np.isfinite(values)
+    if not is_known.any():
+        return np.full(wanted_roots.shape, np.nan)
+    interpolated = np.interp(wanted_roots, roots[is_known], values[is_known])
+    nearest = np.abs(wanted_roots[:, None] - roots).argmin(axis=1)
+    return np.where(is_known[nearest], interpolated, np.nan)

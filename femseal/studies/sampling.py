@@ -21,20 +21,21 @@ from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField,
 from ..seal.tiles import CellSize, SealTiles
 from ..topography import Surface
 
-#: Fewest and most realisations, where their number is not given.
+#: Smallest and largest number of realisations, if their number is not given.
 FEWEST_SEALS, MOST_SEALS = 3, 200
-#: Of a seal with more tiles, which is alike all along, only a part with so many tiles is solved: the leakage of such a
-#: part scatters by less than 1 %, except near closing.
+#: Largest number of tiles that are solved of a seal that does not vary along its length. A longer seal is represented
+#: by a part of it. The leakage of such a part scatters by less than 1 %, except near closing.
 MOST_TILES = 4000
-#: Most pressure paths along which every cell is interpolated, under one map and under several maps at different loads.
-#: More paths are rounded, see `distinct_paths`.
+#: Largest number of pressure paths on which every cell is interpolated, under one map and under several maps at
+#: different loads. If there are more paths, similar ones are merged, see `distinct_paths`.
 MOST_PATHS, MOST_OF_SEVERAL = 512, 4096
-#: A warning says so if the mean of a pressure field differs from the load at which it holds by this fraction.
+#: A warning is given if the mean of a pressure field differs from the load for which it is valid by this fraction.
 _OFF_LOAD = 0.1
-#: A warning says so if the mean of a pressure field is this many times above the highest or below the lowest load.
+#: A warning is given if the mean of a pressure field is above the highest or below the lowest load by this factor.
 _FAR_LOAD = 10.0
-#: Number of fluid pressures at which cells are solved that the fluid presses apart. Compared with 129 pressures, the
-#: leakage is within 1.1e-3 for inlet pressures up to 0.3 of the lowest load, and within 9e-3 where both are equal.
+#: Number of fluid pressures at which cells are solved if the fluid pressure acts on the surfaces. Compared with 129
+#: fluid pressures, the leakage is within 1.1e-3 for inlet pressures up to 0.3 of the lowest load, and within 9e-3 if
+#: the inlet pressure is equal to the lowest load.
 FLUID_PRESSURES = 9
 
 
@@ -86,8 +87,8 @@ class Sampling:
             count = validate.count("realisations", self.realisations)
             object.__setattr__(self, "realisations", count)
         object.__setattr__(self, "seed", validate.count("seed", self.seed, least=0))
-        given = self.form if isinstance(self.form, tuple | list) else (self.form,)
-        object.__setattr__(self, "form", tuple(given))
+        forms = self.form if isinstance(self.form, tuple | list) else (self.form,)
+        object.__setattr__(self, "form", tuple(forms))
         if self.form and not is_uniform(self.pressure_map):
             raise InputError(
                 "form", "a form and a map of the pressure", "one of them: a form gives the pressure"
@@ -107,16 +108,16 @@ def cut_and_cover(
 ) -> tuple[Cut, SealTiles]:
     """Cut a surface into cells along x1 and x2, and cover the seal with tiles that are each as large as a cell.
 
-    Cells stay in order if the seal is as broad as the surface and all of its tiles have the same pressure.
+    The cells stay in order if the seal is as broad as the surface and all of its tiles have the same pressure.
 
     cells : numbers of cells along x1 and x2. None chooses numbers that suit the seal, see `usual_cells`.
 
-    Raises InputError for cells that are too small, and as `seal.layouts.Layout.lay_out` does.
+    Raises InputError for cells that are too small, and for the reasons of `seal.layouts.Layout.lay_out`.
     """
     is_even = sampling.presses_evenly
     most_tiles = MOST_TILES if is_even else None
-    # The usual number of cells depends on whether they stay in order, which only the tiles show: assume first that
-    # they do, and cut again if they do not.
+    # The usual number of cells depends on whether they stay in order. This is only known when the tiles are laid out.
+    # Therefore it is first assumed that they do, and the surface is cut again if they do not.
     for in_order in (True, False):
         cut = Cut.of(surface, cells or usual_cells(surface, in_order=in_order))
         cell_size = CellSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most_tiles)
@@ -182,7 +183,7 @@ def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
 def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str, ...]:
     """Check a pressure map before a run, and return warnings.
 
-    Raises InputError: the map does not cover the seal, or a tile has more pressure than the bodies can carry.
+    Raises InputError if the map does not cover the seal, or if a tile has more pressure than the bodies can carry.
     """
     if is_uniform(pressure_map):
         return ()
@@ -195,27 +196,37 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
             "map", given, f"pressures below the hardness, {to_text(scene.law.capacity, 'Pa')}"
         )
     fluid = scene.acting_fluid
-    carried = max(fluid.carried, 0.0) if fluid is not None and fluid.nominal == "total" else 0.0
-    touching = float((pressure[nominal > 0] <= carried).mean(axis=1).max(initial=0.0))
-    bare = (
-        f"over {touching:.0%} of the seal the map presses no more than the fluid carries, {to_text(carried, 'Pa', 3)}: "
-        "tiles just touch there, and a gap that opens is not in the leakage",
-    )
-    return (*(bare if touching else ()), *_field_warnings(scene, tiles, pressure_map))
+    carried = 0.0  # pressure that the fluid carries
+    if fluid is not None and fluid.nominal == "total":
+        carried = max(fluid.carried, 0.0)
+    warnings = [*_field_warnings(scene, tiles, pressure_map)]
+    # fraction of tiles without contact pressure, at the load step with most of them
+    unloaded = float((pressure[nominal > 0] <= carried).mean(axis=1).max(initial=0.0))
+    if unloaded:
+        warnings.insert(
+            0,
+            f"over {unloaded:.0%} of the seal the map presses no more than the fluid carries, "
+            f"{to_text(carried, 'Pa', 3)}: tiles just touch there, and a gap that opens is not in the leakage",
+        )
+    return tuple(warnings)
 
 
 def _field_means(
     scene: Scene, tiles: SealTiles, pressure_map: AnyMap
 ) -> list[tuple[float | None, float]]:
-    """Return the load at which each pressure field holds, and the mean of the field over the seal [Pa].
+    """Return the load for which each pressure field is valid, and the mean of the field over the seal [Pa].
 
-    The load is None for a field that holds at all loads.
+    The load is None for a field that is valid at all loads.
     """
     seal = seal_for_maps(scene.layout, tiles)
-    each: Iterable[tuple[float | None, Any]] = [(None, pressure_map)]
+    maps_at_loads: Iterable[tuple[float | None, Any]] = [(None, pressure_map)]
     if isinstance(pressure_map, MapsAtLoads):
-        each = zip(pressure_map.pressures, pressure_map.maps, strict=True)
-    return [(load, seal.mean(one)) for load, one in each if isinstance(one, PressureField)]
+        maps_at_loads = zip(pressure_map.pressures, pressure_map.maps, strict=True)
+    return [
+        (load, seal.mean(map_at_load))
+        for load, map_at_load in maps_at_loads
+        if isinstance(map_at_load, PressureField)
+    ]
 
 
 def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Iterator[str]:
@@ -225,8 +236,8 @@ def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Ite
         text = f"has the mean {to_text(mean, 'Pa', 3)} over the seal"
         if load is not None and abs(mean - load) > _OFF_LOAD * load:
             yield f"the field of pressure at {to_text(load, 'Pa', 3)} {text}: it is scaled to the load"
-        far = loads.size and not loads.min() / _FAR_LOAD < mean < loads.max() * _FAR_LOAD
-        if load is None and far:
+        is_far = loads.size and not loads.min() / _FAR_LOAD < mean < loads.max() * _FAR_LOAD
+        if load is None and is_far:
             yield f"the field of pressure {text}, far from all loads: is its unit right?"
 
 
@@ -237,9 +248,9 @@ def describe_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> str:
     fractions = pressure_fractions(scene, tiles, pressure_map)
     text = f"{fractions.min():.3g} to {fractions.max():.3g} of the nominal pressure over the seal"
     means = [to_text(mean, "Pa", 3) for _, mean in _field_means(scene, tiles, pressure_map)]
-    return text + (
-        f"; mean of the field {' and '.join(means)}, scaled to every load" if means else ""
-    )
+    if means:
+        text += f"; mean of the field {' and '.join(means)}, scaled to every load"
+    return text
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,7 +284,8 @@ class TileFluid:
         if fluid is None:
             return cls(pressures)
         if fluid.inlet != fluid.outlet and not drop.law.depends_on_pressure:
-            # ln k is nearly linear in the cube root of the pressure that remains for the contact: equal distances of it
+            # ln k is a nearly linear function of the cube root of the pressure that remains for the contact. The fluid
+            # pressures are chosen so that these cube roots have equal distances.
             lowest = min((p for p in scene.steps.pressures if p > 0), default=0.0)
             full = max(lowest, fluid.inlet, fluid.outlet)
             root_at_outlet = float(np.cbrt(full - fluid.outlet))
@@ -304,7 +316,7 @@ class TileFluid:
         return np.concatenate(list(remaining), axis=1)
 
     def select_matching_reliefs(self, k: Array) -> Array:
-        """Select for each fluid pressure the permeabilities at the relief that belongs to this pressure.
+        """Select the permeabilities at each fluid pressure together with the relief that this pressure causes.
 
         Parameters
         ----------

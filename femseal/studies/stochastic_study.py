@@ -138,7 +138,7 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
     """
     cut, tiles = cut_and_cover(scene.surface, scene.layout, cells, sampling)
     if scene.traps_liquid and not tiles.in_order:
-        given = "'trapped' with a seal that takes cells anywhere of the face"
+        given = "'trapped' with a seal that takes cells from anywhere on the face"
         expected = "'acts' there, or a seal as broad as the face and pressed evenly"
         raise InputError("fluid_pressure", given, expected)
     return cut, tiles

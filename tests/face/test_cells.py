@@ -218,7 +218,7 @@ def test_the_factor_is_bounded():
     found = correction_factors(face_q, np.ones(7), STEPS)
     assert_allclose(found, [MOST_FACTOR, 1, 1 / MOST_FACTOR, 2, 1, 1, 1])
     assert_allclose(
-        correction_factors(face_q, np.ones(7), STEPS, most=10.0)[[0, 2, 3]], [10, 0.1, 2]
+        correction_factors(face_q, np.ones(7), STEPS, largest=10.0)[[0, 2, 3]], [10, 0.1, 2]
     )
 
 
