@@ -22,6 +22,7 @@ from .commands import Replace, Resume, calibrate, compare, design, sweep
 from .execution.run import reporting_compilation
 from .execution.terminal import (
     CasePath,
+    Formats,
     PartOption,
     Quiet,
     Scheduler,
@@ -110,6 +111,7 @@ def run(
     output: Annotated[
         Path | None, option("Results folder.", "results/CASE", "-o", "--output")
     ] = None,
+    picture_format: Formats = None,
     resume: Resume = False,
     replace: Replace = False,
     part: PartOption = None,
@@ -124,10 +126,15 @@ def run(
 
     Progress is shown as bars in a terminal, and as log lines elsewhere. --resume continues a run that was stopped.
     """
+    from .case.output_table import with_picture_formats
     from .case.reading import load_case
+    from .results.file_options import read_formats
 
+    formats = read_formats(picture_format)
     folder = output or Path("results") / path.stem
     case = load_case(path)  # before the solvers are imported, so that a fault is shown at once
+    if formats:
+        case = with_picture_formats(case, formats)
     from .runs import job
 
     try:
@@ -190,6 +197,38 @@ def report(
     from .report import write_report
 
     typer.echo(write_report(folder, output))
+
+
+@app.command()
+def plot(
+    folder: Folder,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="PICTURE …",
+            help="Names of pictures, such as leakage, cells, seal, drawn.",
+            show_default="all",
+        ),
+    ] = None,
+    picture_format: Formats = None,
+    step: Annotated[
+        int | None,
+        option(
+            "Number of the load step of the maps, from 0 as in the table.", "the highest that leaks"
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, option("Folder of the pictures.", "DIR", "-o", "--output")
+    ] = None,
+) -> None:
+    """Draw pictures of a run again: other formats for print, other load steps."""
+    from .report import write_pictures
+    from .results import open_results
+    from .results.file_options import read_formats
+
+    formats = read_formats(picture_format) or ("png",)
+    for path in write_pictures(open_results(folder), output, formats, names or (), step):
+        typer.echo(path)
 
 
 @app.command()

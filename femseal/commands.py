@@ -1,6 +1,6 @@
 """Define the commands that use several runs: sweep, compare, design and calibrate."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +11,7 @@ from .base import FemsealError
 from .execution.run import Progress, reporting_compilation
 from .execution.terminal import (
     CasePath,
+    Formats,
     PartOption,
     Quiet,
     Scheduler,
@@ -57,15 +58,18 @@ def sweep(
     resume: Resume = False,
     replace: Replace = False,
     unit: Unit = None,
+    picture_format: Formats = None,
     part: PartOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a case with every combination of the values of some keys, and compare the runs in a table and a picture."""
+    from .results.file_options import read_formats
     from .sweeps.sweeping import parsed_keys
     from .sweeps.sweeping import sweep as run_sweep
 
+    formats = read_formats(picture_format)
     folder = output or Path("results") / f"{path.stem}-sweep"
     announce = None if quiet else typer.echo
     with all_progress(quiet, "the same command with --resume goes on") as progress:
@@ -78,12 +82,13 @@ def sweep(
             workers=workers,
             scheduler=scheduler,
             unit=unit,
+            formats=formats,
             progress=progress,
             announce=announce,
         )
     if not quiet:
         print_table(comparison.table())
-        typer.echo(f"table and picture in {folder / 'sweep.csv'} and sweep.png")
+        typer.echo(f"table and picture in {folder / 'sweep.csv'} and {_files('sweep', formats)}")
 
 
 def compare(
@@ -93,19 +98,28 @@ def compare(
     ],
     output: Annotated[
         Path | None,
-        option("Folder for comparison.csv and comparison.png.", "none", "-o", "--output"),
+        option("Folder for comparison.csv and the picture.", "none", "-o", "--output"),
     ] = None,
     unit: Unit = None,
+    picture_format: Formats = None,
 ) -> None:
     """Compare the leakage of several finished runs in one table and one picture."""
     from .results import compare as compare_runs
+    from .results.file_options import read_formats
     from .results.run_comparison import named
 
+    formats = read_formats(picture_format) or ("png",)
     comparison = compare_runs(named(runs), unit=unit)
     print_table(comparison.table())
     if output is not None:
-        comparison.write(output)
-        typer.echo(f"table and picture in {output / 'comparison.csv'} and comparison.png")
+        comparison.write(output, formats=formats)
+        pictures = _files("comparison", formats)
+        typer.echo(f"table and picture in {output / 'comparison.csv'} and {pictures}")
+
+
+def _files(stem: str, formats: Sequence[str]) -> str:
+    """Name the files of a picture in several formats, such as "sweep.svg and sweep.pdf"."""
+    return " and ".join(f"{stem}.{form}" for form in formats or ("png",))
 
 
 def design(

@@ -132,15 +132,19 @@ def _plain_terminal():
 
 
 @contextmanager
-def _pictures(figures, drawn):
-    """Pictures of results folders are made by these functions: what draws each figure, and the content of a figure."""
+def _pictures(figures, drawn, in_format):
+    """Pictures of results folders are made by these functions.
+
+    They draw each figure, and return the content of a figure as PNG and in another format.
+    """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("femseal.report.page._figures", figures)
-        patch.setattr("femseal.report.page.png", drawn)
+        patch.setattr("femseal.report.pictures._figures", figures)
+        patch.setattr("femseal.report.pictures.png", drawn)
+        patch.setattr("femseal.report.pictures.rendered", in_format)
         yield
 
 
-def _nothing(figure):
+def _nothing(figure, form="png"):
     return b"\x89PNG\r\n\x1a\n"
 
 
@@ -150,10 +154,10 @@ def _how_pictures_are_made():
 
     The value has the functions that make them outside of tests.
     """
-    from femseal.report import page as pictures
+    from femseal.report import pictures
 
-    made = pictures._figures, pictures.png
-    with _pictures(lambda *given: dict.fromkeys(made[0](*given), lambda: None), _nothing):
+    made = pictures._figures, pictures.png, pictures.rendered
+    with _pictures(lambda *given: dict.fromkeys(made[0](*given), lambda: None), _nothing, _nothing):
         yield made
 
 
@@ -167,7 +171,7 @@ def drawn_pictures(_how_pictures_are_made):
 @pytest.fixture
 def undrawn(_how_pictures_are_made):
     """Within a module that looks at pictures, a test of figures that are made, but not drawn."""
-    with _pictures(_how_pictures_are_made[0], _nothing):
+    with _pictures(_how_pictures_are_made[0], _nothing, _nothing):
         yield
 
 

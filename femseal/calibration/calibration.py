@@ -29,8 +29,9 @@ from ..base import (
 )
 from ..case.case import Case
 from ..case.template import as_toml, bare_key
-from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, png, shows
+from ..plots.drawing import LEGEND_LINE, LINES, LOADS, Sheet, add_grid, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel
+from ..plots.style import GREY, STYLES, png
 from ..results.load_steps import branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
 from .leak_test import BELOW, LeakTest
@@ -56,7 +57,7 @@ _AXIS_UNITS = {
     "": ("", 1.0),
 }
 #: Height of the axes of the picture [inch].
-_AXES_HEIGHT = 3.6
+_AXES_HEIGHT = 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -364,11 +365,14 @@ def calibration_figure(calibration: Calibration) -> Figure:
         scale=(1.0, f"leakage [{test.unit.name}]"),
         force=None if calibration.load_unit == "Pa" else (unit, 1 / unit_in_si),
     )
-    legend_height = 0.75 + LEGEND_LINE * (len(curves.branches) + 2)
-    sheet = Sheet([_AXES_HEIGHT, _AXES_HEIGHT, _AXES_HEIGHT + legend_height])
+    legend_height = LEGEND_LINE * (len(curves.branches) + 2)
+    load_margins = replace(LOADS, bottom=LOADS.bottom + legend_height)
+    sheet = Sheet(
+        [_AXES_HEIGHT + margins.bottom + margins.top for margins in (LINES, LINES, load_margins)]
+    )
     _draw_samples(sheet.panel(0, LINES), calibration, "shortest_wave")
     _draw_samples(sheet.panel(1, LINES), calibration, "factor")
-    axes = sheet.panel(2, replace(LINES, top=0.15, bottom=legend_height))
+    axes = sheet.panel(2, load_margins)
     measured = []
     for rows, marker, label in (
         (~test.sealed, "D", "measured"),
@@ -396,14 +400,15 @@ def _draw_samples(axes: Axes, calibration: Calibration, name: str) -> None:
     axes.plot(*samples.T, ".", color=STYLES[0]["color"], ms=1.5, alpha=0.3, zorder=1)
     if name == "shortest_wave":
         scenes = calibration.scenes / units_in_si
-        axes.plot(*scenes.T, "+", color=GREY, ms=6, label="solved scenes")
-        axes.legend(loc="upper right", fontsize=8.5, frameon=False)
-    axes.plot(*np.median(samples, axis=0), "o", color="black", ms=6)
+        axes.plot(*scenes.T, "+", color=GREY, ms=4, label="solved scenes")
+        axes.legend(loc="upper right")
+    axes.plot(*np.median(samples, axis=0), "o", color="black", ms=4)
     axes.set_xlabel(f"hardness [{hardness_unit}]")
     axes.set_ylabel(f"{_plain_name(name)} [{unit}]" if unit else "factor between test and model")
     correlation = calibration.correlation[columns[0], columns[1]]
-    axes.set_title(f"correlation {correlation:+.2f}", fontsize=9)
-    axes.grid(alpha=0.25, lw=0.6)
+    text = f"correlation {correlation:+.2f}"
+    axes.annotate(text, (0.03, 0.04), xycoords="axes fraction", fontsize=7)
+    add_grid(axes)
 
 
 # --- the calibrated case ----------------------------------------------------------------------------------

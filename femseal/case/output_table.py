@@ -10,14 +10,14 @@ from ..base import InputError
 from ..base.leak_rates import BUBBLE, DROP, KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..budget.error_parts import MODEL_PARTS
-from ..results.file_options import FIELDS_LIMIT, FORMATS
+from ..results.file_options import FIELDS_LIMIT, FORMATS, PICTURE_FORMATS
 from .faults import as_value_error
 from .quantity_types import FileSize, Length, Temperature, UsualRange, Volume, VolumeRate
 from .seal_tables import AnyFluid
 from .table_types import Table, key
 
 #: Keys that determine which files are written, without an effect on the results.
-FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
+FILE_KEYS = ("pictures", "picture_formats", "report", "fields", "paraview", "fields_limit")
 
 
 def _read_unit(value: Any) -> str:
@@ -49,6 +49,9 @@ class OutputTable(Table):
     """Optional contents of the results folder, and how leakage is given."""
 
     pictures: bool = key("pictures; without them there is no report; `--resume` adds them", True)
+    picture_formats: tuple[Literal[PICTURE_FORMATS], ...] = key(  # type: ignore[valid-type]
+        "formats of the pictures; svg and pdf are for print", ("png",), example=["png", "pdf"]
+    )
     report: bool = key("the page `report.html`, which `femseal report DIR` can write later", True)
     fields: bool = key("gap, contact pressure and fluid pressure at all pixels", True)
     paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
@@ -125,3 +128,9 @@ class OutputTable(Table):
     def unit(self) -> LeakUnit | None:
         """Leakage unit that the case asks for, None if it does not ask for one."""
         return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]
+
+
+def with_picture_formats(case: Any, formats: tuple[str, ...]) -> Any:
+    """Return a case whose pictures are written in other formats, also if it asks for no pictures."""
+    output = case.output.model_copy(update={"pictures": True, "picture_formats": formats})
+    return case.model_copy(update={"output": output})

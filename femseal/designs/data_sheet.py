@@ -25,18 +25,9 @@ from ..base import (
 from ..base.leak_rates import leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import relaxed
-from ..plots.drawing import (
-    GREY,
-    LEGEND_LINE,
-    LINES,
-    Sheet,
-    branch_styles,
-    label_decades,
-    legend_below,
-    png,
-    shows,
-)
-from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines
+from ..plots.drawing import LEGEND_LINE, LOADS, Sheet, label_decades, legend_below, shows
+from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines, limits_width
+from ..plots.style import GREY, branch_styles, png
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset_file import FILE_NAME
@@ -59,6 +50,8 @@ if TYPE_CHECKING:
 
 #: Table of all figures in the folder of the answer.
 TABLE_FILE = "design.csv"
+#: Height of the axes of the picture [inch].
+_AXES_HEIGHT = 2.5
 #: Columns of this table.
 _COLUMNS = (
     "figure",
@@ -244,10 +237,15 @@ def design_figure(answer: Design) -> Figure:
     )
     n_entries = len(seals.steps.unload_from) + 6
     legend_height = LEGEND_LINE * ceil(n_entries / 2)
-    sheet = Sheet([4.4 + legend_height])
-    axes = sheet.panel(0, replace(LINES, right=1.2, top=0.2, bottom=0.7 + legend_height))
-    handles = leakage_panel(axes, curves)
     limits = {need.name: need.limit / scale for need in answer.requirements}
+    margins = replace(
+        LOADS,
+        right=LOADS.right + limits_width(limits),
+        bottom=LOADS.bottom + legend_height,
+    )
+    sheet = Sheet([_AXES_HEIGHT + margins.bottom + margins.top])
+    axes = sheet.panel(0, margins)
+    handles = leakage_panel(axes, curves)
     _extend_to_limits(axes, list(limits.values()))
     limit_lines(axes, limits)
     _, load_factor = curves.load_scale
@@ -302,23 +300,25 @@ def _mark_needed_pressures(
                 continue
             load = load_factor * needed.at
             colour = styles[peak]["color"]
-            marker, text_offset = ("v", 7) if peak is None else ("^", -15)
+            marker, text_offset = ("v", 5) if peak is None else ("^", -11)
             ends = [load_factor * needed.bound(end) for end in (needed.low, needed.value)]
-            axes.plot(ends, [leakage] * 2, color=colour, lw=3.5, alpha=0.45, zorder=4)
-            axes.plot(load, leakage, color=colour, marker=marker, ms=9, mec="black", zorder=5)
+            axes.plot(ends, [leakage] * 2, color=colour, lw=2.5, alpha=0.45, zorder=4)
+            axes.plot(
+                load, leakage, color=colour, marker=marker, ms=6, mec="black", mew=0.5, zorder=5
+            )
             axes.annotate(
                 answer.load_text(needed.at),
                 (load, leakage),
                 (4, text_offset),
                 textcoords="offset points",
-                fontsize=8,
+                fontsize=7,
                 zorder=6,
             )
     handles = [
-        Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=f"{name} as computed")
+        Line2D([], [], color="white", marker=marker, ms=6, mec="black", label=f"{name} as computed")
         for marker, name in (("v", "Qmin"), ("^", "QSmin"))
     ]
-    bar = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="its 95 % interval")
+    bar = Line2D([], [], color=GREY, lw=2.5, alpha=0.45, label="its 95 % interval")
     return [*handles, bar]
 
 

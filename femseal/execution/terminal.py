@@ -36,6 +36,10 @@ Scheduler = Annotated[
     str | None,
     option('Address of a Dask scheduler, or "local" for one with WORKERS processes.', "none"),
 ]
+Formats = Annotated[
+    str | None,
+    option("Formats of the pictures: png, svg, pdf, or several with commas.", "png", "--format"),
+]
 Quiet = Annotated[bool, flag("--quiet", "No progress, no log lines, no tables.")]
 
 

@@ -1,11 +1,12 @@
 """Draw pictures of all results.
 
 `picture(result)` draws the figure that `result.plot()` shows. Each of the other functions draws the figure for one
-class of results, or a further figure of a run. matplotlib is only imported when something is drawn.
+class of results, or a further figure of a run. All of them have the style of `style`. matplotlib is only imported when
+something is drawn.
 """
 
 from .cell_figures import cells_figure
-from .drawing import picture, png, shown
+from .drawing import picture, shown
 from .heights import heights_figure, survey_figure
 from .leakage_curves import leak_test_figure, leakage_figure
 from .maps import (
@@ -14,6 +15,9 @@ from .maps import (
     permeability_figure,
     seal_figure,
     seal_leakage_figure,
+    surface_figure,
 )
+from .pressure_lines import pressure_figure
 from .realisations import realisation_figure
 from .several_runs import comparison_figure
+from .style import png, rendered

@@ -1,16 +1,21 @@
-"""Draw the permeability of cells against their mean gap and their contact pressure."""
+"""Draw the permeability of cells against their mean gap and their contact pressure.
+
+The colour of a point is its load, and its shape the branch of the load cycle.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, Flags, InputError
+from ..base import Array, Flags, Indices, InputError, Pair
 from ..flow.law import cubic_law
+from ..results.load_steps import branches, force_scale
 from ..results.results import Results
-from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, label_decades
+from .drawing import LINES, Sheet, add_grid, figure_of, label_decades
+from .style import GREY, sequential_colours, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +25,19 @@ if TYPE_CHECKING:
 _PERMEABILITY_DECADES = 6
 #: Factor by which the scale of permeabilities extends beyond the values.
 _PERMEABILITY_MARGIN = 1.5
+#: Heights of the axes of both panels [inch], and of the space for the colours of the loads above them.
+_AXES_HEIGHT, _LOADS_HEIGHT = 2.3, 0.62
+#: More points than this in a state are drawn as pixels in vector pictures, whose files would become too large.
+_MOST_VECTOR_POINTS = 2000
+#: Width of the label of a load that is upright [inch].
+_LABEL_WIDTH = 0.115
+#: The axis of pressures is linear below this fraction of the lowest load, so that it begins at 0.
+_LINEAR_FRACTION = 0.2
+#: Markers and line styles of the branches: the loading, and the unloadings from the highest peak on.
+_MARKERS = "os^Dv"
+_LINE_STYLES = ("-", "--", ":", "-.")
+#: Medians are drawn for the loading and at most this number of unloadings.
+_MOST_MEDIANS = 3
 
 
 @dataclass(frozen=True)
@@ -31,20 +49,39 @@ class _CellValues:
     permeability : permeability in direction x1, towards the outlet, (states, cells) [m³].
     mean_gap : mean gap of each cell, (states, cells) [m].
     pressure : mean contact pressure of each cell, (states, cells) [Pa].
-    is_loading : True for the states on loading, (states,).
+    nominal_pressure : nominal pressure of each state, (states,) [Pa].
+    peaks : nominal pressure from which each state is unloaded, NaN on loading, (states,) [Pa].
     """
 
     permeability: Array
     mean_gap: Array
     pressure: Array
-    is_loading: Flags
+    nominal_pressure: Array
+    peaks: Array
+
+    @property
+    def branches(self) -> list[tuple[str, Indices]]:
+        """Name and states of each branch; an unloading begins with the state of its peak."""
+        return branches(self.nominal_pressure, self.peaks)
+
+    @property
+    def loads(self) -> Array:
+        """Different nominal pressures of the states, rising [Pa]."""
+        return np.unique(self.nominal_pressure)
+
+    @property
+    def colours(self) -> list[Any]:
+        """Colour of each of the loads."""
+        return sequential_colours(len(self.loads))
 
 
+@styled
 def cells_figure(results: Results) -> Figure:
     """Draw the permeability of the cells towards the outlet against their mean gap and their contact pressure.
 
     Sealed cells are left out, and so are cells whose permeability is less than a millionth of the highest one. The line
-    in the first panel is h̄³/12, the permeability of parallel plates. The cells of a stochastic run are those from which
+    in the first panel is h̄³/12, the permeability of parallel plates, which cells with wide gaps approach. The lines in
+    the second panel are the medians of the open cells at each load. The cells of a stochastic run are those from which
     its realisations are composed; the cells of a two-scale run are those of the surface at each load.
 
     Parameters
@@ -62,17 +99,45 @@ def cells_figure(results: Results) -> Figure:
         The results contain no cells.
     """
     cells = _cell_values(results)
-    legend_height = LEGEND_LINE * 3
-    sheet = Sheet([3.6 + legend_height] * 2, head=0.35)
-    sheet.head("each point: a cell of the surface at one load")
-    margins = replace(LINES, top=0.1, bottom=LINES.bottom + legend_height)
-    gap_axes = sheet.panel(0, margins)
-    gap_axes.set_xlabel("mean gap of the cell [µm]")
+    panel_height = _AXES_HEIGHT + LINES.top + LINES.bottom
+    sheet = Sheet([panel_height] * 2, head=_LOADS_HEIGHT)
+    gap_axes = sheet.panel(0, LINES)
+    gap_axes.set_xlabel(r"mean gap $\bar h$ of the cell [µm]")
     _draw_cells(gap_axes, cells, cells.mean_gap * 1e6, with_parallel_plates=True)
-    pressure_axes = sheet.panel(1, margins)
+    pressure_axes = sheet.panel(1, LINES)
     pressure_axes.set_xlabel("mean contact pressure of the cell [MPa]")
     _draw_cells(pressure_axes, cells, cells.pressure / 1e6, with_parallel_plates=False)
+    _add_load_bar(gap_axes, cells, results)
     return sheet.figure
+
+
+def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
+    """Draw a bar above the axes with the colour of each load, and a label for each of them."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    force = force_scale(results.dataset)
+    name, scale = "nominal pressure [MPa]", 1e-6
+    if force is not None:
+        name, scale = f"force [{force.unit}]", force.per_pascal
+    count = len(cells.loads)
+    norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
+    figure = figure_of(axes)
+    width, height = axes.get_position().size * figure.get_size_inches()
+    bar_axes = axes.inset_axes((0.0, 1 + (LINES.top + 0.02) / height, 1.0, 0.075 / height))
+    bar = figure.colorbar(
+        ScalarMappable(norm, ListedColormap(cells.colours)), cax=bar_axes, orientation="horizontal"
+    )
+    every = int(np.ceil(count * _LABEL_WIDTH / width))
+    labelled = np.arange(count)[::-every][::-1]
+    labels = [f"{scale * load:.4g}" for load in cells.loads[labelled]]
+    bar.set_ticks(labelled, labels=labels)
+    bar_axes.minorticks_off()
+    bar_axes.xaxis.set_ticks_position("top")
+    bar_axes.xaxis.set_label_position("top")
+    is_crowded = max(map(len, labels)) * 0.07 > width * every / count
+    bar_axes.tick_params(labelrotation=90 if is_crowded else 0)
+    bar.set_label(name)
 
 
 def _cell_values(results: Results) -> _CellValues:
@@ -81,9 +146,11 @@ def _cell_values(results: Results) -> _CellValues:
     if "state_k1" in data:
         prefix = "state"
         peaks = data["state_unloaded_from"].values
+        nominal_pressure = data["state_nominal_pressure"].values
     elif "cell_k1" in data:
         prefix = "cell"
         peaks = data["unloaded_from"].values
+        nominal_pressure = data["nominal_pressure"].values
     else:
         expected = "results of a two-scale or stochastic run"
         raise InputError("cells figure", "results without cells", expected)
@@ -92,26 +159,32 @@ def _cell_values(results: Results) -> _CellValues:
         values = data[f"{prefix}_{name}"].values  # (state, row, column)
         return np.asarray(values.reshape(len(values), -1))  # (state, cell)
 
-    return _CellValues(by_state("k1"), by_state("mean_gap"), by_state("pressure"), np.isnan(peaks))
+    return _CellValues(
+        permeability=by_state("k1"),
+        mean_gap=by_state("mean_gap"),
+        pressure=by_state("pressure"),
+        nominal_pressure=nominal_pressure,
+        peaks=peaks,
+    )
 
 
 def _draw_cells(axes: Axes, cells: _CellValues, x: Array, *, with_parallel_plates: bool) -> None:
-    """Draw a point for each open cell in each state, coloured by loading and unloading, and a legend.
+    """Draw a point for each open cell in each state, and a legend of the branches.
 
     Parameters
     ----------
     axes : Axes
         Axes to draw into.
     cells : _CellValues
-        Permeability of the cells, and branch of each state.
+        Permeability of the cells, load and branch of each state.
     x : array (states, cells)
         Position of each point along the horizontal axis.
     with_parallel_plates : bool
-        True if `x` is the mean gap [µm]. The permeability of parallel plates is drawn too, and cells whose mean gap is
-        zero are left out.
+        True if `x` is the mean gap [µm]. The permeability of parallel plates is drawn then, and cells whose mean gap is
+        zero are left out. False if `x` is the contact pressure [MPa]; the median at each load is drawn then.
     """
-    axes.set_ylabel("permeability towards the outlet [m³]")
-    axes.grid(alpha=0.25, lw=0.6)
+    axes.set_ylabel("permeability $k_1$ towards the outlet [m³]")
+    add_grid(axes)
     k = cells.permeability
     with np.errstate(invalid="ignore"):
         is_drawn = k > np.nanmax(k, initial=0.0) * 10.0**-_PERMEABILITY_DECADES
@@ -121,27 +194,96 @@ def _draw_cells(axes: Axes, cells: _CellValues, x: Array, *, with_parallel_plate
         style: Any = {"xycoords": "axes fraction", "ha": "center", "color": GREY}
         axes.annotate("every cell is sealed", (0.5, 0.5), **style)
         return
-    loading_style, unloading_style = branch_styles(2)
-    branch_states = (
-        ("loading", cells.is_loading, loading_style),
-        ("unloading", ~cells.is_loading, unloading_style),
-    )
-    for name, states, style in branch_states:
-        if not states.any():
-            continue
-        is_point = is_drawn[states]
-        label = name if is_point.any() else f"{name}, all sealed"
-        style |= {"ls": "", "ms": 4, "mew": 0, "alpha": 0.55, "rasterized": True}
-        axes.plot(x[states][is_point], k[states][is_point], label=label, **style)
-    lowest = k[is_drawn].min()
+    handles = _draw_points(axes, cells, x, is_drawn)
     highest = k[is_drawn].max()
     if with_parallel_plates:
-        gap_um = np.geomspace(x[is_drawn].min() / 1.1, x[is_drawn].max() * 1.1, 50)
-        plates = cubic_law(gap_um * 1e-6)
-        axes.plot(gap_um, plates, color="black", lw=1.4, label="parallel plates, h̄³/12")
-        axes.set(xscale="log", xlim=(gap_um[0], gap_um[-1]))
-        highest = max(highest, plates[-1])
-        label_decades(axes.xaxis)
+        handles += _draw_parallel_plates(axes, (x[is_drawn].min(), x[is_drawn].max()))
+        highest = max(highest, handles[-1].get_ydata()[-1])
+    else:
+        # the first panel explains the points
+        handles = _draw_medians(axes, cells, is_drawn) or handles
+        lowest_load = cells.loads[cells.loads > 0].min() / 1e6
+        axes.set_xscale("symlog", linthresh=_LINEAR_FRACTION * lowest_load, linscale=0.5)
+        axes.set_xlim(0, x[is_drawn].max() * 1.2)
+        _label_pressures(axes)
+    lowest = k[is_drawn].min()
     axes.set(yscale="log", ylim=(lowest / _PERMEABILITY_MARGIN, highest * _PERMEABILITY_MARGIN))
     label_decades(axes.yaxis)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17), fontsize=8.5, frameon=False)
+    axes.legend(handles=handles, loc="lower right" if with_parallel_plates else "lower left")
+
+
+def _draw_points(axes: Axes, cells: _CellValues, x: Array, is_drawn: Flags) -> list[Any]:
+    """Draw the points of all states, and return handles for a legend of the branches."""
+    from matplotlib.lines import Line2D
+
+    state_colours = np.array(cells.colours)[np.searchsorted(cells.loads, cells.nominal_pressure)]
+    handles: list[Any] = []
+    for number, (name, states) in enumerate(cells.branches):
+        is_filled = number == 0  # on loading
+        marker = _MARKERS[number % len(_MARKERS)]
+        # the peak, with which an unloading begins, is a state of the loading
+        states = states if is_filled else states[~np.isnan(cells.peaks[states])]
+        for state in states:
+            points = is_drawn[state]
+            axes.plot(
+                x[state][points],
+                cells.permeability[state][points],
+                ls="",
+                marker=marker,
+                ms=2.6,
+                mew=0.0 if is_filled else 0.6,
+                mfc=state_colours[state] if is_filled else "none",
+                mec=state_colours[state],
+                alpha=0.75,
+                rasterized=points.size > _MOST_VECTOR_POINTS,
+            )
+        label = name if is_drawn[states].any() else f"{name}, all sealed"
+        style: dict[str, Any] = {"color": GREY, "mfc": GREY if is_filled else "none"}
+        handles.append(Line2D([], [], ls="", marker=marker, label=label, **style))
+    return handles
+
+
+def _draw_parallel_plates(axes: Axes, gaps_um: Pair) -> list[Any]:
+    """Draw the permeability of parallel plates over a range of gaps [µm], which becomes the range of the axis."""
+    gap_um = np.geomspace(gaps_um[0] / 1.1, gaps_um[1] * 1.1, 50)
+    plates = cubic_law(gap_um * 1e-6)
+    label = r"parallel plates, $\bar h^3/12$"
+    (line,) = axes.plot(gap_um, plates, color="black", lw=1.0, label=label)
+    axes.set(xscale="log", xlim=(gap_um[0], gap_um[-1]))
+    label_decades(axes.xaxis)
+    return [line]
+
+
+def _draw_medians(axes: Axes, cells: _CellValues, is_drawn: Flags) -> list[Any]:
+    """Draw the median of the open cells at each load against the nominal pressure, with a line for each branch."""
+    from matplotlib.patheffects import withStroke
+
+    handles = []
+    for number, (name, states) in enumerate(cells.branches[: 1 + _MOST_MEDIANS]):
+        states = states[is_drawn[states].any(axis=1)]
+        if states.size < 2:
+            continue
+        medians = [np.median(cells.permeability[state][is_drawn[state]]) for state in states]
+        (line,) = axes.plot(
+            cells.nominal_pressure[states] / 1e6,
+            medians,
+            color="black",
+            lw=1.0,
+            ls=_LINE_STYLES[number % len(_LINE_STYLES)],
+            label=f"median, {name}",
+            path_effects=[withStroke(linewidth=2.2, foreground="white")],
+        )
+        handles.append(line)
+    return handles
+
+
+def _label_pressures(axes: Axes) -> None:
+    """Label the powers of ten on an axis of pressures that begins at 0."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    high = axes.get_xlim()[1]
+    linear_end = axes.xaxis.get_transform().linthresh
+    decades = 10.0 ** np.arange(np.ceil(np.log10(linear_end)), np.floor(np.log10(high)) + 1)
+    axes.xaxis.set_major_locator(FixedLocator([0.0, *decades]))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_locator(NullLocator())

@@ -1,13 +1,13 @@
-"""Draw the parts that all pictures have in common: figures, line styles and axes of loads.
+"""Draw the parts that all pictures have in common: figures with panels, legends, and axes of loads and lengths.
 
-Every picture fits the width of a phone screen, so that its letters can be read there. Pictures can also be read without
-colours, because colours differ in lightness, and the branches of a load cycle differ in line style and marker.
+The style of the pictures is in `style`. Panels are stacked, so that a picture can also be read on a phone. Pictures can
+be read without colours, because colours differ in lightness, and the branches of a load cycle differ in line style and
+marker.
 """
 
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial, singledispatch
 from inspect import signature
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, InputError, number_text
+from .style import DPI, PAGE, png, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,31 +25,17 @@ if TYPE_CHECKING:
 
 #: Factor by which the load axis extends beyond the lowest and the highest load.
 _LOAD_MARGIN = 1.1
-#: Smallest distance between two labels of loads, as a fraction of the axis.
-_LABEL_DISTANCE = 0.12
+#: Width of a digit in the labels of loads, least space between two labels, and height of a label, as multiples of the
+#: font size.
+_DIGIT, _SPACE, _LABEL_HEIGHT = 0.65, 0.5, 1.2
 #: If the ratio of the ends of a logarithmic axis is smaller than this, the ticks at 2 and 5 are labelled as well.
 _FEW_DECADES = 100.0
 #: Exponents of the powers of ten that are written as plain numbers.
 _PLAIN_EXPONENTS = range(-2, 4)
-
-#: Line styles. The first one is for loading, the others are for unloadings. The colours are from the palette of Okabe
-#: and Ito, which colour-blind readers can tell apart.
-STYLES: tuple[dict[str, Any], ...] = (
-    {"color": "#D55E00", "ls": "-"},
-    {"color": "#0072B2", "ls": "--"},
-    {"color": "#009E73", "ls": "-."},
-    {"color": "#CC79A7", "ls": ":"},
-    {"color": "#56B4E9", "ls": (0, (5, 1, 1, 1, 1, 1))},
-    {"color": "#000000", "ls": (0, (8, 2))},
-)
-MARKERS = "os^DvP"
-GREY = "#666666"
-#: Width of every picture [inch]; at this width the smallest letters can be read on a phone.
-PAGE = 5.4
-#: Pixels per inch.
-DPI = 200
+#: Width of a picture in a notebook [inch].
+_NOTEBOOK_WIDTH = 5.0
 #: Height of a line of a legend below the panels [inch].
-LEGEND_LINE = 0.19
+LEGEND_LINE = 0.155
 
 
 @dataclass(frozen=True)
@@ -62,15 +49,15 @@ class Margins:
 
 
 #: Margins of a panel with lines.
-LINES = Margins(0.95, 0.2, 0.55, 0.4)
-#: Margins of a map with a colour bar.
-MAP = Margins(0.6, 0.62, 0.45, 0.38)
-#: Margins of a map of heights, whose colour bar has a name.
-HEIGHTS = Margins(0.6, 0.9, 0.45, 0.38)
+LINES = Margins(0.58, 0.1, 0.42, 0.12)
+#: Margins of a panel whose horizontal axis has many loads, whose labels may be upright.
+LOADS = Margins(0.58, 0.1, 0.54, 0.12)
+#: Margins of a map with a colour bar above it.
+MAP = Margins(0.5, 0.12, 0.4, 0.52)
 
 
 class Sheet:
-    """Figure whose panels are stacked at fixed positions.
+    """Figure whose panels are stacked at fixed positions, with a letter at each panel if there are several.
 
     The automatic layout of matplotlib would draw every figure twice.
 
@@ -80,14 +67,16 @@ class Sheet:
         Heights of the panels from top to bottom [inch].
     head : float
         Height of the space for a title above the panels [inch].
+    dpi : float
+        Pixels per inch.
     """
 
-    def __init__(self, heights: Sequence[float], head: float = 0.0) -> None:
+    def __init__(self, heights: Sequence[float], head: float = 0.0, dpi: float = DPI) -> None:
         from matplotlib.figure import Figure
 
         self.heights = heights
         self.height = sum(heights) + head
-        self.figure = Figure(figsize=(PAGE, self.height), dpi=DPI)
+        self.figure = Figure(figsize=(PAGE, self.height), dpi=dpi)
 
     def panel(self, row: int, margins: Margins) -> Axes:
         """Add the axes of the panel in a row, counted from the top."""
@@ -100,30 +89,15 @@ class Sheet:
             width / PAGE,
             height / self.height,
         )
+        if len(self.heights) > 1:
+            top = (below + self.heights[row] - 0.03) / self.height
+            letter = f"({'abcdefghijklmnop'[row]})"
+            self.figure.text(0.05 / PAGE, top, letter, va="top", weight="bold")
         return self.figure.add_axes(left_bottom_width_height)
 
     def head(self, text: str) -> None:
         """Write a title above all panels."""
-        self.figure.suptitle(text, fontsize=10, y=1 - 0.1 / self.height, va="top")
-
-
-def new_figure(width: float, height: float) -> Figure:
-    """Make an empty figure of the given size [inch] that is not shown in a window."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained", dpi=DPI)
-
-
-def png(figure: Figure) -> bytes:
-    """Render a figure as PNG.
-
-    The figure is laid out and drawn once, whereas `Figure.savefig` would draw it twice.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    stream = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(stream)
-    return stream.getvalue()
+        self.figure.suptitle(text, y=1 - 0.06 / self.height, va="top")
 
 
 def figure_of(axes: Axes) -> Figure:
@@ -131,32 +105,11 @@ def figure_of(axes: Axes) -> Figure:
     return axes.get_figure(root=True)  # type: ignore[return-value]
 
 
-def branch_styles(count: int) -> list[dict[str, Any]]:
-    """List the line styles of `count` branches: the loading and `count` − 1 unloadings.
-
-    If there are many unloadings, their styles repeat. None of them has the style of the loading.
-    """
-    style_count = len(STYLES) - 1  # for unloadings
-    style_numbers = [0, *(1 + n % style_count for n in range(count - 1))]
-    return [
-        STYLES[number] | {"marker": MARKERS[number], "lw": 1.8, "ms": 4.5}
-        for number in style_numbers[:count]
-    ]
-
-
-def set_panel_title(axes: Axes, title: str) -> None:
-    """Set the title of a panel at a fixed height.
-
-    By default, matplotlib searches for a free height, which requires a second layout.
-    """
-    axes.set_title(title, fontsize=9.5, y=1.0, pad=6)
-
-
 def legend_below(
     figure: Figure,
     handles: Sequence[Any],
     columns: int = 2,
-    length: float = 3.4,
+    length: float = 2.8,
     title: str | None = None,
 ) -> None:
     """Draw one legend below all panels.
@@ -179,21 +132,37 @@ def legend_below(
         loc="lower center",
         ncols=columns,
         title=title,
-        frameon=False,
-        fontsize=8.5,
-        title_fontsize=8.5,
         handlelength=length,
+        columnspacing=1.2,
+        handletextpad=0.6,
     )
 
 
 # --- axes -------------------------------------------------------------------------------------------------
 
 
-def set_load_axis(axes: Axes, loads: Array) -> None:
-    """Set the scale of the x axis and put a tick at every load.
+def length_unit(longest: float) -> tuple[float, str]:
+    """Choose the unit of a map or a profile by its longest side [m]; return the side of 1 unit in m, and its name.
 
-    The axis is logarithmic if there are several loads. A load of 0 is placed to the left of the logarithmic part. Ticks
-    are labelled from both ends of the axis inwards as long as there is room.
+    >>> length_unit(3e-4), length_unit(0.02)
+    ((1e-06, 'µm'), (0.001, 'mm'))
+    """
+    if longest < 0.999e-3:
+        return 1e-6, "µm"
+    return 1e-3, "mm"
+
+
+def add_grid(axes: Axes) -> None:
+    """Draw grid lines below all lines and points."""
+    axes.grid(visible=True)
+    axes.set_axisbelow(True)
+
+
+def set_load_axis(axes: Axes, loads: Array) -> None:
+    """Set the scale of the x axis, and put a tick with a label at every load.
+
+    The axis is logarithmic if there are several loads. A load of 0 is placed to the left of the logarithmic part.
+    Labels that would touch each other are turned upright, and moved apart where loads lie very close together.
 
     Parameters
     ----------
@@ -216,29 +185,48 @@ def set_load_axis(axes: Axes, loads: Array) -> None:
     else:
         axes.set_xlim(-lowest / 5, highest * _LOAD_MARGIN)
         axes.set_xscale("symlog", linthresh=lowest, linscale=0.4)
-    axes.set_xticks(loads, labels=_load_labels(axes, loads))
+    axes.set_xticks(loads, labels=[f"{load:.4g}" for load in loads])
     axes.set_xticks([], minor=True)
+    _place_load_labels(axes, loads)
 
 
-def _load_labels(axes: Axes, loads: Array) -> list[str]:
-    """Return the labels of the ticks at rising loads, "" where there is no room for a label.
+def _place_load_labels(axes: Axes, loads: Array) -> None:
+    """Turn and move the labels of the ticks at rising loads, so that they do not touch each other."""
+    from matplotlib.transforms import ScaledTranslation
 
-    The ends of the axis are labelled first, then the loads further inwards.
-    """
+    figure = figure_of(axes)
+    width = figure.get_figwidth() * axes.get_position().width  # inch
     to_axes_fraction = axes.transScale + axes.transLimits
-    positions = to_axes_fraction.transform([(load, 1.0) for load in loads])[:, 0]
-    last = loads.size - 1
+    positions = width * to_axes_fraction.transform([(load, 1.0) for load in loads])[:, 0]
+    font_size = axes.xaxis.get_major_ticks()[0].label1.get_fontsize() / 72  # inch
+    widths = _DIGIT * font_size * np.array([len(f"{load:.4g}") for load in loads])
+    needed = (widths[1:] + widths[:-1]) / 2 + _SPACE * font_size
+    is_upright = bool((np.diff(positions) < needed).any())
+    axes.tick_params(axis="x", labelrotation=90 if is_upright else 0)
+    moved = positions
+    if is_upright:
+        height = _LABEL_HEIGHT * font_size
+        # fewer labels if there is no room for all of them
+        every = int(np.ceil(height * loads.size / (1.1 * width)))
+        texts = [f"{load:.4g}" if n % every == 0 else "" for n, load in enumerate(loads[::-1])]
+        axes.set_xticklabels(texts[::-1])
+        moved = spread(positions, height / every)
+    for tick, shift in zip(axes.xaxis.get_major_ticks(), moved - positions, strict=True):
+        pad = tick.get_pad() + tick.get_tick_padding()
+        transform, _, _ = axes.get_xaxis_text1_transform(pad)
+        tick.label1.set_transform(transform + ScaledTranslation(shift, 0, figure.dpi_scale_trans))
 
-    def priority(index: int) -> tuple[int, int]:
-        distance_from_nearer_end = min(index, last - index)
-        return distance_from_nearer_end, -index  # the right end comes before the left one
 
-    labelled: list[int] = []
-    for index in sorted(range(loads.size), key=priority):
-        distances = np.abs(positions[index] - positions[labelled])
-        if (distances > _LABEL_DISTANCE).all():
-            labelled.append(index)
-    return [f"{load:.4g}" if index in labelled else "" for index, load in enumerate(loads)]
+def spread(positions: Array, distance: float) -> Array:
+    """Move rising positions as little as possible (least squares), so that neighbours have at least a distance.
+
+    >>> spread(np.array([0.0, 2.0, 2.2, 5.0]), 1.0)
+    array([0. , 1.6, 2.6, 5. ])
+    """
+    from scipy.optimize import isotonic_regression
+
+    offsets = distance * np.arange(len(positions))
+    return np.asarray(isotonic_regression(positions - offsets).x + offsets)
 
 
 def label_decades(axis: Axis) -> None:
@@ -252,12 +240,6 @@ def label_decades(axis: Axis) -> None:
     if high / low < _FEW_DECADES:
         axis.set_minor_locator(LogLocator(subs=(2, 5)))
         axis.set_minor_formatter(formatter)
-
-
-def label_axes(axes: Axes, names: Sequence[str]) -> None:
-    """Name the x and the y axis, in a font small enough for a narrow map."""
-    axes.set_xlabel(names[0], fontsize=8.5)
-    axes.set_ylabel(names[1], fontsize=8.5)
 
 
 # --- the picture of a result ------------------------------------------------------------------------------
@@ -280,7 +262,9 @@ def _show_in_notebook(figure: Figure) -> None:
     from matplotlib import pyplot
 
     pyplot.close(figure)
-    display({"image/png": png(figure)}, raw=True)
+    # a screen has 96 pixels per inch; the picture has more, and stays sharp when it is enlarged
+    width = {"width": round(_NOTEBOOK_WIDTH * 96 / PAGE * figure.get_figwidth())}
+    display({"image/png": png(figure)}, metadata={"image/png": width}, raw=True)
 
 
 @singledispatch
@@ -289,9 +273,18 @@ def _draw(result: Any) -> Figure:
     raise InputError("plot", f"a {type(result).__name__}", "a result that has a picture")
 
 
-#: Decorator that registers a function which draws the picture of a class. The arguments of the function after the first
-#: are the options of `plot()`.
-shows = _draw.register
+def shows(result_class: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
+    """Register a function that draws the picture of a class in the style of all pictures.
+
+    The arguments of the function after the first are the options of `plot()`.
+    """
+
+    def register(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+        draw_in_style = styled(draw)
+        _draw.register(result_class, draw_in_style)
+        return draw_in_style
+
+    return register
 
 
 def picture(result: Any, **options: Any) -> Figure:

@@ -1,14 +1,14 @@
 """Draw heights: maps, profiles and spectral densities, and the survey of a measured face.
 
-The colour scale of a map of heights covers nearly all points. The few points far above or below it have two special
-colours.
+A map of heights is a shaded relief, lit from the upper left. Its colour scale covers nearly all points. The few points
+far above or below it have two special colours.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from math import pi
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,35 +16,33 @@ from numpy.typing import NDArray
 from ..base import Array, Flags, Pair, counted, to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, Patches, Surface, SurfaceReport, Topography
-from .drawing import (
-    GREY,
-    HEIGHTS,
-    LINES,
-    STYLES,
-    Sheet,
-    label_decades,
-    new_figure,
-    set_panel_title,
-    shows,
-)
-from .map_panels import draw_map, map_row_height, on_its_side
+from .drawing import LINES, MAP, Sheet, add_grid, label_decades, length_unit, shows
+from .map_panels import add_key, draw_map, map_dpi, map_row_height, on_its_side, to_image
+from .style import GREY, STYLES, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Height of a panel with profiles [inch].
-_PROFILE_HEIGHT = 2.2
+#: Height of a panel with lines [inch].
+_PANEL_HEIGHT = 1.9
+#: Margins of a panel whose vertical axis has a name of two lines.
+_TWO_LINES = replace(LINES, left=LINES.left + 0.1)
 #: Largest number of points of a map along each side. Maps of more points show means over blocks of points.
-_MOST_POINTS = 1024
+MOST_POINTS = 1024
 #: The colour scale covers at least the heights between these percentiles.
 _PERCENTILES = (0.5, 99.5)
 #: The colour scale can extend beyond each percentile by this fraction of the distance between the two.
 _RANGE_MARGIN = 0.25
-#: Colours of the points above and below the range of a map, with their names.
-ABOVE, BELOW = ("#E31A1C", "red"), ("#00D5FF", "light blue")
-_AXIS_NAMES = ("along x1 (leakage)", "along x2")
-_WAVELENGTH = "wavelength 2π/q [µm]"
+#: Colours of the points above and below the range of a map: red and light blue.
+ABOVE, BELOW = "#E31A1C", "#00D5FF"
+_AXIS_NAMES = ("along $x_1$ (leakage)", "along $x_2$")
+#: The relief is as steep as a surface with this rms slope, lit from the upper left at 45° to the surface.
+_RELIEF_SLOPE = 0.7
+_LIGHT = (-0.5, 0.5, 0.5**0.5)
+#: Darkest shadow and brightest light of the relief, as the opacity of black and white.
+_MOST_SHADE = 0.55
+_WAVELENGTH = "wavelength $2\\pi/q$ [µm]"
 
 
 def height_range(heights: NDArray) -> Pair:
@@ -76,9 +74,9 @@ def height_range(heights: NDArray) -> Pair:
 
 
 def draw_heights(
-    axes: Axes, heights: NDArray, size: Pair, title: str = "height [µm]", *, upright: bool = False
+    axes: Axes, heights: NDArray, size: Pair, name: str = "height [µm]", *, upright: bool = False
 ) -> None:
-    """Draw a map of heights, whose colour bar says which fraction of the points lies outside the colour scale.
+    """Draw a map of heights as a shaded relief, and say which fraction of the points lies outside the colour scale.
 
     Parameters
     ----------
@@ -87,9 +85,9 @@ def draw_heights(
     heights : array (n1, n2)
         Heights along x1 and x2 [µm]. Undefined points (NaN) are white.
     size : pair of float
-        Sides of the face along x1 and x2 [mm].
-    title : str
-        Title of the panel.
+        Sides of the face along x1 and x2 [m].
+    name : str
+        Name of the heights with their unit.
     upright : bool
         True keeps x1 horizontal even if the map is high and narrow.
     """
@@ -99,7 +97,7 @@ def draw_heights(
     n_defined = max(int(np.count_nonzero(~np.isnan(heights))), 1)
     fraction_above = int(np.count_nonzero(heights > high)) / n_defined
     fraction_below = int(np.count_nonzero(heights < low)) / n_defined
-    colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
+    colours = colormaps["viridis"].with_extremes(over=ABOVE, under=BELOW, bad="white")
     extensions = {
         (False, False): "neither",
         (False, True): "min",
@@ -107,14 +105,43 @@ def draw_heights(
         (True, True): "both",
     }
     colours.colorbar_extend = extensions[fraction_above > 0, fraction_below > 0]  # type: ignore[assignment]
-    bar = draw_map(axes, heights, size, colours, title, upright=upright, vmin=low, vmax=high)
-    notes = []
+    unit, unit_name = length_unit(max(size))
+    in_unit = (size[0] / unit, size[1] / unit)
+    draw_map(axes, heights, in_unit, colours, name, unit_name, upright=upright, vmin=low, vmax=high)
+    if min(heights.shape) > 1:
+        _draw_relief(axes, to_image(heights, in_unit, upright=upright))
+    key = {}
     if fraction_above:
-        notes.append(f"{ABOVE[1]}: {100 * fraction_above:.2g} % above")
+        key[f"{100 * fraction_above:.2g} % above"] = ABOVE
     if fraction_below:
-        notes.append(f"{BELOW[1]}: {100 * fraction_below:.2g} % below")
-    if notes:
-        bar.set_label(", ".join(notes), fontsize=8)
+        key[f"{100 * fraction_below:.2g} % below"] = BELOW
+    if key:
+        add_key(axes, key)
+
+
+def _draw_relief(axes: Axes, heights: NDArray) -> None:
+    """Shade the map that the axes contain by the slopes of its heights, an image (rows from below, columns)."""
+    image = axes.images[0]
+    left, right, bottom, top = image.get_extent()
+    spacing = (top - bottom) / heights.shape[0], (right - left) / heights.shape[1]
+    slope_up, slope_right = np.gradient(heights, *spacing)
+    rms_slope = (
+        np.sqrt(np.nanmean(slope_up**2 + slope_right**2)) if np.isfinite(slope_up).any() else 0
+    )
+    if not rms_slope > 0:
+        return
+    slope_up *= _RELIEF_SLOPE / rms_slope
+    slope_right *= _RELIEF_SLOPE / rms_slope
+    to_right, upwards, outwards = _LIGHT
+    light = outwards - to_right * slope_right - upwards * slope_up
+    light /= np.sqrt(1 + slope_right**2 + slope_up**2)
+    difference = np.nan_to_num(light - outwards)  # 0 on a level surface
+    shade = np.zeros((*heights.shape, 4), dtype=np.float32)  # red, green, blue, opacity
+    shade[..., :3] = (difference > 0)[..., None]
+    shade[..., 3] = np.clip(np.abs(difference), 0, _MOST_SHADE)
+    axes.imshow(
+        shade, origin="lower", extent=image.get_extent(), interpolation=image.get_interpolation()
+    )
 
 
 @shows(Topography)
@@ -132,46 +159,41 @@ def heights_figure(topography: Surface) -> Figure:
     -------
     Figure
     """
-    width, length = topography.size
-    map_height = map_row_height(on_its_side((width, length)), HEIGHTS)
-    sheet = Sheet([map_height, _PROFILE_HEIGHT, _PROFILE_HEIGHT])
     heights = topography.heights
-    if max(heights.shape) > _MOST_POINTS:
-        heights = block_means(heights, _MOST_POINTS).astype(float)
-    draw_heights(sheet.panel(0, HEIGHTS), heights * 1e6, (width * 1e3, length * 1e3))
-    margins = replace(LINES, top=0.3)
-    profile_axes = sheet.panel(1, margins)
-    _draw_profiles(profile_axes, topography)
-    density_axes = sheet.panel(2, margins)
+    if max(heights.shape) > MOST_POINTS:
+        heights = block_means(heights, MOST_POINTS).astype(float)
+    row_heights = [map_row_height(on_its_side(topography.size)), _PANEL_HEIGHT, _PANEL_HEIGHT]
+    sheet = Sheet(row_heights, dpi=map_dpi(heights.shape))
+    draw_heights(sheet.panel(0, MAP), heights * 1e6, topography.size)
+    _draw_profiles(sheet.panel(1, LINES), topography)
+    density_axes = sheet.panel(2, _TWO_LINES)
     if topography.undefined_fraction:
-        set_panel_title(density_axes, "no spectral density with undefined points")
+        _write_in_the_middle(density_axes, "no spectral density with undefined points")
     else:
         longest_patch = max(topography.patches, key=lambda patch: patch.shape[1])
         _draw_profile_densities(density_axes, longest_patch)
-        label_decades(density_axes.xaxis)
-        label_decades(density_axes.yaxis)
-    for axes in (profile_axes, density_axes):
-        _add_grid(axes)
     return sheet.figure
 
 
-def _add_grid(axes: Axes) -> None:
-    """Draw grid lines and small tick labels."""
-    axes.grid(alpha=0.25, lw=0.6)
-    axes.tick_params(which="both", labelsize=8)
+def _write_in_the_middle(axes: Axes, text: str) -> None:
+    """Write why a panel is empty."""
+    axes.annotate(text, (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
+    axes.set(xticks=[], yticks=[])
 
 
 def _draw_profiles(axes: Axes, topography: Surface) -> None:
     """Draw the profiles of the heights along both axes through the middle of the face."""
     z = topography.heights * 1e6
     n1, n2 = topography.shape
+    unit, unit_name = length_unit(max(topography.size))
     profiles = (z[:, n2 // 2], z[n1 // 2])
     for axis, (profile, spacing) in enumerate(zip(profiles, topography.spacing, strict=True)):
-        distance = (np.arange(profile.size) + 0.5) * spacing * 1e3
-        axes.plot(distance, profile, lw=1.1, label=_AXIS_NAMES[axis], **STYLES[axis])
-    axes.set(xlabel="distance [mm]", ylabel="height [µm]")
-    axes.legend(fontsize=7.5, framealpha=0.9)
-    set_panel_title(axes, "profiles through the middle")
+        distance = (np.arange(profile.size) + 0.5) * spacing / unit
+        axes.plot(distance, profile, lw=0.8, label=_AXIS_NAMES[axis], **STYLES[axis])
+    axes.set(xlabel=f"distance [{unit_name}]", ylabel="height [µm]")
+    axes.margins(x=0.0, y=0.15)
+    add_grid(axes)
+    axes.legend(loc="upper center", ncols=2, bbox_to_anchor=(0.5, 1.03))
 
 
 def _draw_profile_densities(axes: Axes, topography: Topography) -> None:
@@ -180,12 +202,13 @@ def _draw_profile_densities(axes: Axes, topography: Topography) -> None:
         q, density = topography.psd(axis)
         is_drawn = (q > 0) & (density > density.max() * 1e-12)
         wavelength = _wavelength_um(q[is_drawn])
-        style = {"lw": 1.2, "label": _AXIS_NAMES[axis], **STYLES[axis]}
-        axes.loglog(wavelength, density[is_drawn], **style)
-    axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m³]")
+        axes.loglog(wavelength, density[is_drawn], label=_AXIS_NAMES[axis], **STYLES[axis])
+    axes.set(xlabel=_WAVELENGTH, ylabel="mean spectral density\nof profiles [m³]")
     axes.xaxis.set_inverted(True)
-    set_panel_title(axes, "mean spectral density of profiles")
-    axes.legend(fontsize=8, framealpha=0.9)
+    label_decades(axes.xaxis)
+    label_decades(axes.yaxis)
+    add_grid(axes)
+    axes.legend(loc="lower left")
 
 
 def _wavelength_um(q: Array) -> Array:
@@ -193,6 +216,7 @@ def _wavelength_um(q: Array) -> Array:
     return 2e6 * pi / q
 
 
+@styled
 def survey_figure(
     topography: Topography,
     report: SurfaceReport | None = None,
@@ -220,46 +244,48 @@ def survey_figure(
     -------
     Figure
     """
-    figure = new_figure(11.0, 8.0)
-    (map_axes, histogram_axes), (radial_axes, profile_axes) = figure.subplots(2, 2)
     without_spikes = topography.without_spikes(spikes)
     is_spike = np.isnan(without_spikes.heights) & ~np.isnan(topography.heights)
     measured = topography
     if topography.undefined_fraction < 1:
         measured = topography.detrend(detrend)
-    _draw_measured_map(map_axes, measured, is_spike)
-    _draw_histogram(histogram_axes, measured)
+    n_lines = 1 if report is None else 3
+    row_heights = [map_row_height(measured.size), *[_PANEL_HEIGHT] * n_lines]
+    sheet = Sheet(row_heights, head=0.3, dpi=map_dpi(measured.shape))
+    _draw_measured_map(sheet.panel(0, MAP), measured, is_spike)
+    _draw_histogram(sheet.panel(1, LINES), measured)
     if report is not None:
         complete = without_spikes.fill_undefined(1.0).detrend(detrend)
-        _draw_radial_density(radial_axes, complete, report, conditioning)
-        _draw_profile_densities(profile_axes, complete)
-    for axes in (histogram_axes, radial_axes, profile_axes):
-        _add_grid(axes)
-    return figure
+        _draw_radial_density(sheet.panel(2, _TWO_LINES), complete, report, conditioning)
+        _draw_profile_densities(sheet.panel(3, _TWO_LINES), complete)
+    return sheet.figure
 
 
 def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> None:
     """Draw a map of the measured heights, with a dot at every point at which `is_spike` (n1, n2) is true."""
-    titles = ["levelled height [µm]"]
+    draw_heights(axes, measured.heights * 1e6, measured.size, "levelled height [µm]", upright=True)
+    notes = []
     if measured.undefined_fraction:
-        titles.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
+        notes.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
     n_spikes = np.count_nonzero(is_spike)
     if n_spikes:
-        titles.append(f"dots: {counted(n_spikes, 'point')} in spikes")
-    width, length = measured.size[0] * 1e3, measured.size[1] * 1e3
-    title = "; ".join(titles)
-    draw_heights(axes, measured.heights * 1e6, (width, length), title, upright=True)
+        notes.append(f"dots: {counted(n_spikes, 'point')} in spikes")
+    if notes:
+        style: Any = {"ha": "left", "va": "bottom", "fontsize": 7, "color": "black"}
+        style["bbox"] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5}
+        axes.annotate("; ".join(notes), (0.02, 0.02), xycoords="axes fraction", **style)
     i, j = np.nonzero(is_spike)
-    x1 = (i + 0.5) * measured.spacing[0] * 1e3
-    x2 = (j + 0.5) * measured.spacing[1] * 1e3
-    axes.plot(x1, x2, "o", color="#D55E00", ms=3, mew=0)
-    axes.set(xlim=(0, width), ylim=(0, length))
+    unit, _ = length_unit(max(measured.size))
+    x1 = (i + 0.5) * measured.spacing[0] / unit
+    x2 = (j + 0.5) * measured.spacing[1] / unit
+    limits = axes.get_xlim(), axes.get_ylim()
+    axes.plot(x1, x2, "o", color="#D55E00", mec="white", mew=0.3, ms=2.5)
+    axes.set(xlim=limits[0], ylim=limits[1])
 
 
 def _draw_histogram(axes: Axes, measured: Topography) -> None:
     """Draw the probability density of the heights about their mean, on a logarithmic scale."""
     axes.set(xlabel="height [µm]", ylabel="probability density [1/µm]")
-    axes.set_title("heights", fontsize=9.5)
     z = measured.heights[~np.isnan(measured.heights)] * 1e6
     if not z.size:
         return
@@ -267,6 +293,8 @@ def _draw_histogram(axes: Axes, measured: Topography) -> None:
     axes.stairs(density, edges, fill=True, color=STYLES[1]["color"], alpha=0.75)
     axes.set_yscale("log")
     axes.set_ylim(density[density > 0].min() / 2, density.max() * 3)
+    label_decades(axes.yaxis)
+    add_grid(axes)
 
 
 def _draw_radial_density(
@@ -278,24 +306,26 @@ def _draw_radial_density(
     """
     q, density = complete.radial_psd()
     is_drawn = (q > 0) & (density > density.max(initial=0.0) * 1e-14)
-    axes.loglog(_wavelength_um(q[is_drawn]), density[is_drawn], color=GREY, lw=1.0)
+    axes.loglog(_wavelength_um(q[is_drawn]), density[is_drawn], color=GREY, lw=0.8)
     if report.power_law is not None:
         q_ends = 2 * pi / np.array(report.power_law)
         # a self-affine surface with the Hurst exponent H has the density C(q) ~ q^(-2 - 2 H)
         fit = report.power_law_density * (q_ends / q_ends[0]) ** (-2 - 2 * report.hurst)
         exponent, error = report.power_law_slope
-        label = f"q^({exponent:.2f} ± {error:.2f}), H = {report.hurst:.2f}"
-        axes.loglog(_wavelength_um(q_ends), fit, color=STYLES[0]["color"], lw=2.2, label=label)
+        label = f"$q^{{{exponent:.2f}\\,\\pm\\,{error:.2f}}}$, $H$ = {report.hurst:.2f}"
+        axes.loglog(_wavelength_um(q_ends), fit, color=STYLES[0]["color"], lw=1.8, label=label)
     if conditioning is not None:
         _mark_wavelength(axes, conditioning.shortest_wave, "low-pass of a run", 2)
     _mark_wavelength(axes, report.shortest_wave, "shortest wave measured", 3)
-    axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m⁴]")
+    axes.set(xlabel=_WAVELENGTH, ylabel="spectral density, mean\nover directions [m⁴]")
     axes.xaxis.set_inverted(True)
-    axes.set_title("spectral density averaged over directions", fontsize=9.5)
-    axes.legend(fontsize=8, framealpha=0.9, edgecolor="none")
+    label_decades(axes.xaxis)
+    label_decades(axes.yaxis)
+    add_grid(axes)
+    axes.legend(loc="lower left", fontsize=6.5)
 
 
 def _mark_wavelength(axes: Axes, wavelength: float, name: str, style: int) -> None:
     """Draw a vertical line at a wavelength [m], with its name and value in the legend."""
     label = f"{name}, {to_text(wavelength, 'm', 3)}"
-    axes.axvline(1e6 * wavelength, lw=1.3, label=label, **STYLES[style])
+    axes.axvline(1e6 * wavelength, lw=1.0, label=label, **STYLES[style])

@@ -16,8 +16,9 @@ from ..results.results import Results
 from ..results.tables import class_unit, kind_of, leakage_of
 from ..results.verdict import LeakageCurve, deciding_fluid
 from ..studies import BlocksResult, FaceResult, StochasticResult
-from .drawing import LEGEND_LINE, LINES, Sheet, figure_of, legend_below, shows
-from .leakage_panels import COMMON_SCALE, LeakageCurves, leakage_panel
+from .drawing import LEGEND_LINE, LOADS, Sheet, figure_of, legend_below, shows
+from .leakage_panels import COMMON_SCALE, LeakageCurves, leakage_panel, limits_width
+from .style import styled
 
 if TYPE_CHECKING:
     import xarray
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _INTERVAL = "95 % interval"
+#: Height of the axes [inch].
+_AXES_HEIGHT = 2.3
 
 
 def _draw_curves(curves: LeakageCurves, ax: Axes | None, label: str | None) -> Figure:
@@ -33,13 +36,17 @@ def _draw_curves(curves: LeakageCurves, ax: Axes | None, label: str | None) -> F
         # all results in the same axes have the same unit
         in_common_unit = replace(curves, scale=COMMON_SCALE, force=None, limits={})
         leakage_panel(ax, in_common_unit, f"{label or curves.title}, ")
-        ax.legend(framealpha=0.9, edgecolor="none", fontsize=7.5, handlelength=3.4)
+        ax.legend(framealpha=0.9, edgecolor="none", fontsize="small", handlelength=2.8)
         return figure_of(ax)
     n_entries = len(curves.branches) + len(curves.other_methods) + (curves.band is not None)
-    legend_height = LEGEND_LINE * (ceil(n_entries / 2) + 1.5)
-    sheet = Sheet([4.0 + legend_height])
-    right = 1.2 if curves.limits else 0.25
-    margins = replace(LINES, right=right, top=0.15, bottom=0.6 + legend_height)
+    legend_height = LEGEND_LINE * (ceil(n_entries / 2) + 1.1)
+    margins = replace(
+        LOADS,
+        left=LOADS.left + 0.12 * curves.scale[1].count("\n"),
+        right=LOADS.right + limits_width(curves.limits),
+        bottom=LOADS.bottom + legend_height,
+    )
+    sheet = Sheet([_AXES_HEIGHT + margins.bottom + margins.top])
     handles = leakage_panel(sheet.panel(0, margins), curves)
     legend_below(sheet.figure, handles, title=label or curves.title)
     return sheet.figure
@@ -168,6 +175,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
     )
 
 
+@styled
 def leak_test_figure(results: Results) -> Figure:
     """Draw the leakage of the test fluid against load, with its 95 % interval and the limits of the leakage classes.
 

@@ -9,19 +9,22 @@ import numpy as np
 
 from ..base import Array, Indices
 from ..results.load_steps import branches
-from .drawing import GREY, branch_styles, label_decades, set_load_axis
+from .drawing import add_grid, label_decades, set_load_axis
+from .style import GREY, branch_styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: The ends of 95 % intervals can extend the scale beyond the leakages by at most this factor.
 _FARTHEST_END = 10.0
+#: The limits of leakage classes can extend the scale beyond leakages and intervals by at most this factor.
+_FARTHEST_LIMIT = 30.0
 #: Height of the name of a leakage class beside the axis, as a fraction of the axis.
-_NAME_HEIGHT = 0.042
+_NAME_HEIGHT = 0.05
 #: Height of the strip for sealed loads at the bottom of the axis, as a fraction of the axis.
 _STRIP = 0.08
 #: Marker, and its size, of each method that is drawn as single points in addition to the main curve.
-_STUDY_MARKERS = {"two-scale": ("D", 7), "deterministic": ("x", 5), "blocks": ("s", 6)}
+_STUDY_MARKERS = {"two-scale": ("D", 5.5), "deterministic": ("x", 4), "blocks": ("s", 5)}
 #: Unit of an axis on which several results are drawn [m²/s], and the name of this axis.
 COMMON_SCALE = (1.0, "leakage per length of seal [m²/s]")
 
@@ -91,7 +94,15 @@ class LeakageCurves:
         """Absolute values [m²/s] that the leakage axis must cover."""
         leakages = np.abs(np.concatenate([self.leakage, *self.other_methods.values()]))
         ends = np.abs(np.concatenate(self.band)) if self.band is not None else np.empty(0)
-        return with_near_ends(leakages, ends)
+        covered = with_near_ends(leakages, ends)
+        positive = covered[np.isfinite(covered) & (covered > 0)]
+        if not positive.size:
+            return covered
+        limits = np.array(list(self.limits.values()))
+        is_near = (limits > positive.min() / _FARTHEST_LIMIT) & (
+            limits < positive.max() * _FARTHEST_LIMIT
+        )
+        return np.concatenate([covered, limits[is_near]])
 
 
 def with_near_ends(leakages: Array, ends: Array) -> Array:
@@ -163,7 +174,7 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
     axes.set(xlabel=load_name, ylabel=leakage_name)
     all_loads = [line.get_xdata() for line in axes.lines if line.get_label() != "_limit"]
     set_load_axis(axes, np.concatenate(all_loads))
-    axes.grid(alpha=0.25, lw=0.6)
+    add_grid(axes)
     limit_lines(axes, {name: limit / factor for name, limit in curves.limits.items()})
     if curves.band is not None:
         handles.append(Patch(color=GREY, alpha=0.3, lw=0, label=curves.band_name))
@@ -197,7 +208,7 @@ def set_leakage_axis(axes: Axes, values: Array) -> None:
         Rectangle((0, 0), 1, strip, transform=axes.transAxes, color="#E4E4E4", lw=0, zorder=0)
     )
     style: Any = {"xycoords": "axes fraction", "ha": "center", "va": "center"}
-    axes.annotate("sealed", (0.5, strip / 2), color=GREY, fontsize=8, **style)
+    axes.annotate("sealed", (0.5, strip / 2), color=GREY, fontsize=7, **style)
 
 
 def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
@@ -229,21 +240,26 @@ def leakage_band(axes: Axes, load: Array, low: Array, high: Array, colour: Any) 
     """Shade the area between two leakages, as far as it lies within the scale; draw a bar if there is only one load."""
     low, high = _within_scale(axes, low, high)
     if len(load) > 1:
-        axes.fill_between(load, low, high, color=colour, lw=0, alpha=0.14)
+        axes.fill_between(load, low, high, color=colour, lw=0, alpha=0.16)
     else:
-        axes.vlines(load, low, high, color=colour, lw=5, alpha=0.25)
+        axes.vlines(load, low, high, color=colour, lw=4, alpha=0.25)
 
 
 def leakage_bars(axes: Axes, load: Array, low: Array, high: Array, colour: Any) -> None:
     """Draw intervals of leakages as thin vertical bars, as far as they lie within the scale."""
     low, high = _within_scale(axes, low, high)
-    axes.vlines(load, low, high, color=colour, lw=1.4, alpha=0.75)
+    axes.vlines(load, low, high, color=colour, lw=0.9, alpha=0.75)
 
 
 def _within_scale(axes: Axes, low: Array, high: Array) -> tuple[Array, Array]:
     """Limit the absolute values of two leakages to the range of the y axis."""
     bottom, top = axes.get_ylim()
     return np.clip(np.abs(low), bottom, top), np.clip(np.abs(high), bottom, top)
+
+
+def limits_width(limits: dict[str, float]) -> float:
+    """Return the width [inch] of the names of leakage classes to the right of the axes."""
+    return 0.05 + 0.062 * max(map(len, limits)) if limits else 0.0
 
 
 def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
@@ -269,4 +285,4 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
         names_by_row.setdefault(row, []).append(name)
     for row, names in names_by_row.items():
         position = (1.01, row * _NAME_HEIGHT)
-        axes.annotate(", ".join(names), position, xycoords="axes fraction", va="center", fontsize=8)
+        axes.annotate(", ".join(names), position, xycoords="axes fraction", va="center", fontsize=7)

@@ -1,13 +1,15 @@
-"""Draw values over a rectangular face as colours, with a colour bar."""
+"""Draw values over a rectangular face as colours, with a colour bar above the map."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base import Array, Pair
-from .drawing import MAP, PAGE, Margins, figure_of, label_axes, label_decades, set_panel_title
+from .drawing import MAP, Margins, figure_of, label_decades
+from .style import DPI, MOST_DPI, PAGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,6 +20,10 @@ CLOSED = "#B0B0B0"
 POCKET = "#FFFFFF"
 #: Ratio of height to width above which a map is turned on its side.
 _HIGHEST_UPRIGHT = 1.2
+#: Distance of the colour bar from the map, and its height [inch].
+_BAR_DISTANCE, _BAR_HEIGHT = 0.05, 0.075
+#: Least height of a map [inch].
+LOWEST_MAP = 0.5
 
 
 def draw_map(
@@ -25,10 +31,11 @@ def draw_map(
     values: Array,
     size: Pair,
     colours: Any,
-    title: str,
+    name: str,
     unit: str = "mm",
     *,
     upright: bool = False,
+    key: Mapping[str, str] | None = None,
     **scale: Any,
 ) -> Any:
     """Draw values over a rectangular face as colours.
@@ -45,12 +52,14 @@ def draw_map(
         Sides of the face along x1 and x2 in `unit`.
     colours : colormap or its name
         Colours of the values.
-    title : str
-        Title of the panel.
+    name : str
+        Name of the quantity with its unit, which is written at the colour bar.
     unit : str
         Unit of length on the axes.
     upright : bool
         True keeps x1 horizontal even if the map is high and narrow.
+    key : mapping of str, optional
+        Colours of points without a value, by what these points are.
     **scale
         Range or norm of the colours, with the names of the arguments of `Axes.imshow`.
 
@@ -61,21 +70,49 @@ def draw_map(
     width, height = size if upright else on_its_side(size)
     is_turned = (width, height) != tuple(size)
     image = axes.imshow(
-        # imshow takes (vertical, horizontal); x1 is horizontal unless the map is turned
-        values if is_turned else values.T,
+        to_image(values, size, upright=upright),
         origin="lower",
         extent=(0.0, width, 0.0, height),
         cmap=colours,
-        interpolation="nearest",
+        interpolation=_interpolation(axes, values.shape),
         **scale,
     )
-    names = [f"x1, inlet at 0 [{unit}]", f"x2 along the seal [{unit}]"]
+    names = [f"$x_1$, inlet at 0 [{unit}]", f"$x_2$ along the seal [{unit}]"]
     if is_turned:
         names.reverse()
-    label_axes(axes, names)
-    axes.set(aspect="equal", xlim=(0.0, width), ylim=(0.0, height))
-    set_panel_title(axes, title)
-    return add_colour_bar(axes, image)
+    axes.set(xlabel=names[0], ylabel=names[1])
+    # a long map whose height would be too small is not to scale
+    panel_width, panel_height = axes.get_position().size * figure_of(axes).get_size_inches()
+    is_to_scale = width / height < 1.05 * panel_width / panel_height
+    aspect = "equal" if is_to_scale or panel_height > 1.05 * LOWEST_MAP else "auto"
+    axes.set(aspect=aspect, xlim=(0.0, width), ylim=(0.0, height))
+    bar = add_colour_bar(axes, image, name)
+    if key:
+        add_key(axes, key)
+    return bar
+
+
+def to_image(values: Array, size: Pair, *, upright: bool = False) -> Array:
+    """Arrange values (n1, n2, …) as `imshow` takes them: x1 is horizontal unless the map is turned on its side."""
+    is_turned = not upright and on_its_side(size) != tuple(size)
+    return values if is_turned else np.swapaxes(values, 0, 1)
+
+
+def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
+    """Return how `imshow` fits the pixels of a map to those of the picture.
+
+    Without interpolation, every pixel of the map has its own colour, also when a vector picture is enlarged. A map with
+    more pixels than the picture has is averaged in the picture.
+    """
+    figure = figure_of(axes)
+    width, height = axes.get_position().size * figure.get_size_inches() * figure.dpi
+    return "none" if max(shape) <= max(width, height) else "auto"
+
+
+def map_dpi(shape: tuple[int, ...], margins: Margins = MAP) -> float:
+    """Return the pixels per inch with which a picture shows each pixel of a map, within limits."""
+    width = PAGE - margins.left - margins.right
+    return float(np.clip(max(shape) / width, DPI, MOST_DPI))
 
 
 def on_its_side(size: Pair) -> Pair:
@@ -85,28 +122,53 @@ def on_its_side(size: Pair) -> Pair:
     return size[0], size[1]
 
 
-def map_height(size: Pair, width: float) -> float:
-    """Compute the height [inch] of a map with sides (horizontal, vertical) in a panel of the given width [inch].
-
-    The height is at least 0.7 inch, so that a long map can still be read, and at most the width.
-    """
-    return float(np.clip(width * size[1] / size[0], 0.7, width))
-
-
 def map_row_height(size: Pair, margins: Margins = MAP) -> float:
-    """Compute the height [inch] of a panel with a map of sides (horizontal, vertical), including its margins."""
+    """Compute the height [inch] of a panel with a map of sides (horizontal, vertical), including its margins.
+
+    The map itself fills the width. It is at least `LOWEST_MAP` high, so that a long map can still be read, and at most
+    as high as it is wide.
+    """
     width = PAGE - margins.left - margins.right
-    return map_height(size, width) + margins.bottom + margins.top
+    map_height = float(np.clip(width * size[1] / size[0], LOWEST_MAP, width))
+    return map_height + margins.bottom + margins.top
 
 
-def add_colour_bar(axes: Axes, image: Any) -> Any:
-    """Add a colour bar as high as the map."""
-    bar = figure_of(axes).colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))
-    if bar.ax.get_yscale() == "log":
-        label_decades(bar.ax.yaxis)
-    bar.ax.tick_params(which="both", labelsize=8)
-    axes.tick_params(labelsize=8)
+def add_colour_bar(axes: Axes, image: Any, name: str) -> Any:
+    """Add a colour bar above the map, as wide as the map, with the name of the quantity."""
+    figure = figure_of(axes)
+    height = axes.get_position().height * figure.get_figheight()  # inch
+    place = (0.0, 1 + _BAR_DISTANCE / height, 1.0, _BAR_HEIGHT / height)
+    bar_axes = axes.inset_axes(place)
+    bar = figure.colorbar(image, cax=bar_axes, orientation="horizontal")
+    bar_axes.xaxis.set_ticks_position("top")
+    bar_axes.xaxis.set_label_position("top")
+    bar.set_label(name, loc="left")
+    if bar_axes.get_xscale() == "log":
+        label_decades(bar_axes.xaxis)
     return bar
+
+
+def add_key(axes: Axes, key: Mapping[str, str]) -> None:
+    """Explain the colours of points without a value, to the right of the name of the colour bar."""
+    from matplotlib.patches import Patch
+
+    patches = [
+        Patch(facecolor=colour, edgecolor="black", linewidth=0.4, label=text)
+        for text, colour in key.items()
+    ]
+    height = axes.get_position().height * figure_of(axes).get_figheight()  # inch
+    axes.legend(
+        handles=patches,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1 + 0.28 / height),
+        ncols=len(patches),
+        handlelength=0.8,
+        handleheight=0.8,
+        handletextpad=0.4,
+        columnspacing=0.8,
+        borderaxespad=0.0,
+        borderpad=0.1,
+    )
 
 
 def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:

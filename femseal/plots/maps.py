@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,34 +10,43 @@ from ..base import Array, InputError, Pair
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
 from ..results.load_steps import branches, load_names, pressures_and_peaks
+from ..results.pixel_fields import stored_steps
 from ..results.results import Results
+from ..results.variables import block_means
 from ..seal import Leakage
-from .drawing import (
-    GREY,
-    MAP,
-    STYLES,
-    Sheet,
-    branch_styles,
-    figure_of,
-    label_axes,
-    new_figure,
-    shows,
-)
-from .heights import draw_heights
+from .drawing import LOADS, MAP, Sheet, add_grid, figure_of, length_unit, set_load_axis, shows
+from .heights import MOST_POINTS, draw_heights
 from .map_panels import (
+    CLOSED,
     POCKET,
+    add_key,
     colours_with_closed,
     draw_map,
-    map_height,
+    map_dpi,
     map_row_height,
     on_its_side,
+    to_image,
+)
+from .pressure_lines import (
+    draw_fluid_pressure_lines,
+    leaking_steps,
+    pressure_margins,
+    pressure_panel_height,
+    surface_leakage,
 )
 from .realisations import realisation_figure
+from .style import branch_styles, styled
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+#: Largest field over the pixels of which a map is drawn [pixels]. Averaging a larger one takes too much memory.
+_LARGEST_FIELD = 4096 * 4096
+#: Colour of the flow in maps of the fluid pressure.
+_FLOW = "#D7191C"
 
 
 # --- the surface at one load ------------------------------------------------------------------------------
@@ -52,18 +60,13 @@ def default_step(data: xarray.Dataset) -> int:
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])])
 
 
-def surface_leakage(data: xarray.Dataset) -> Array:
-    """Return the leakage (steps,) [m²/s] of the surface, or that of the realisations if the surface was not solved."""
-    names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
-    available = [name for name in names if name in data]
-    return np.asarray(data[available[0]].values)
-
-
+@styled
 def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Draw contact pressure, gap and fluid pressure of the surface at one load, and the fluid pressure along x1.
 
-    The maps show means over blocks of pixels. If the results have no fields over the surface, the realisation nearest
-    to the median is drawn instead.
+    The maps show every pixel, up to 1024 along each side, if the fields over the pixels are in memory or in the folder
+    of the results, and means over blocks of pixels otherwise. The flow is drawn over the fluid pressure. If the results
+    have no fields over the surface, the realisation nearest to the median is drawn instead.
 
     Parameters
     ----------
@@ -91,106 +94,163 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
     if "face_gap" not in data:
         return realisation_figure(data, step)
+    contact_pressure, gap, fluid_pressure = surface_fields(results, step)
     size = sides(data)
     row_height = map_row_height(on_its_side(size))
-    sheet = Sheet([row_height, row_height, row_height, 2.4], head=0.35)
-    contact_pressure = data["face_contact_pressure"].values[step]
-    _draw_contact_pressure(sheet.panel(0, MAP), contact_pressure, size, "\n")
-    gap = data["face_gap"].values[step]
-    _draw_gap(sheet.panel(1, MAP), gap, size, "gap [µm]\ngrey: contact")
-    title = "fluid pressure [MPa]"
-    if surface_leakage(data)[step] == 0:
-        title += ", no flow"
-    title += "\nwhite: contact, pockets"
-    fluid_pressure = data["face_fluid_pressure"].values[step] / 1e6
-    colours = colours_with_closed("cividis", POCKET)
-    draw_map(sheet.panel(2, MAP), fluid_pressure, size, colours, title)
-    draw_pressure_drop(sheet.panel(3, MAP), data, representative_steps(data, step))
-    sheet.head(f"{load_names(data)[step]}; inlet at x1 = 0")
+    line_margins = pressure_margins(len(leaking_steps(data)), with_range=True)
+    sheet = Sheet(
+        [row_height] * 3 + [pressure_panel_height(line_margins)],
+        head=0.22,
+        dpi=map_dpi(gap.shape),
+    )
+    _draw_contact_pressure(sheet.panel(0, MAP), contact_pressure, size)
+    _draw_gap(sheet.panel(1, MAP), gap, size)
+    _draw_fluid_pressure_and_flow(sheet.panel(2, MAP), fluid_pressure, gap, size)
+    draw_fluid_pressure_lines(sheet.panel(3, line_margins), data, step)
+    name = load_names(data)[step]
+    sheet.head(name if surface_leakage(data)[step] != 0 else f"{name}: no flow")
     return sheet.figure
 
 
-def representative_steps(data: xarray.Dataset, last: int) -> list[int]:
-    """Return the first and the middle one of the loading steps that leak, followed by the step `last`."""
-    loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
-    leaking = loading[np.nan_to_num(surface_leakage(data)[loading]) != 0]
-    steps = [leaking[0], leaking[leaking.size // 2]] if leaking.size else []
-    return list(dict.fromkeys([*steps, last]))
+def surface_fields(results: Results, step: int) -> list[Array]:
+    """Return contact pressure [Pa], gap [m] and fluid pressure [Pa] of the surface at a step, (n1, n2) each.
+
+    They have a value for each pixel if these fields are in memory or in the folder of the results, and otherwise the
+    means over blocks of pixels that the dataset contains. Fields with more pixels than a picture can show are averaged.
+    """
+    names = ("contact_pressure", "gap", "fluid_pressure")
+    if step in stored_steps(results):
+        first = results.pixels(names[0], step).values
+        if first.size <= _LARGEST_FIELD:
+            others = (results.pixels(name, step).values for name in names[1:])
+            return [_reduced(first), *map(_reduced, others)]
+    return [results.dataset[f"face_{name}"].values[step].astype(float) for name in names]
 
 
+def _reduced(field: Array) -> Array:
+    """Average a field over blocks of pixels if it has more of them than a map shows."""
+    if max(field.shape) <= MOST_POINTS:
+        return field
+    return block_means(field, MOST_POINTS).astype(float)
+
+
+@styled
+def surface_figure(data: xarray.Dataset) -> Figure:
+    """Draw the heights of the surface for which contact and flow were solved."""
+    size = sides(data)
+    heights = data["face_height"].values
+    sheet = Sheet([map_row_height(on_its_side(size))], dpi=map_dpi(heights.shape))
+    draw_heights(sheet.panel(0, MAP), heights * 1e6, size)
+    return sheet.figure
+
+
+@styled
 def patch_figure(data: xarray.Dataset) -> Figure:
     """Draw the heights of the measured patch that leaks most, and if known its gap at the highest load that leaks."""
     size = sides(data, "patch")
     has_gaps = "patch_gap" in data
-    sheet = Sheet([map_row_height(on_its_side(size))] * (2 if has_gaps else 1))
     heights = data["patch_height"]
-    title = f"patch {heights.attrs['patch']}: height [µm]"
-    draw_heights(sheet.panel(0, MAP), heights.values * 1e6, size, title)
+    row_heights = [map_row_height(on_its_side(size))] * (2 if has_gaps else 1)
+    title = f"patch {heights.attrs['patch']}"
     if has_gaps:
-        step = default_step(data)
-        title = f"gap [µm] at {load_names(data)[step]}; grey: contact"
-        _draw_gap(sheet.panel(1, MAP), data["patch_gap"].values[step], size, title)
+        title += f"; gap at {load_names(data)[default_step(data)]}"
+    sheet = Sheet(row_heights, head=0.22, dpi=map_dpi(heights.shape))
+    draw_heights(sheet.panel(0, MAP), heights.values * 1e6, size)
+    if has_gaps:
+        _draw_gap(sheet.panel(1, MAP), data["patch_gap"].values[default_step(data)], size)
+    sheet.head(title)
     return sheet.figure
 
 
 def sides(data: xarray.Dataset, part: str = "face") -> Pair:
-    """Return the sides [mm] of the surface ("face") or of the drawn patch ("patch"), from the centres of its blocks."""
+    """Return the sides [m] of the surface ("face") or of the drawn patch ("patch"), from the centres of its blocks."""
     x1 = data[f"{part}1"].values
     x2 = data[f"{part}2"].values
     # the first and the last centre are half a block away from the ends
-    return float(x1[0] + x1[-1]) * 1e3, float(x2[0] + x2[-1]) * 1e3
+    return float(x1[0] + x1[-1]), float(x2[0] + x2[-1])
 
 
-def _draw_contact_pressure(axes: Axes, pressure: Array, size: Pair, separator: str) -> None:
-    """Draw a map of a contact pressure (n1, n2) [Pa]; `separator` is the text between the two parts of its title."""
+def _draw_contact_pressure(axes: Axes, pressure: Array, size: Pair) -> None:
+    """Draw a map of a contact pressure (n1, n2) [Pa] over a surface with the sides `size` [m]."""
     in_contact = np.where(pressure > 0, pressure, np.nan) / 1e6
-    title = f"contact pressure [MPa]{separator}grey: no contact"
-    draw_map(axes, in_contact, size, colours_with_closed("viridis"), title)
+    in_unit, unit = _in_unit(size)
+    colours = colours_with_closed("viridis")
+    key = {"no contact": CLOSED}
+    draw_map(axes, in_contact, in_unit, colours, "contact pressure [MPa]", unit, key=key, vmin=0)
 
 
-def _draw_gap(axes: Axes, gap: Array, size: Pair, title: str) -> None:
-    """Draw a map of a gap (n1, n2) [m]."""
+def _draw_gap(axes: Axes, gap: Array, size: Pair) -> None:
+    """Draw a map of a gap (n1, n2) [m] over a surface with the sides `size` [m]."""
     open_gap = np.where(gap > 0, gap, np.nan) * 1e6
-    draw_map(axes, open_gap, size, colours_with_closed("magma"), title, vmin=0)
+    in_unit, unit = _in_unit(size)
+    colours = colours_with_closed("magma")
+    draw_map(axes, open_gap, in_unit, colours, "gap [µm]", unit, key={"contact": CLOSED}, vmin=0)
 
 
-def draw_pressure_drop(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
-    """Draw the fluid pressure along x1, averaged over x2.
+def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size: Pair) -> None:
+    """Draw a map of the fluid pressure (n1, n2) [Pa], and the flow as a colour that is opaque where it is largest."""
+    from matplotlib.colors import to_rgb
 
-    A line is drawn for each of the steps; for the last one, the range between the lowest and the highest pressure is
-    shaded as well.
+    in_unit, unit = _in_unit(size)
+    colours = colours_with_closed("cividis", POCKET)
+    draw_map(axes, pressure / 1e6, in_unit, colours, "fluid pressure [MPa]", unit)
+    key = {"contact, pockets": POCKET}
+    flow = relative_flow(gap, pressure, size)
+    if flow.any():
+        key["flow"] = _FLOW
+        shade = np.zeros((*flow.shape, 4), dtype=np.float32)  # red, green, blue, opacity
+        shade[..., :3] = to_rgb(_FLOW)
+        shade[..., 3] = np.sqrt(flow)
+        image = axes.images[0]
+        extent, interpolation = image.get_extent(), image.get_interpolation()
+        shown = to_image(shade, in_unit)
+        axes.imshow(shown, origin="lower", extent=extent, interpolation=interpolation)
+    add_key(axes, key)
+
+
+def relative_flow(gap: Array, pressure: Array, size: Pair) -> Array:
+    """Compute the flow per width at each pixel, divided by its largest value, by the cubic law.
+
+    Parameters
+    ----------
+    gap : array (n1, n2)
+        Gap in any unit; 0 in contact.
+    pressure : array (n1, n2)
+        Fluid pressure in any unit, NaN where there is none.
+    size : pair of float
+        Sides of the surface.
+
+    Returns
+    -------
+    array (n1, n2)
+        Magnitude of the flow; 0 everywhere if nothing flows.
     """
-    values = data["face_fluid_pressure"].values.astype(float)  # (step, row, column)
-    pressure = np.ma.masked_invalid(values) / 1e6  # MPa; there is none in contact and in pockets
-    x1 = data["block1"].values
-    means = {step: pressure[step].mean(axis=1) for step in steps}
-    _draw_along_x1(axes, data, x1, means, "fluid pressure [MPa]")
-    last = pressure[steps[-1]]
-    lowest = last.min(axis=1)
-    highest = last.max(axis=1)
-    label = "lowest to highest"
-    axes.fill_between(x1 * 1e3, lowest, highest, color=GREY, alpha=0.15, lw=0, label=label)
-    axes.legend(fontsize=8, framealpha=0.9)
+    is_open = np.isfinite(pressure) & (gap > 0)
+    conductivity = np.where(is_open, gap, 0.0) ** 3
+    known = np.where(is_open, pressure, 0.0)
+    squared = np.zeros(gap.shape)
+    for axis, side in enumerate(size):
+        towards = np.roll(conductivity, -1, axis)  # the next pixel
+        total = conductivity + towards
+        mean = np.divide(
+            2 * conductivity * towards, total, out=np.zeros_like(total), where=total > 0
+        )
+        to_next = mean * (known - np.roll(known, -1, axis)) * gap.shape[axis] / side
+        from_last = np.roll(to_next, 1, axis)
+        if (
+            axis == 0
+        ):  # nothing flows from the outlet to the inlet: the flow of the neighbours goes on
+            to_next[-1] = from_last[-1]
+            from_last[0] = to_next[0]
+        squared += ((to_next + from_last) / 2) ** 2
+    flow = np.sqrt(squared)
+    return np.asarray(flow / (flow.max() or 1.0))
 
 
-def draw_row_pressures(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
-    """Draw the contact pressure against x1, averaged over x2, which shows the contact band of a seat."""
-    pressures = {step: data["row_pressure"].values[step] / 1e6 for step in steps}
-    name = "mean contact pressure of rows [MPa]"
-    _draw_along_x1(axes, data, data["row"].values, pressures, name)
-    axes.legend(fontsize=8, framealpha=0.9)
-
-
-def _draw_along_x1(
-    axes: Axes, data: xarray.Dataset, x1: Array, pressures: dict[int, Array], name: str
-) -> None:
-    """Draw a line of pressures [MPa] against x1 [m] for each step; `name` is the name of the pressure axis."""
-    names = load_names(data)
-    for (step, pressure), style in zip(pressures.items(), STYLES, strict=False):
-        axes.plot(x1 * 1e3, pressure, lw=1.4, label=names[step], **style)
-    label_axes(axes, ("x1, inlet at 0 [mm]", name))
-    axes.tick_params(labelsize=8)
-    axes.grid(alpha=0.25, lw=0.6)
+def _in_unit(size: Pair) -> tuple[Pair, str]:
+    """Convert sides [m] to a readable unit, and return the name of the unit."""
+    unit, name = length_unit(max(size))
+    return (size[0] / unit, size[1] / unit), name
 
 
 # --- single solutions -------------------------------------------------------------------------------------
@@ -199,35 +259,40 @@ def _draw_along_x1(
 @shows(Contact)
 def contact_figure(contact: Contact) -> Figure:
     """Draw maps of the contact pressure and the gap of a contact."""
-    n1, n2 = contact.gap.shape
-    d1, d2 = contact.half_space.spacing
-    size = (n1 * d1 * 1e3, n2 * d2 * 1e3)
-    figure = new_figure(11.0, map_height(on_its_side(size), 4.4) + 0.9)
-    left, right = figure.subplots(1, 2)
-    _draw_contact_pressure(left, contact.pressure, size, "; ")
-    _draw_gap(right, contact.gap, size, "gap [µm]; grey: contact")
-    return figure
+    return _contact_sheet(contact).figure
+
+
+def _contact_sheet(contact: Contact, head: float = 0.0) -> Sheet:
+    """Draw the maps of a contact into a figure with a space for a title [inch]."""
+    spacing = contact.half_space.spacing
+    size = (contact.gap.shape[0] * spacing[0], contact.gap.shape[1] * spacing[1])
+    row_height = map_row_height(on_its_side(size))
+    sheet = Sheet([row_height] * 2, head=head, dpi=map_dpi(contact.gap.shape))
+    _draw_contact_pressure(sheet.panel(0, MAP), contact.pressure, size)
+    _draw_gap(sheet.panel(1, MAP), contact.gap, size)
+    return sheet
 
 
 @shows(LoadState)
 def state_figure(state: LoadState) -> Figure:
     """Draw maps of the contact pressure and the gap at a step of a load cycle."""
-    figure = contact_figure(state.contact)
-    figure.suptitle(state.name, fontsize=11)
-    return figure
+    sheet = _contact_sheet(state.contact, head=0.22)
+    sheet.head(state.name)
+    return sheet.figure
 
 
 @shows(LoadCycle)
 def cycle_figure(cycle: LoadCycle) -> Figure:
     """Draw the fraction in contact and the mean gap against nominal pressure."""
-    figure = new_figure(9.6, 4.0)
-    contact_axes, gap_axes = figure.subplots(1, 2)
+    margins = LOADS
+    sheet = Sheet([1.8 + margins.bottom + margins.top] * 2)
     contact_percent = np.array([100 * state.contact.area_fraction for state in cycle])
+    contact_axes = sheet.panel(0, margins)
     _draw_over_pressure(contact_axes, cycle, contact_percent, "fraction in contact [%]")
+    contact_axes.legend(loc="best")
     mean_gap_um = np.array([state.contact.mean_gap * 1e6 for state in cycle])
-    _draw_over_pressure(gap_axes, cycle, mean_gap_um, "mean gap [µm]")
-    contact_axes.legend(fontsize=8.5, frameon=False)
-    return figure
+    _draw_over_pressure(sheet.panel(1, margins), cycle, mean_gap_um, "mean gap [µm]")
+    return sheet.figure
 
 
 def _draw_over_pressure(axes: Axes, cycle: LoadCycle, values: Array, name: str) -> None:
@@ -238,14 +303,16 @@ def _draw_over_pressure(axes: Axes, cycle: LoadCycle, values: Array, name: str) 
     for (branch, steps), style in zip(cycle_branches, styles, strict=True):
         axes.plot(pressure[steps] / 1e6, values[steps], label=branch, **style)
     axes.set(xlabel="nominal pressure [MPa]", ylabel=name)
-    axes.grid(alpha=0.25, lw=0.6)
+    set_load_axis(axes, pressure / 1e6)
+    add_grid(axes)
 
 
 @shows(Permeability)
 def permeability_figure(permeability: Permeability, ax: Axes | None = None) -> Figure:
     """Draw the fluid pressure in a cell for a unit pressure drop."""
-    title = "fluid pressure for a unit drop; white: contact, pockets"
-    return _draw_fluid_pressure(permeability.fluid_pressure, ax, title, "pixels")
+    name = "fluid pressure for a unit drop"
+    key = {"contact, pockets": POCKET}
+    return _draw_fluid_pressure(permeability.fluid_pressure, ax, name, "pixels", key)
 
 
 @shows(Leakage)
@@ -260,18 +327,23 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
     if leakage.fluid_pressure.ndim != 2:
         given = f"the leakage of a mesh, with {leakage.fluid_pressure.size} nodes"
         raise InputError("plot", given, "the leakage of a rectangular or annular seal")
-    title = "fluid pressure [MPa]; white: pockets"
-    return _draw_fluid_pressure(leakage.fluid_pressure / 1e6, ax, title, "nodes")
+    pressure = leakage.fluid_pressure / 1e6
+    key = {"pockets": POCKET}
+    return _draw_fluid_pressure(pressure, ax, "fluid pressure [MPa]", "nodes", key)
 
 
-def _draw_fluid_pressure(values: Array, ax: Axes | None, title: str, unit: str) -> Figure:
+def _draw_fluid_pressure(
+    values: Array, ax: Axes | None, name: str, unit: str, key: dict[str, str]
+) -> Figure:
     """Draw a map of a fluid pressure (n1, n2) into axes, by default those of a new figure.
 
-    The axes count pixels or nodes; `unit` says which.
+    The axes count pixels or nodes; `unit` says which. `key` explains the colour of points without a pressure.
     """
     n1, n2 = values.shape
     if ax is None:
-        height = map_height(on_its_side((n1, n2)), 4.6) + 0.9
-        ax = new_figure(6.2, height).add_subplot()
-    draw_map(ax, values, (n1, n2), colours_with_closed("cividis", POCKET), title, unit)
+        sheet = Sheet([map_row_height(on_its_side((n1, n2)))], dpi=map_dpi(values.shape))
+        ax = sheet.panel(0, MAP)
+    has_undefined = bool(np.isnan(values).any())
+    colours = colours_with_closed("cividis", POCKET)
+    draw_map(ax, values, (n1, n2), colours, name, unit, key=key if has_undefined else None)
     return figure_of(ax)

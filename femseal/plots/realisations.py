@@ -11,15 +11,18 @@ import numpy as np
 from ..base import Array, Flags
 from ..base.leak_units import leakage_unit
 from ..results.load_steps import load_names
-from .drawing import MAP, Sheet, label_axes, set_panel_title
+from .drawing import MAP, Sheet, length_unit
 from .map_panels import (
     CLOSED,
     POCKET,
     add_colour_bar,
+    add_key,
     clip_to_decades,
     map_row_height,
     on_its_side,
 )
+from .streamlines import draw_main_path, draw_streamlines
+from .style import styled
 
 if TYPE_CHECKING:
     import xarray
@@ -28,8 +31,13 @@ if TYPE_CHECKING:
 
 #: Number of decades below the largest flow that the colour scale of the flow covers.
 _FLOW_DECADES = 4
-#: Side of the detail around the largest flow, as a multiple of the width of the seal.
-_DETAIL_SIDE = 2.5
+#: Side of the detail around the largest flow, as a multiple of the width of the seal: for few rows of tiles, and for
+#: many, which would be too small in a large detail.
+_DETAIL_SIDE, _SMALL_DETAIL_SIDE = 2.5, 1.15
+#: Number of rows of tiles from which on the smaller detail is drawn.
+_MANY_ROWS = 8
+#: More tiles than this in a panel are drawn as pixels in vector pictures, whose files would become too large.
+_MOST_VECTOR_TILES = 5000
 #: A seal is drawn to scale up to this ratio of length to width.
 _LONGEST_TO_SCALE = 8.0
 
@@ -40,26 +48,30 @@ class _TileValues:
 
     Attributes
     ----------
-    title : name of the quantity, with its unit.
+    name : name of the quantity, with its unit.
     values : value of each tile, (tiles,), NaN where there is none.
     colours : name of the colour map.
     undefined : explanation of tiles without a value.
     decades : largest number of decades of a logarithmic colour scale; 0 for a linear scale.
+    streamlines : colour of the streamlines that are drawn over the map; "" for none.
     """
 
-    title: str
+    name: str
     values: Array
     colours: str
     undefined: str = "failed"
     decades: int = 0
+    streamlines: str = ""
 
 
+@styled
 def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
-    """Draw the fluid pressure in the realisation nearest to the median, and the flow around its maximum.
+    """Draw the fluid pressure in the realisation nearest to the median, and the flow around its largest value.
 
-    The contact pressure of the tiles is drawn too if the load has a pressure map or the seal has a form. For a seal
-    with a form, the form and the distance between the mean planes are drawn as well. A long seal is not drawn to scale.
-    A seal whose picture would be high and narrow is turned on its side.
+    Streamlines of the flow are drawn over both maps; the thick line is the path through the largest flow. The contact
+    pressure of the tiles is drawn too if the load has a pressure map or the seal has a form. For a seal with a form,
+    the form and the distance between the mean planes are drawn as well. A long seal is not drawn to scale. A seal whose
+    picture would be high and narrow is turned on its side.
 
     Parameters
     ----------
@@ -72,14 +84,16 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
     -------
     Figure
     """
-    corners = data["drawn_corners"].values * 1e3  # mm, (tile, corner, axis)
+    corners = data["drawn_corners"].values  # m, (tile, corner, axis)
+    flux = np.nan_to_num(data["drawn_flux"].values[step])  # (tile, axis)
     size = tuple(np.ptp(corners, axis=(0, 1)).tolist())
     is_turned = on_its_side(size) != size
     if is_turned:
         corners = corners[..., ::-1]
+        flux = flux[..., ::-1]
+    flow = np.hypot(*flux.T)  # (tile,)
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
-    flow = np.nan_to_num(np.hypot(*data["drawn_flux"].values[step].T))  # magnitude (tiles,)
     centre_of_largest_flow = corners[np.argmax(flow)].mean(axis=0)
     detail_low, detail_high = _detail(data, corners, centre_of_largest_flow)
     shows_whole_seal = np.array_equal([detail_low, detail_high], [low, high])
@@ -87,39 +101,54 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
     panels = [(low, high, values) for values in _whole_seal_values(data, step)]
     panels.append((detail_low, detail_high, _flow_values(flow, shows_whole_seal)))
 
-    names = ["x [mm]", "y [mm]"]
-    if data.attrs["seal"].startswith("a strip"):
-        names = ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"]
-    if is_turned:
-        names.reverse()
     simulated_fraction = data["drawn_corners"].attrs["part"]
     row_heights = [map_row_height(tuple((end - start).tolist())) for start, end, _ in panels]
-    sheet = Sheet(row_heights, head=0.3 if simulated_fraction == 1 else 0.5)
+    sheet = Sheet(row_heights, head=0.22 if simulated_fraction == 1 else 0.36)
     for row, (start, end, values) in enumerate(panels):
         axes = sheet.panel(row, MAP)
-        axes.set(xlim=(start[0], end[0]), ylim=(start[1], end[1]))
+        unit, unit_name = length_unit(max(end - start))
         width, height = end - start
         axes.set_aspect("equal" if width <= _LONGEST_TO_SCALE * height else "auto")
-        label_axes(axes, names)
+        axes.set(xlim=(start[0] / unit, end[0] / unit), ylim=(start[1] / unit, end[1] / unit))
+        x_name, y_name = _axis_names(data, unit_name, is_turned)
+        axes.set(xlabel=x_name, ylabel=y_name)
         # tiles that are at least partly inside the panel
         is_inside = ((corners.max(axis=1) >= start) & (corners.min(axis=1) <= end)).all(axis=1)
-        _draw_tiles(axes, corners[is_inside], values, is_inside)
+        _draw_tiles(axes, corners[is_inside] / unit, values, is_inside)
+        if values.streamlines and flow.max() > 0:
+            draw_streamlines(axes, corners / unit, flux, values.streamlines)
+            draw_main_path(axes, corners / unit, flux, centre_of_largest_flow / unit)
     number = data["drawn_corners"].attrs["realisation"]
-    title = f"{load_names(data)[step]}; realisation {number}, the nearest to the median"
+    title = f"{load_names(data)[step]}; realisation {number}, nearest to the median"
     if simulated_fraction < 1:
         title += f"\nsimulated: {100 * simulated_fraction:.2g} % of the length of the seal"
     sheet.head(title)
     return sheet.figure
 
 
+def _axis_names(data: xarray.Dataset, unit: str, is_turned: bool) -> tuple[str, str]:
+    """Return the names of the horizontal and the vertical axis."""
+    names = f"$x$ [{unit}]", f"$y$ [{unit}]"
+    if data.attrs["seal"].startswith("a strip"):
+        names = f"$x_1$, inlet at 0 [{unit}]", f"$x_2$ along the seal [{unit}]"
+    return (names[1], names[0]) if is_turned else names
+
+
 def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array, Array]:
-    """Return the lower left and upper right corner of the detail, both (axis,) [mm].
+    """Return the lower left and upper right corner of the detail, both (axis,) [m].
 
     The detail is a square around the point `centre`, moved so that it lies within the seal, and limited to the seal.
     """
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
-    side = _DETAIL_SIDE * data.attrs["seal_size_m"][0] * 1e3
+    width = data.attrs["seal_size_m"][0]
+    tile_side = np.median(np.ptp(corners, axis=1))
+    has_many_rows = width > _MANY_ROWS * tile_side
+    side = width * (_SMALL_DETAIL_SIDE if has_many_rows else _DETAIL_SIDE)
+    if has_many_rows:
+        # the tiles around the point lie between inlet and outlet, and so does their centre
+        centres = corners.mean(axis=1)
+        centre = centres[np.hypot(*(centres - centre).T) < width].mean(axis=0)
     start = np.maximum(low, np.minimum(centre - side / 2, high - side))
     return start, np.minimum(start + side, high)
 
@@ -127,10 +156,10 @@ def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array,
 def _flow_values(flow: Array, shows_whole_seal: bool) -> _TileValues:
     """Prepare the map of the flow per unit width, (tiles,) [m²/s]."""
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
-    title = f"flow per width [{unit}]"
+    name = f"flow per width [{unit}]"
     if not shows_whole_seal:
-        title += " around its largest value"
-    return _TileValues(title, flow / factor, "magma", decades=_FLOW_DECADES)
+        name = f"flow per width, around the largest [{unit}]"
+    return _TileValues(name, flow / factor, "magma", decades=_FLOW_DECADES, streamlines="#4FE3FF")
 
 
 def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
@@ -142,7 +171,11 @@ def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
         contact_pressure = data["drawn_contact_pressure"].values[step] / 1e6
         maps.append(_TileValues("contact pressure [MPa]", contact_pressure, "viridis"))
     fluid_pressure = data["drawn_fluid_pressure"].values[step] / 1e6
-    maps.append(_TileValues("fluid pressure [MPa]", fluid_pressure, "cividis", "pockets"))
+    maps.append(
+        _TileValues(
+            "fluid pressure [MPa]", fluid_pressure, "cividis", "pockets", streamlines="white"
+        )
+    )
     if has_form:
         form = data["drawn_form"].values * 1e6
         maps.append(_TileValues("form of the seal [µm]", form, "cividis"))
@@ -171,23 +204,24 @@ def _draw_tiles(axes: Axes, corners: Array, tile_values: _TileValues, is_drawn: 
 
     values = tile_values.values
     finite = values[np.isfinite(values)]
-    titles = [tile_values.title]
+    key = {}
     if finite.size < values.size:
-        titles.append(f"white: {tile_values.undefined}")
+        key[tile_values.undefined] = POCKET
     scale: Any = Normalize(finite.min(), finite.max()) if finite.size else Normalize(0, 1)
     if tile_values.decades:
         values, scale = clip_to_decades(values, tile_values.decades)
         if (finite == 0).any():
-            titles.append("grey: none")
+            key["none"] = CLOSED
     tiles = PolyCollection(
         corners,  # type: ignore[arg-type]
         array=np.ma.masked_invalid(values[is_drawn]),
         cmap=colormaps[tile_values.colours].with_extremes(under=CLOSED, bad=POCKET),
         norm=scale,
-        rasterized=True,
+        rasterized=len(corners) > _MOST_VECTOR_TILES,
         edgecolors="face",
         linewidths=0.1,
     )
     axes.add_collection(tiles, autolim=False)
-    add_colour_bar(axes, tiles)
-    set_panel_title(axes, "; ".join(titles))
+    add_colour_bar(axes, tiles, tile_values.name)
+    if key:
+        add_key(axes, key)

@@ -11,16 +11,7 @@ import numpy as np
 from ..base import Array
 from ..results.load_steps import branches_in
 from ..results.run_comparison import RunComparison
-from .drawing import (
-    LEGEND_LINE,
-    LINES,
-    MARKERS,
-    Sheet,
-    branch_styles,
-    legend_below,
-    set_load_axis,
-    shows,
-)
+from .drawing import LEGEND_LINE, LINES, LOADS, Sheet, add_grid, legend_below, set_load_axis, shows
 from .leakage_panels import (
     leakage_band,
     leakage_bars,
@@ -28,6 +19,7 @@ from .leakage_panels import (
     set_leakage_axis,
     with_near_ends,
 )
+from .style import MARKERS, branch_styles, sequential_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,6 +31,8 @@ if TYPE_CHECKING:
 _MOST_SHADED = 3
 #: Relative distance by which bars at the same position are moved apart.
 _BAR_DISTANCE = 0.012
+#: Height of the axes [inch].
+_AXES_HEIGHT = 2.2
 #: A number, and the unit behind it.
 _NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
@@ -64,15 +58,17 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     Figure
     """
     key = _most_varied_key(comparison)
-    bottom = 0.6 + LEGEND_LINE * (len(comparison.labels) + 1.5)
-    load_height = 3.8 + bottom
-    sheet = Sheet([load_height] if key is None else [4.0, load_height])
-    margins = replace(LINES, top=0.15, bottom=bottom)
+    legend_height = LEGEND_LINE * (len(comparison.labels) + 1.1)
+    margins = replace(LOADS, bottom=LOADS.bottom + legend_height)
+    load_height = _AXES_HEIGHT + margins.bottom + margins.top
+    key_margins = replace(LINES, top=0.25)
+    key_height = _AXES_HEIGHT + key_margins.bottom + key_margins.top
+    sheet = Sheet([load_height] if key is None else [key_height, load_height])
     last_row = len(sheet.heights) - 1
     handles, legend_title = _draw_over_load(sheet.panel(last_row, margins), comparison)
     legend_below(sheet.figure, handles, 1, length=3, title=legend_title)
     if key is not None:
-        _draw_over_key(sheet.panel(0, LINES), comparison, key)
+        _draw_over_key(sheet.panel(0, key_margins), comparison, key)
     return sheet.figure
 
 
@@ -112,8 +108,6 @@ def _bands(comparison: RunComparison) -> _Bands:
 
 def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], str]:
     """Draw leakage against nominal pressure, and return the handles and the title of the legend."""
-    from matplotlib import colormaps
-
     count = len(comparison.runs)
     leakages = [np.abs(comparison.leakage(n)) for n in range(count)]
     loads = [run.dataset["nominal_pressure"].values / 1e6 for run in comparison.runs]  # MPa
@@ -124,14 +118,13 @@ def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], s
             ends += [np.abs(end) for end in band]
     set_leakage_axis(axes, with_near_ends(np.concatenate(leakages), np.concatenate(ends)))
     is_shaded = count <= _MOST_SHADED
-    dark_to_bright = colormaps["viridis"](np.linspace(0, 0.92, count))
     handles: list[Any] = []
-    for n, colour in enumerate(dark_to_bright):
+    for n, colour in enumerate(sequential_colours(count)):
         (_name, loading), *unloadings = branches_in(comparison.runs[n].dataset)
-        style: dict[str, Any] = {"color": colour, "marker": MARKERS[n % len(MARKERS)], "ms": 4.5}
-        solid = style | {"lw": 1.8, "label": comparison.labels[n]}
+        style: dict[str, Any] = {"color": colour, "marker": MARKERS[n % len(MARKERS)]}
+        solid = style | {"label": comparison.labels[n]}
         handles.append(leakage_line(axes, loads[n][loading], leakages[n][loading], **solid))
-        dashed = style | {"ls": "--", "lw": 1.0, "mfc": "white"}
+        dashed = style | {"ls": "--", "lw": 0.8, "mfc": "white"}
         for _name, unloading in unloadings:
             leakage_line(axes, loads[n][unloading], leakages[n][unloading], **dashed)
         band = bands.ends[n]
@@ -146,7 +139,7 @@ def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], s
             leakage_bars(axes, loads[n][loading] * shift, low, high, colour)
     axes.set(xlabel="nominal pressure [MPa]", ylabel=comparison.label)
     set_load_axis(axes, np.concatenate(loads))
-    axes.grid(alpha=0.25, lw=0.6)
+    add_grid(axes)
     notes = []
     if any(run.steps.unload_from for run in comparison.runs):
         notes.append("dashed: unloading")
@@ -186,10 +179,10 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
     axes.set_xticks(positions, labels=texts)
     axes.set_xticks([], minor=True)
     axes.margins(x=0.08)
-    axes.grid(alpha=0.25, lw=0.6)
+    add_grid(axes)
     if len(runs_by_line) > 1:
         legend_title = ", ".join(_without(comparison.keys, key))
-        axes.legend(fontsize=8, framealpha=0.9, title=legend_title, title_fontsize=8)
+        axes.legend(title=legend_title)
 
 
 def _highest_leaking_step(comparison: RunComparison) -> LoadStep:

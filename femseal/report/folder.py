@@ -27,7 +27,8 @@ from ..results.results import Results
 from ..results.tables import rows, write_workbook
 from ..results.vtk_files import write_vtk
 from ..topography import Surface
-from .page import FILES, REPORT_NAME, draw_all, write_report
+from .page import REPORT_NAME, write_report
+from .pictures import FILES, draw_formats
 
 #: File that lists the files of a run, one name per line. The next run removes listed files that it does not write
 #: again.
@@ -48,6 +49,7 @@ def write_folder(
     pictures: bool = True,
     report: bool = True,
     fields: bool = True,
+    picture_formats: Sequence[str] = ("png",),
     paraview: str = "vtu",
     fields_limit: float = FIELDS_LIMIT,
     mapper: Mapper = map,
@@ -68,6 +70,8 @@ def write_folder(
     pictures, report, fields : bool
         Whether to write the pictures, the report, and the fields over all pixels. If neither pictures nor a report are
         written, nothing is drawn.
+    picture_formats : sequence of {"png", "svg", "pdf"}
+        Formats of the pictures. Those on the page of the report are always PNG.
     paraview : {"vtu", "none"}
         Format of the files in `vtk/`, see `write_vtk`.
     fields_limit : float
@@ -98,7 +102,8 @@ def write_folder(
             written += write_fields(results, steps, unfinished)
         if paraview != "none":
             written += write_vtk(results, surface, unfinished / VIEWS, mapper)
-        written += _write_tables_and_pictures(results, surface, pictures, report, unfinished)
+        formats = picture_formats if pictures else ()
+        written += _write_tables_and_pictures(results, surface, formats, report, unfinished)
         return written
 
     return _replace_files(results, made_folder(folder), write_files)
@@ -111,6 +116,7 @@ def write_again(
     pictures: bool = True,
     report: bool = True,
     fields: bool = True,
+    picture_formats: Sequence[str] = ("png",),
     paraview: str = "vtu",
 ) -> list[Path]:
     """Write the tables, the pictures and the report of results again into the folder from which they were read.
@@ -129,7 +135,8 @@ def write_again(
     ]
     if not fields:
         results.dataset.attrs["left_out"] = json.dumps([])
-    write_files = partial(_write_tables_and_pictures, results, surface, pictures, report)
+    formats = picture_formats if pictures else ()
+    write_files = partial(_write_tables_and_pictures, results, surface, formats, report)
     return _replace_files(results, target, write_files, kept_files)
 
 
@@ -206,19 +213,21 @@ def _write_manifest(folder: Path, names: Iterable[Path]) -> None:
 
 
 def _write_tables_and_pictures(
-    results: Results, surface: Surface | None, pictures: bool, report: bool, folder: Path
+    results: Results, surface: Surface | None, formats: Sequence[str], report: bool, folder: Path
 ) -> list[Path]:
-    """Write the tables and, if requested, the pictures and the report; return the paths of all files."""
+    """Write the tables, the pictures in some formats, and the report if requested; return the paths of all files."""
     written = [
         write_text(folder / "table.csv", comma_separated(rows(results))),
         write_workbook(results, folder / "table.xlsx"),
     ]
-    drawings = draw_all(results, surface) if pictures or report else {}
-    if pictures:
-        drawn_files = [name for name in FILES if name in drawings]
-        written += [write_bytes(folder / f"{name}.png", drawings[name]) for name in drawn_files]
+    needed_formats = {*formats, *(("png",) if report else ())}
+    drawings = draw_formats(results, surface, sorted(needed_formats)) if needed_formats else {}
+    for name in FILES:
+        for form in formats if name in drawings else ():
+            written.append(write_bytes(folder / f"{name}.{form}", drawings[name][form]))
     if report:
-        written.append(write_report(results, folder / REPORT_NAME, drawings))
+        as_png = {name: pictures["png"] for name, pictures in drawings.items()}
+        written.append(write_report(results, folder / REPORT_NAME, as_png))
     return written
 
 

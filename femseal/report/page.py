@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,133 +24,24 @@ from ..base import (
     write_text,
     writing,
 )
-from ..plots import cells_figure, heights_figure, leak_test_figure, leakage_figure, seal_figure
-from ..plots.drawing import (
-    GREY,
-    HEIGHTS,
-    LINES,
-    STYLES,
-    Sheet,
-    label_decades,
-    png,
-)
-from ..plots.heights import draw_heights
-from ..plots.map_panels import map_row_height, on_its_side
-from ..plots.maps import (
-    default_step,
-    draw_row_pressures,
-    patch_figure,
-    representative_steps,
-    sides,
-    surface_leakage,
-)
-from ..plots.realisations import realisation_figure
+from ..plots.maps import default_step
+from ..plots.pressure_lines import surface_leakage
 from ..results.dataset_file import FILE_NAME, inconsistent, open_results
 from ..results.load_steps import load_names
 from ..results.results import Results
 from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
 from ..results.verdict_text import verdict_paragraphs
-from ..topography import Surface
 from . import report_tables
+from .pictures import draw_all
 from .report_tables import design_section, png_uri
 
 if TYPE_CHECKING:
     import xarray
     from jinja2 import Template
-    from matplotlib.figure import Figure
 
 REPORT_NAME = "report.html"
-#: Names of the pictures that are also written as files. All other pictures are only on the page.
-FILES = ("surface", "seal", "seat", "patch", "drawn", "cells", "leakage")
 #: Pictures as PNG, by their names.
 Drawings = Mapping[str, bytes]
-
-
-def draw_all(results: Results, surface: Surface | None = None) -> dict[str, bytes]:
-    """Draw every picture for which the results have data.
-
-    Parameters
-    ----------
-    results : Results
-        Results of a run.
-    surface : Topography or Patches, optional
-        Combined heights of the faces, for the picture "surface".
-
-    Returns
-    -------
-    dict of bytes
-        Pictures as PNG, by their names.
-    """
-    # Pictures are drawn in this process, because importing matplotlib in another process would take half as long as
-    # drawing all of them.
-    return {name: png(draw()) for name, draw in _figures(results, surface).items()}
-
-
-def _figures(results: Results, surface: Surface | None) -> dict[str, Callable[[], Figure]]:
-    """Return the functions that draw the pictures for which the results have data, by the names of the pictures."""
-    data = results.dataset
-    step = default_step(data)
-    has_maps = "face_gap" in data
-    has_realisation = "drawn_corners" in data
-    figures: dict[str, Callable[[], Figure]] = {}
-    if surface is not None:
-        figures["surface"] = lambda: heights_figure(surface)
-    if has_maps or has_realisation:
-        figures["seal"] = lambda: seal_figure(results)
-    if has_maps and has_realisation:
-        figures["drawn"] = lambda: realisation_figure(data, step)
-    if "cell_k1" in data or "state_k1" in data:
-        figures["cells"] = lambda: cells_figure(results)
-    figures["leakage"] = lambda: leakage_figure(results)
-    if "test_leakage" in data:
-        figures["test"] = lambda: leak_test_figure(results)
-    if "face_height" in data:
-        figures["face"] = lambda: _surface_figure(data)
-    if data.attrs.get("seat") and "row_pressure" in data:
-        figures["seat"] = lambda: _seat_figure(data, step)
-    if "patch_height" in data:
-        figures["patch"] = lambda: patch_figure(data)
-    attempts = results.attempts
-    if attempts is not None and _finished_attempts(attempts):
-        figures["attempts"] = lambda: _attempts_figure(attempts)
-    return figures
-
-
-def _surface_figure(data: xarray.Dataset) -> Figure:
-    """Draw the heights of the surface for which contact and flow were solved."""
-    size = sides(data)
-    sheet = Sheet([map_row_height(on_its_side(size), HEIGHTS)])
-    draw_heights(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, size)
-    return sheet.figure
-
-
-def _seat_figure(data: xarray.Dataset, step: int) -> Figure:
-    """Draw the contact pressure across the seat."""
-    sheet = Sheet([4.0])
-    draw_row_pressures(sheet.panel(0, LINES), data, representative_steps(data, step))
-    return sheet.figure
-
-
-def _finished_attempts(attempts: dict[str, Any]) -> dict[int, dict[str, Any]]:
-    """Return those attempts to reach the accuracy whose error is known, by their numbers (from 1)."""
-    numbered = enumerate(attempts["attempts"], start=1)
-    return {number: attempt for number, attempt in numbered if attempt["half_width"] is not None}
-
-
-def _attempts_figure(attempts: dict[str, Any]) -> Figure:
-    """Draw the error of each attempt to reach the accuracy against its computing time."""
-    sheet = Sheet([3.2])
-    axes = sheet.panel(0, LINES)
-    axes.set(xlabel="time of the attempt [s]", ylabel="error [%]", yscale="log")
-    axes.grid(alpha=0.25, lw=0.6)
-    axes.axhline(100 * attempts["wanted"], color=GREY, ls="--", lw=1)
-    for number, attempt in _finished_attempts(attempts).items():
-        time_and_error = attempt["seconds"], 100 * np.expm1(attempt["half_width"])
-        axes.plot(*time_and_error, "o", color=STYLES[0]["color"])
-        axes.annotate(str(number), time_and_error, xytext=(6, 4), textcoords="offset points")
-    axes.set_xlim(left=0)
-    label_decades(axes.yaxis)
-    return sheet.figure
 
 
 def write_report(
@@ -160,7 +51,8 @@ def write_report(
 
     The page begins with the verdict: the leakage classes, the leakage, the accuracy, and the measures that would help
     most. Warnings and the leakage against load follow, and then maps, cells, faces, tables and the error budget. All
-    contents come from the dataset, so that a page made from a folder is identical to the page that the run wrote.
+    contents come from the dataset and the fields over the pixels, so that a page made from a folder is identical to the
+    page that the run wrote.
 
     Parameters
     ----------

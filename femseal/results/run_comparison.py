@@ -260,8 +260,10 @@ class RunComparison(Plotted):
         load = to_text(step.pressure, "Pa", 3)
         return Ranking(load, self.labels, leakage, lower, upper, has_intervals)
 
-    def write(self, folder: AnyPath, stem: str = "comparison") -> list[Path]:
-        """Write the table to a .csv file and the picture to a .png file.
+    def write(
+        self, folder: AnyPath, stem: str = "comparison", formats: Sequence[str] = ("png",)
+    ) -> list[Path]:
+        """Write the table to a .csv file, and the picture.
 
         Parameters
         ----------
@@ -269,11 +271,13 @@ class RunComparison(Plotted):
             Folder of the files, which is created if needed.
         stem : str
             Name of the files without their suffix.
+        formats : sequence of {"png", "svg", "pdf"}
+            Formats of the picture.
 
         Returns
         -------
         list of Path
-            Paths of the two files.
+            Paths of the files.
 
         Raises
         ------
@@ -281,11 +285,12 @@ class RunComparison(Plotted):
             The folder cannot be created.
         """
         target = made_folder(folder)
-        picture = display_package("plots").png(display_package("plots").comparison_figure(self))
-        return [
-            write_text(target / f"{stem}.csv", comma_separated(self.rows())),
-            write_bytes(target / f"{stem}.png", picture),
-        ]
+        plots = display_package("plots")
+        written = [write_text(target / f"{stem}.csv", comma_separated(self.rows()))]
+        for form in formats:
+            picture = plots.rendered(plots.comparison_figure(self), form)
+            written.append(write_bytes(target / f"{stem}.{form}", picture))
+        return written
 
     def __repr__(self) -> str:
         names = ", ".join(self.names)

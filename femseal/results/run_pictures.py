@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-from ..base import InputError
+from ..base import AnyPath, InputError
 from ..base.text import display_package
 
 
@@ -53,6 +55,24 @@ class RunPictures:
         """
         return self._shown("seal_figure", self._results, step)
 
+    def pressure(self, step: int | None = None) -> Any:
+        """Draw the fluid pressure between inlet and outlet, with a line for each load that leaks.
+
+        Parameters
+        ----------
+        step : int, optional
+            Index of the load step whose range over the seal is shaded; by default the last load that leaks.
+        """
+        self._require("face_fluid_pressure", "a run that solved the surface")
+        return self._shown("pressure_figure", self._results, step)
+
+    def surface(self) -> Any:
+        """Draw the heights of the surface as a shaded relief."""
+        if self._results.scene is not None:
+            return self._shown("heights_figure", self._results.scene.surface)
+        self._require("face_height", "a run that solved the surface")
+        return self._shown("surface_figure", self._results.dataset)
+
     def realisation(self, step: int | None = None) -> Any:
         """Draw the realisation whose leakage is nearest to the median.
 
@@ -72,6 +92,38 @@ class RunPictures:
         data = self._results.dataset
         chosen = plots.maps.default_step(data) if step is None else step
         return plots.shown(plots.realisation_figure(data, chosen))
+
+    def write(
+        self,
+        folder: AnyPath | None = None,
+        formats: Sequence[str] = ("png",),
+        names: Sequence[str] = (),
+        step: int | None = None,
+    ) -> list[Path]:
+        """Write pictures of the run to files, for example `results.plot.write("figures", ["svg", "pdf"])`.
+
+        Parameters
+        ----------
+        folder : path, optional
+            Folder of the files, which is made if needed; by default that of the results.
+        formats : sequence of {"png", "svg", "pdf"}
+            Formats. In svg and pdf, letters and lines can be enlarged, and maps have all their pixels.
+        names : sequence of str
+            Names of the pictures, such as "leakage" and "cells"; by default all for which the results have data.
+        step : int, optional
+            Index of the load step of the maps; by default the highest load that leaks.
+
+        Returns
+        -------
+        list of Path
+            Paths of the files.
+
+        Raises
+        ------
+        InputError
+            A format, a name or a step is unknown, the results have no data for a picture, or the folder cannot be made.
+        """
+        return display_package("report").write_pictures(self._results, folder, formats, names, step)
 
     def __repr__(self) -> str:
         names = [name for name in dir(type(self)) if not name.startswith("_")]

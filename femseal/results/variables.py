@@ -49,8 +49,9 @@ from .load_steps import pressures_and_peaks
 if TYPE_CHECKING:
     import xarray
 
-#: Largest number of blocks along each side of the maps: of the heights, and of fields that change with the load.
-HEIGHT_BLOCKS, FIELD_BLOCKS = 256, 128
+#: Largest number of blocks along each side of the maps: of the heights, of a measured patch, and of fields that change
+#: with the load.
+HEIGHT_BLOCKS, PATCH_BLOCKS, FIELD_BLOCKS = 512, 256, 128
 
 # --- single variables -------------------------------------------------------------------------------------------
 
@@ -190,13 +191,13 @@ def add_patches(
     add_declared(data, result)
     ratios = result.relative
     leakiest = int(np.argmax(ratios))
-    add_blocks(data, ("patch1", "patch2"), patches.patches[leakiest], FIELD_BLOCKS)
+    add_blocks(data, ("patch1", "patch2"), patches.patches[leakiest], PATCH_BLOCKS)
     attributes = {"patch": leakiest + 1, "over_mean": float(ratios[leakiest])}
-    heights = block_means(patches.split(patches.heights)[leakiest], FIELD_BLOCKS)
+    heights = block_means(patches.split(patches.heights)[leakiest], PATCH_BLOCKS)
     long_name = "height of the patch that leaks most, mean of each block"
     add_new(data, "patch_height", "m", long_name, heights, PATCH_FACE, **attributes)
     if gaps is not None:
-        means = [block_means(patches.split(gap)[leakiest], FIELD_BLOCKS) for gap in gaps]
+        means = [block_means(patches.split(gap)[leakiest], PATCH_BLOCKS) for gap in gaps]
         long_name = "gap of the patch that leaks most, mean of each block"
         add_new(data, "patch_gap", "m", long_name, np.array(means), PATCH_BLOCK)
 

@@ -45,7 +45,7 @@ _FIELDS_BYTES = 12.0
 #: Size of a cell in `results.nc` and in the mesh of the seal at a load step: ten numbers [byte].
 _CELL_BYTES = 80
 #: Size of pictures and report together [byte].
-_PICTURES_BYTES = 2e6
+_PICTURES_BYTES = 4.5e6
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from ..base import (
     validate,
 )
 from ..case.case import Case
+from ..case.output_table import with_picture_formats
 from ..case.reading import parse_case, read_case
 from ..execution.resuming import alone_in, refuse_unfinished
 from ..execution.run import no_progress
@@ -77,6 +78,7 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     unit: str | None = None,
+    formats: Sequence[str] = (),
     progress: job.Progress | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> RunComparison:
@@ -102,6 +104,8 @@ def sweep(
         See `run`.
     unit : str, optional
         Leakage unit of the comparison, see `compare`.
+    formats : sequence of {"png", "svg", "pdf"}
+        Formats of all pictures; by default those of the case.
     progress : callable, optional
         Called as progress(stage, done, total). The stage "cases" counts the cases that are complete.
     announce : callable, optional
@@ -125,6 +129,8 @@ def sweep(
     >>> sweep("seal.toml", {"material.hardness": ["3 GPa", "4 GPa"]}, "results/hardness")  # doctest: +SKIP
     """
     cases = variations(*read_case(case), keys)
+    if formats:
+        cases = [replace(one, case=with_picture_formats(one.case, tuple(formats))) for one in cases]
     folder = job.checked_output(output, resume)
     assert folder is not None
     report_progress = progress or no_progress
@@ -166,7 +172,7 @@ def sweep(
             keys=short_names(list(keys)),
             settings=tuple(variation.values for variation, _ in finished),
         )
-        comparison.write(folder, STEM)
+        comparison.write(folder, STEM, cases[0].case.output.picture_formats)
         if failures:
             n_cases = counted(len(cases), "case")
             summary = f"sweep: {len(failures)} of {n_cases} failed; --resume tries them again"

@@ -264,7 +264,7 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.report.page.cells_figure", fail)
+        patch.setattr("femseal.report.pictures.cells_figure", fail)
         with pytest.raises(FemsealError, match=r"(?=.*No space left)(?=.*/.unfinished/results.nc)"):
             write_folder(results, tmp_path, scene.surface)
     assert open_results(tmp_path / ".unfinished").rows() == results.rows()

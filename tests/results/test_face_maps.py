@@ -24,8 +24,9 @@ def scene():
 
 def test_the_panels_of_a_picture_are_those_maps(scene, study):
     results = assemble(scene, study)
-    titles = [axes.get_title().split(" [")[0] for axes in results.plot_seal(1).axes]
-    assert titles[:3] == ["contact pressure", "gap", "fluid pressure"]
+    maps = results.plot_seal(1).axes[:3]
+    names = [axes.images[0].colorbar.ax.get_xlabel() for axes in maps]
+    assert names == ["contact pressure [MPa]", "gap [µm]", "fluid pressure [MPa]"]
 
 
 @pytest.fixture(scope="module")

@@ -115,7 +115,7 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     case.write_text(ALONE.replace('method = "stochastic"', 'method = "deterministic"'))
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.report.page.leakage_figure", fail)
+        patch.setattr("femseal.report.pictures.leakage_figure", fail)
         with pytest.raises(fs.FemsealError, match="no such colour"):
             fs.run(case, out, workers=1)
     assert "no such colour" in (out / "run.log").read_text()
@@ -160,7 +160,7 @@ def test_results_by_other_code_of_a_registered_fluid_are_not_taken(
     second = fs.run(case, out, workers=1, resume=True)
     assert_allclose(second.leakage, first.leakage / 2, rtol=1e-9)
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.report.page.leakage_figure", lambda *given, **more: 1 / 0)
+        patch.setattr("femseal.report.pictures.leakage_figure", lambda *given, **more: 1 / 0)
         with pytest.raises(fs.FemsealError):
             fs.run(case, tmp_path / "interrupted", workers=1)
     monkeypatch.setitem(FLUIDS, "liquid", registered_liquid(1.0))
