@@ -112,11 +112,20 @@ class TestClaims:
         results = fs.run(EXAMPLES / "turned_seal.toml")
         k1 = results.stochastic.cells.k1
         spread = k1.max(axis=(1, 2)) / k1.min(axis=(1, 2))
-        assert_allclose(spread[[_at(results, 25e6), _at(results, 500e6)]], [2.4, 9], rtol=0.1)
+        assert_allclose(spread[[_at(results, 25e6), _at(results, 500e6)]], [2.9, 12], rtol=0.1)
         surface = prepare(fs.load_case(EXAMPLES / "turned_seal.toml")).scene.surface
         assert_allclose(2.8e9 / (210e9 / (2 * (1 - 0.3**2)) * surface.rms_slope), 0.11, atol=0.005)
         leakage = results.leakage.values
         assert leakage[_at(results, 250e6, 500e6)] < 2 * leakage[_at(results, 500e6)]
+        assert results.warnings == []
+        readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+        peak = leakage[_at(results, 500e6)]
+        (stated,) = re.findall(r"each metre of this seal leaks (\S+) µL/s", readme)
+        assert_allclose(peak * 1e9, float(stated), rtol=0.02)
+        (half,) = re.findall(r"the leakage is only (\S+) times as large", readme)
+        assert_allclose(leakage[_at(results, 250e6, 500e6)] / peak, float(half), rtol=0.05)
+        (loading,) = re.findall(r"at the same 250 MPa, it was (\S+) times as large", readme)
+        assert_allclose(leakage[_at(results, 250e6)] / peak, float(loading), rtol=0.05)
 
     def test_measured_seal(self):
         results = fs.run(EXAMPLES / "measured_seal.toml")
@@ -169,6 +178,17 @@ def test_ring_mesh_is_what_its_script_writes(tmp_path):
 
 class TestReadme:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
+
+    @pytest.mark.slow
+    def test_python_block_prints_what_the_page_shows(self, capsys):
+        (block,) = re.findall(r"```python\n(.*?)```", self.text, re.DOTALL)
+        exec(block.split("results = fs.run")[0], {})
+        (shown,) = re.findall(r"```text\n(.*?)```", self.text, re.DOTALL)
+        number = r"[\d.]+(?:e[+-]?\d+)?"
+        printed = capsys.readouterr().out
+        assert re.sub(number, "#", printed) == re.sub(number, "#", shown)
+        values = [np.array(re.findall(number, text), dtype=float) for text in (printed, shown)]
+        assert_allclose(*values, rtol=0.01)
 
     def test_python_block(self, capsys):
         """It runs on a smaller face; what it prints is a cycle: contact grows, leakage falls, and comes back less."""
