@@ -207,7 +207,7 @@ def load_states(
         Function of a state, which is called in the process that solves the state. Its value is yielded instead of the
         state.
     remember : callable, optional
-        Function of a contact. Its value is passed to `solve` at the next load as the argument `former`, in addition to
+        Function of a contact. Its value is passed to `solve` at the next load as the argument `remembered`, besides
         the plastic deformation. The steps of first loading are then solved one after another.
     memory : float
         Memory that is needed to solve a state and to call `take` [byte]. It limits the number of states that a mapper
@@ -307,7 +307,7 @@ def _solve_step(
     is_peak : whether to keep the plastic deformation for unloading from this step.
     before : peak from which this step is unloaded, or the previous step of first loading.
     """
-    options = {} if remember is None else {"former": before.memory}
+    options = {} if remember is None else {"remembered": before.memory}
     deformation = before.deformation
     contact = solve(pressure=step.pressure, deformation=deformation, rtol=rtol, **options)
     yielded_again = 0.0

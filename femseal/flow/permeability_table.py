@@ -195,7 +195,7 @@ class PressureCurve:
             viscous, reference = mobility.at(p)
             k = self._evaluate(p, np.arange(low.size))
             weight = _WEIGHTS * _ROOTS
-            mean = weight @ (viscous * k) / (weight @ reference)
+            mean = np.asarray(weight @ (viscous * k) / (weight @ reference))
         return np.where(self._is_open, mean, 0.0).reshape(self.shape)
 
     def _evaluate(self, p: Array, elements: Indices) -> Array:

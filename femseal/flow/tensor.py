@@ -98,7 +98,7 @@ def permeability_tensor(
     k1, k2 = map(cubic_law, gap_on_links(h / scale, True, True))
     label, component_percolates = _percolating_components(k1, k2)
     percolates = component_percolates[label].reshape(n1, n2, 2)  # (row, column, axis)
-    carries_flow = percolates.any(axis=2)
+    carries_flow: Flags = np.any(percolates, axis=2)
     if not carries_flow.any():
         return np.zeros((2, 2))
     weights = link_weights((d1, d2))
@@ -107,7 +107,7 @@ def permeability_tensor(
         weights.across * np.where(carries_flow, k2, 0.0),
         ring1=True,
     )
-    closed = ~percolates.any(axis=(0, 1))  # axes along which no open path crosses the cell
+    closed: Flags = ~np.any(percolates, axis=(0, 1))  # axes along which no open path crosses the cell
     tensor, error = _solve_corrections(stencil, (d1, d2), label, carries_flow, closed, solver)
     if not error <= MAX_IMBALANCE:
         raise NotConverged(

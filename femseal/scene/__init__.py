@@ -1,9 +1,9 @@
-"""A scene: a surface, its loads and its fluid, in contact at every load step.
+"""Describe a scene, which consists of a surface, its loads and its fluid, and solve its contact at every load step.
 
 scene             surface + loads + fluid                                  -> Scene, FluidState
-fluid_coupling    contact of the whole surface and flow through its gap, solved in turn: the fluid separates them
-trapped_liquid    pressures of pockets that keep their liquid
-choices           what a scene may choose by name
+fluid_coupling    contact of the whole surface under the fluid pressure of the flow through its gap
+trapped_liquid    pressures of liquid that is trapped in closed pockets
+choices           options of a scene that are chosen by name
 """
 
 from typing import TYPE_CHECKING

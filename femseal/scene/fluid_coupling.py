@@ -44,13 +44,15 @@ _POINTS = 201
 _FIRST_CARRIED = 0.9
 #: If less than this fraction of the nominal pressure is left to the contact, the iteration stops, and the load at which
 #: the surfaces separate is determined instead.
-_LEAST_ROOM = 0.01
+_LEAST_CONTACT_SHARE = 0.01
 #: Contact loads, as fractions of the inlet pressure, between which the smallest nominal pressure is bracketed.
-_LOADS = np.array([1e-4, 1e-2, 1e-1])
-#: Factor between successive contact loads in the search for an upper bracket, and relative error of the load found.
-_STEP, _LOAD_RTOL = 3.0, 1e-4
+_FIRST_LOADS = np.array([1e-4, 1e-2, 1e-1])
+#: Factor between successive contact loads in the search for an upper bracket.
+_LOAD_FACTOR = 3.0
+#: Relative error of the contact load that the search finds.
+_LOAD_RTOL = 1e-4
 #: Factor on the tolerance of the iteration within this search.
-_SHARE = 0.1
+_SEARCH_TOLERANCE = 0.1
 #: Number of rounds without flow after which a surface with trapped liquid counts as closed.
 _CLOSED_ROUNDS = 4
 #: Number of rounds after which the pressure of trapped liquid may only fall, so that the iteration ends.
@@ -149,7 +151,7 @@ class FluidPressure:
         return np.asarray(pressure, dtype=float) - self._ambient - carried_beside_contact
 
     def separates(self, pressure: float) -> bool:
-        """Return True if the fluid between separated surfaces carries the whole nominal pressure [Pa]."""
+        """Return whether the fluid between separated surfaces carries the whole nominal pressure [Pa]."""
         return self.nominal == "total" and self.carried >= pressure
 
     @staticmethod
@@ -164,8 +166,8 @@ class FluidPressure:
         half_space: HalfSpace,
         *,
         pressure: float,
-        former: TrappedLiquid | None = None,
-        share: float = 1.0,
+        remembered: TrappedLiquid | None = None,
+        tolerance_factor: float = 1.0,
         **settings: Any,
     ) -> Contact | CoupledContact:
         """Solve contact and flow in turn until the permeability no longer changes.
@@ -180,10 +182,10 @@ class FluidPressure:
             Elastic body.
         pressure : float
             Nominal pressure [Pa].
-        former : TrappedLiquid or None
+        remembered : TrappedLiquid or None
             Trapped liquid at the previous load; None at the first load.
-        share : float
-            Factor on the tolerance of the iteration.
+        tolerance_factor : float
+            Factor by which the tolerance of the iteration is multiplied.
         settings : dict
             Other arguments of `solve_contact`.
 
@@ -195,24 +197,29 @@ class FluidPressure:
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
         law = contact_law(settings.get("hardness", np.inf))
-        most_trapped = _MOST_OF_HARDNESS * float(np.min(law.yield_pressure()))
-        applied = self._first_pressure(half_space.shape, pressure, former, most_trapped)
+        highest_trapped = _MOST_OF_HARDNESS * float(np.min(law.yield_pressure()))
+        applied = self._first_pressure(half_space.shape, pressure, remembered, highest_trapped)
         previous: _Round | None = None
-        step = change = 1.0
+        step = 1.0
+        change = 1.0
         for number in range(1, MOST_ROUNDS + 1):
             solved = self._round(gap0, half_space, pressure, applied, settings)
             if isinstance(solved.flow, Failed):
                 return solved.coupled_contact(number)
             if self.trapped:
-                leaves = number > _RELEASE_ROUNDS
                 solved = self._with_trapped_liquid(
-                    solved, previous, former, pressure, most=most_trapped, leaves=leaves
+                    solved,
+                    previous,
+                    remembered,
+                    pressure,
+                    highest_pressure=highest_trapped,
+                    only_falls=number > _RELEASE_ROUNDS,
                 )
             change = solved.change(previous, step, max(abs(self.inlet), abs(self.outlet)))
-            if change <= share * RTOL:
+            if change <= tolerance_factor * RTOL:
                 return solved.coupled_contact(number)
             left_to_contact = self._left_to_contact(pressure, applied)
-            if left_to_contact <= _LEAST_ROOM * pressure:
+            if left_to_contact <= _LEAST_CONTACT_SHARE * pressure:
                 return self._near_opening(gap0, half_space, pressure, settings)
             applied, step = _next_pressure(solved, previous, left_to_contact)
             previous = solved
@@ -220,9 +227,13 @@ class FluidPressure:
         return replace(solved, flow=Failed(reason), trapped=None).coupled_contact(number)
 
     def _first_pressure(
-        self, shape: Shape, pressure: float, former: TrappedLiquid | None, most_trapped: float
+        self,
+        shape: Shape,
+        pressure: float,
+        previous_liquid: TrappedLiquid | None,
+        highest_trapped: float,
     ) -> Array:
-        """Choose the fluid pressure (n1, n2) [Pa] of the first round, that of a linear potential.
+        """Choose the fluid pressure (n1, n2) [Pa] of the first round: the pressure of a linear potential.
 
         It is scaled down if it would carry nearly the whole nominal pressure, so that a part is left to the contact.
 
@@ -232,15 +243,17 @@ class FluidPressure:
             Numbers of points.
         pressure : float
             Nominal pressure [Pa].
-        former : TrappedLiquid or None
+        previous_liquid : TrappedLiquid or None
             Trapped liquid at the previous load.
-        most_trapped : float
+        highest_trapped : float
             Largest pressure of trapped liquid [Pa].
         """
-        applied = self.even_drop(shape)
-        if former is not None:
+        applied = self.linear_drop(shape)
+        if previous_liquid is not None:
             # first guess for trapped liquid: its pressure rises as much as the nominal pressure
-            applied = np.minimum(former.on(applied, pressure - former.load), most_trapped)
+            increase = pressure - previous_liquid.load
+            with_liquid = previous_liquid.insert_into(applied, increase)
+            applied = np.minimum(with_liquid, highest_trapped)
         carried = float(applied.mean())
         if self.nominal == "total" and carried > _FIRST_CARRIED * pressure:
             applied = applied * (_FIRST_CARRIED * pressure / carried)
@@ -267,51 +280,52 @@ class FluidPressure:
             load = max(pressure + float(applied.mean()), 0.0)
         contact = solve_contact(gap0, half_space, pressure=load, fluid_pressure=applied, **settings)
         flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings)
-        resulting = applied if isinstance(flow, Failed) else self._pressure(flow, applied)
+        resulting = applied if isinstance(flow, Failed) else self._pressure_of_flow(flow, applied)
         return _Round(applied, contact, flow, resulting)
 
     def _with_trapped_liquid(
         self,
         solved: _Round,
         previous: _Round | None,
-        former: TrappedLiquid | None,
+        previous_liquid: TrappedLiquid | None,
         pressure: float,
         *,
-        most: float,
-        leaves: bool,
+        highest_pressure: float,
+        only_falls: bool,
     ) -> _Round:
         """Add the pressure of trapped liquid, in pockets without flow, to the result of a round.
 
         Parameters
         ----------
         solved, previous : _Round
-            Results of this round and of the previous one, None in the first round.
-        former : TrappedLiquid or None
+            Results of this round and of the previous round. In the first round there is no previous one (None).
+        previous_liquid : TrappedLiquid or None
             Trapped liquid at the previous load.
         pressure : float
             Nominal pressure [Pa].
-        most : float
+        highest_pressure : float
             Largest pressure of trapped liquid [Pa].
-        leaves : bool
+        only_falls : bool
             Whether the pressure of trapped liquid may only fall, so that the iteration ends.
         """
         assert isinstance(solved.flow, FaceFlow)
         is_open = solved.contact.gap > 0
         trapped = liquid_in_pockets(
-            former,
+            previous_liquid,
             solved.contact.half_space,
             solved.contact.gap,
             np.isnan(solved.flow.potential) & is_open,
-            given=solved.applied,
-            around=solved.resulting,
+            applied=solved.applied,
+            surrounding=solved.resulting,
             bulk_modulus=getattr(self.fluid, "bulk_modulus", None) or np.inf,
-            most=most,
+            highest_pressure=highest_pressure,
             load=pressure,
-            leaves=leaves,
+            only_falls=only_falls,
         )
         # NaN in contact areas is filled from the pressures around them, which needs at least one open point
         in_contact = np.nan if is_open.any() else solved.resulting
-        resulting = harmonic_fill(np.where(is_open, trapped.on(solved.resulting), in_contact))
+        open_pressure = trapped.insert_into(solved.resulting)
+        resulting = harmonic_fill(np.where(is_open, open_pressure, in_contact))
         rounds_before = 0 if previous is None else previous.closed_rounds
         highest_before = 0.0 if previous is None else previous.highest
         return replace(
@@ -334,58 +348,60 @@ class FluidPressure:
         """
         from scipy.optimize import brentq, minimize_scalar
 
-        solutions: dict[float, Any] = {}  # by contact load
+        solutions: dict[float, Any] = {}  # coupled contact for each contact load
         with_contact_load = replace(self, nominal="contact", trapped=False)
 
         def nominal_pressure(load: float) -> float:
             if load not in solutions:
                 solutions[load] = with_contact_load.contact(
-                    gap0, half_space, pressure=load, share=_SHARE, **settings
+                    gap0, half_space, pressure=load, tolerance_factor=_SEARCH_TOLERANCE, **settings
                 )
             return load + solutions[load].carried
 
-        loads = (_LOADS * max(abs(self.inlet), abs(self.outlet))).tolist()
+        loads = (_FIRST_LOADS * max(abs(self.inlet), abs(self.outlet))).tolist()
         nominal_pressures = [nominal_pressure(load) for load in loads]
-        n = int(np.argmin(nominal_pressures))
-        load_at_minimum, minimum = loads[n], nominal_pressures[n]
-        if n > 0:
-            bracket = np.log([loads[n - 1], loads[min(n + 1, len(loads) - 1)]])
-            lowest = minimize_scalar(
+        lowest = int(np.argmin(nominal_pressures))
+        load_at_minimum = loads[lowest]
+        minimum = nominal_pressures[lowest]
+        if lowest > 0:
+            bracket = np.log([loads[lowest - 1], loads[min(lowest + 1, len(loads) - 1)]])
+            found = minimize_scalar(
                 lambda log_load: nominal_pressure(float(np.exp(log_load))),
                 bounds=bracket,
                 method="bounded",
                 options={"xatol": 0.3},
             )
-            load_at_minimum, minimum = float(np.exp(lowest.x)), float(lowest.fun)
+            load_at_minimum = float(np.exp(found.x))
+            minimum = float(found.fun)
         if pressure > minimum:
             upper = load_at_minimum
             while nominal_pressure(upper) < pressure:
-                upper *= _STEP
+                upper *= _LOAD_FACTOR
             load = brentq(
                 lambda load: nominal_pressure(load) - pressure,
-                upper / _STEP,
+                upper / _LOAD_FACTOR,
                 upper,
                 rtol=_LOAD_RTOL,
             )
             return solutions[load]
         # the surfaces separate: return the gap of first touch under the pressure of a linear potential
-        even = self.even_drop(half_space.shape)
+        applied = self.linear_drop(half_space.shape)
         contact = solve_contact(
-            gap0, half_space, pressure=float(even.mean()), fluid_pressure=even, **settings
+            gap0, half_space, pressure=float(applied.mean()), fluid_pressure=applied, **settings
         )
         rounds = sum(solution.rounds for solution in solutions.values())
         flow = Failed(self.separation_text(minimum))
         return CoupledContact(**vars(contact), flow=flow, carried=pressure, rounds=rounds)
 
-    def _pressure(self, flow: FaceFlow, former: Array) -> Array:
+    def _pressure_of_flow(self, flow: FaceFlow, applied: Array) -> Array:
         """Compute the fluid pressure of a flow relative to the surroundings (n1, n2) [Pa], also in contact areas.
 
-        If the flow does not reach any point, the former pressure is returned.
+        If the flow does not reach any point, the applied pressure is returned.
         """
         pressure = harmonic_fill(self.above_surroundings(flow.potential))
-        return pressure if np.isfinite(pressure).all() else former
+        return pressure if np.isfinite(pressure).all() else applied
 
-    def even_drop(self, shape: Shape) -> Array:
+    def linear_drop(self, shape: Shape) -> Array:
         """Compute the fluid pressure (n1, n2) [Pa] of a potential that falls linearly along x1.
 
         It is relative to the surroundings.
@@ -454,14 +470,15 @@ class _Round:
             return np.inf
         assert isinstance(self.flow, FaceFlow)
         assert isinstance(previous.flow, FaceFlow)
-        before, now = previous.flow.permeability, self.flow.permeability
+        before = previous.flow.permeability
+        now = self.flow.permeability
         if before:
             change = abs(now / before - 1) / step
         elif now:
             change = np.inf
         else:
-            moved = float(np.abs((self.resulting - self.applied).mean(axis=1)).max())
-            change = moved / max(scale, self.highest)
+            row_change = (self.resulting - self.applied).mean(axis=1)
+            change = float(np.abs(row_change).max()) / max(scale, self.highest)
         if self.trapped is None:
             return change
         if self.closed_rounds >= _CLOSED_ROUNDS:
@@ -472,14 +489,15 @@ class _Round:
 def _next_pressure(
     solved: _Round, previous: _Round | None, left_to_contact: float
 ) -> tuple[Array, float]:
-    """Choose the fluid pressure (n1, n2) [Pa] of the next round, and the fraction of the proposed change applied.
+    """Choose the fluid pressure (n1, n2) [Pa] of the next round.
 
-    If the proposed fluid pressure would carry the whole load, the change is limited, so that half of the part
-    `left_to_contact` of the nominal pressure [Pa] remains.
+    Also returned is the fraction of the proposed change that is applied. It is 1 unless the change is limited: if the
+    proposed fluid pressure would carry the whole load, half of the part `left_to_contact` of the nominal pressure [Pa]
+    remains for the contact.
     """
     proposed = _mixed_pressure(solved, previous)
     if solved.trapped is not None:
-        proposed = solved.trapped.on(proposed)
+        proposed = solved.trapped.insert_into(proposed)
     increase = float(proposed.mean()) - float(solved.applied.mean())
     if increase < left_to_contact:
         return proposed, 1.0
@@ -488,17 +506,18 @@ def _next_pressure(
 
 
 def _mixed_pressure(solved: _Round, previous: _Round | None) -> Array:
-    """Mix the resulting fluid pressures of the last two rounds, by Anderson mixing of depth one on means over rows.
+    """Mix the resulting fluid pressures of the last two rounds by Anderson mixing of depth one.
 
-    This damps oscillations, which occur near closing, where every round overshoots in the opposite direction.
+    The weights follow from the changes of the pressure, averaged over each row. Mixing damps oscillations, which occur
+    near closing, where every round overshoots in the opposite direction.
     """
     if previous is None:
         return solved.resulting
     residual = (solved.resulting - solved.applied).mean(axis=1)
-    former_residual = (previous.resulting - previous.applied).mean(axis=1)
-    difference = residual - former_residual
+    previous_residual = (previous.resulting - previous.applied).mean(axis=1)
+    difference = residual - previous_residual
     squared = float(difference @ difference)
-    if squared == 0 or not former_residual.any():
+    if squared == 0 or not previous_residual.any():
         return solved.resulting
     weight = float(np.clip(residual @ difference / squared, 0.0, 0.5))
     return (1 - weight) * solved.resulting + weight * previous.resulting
@@ -540,29 +559,30 @@ def contact_of_patches(
     if not hardness.is_uniform:
         given = "a law that differs from patch to patch"
         raise InputError("hardness", given, "the same everywhere in several patches")
-    former_deformations: Iterable[Array | None]
+    patch_deformations: Iterable[Array | None]
     if deformation is None:
-        former_deformations = [None] * len(patches.widths)
+        patch_deformations = [None] * len(patches.widths)
     else:
-        former_deformations = patches.split(deformation)
+        patch_deformations = patches.split(deformation)
     contacts = []
-    for gap, former in zip(patches.split(gap0), former_deformations, strict=True):
+    for gap, patch_deformation in zip(patches.split(gap0), patch_deformations, strict=True):
         body = replace(half_space, shape=gap.shape)
         # the gap of first touch is 0 at the highest point of each patch
         patch_gap = np.ascontiguousarray(gap - gap.min())
-        contact = solve(patch_gap, body, hardness=hardness, deformation=former, **settings)
+        contact = solve(
+            patch_gap, body, hardness=hardness, deformation=patch_deformation, **settings
+        )
         contacts.append(contact)
-    arrays = ("pressure", "gap", "plastic_deformation", "plastic")
     joined: dict[str, Any] = {
-        name: np.concatenate([getattr(c, name) for c in contacts], axis=1) for name in arrays
-    }
-    joined |= {
         "approach": float(np.average([c.approach for c in contacts], weights=patches.widths)),
         "residual": max(c.residual for c in contacts),
         "iterations": max(c.iterations for c in contacts),
         "fft_pairs": sum(c.fft_pairs for c in contacts),
         "half_space": half_space,
     }
+    for name in ("pressure", "gap", "plastic_deformation", "plastic"):
+        patch_fields = [getattr(c, name) for c in contacts]
+        joined[name] = np.concatenate(patch_fields, axis=1)
     coupled = [c for c in contacts if isinstance(c, CoupledContact)]
     if not coupled:
         return Contact(**joined)

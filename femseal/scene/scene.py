@@ -113,22 +113,21 @@ class Scene:
                 raise InputError(name, getattr(self, name), f"one of {', '.join(choices)}")
         for name in ("inlet_pressure", "outlet_pressure"):
             potential_of(self.fluid, name, getattr(self, name))
-        flow = self.flow  # raises if the solver is unknown
-        most = max(self.inlet_pressure, self.outlet_pressure)
+        flow = self.flow  # raises InputError if the solver is unknown
+        highest = max(self.inlet_pressure, self.outlet_pressure)
         hardness = float(np.min(self.law.yield_pressure()))
-        if self.acting_fluid is not None and most >= hardness:
+        if self.acting_fluid is not None and highest >= hardness:
             expected = f"less than the hardness, {to_text(hardness, 'Pa')}"
-            raise InputError("inlet_pressure", to_text(most, "Pa"), expected)
+            raise InputError("inlet_pressure", to_text(highest, "Pa"), expected)
         if undefined := int(np.isnan(self.surface.heights).sum()):
             given = f"{undefined} of {self.surface.heights.size} points undefined"
             expected = (
                 "a surface without undefined points: fill them first, see Topography.fill_undefined"
             )
             raise InputError("surface", given, expected)
-        several = isinstance(self.surface, Patches)
-        if self.traps_liquid and (
-            several or flow.spiral or not hasattr(self.fluid, "bulk_modulus")
-        ):
+        has_patches = isinstance(self.surface, Patches)
+        can_trap = hasattr(self.fluid, "bulk_modulus") and not (has_patches or flow.spiral)
+        if self.traps_liquid and not can_trap:
             given = "'trapped' with a gas, several patches or a spiral"
             expected = (
                 "'acts' there: only a liquid can be trapped, in a single patch without a spiral lay"
@@ -144,12 +143,12 @@ class Scene:
 
     @property
     def surface_modulus(self) -> float:
-        """Contact modulus [Pa] of waves that are much shorter than coatings are thick."""
+        """Contact modulus [Pa] of waves that are much shorter than the thickness of any coating."""
         return surface_modulus(self.modulus)
 
     @property
     def coatings(self) -> tuple[Coated, ...]:
-        """Coated ones of the two bodies; none where only a contact modulus is known."""
+        """Those of the two bodies that are coated; empty if only a contact modulus is given."""
         if isinstance(self.modulus, float):
             return ()
         return tuple(body for body in self.modulus if isinstance(body, Coated))
@@ -166,12 +165,12 @@ class Scene:
 
     @property
     def is_dry(self) -> bool:
-        """True if the fluid pressure does not act on the surfaces."""
+        """Whether the fluid pressure does not act on the surfaces."""
         return self.fluid_pressure == "ignored"
 
     @property
     def traps_liquid(self) -> bool:
-        """True if liquid in closed pockets keeps its volume."""
+        """Whether liquid in closed pockets keeps its volume."""
         return self.fluid_pressure == "trapped"
 
     def dry(self, **changes: Any) -> Self:

@@ -167,7 +167,7 @@ def test_rounds_that_go_too_far_settle(seed, slope, roll_off, load, fraction):
     found = coupled(surface, load, fraction * load)
     body = fs.HalfSpace(surface.shape, surface.spacing, E, FREE)
     asked = {"pressure": load * H, "hardness": H, "rtol": 1e-6}
-    p_f = acting(inlet).even_drop(surface.shape)
+    p_f = acting(inlet).linear_drop(surface.shape)
     for _ in range(60):
         contact = fs.solve_contact(surface.gap(), body, fluid_pressure=p_f, **asked)
         flow = resolved_flow(contact.gap, surface.spacing)

@@ -30,7 +30,9 @@ def groove_contact(load, former=None, bulk_modulus=None):
     body = fs.HalfSpace((N, 4), (D, D), E, ("periodic", "periodic"))
     fluid = fs.Liquid(1e-3, bulk_modulus=bulk_modulus)
     acting = FluidPressure(fluid, 1.0, 0.0, "total", FlowSettings(), trapped=True)
-    return acting.contact(groove(), body, pressure=load, hardness=np.inf, rtol=1e-9, former=former)
+    return acting.contact(
+        groove(), body, pressure=load, hardness=np.inf, rtol=1e-9, remembered=former
+    )
 
 
 FIRST = 2e9  # of 11e9 that close the groove (Westergaard: π E* 2 h / λ)
