@@ -107,7 +107,8 @@ def permeability_tensor(
         weights.across * np.where(carries_flow, k2, 0.0),
         ring1=True,
     )
-    closed: Flags = ~np.any(percolates, axis=(0, 1))  # axes along which no open path crosses the cell
+    # axes along which no open path crosses the cell
+    closed: Flags = ~np.any(percolates, axis=(0, 1))
     tensor, error = _solve_corrections(stencil, (d1, d2), label, carries_flow, closed, solver)
     if not error <= MAX_IMBALANCE:
         raise NotConverged(
