@@ -35,9 +35,12 @@ class Solid:
     poisson : float
         Poisson's ratio ν [-], -1 < ν <= 0.5.
     yield_stress : float, optional
-        Yield stress σ_y [Pa]. The hardness is then 2.8 σ_y.
+        Yield stress σ_y [Pa]. The hardness is then `hardness_over_yield` times as large.
     hardness : float, optional
         Hardness H [Pa], which is the largest contact pressure. It can be given instead of the yield stress.
+    hardness_over_yield : float
+        Ratio H/σ_y > 0 with which the hardness follows from the yield stress, 2.8 by default. With 2.3, the limited
+        pressure agrees best with von Mises plasticity below rough surfaces, see `docs/evidence/plastic_law.md`.
 
     Raises
     ------
@@ -54,14 +57,16 @@ class Solid:
     poisson: float
     yield_stress: float | None = None
     hardness: float | None = None
+    hardness_over_yield: float = HARDNESS_FACTOR
 
     def __post_init__(self) -> None:
         validate.number("young", self.young, unit="Pa")
         if not -1 < self.poisson <= 0.5:
             raise InputError("poisson", self.poisson, "a number in (-1, 0.5]")
+        ratio = validate.number("hardness_over_yield", self.hardness_over_yield)
         if self.yield_stress is not None:
             yield_stress = validate.number("yield_stress", self.yield_stress, unit="Pa")
-            hardness = HARDNESS_FACTOR * yield_stress
+            hardness = ratio * yield_stress
             # `dataclasses.replace` passes the hardness that follows from the yield stress
             if self.hardness not in (None, hardness):
                 raise InputError("hardness", self.hardness, "yield_stress or hardness, not both")

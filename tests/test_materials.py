@@ -1,5 +1,6 @@
 """Solids: hardness, contact modulus, and what is not a solid."""
 
+from dataclasses import replace
 from math import inf, nan
 
 import pytest
@@ -17,6 +18,14 @@ def test_hardness_from_yield_stress_directly_or_infinite():
     assert_allclose(STEEL.hardness, 2.8 * 500e6)
     assert COPPER.hardness == 600e6
     assert Solid(210e9, 0.3).hardness == inf
+
+
+def test_another_ratio_of_hardness_to_yield_stress():
+    soft = Solid(210e9, 0.3, yield_stress=500e6, hardness_over_yield=2.3)
+    assert_allclose(soft.hardness, 2.3 * 500e6)
+    assert replace(soft, young=200e9).hardness == soft.hardness
+    with pytest.raises(InputError, match=r"^hardness_over_yield: given .*> 0"):
+        Solid(210e9, 0.3, yield_stress=500e6, hardness_over_yield=0.0)
 
 
 def test_contact_modulus_agrees_with_its_definition():

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         patches_to_halve,
         thin_gap_part,
     )
+    from .plastic_law import plastic_law_part
     from .resolution import continuation_part
     from .sources import SOURCES, BudgetRequest, ErrorSource, budgets_of, versions_of_budget
 else:

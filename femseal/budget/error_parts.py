@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 #: Error sources of the model and its input, in the order in which they are shown. All others are numerical.
 MODEL_PARTS = (
     "hardness",
+    "plastic law",
     "fluid pressure",
     "effective pressure",
     "form",

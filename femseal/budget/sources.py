@@ -17,6 +17,7 @@ import numpy as np
 
 from ..base import Array, Mapper
 from ..checks import FormEffect
+from ..materials import HARDNESS_FACTOR
 from ..studies import StochasticResult, study_of_result
 from ..studies.study_registry import contact_fraction_of
 from ..topography.conditioning import UNSEEN
@@ -29,6 +30,7 @@ from .estimates import (
     patch_form_part,
     thin_gap_part,
 )
+from .plastic_law import plastic_law_part
 from .resolution import continuation_part
 from .versions import (
     Version,
@@ -55,12 +57,15 @@ class BudgetRequest:
     model_parts : names of the error sources of the model that the budget is to contain.
     hardness : float
         Relative error of the hardness.
+    hardness_over_yield : float
+        Ratio of hardness to yield stress of the softer solid.
     form_effect : effect of the form of a measured patch on the leakage; None if it was not solved.
     """
 
     version: Version
     model_parts: Sequence[str] = ()
     hardness: float = 0.1
+    hardness_over_yield: float = HARDNESS_FACTOR
     form_effect: FormEffect | None = None
 
     @cached_property
@@ -204,6 +209,14 @@ def _thin_gap(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> list[
     return [thin_gap_part(evaluation.request.version.scene, leakage_of(result))]
 
 
+def _plastic_law(
+    evaluation: Evaluation, result: Any, budget: ErrorBudget
+) -> list[ErrorPart | None]:
+    request = evaluation.request
+    ratio = request.hardness_over_yield
+    return [plastic_law_part(request.version.scene, result, leakage_of(result), ratio)]
+
+
 def _form_of_the_patch(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
@@ -309,6 +322,7 @@ SOURCES = (
     ErrorSource("patch", _no_versions, _patch, of_model=False),
     ErrorSource("effective pressure", _no_versions, _effective_pressure),
     ErrorSource("thin gap", _no_versions, _thin_gap),
+    ErrorSource("plastic law", _no_versions, _plastic_law),
     ErrorSource("form of the patch", _no_versions, _form_of_the_patch),
     ErrorSource("longer waves", _no_versions, _longer_waves),
     ErrorSource("continuation", lambda request: request.continued, _continuation),

@@ -433,6 +433,7 @@ def calibrated_text(
     calibrated = {name: _relocate(value, case_folder, folder) for name, value in tables.items()}
     solid = dict(calibrated[calibration.solid])
     solid.pop("yield_stress", None)
+    solid.pop("hardness_over_yield", None)
     solid["hardness"] = f"{calibration.hardness.median / 1e9:.5g} GPa"
     calibrated[calibration.solid] = solid
     shortest_wave = f"{calibration.shortest_wave.median * 1e6:.5g} um"

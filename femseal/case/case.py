@@ -391,6 +391,11 @@ class Case(Table):
         return float(getattr(self, self.softer).hardness_tolerance)
 
     @property
+    def hardness_over_yield(self) -> float:
+        """Ratio of hardness to yield stress of the softer solid."""
+        return float(getattr(self, self.softer).hardness_over_yield)
+
+    @property
     def modulus(self) -> float | Bodies:
         """Contact modulus [Pa]; if one of the bodies is coated, the two bodies instead."""
         return checked_modulus(self.bodies)

@@ -17,7 +17,7 @@ from ..contact import (
     law_of_coating,
 )
 from ..contact.hardness_curves import SMALLEST_DEPTH
-from ..materials import Coated, Solid
+from ..materials import HARDNESS_FACTOR, Coated, Solid
 from .completion import HARDNESS_COLUMNS
 from .faults import invalid_value
 from .quantity_types import (
@@ -61,6 +61,12 @@ HardnessRows = Annotated[
 ]
 
 
+def _check_ratio(table: CoatingTable | SolidTable) -> None:
+    """Raise an InputError if the ratio of hardness to yield stress is given, but no yield stress."""
+    if "hardness_over_yield" in table.model_fields_set and table.yield_stress is None:
+        raise invalid_value("hardness_over_yield with a yield_stress")
+
+
 class CoatingTable(Table):
     """A coating, see `materials.Coated`: an elastic layer that is bonded to the solid."""
 
@@ -83,6 +89,9 @@ class CoatingTable(Table):
         since="0.2",
         instead="hardness",
     )
+    hardness_over_yield: float = key(
+        "ratio of hardness to yield stress", HARDNESS_FACTOR, example=2.3, gt=0, since="0.2"
+    )
     hardness: Strength | None = key(
         "hardness: the largest contact pressure", None, example="150 MPa", since="0.2"
     )
@@ -92,12 +101,14 @@ class CoatingTable(Table):
         """Raise an InputError if two keys state the strength."""
         if self.yield_stress is not None and self.hardness is not None:
             raise invalid_value("yield_stress or hardness, not both")
+        _check_ratio(self)
         return self
 
     @property
     def solid(self) -> Solid:
         """The solid of the coating."""
-        return Solid(self.young, self.poisson, self.yield_stress, self.hardness)
+        ratio = self.hardness_over_yield
+        return Solid(self.young, self.poisson, self.yield_stress, self.hardness, ratio)
 
 
 class SolidTable(Table):
@@ -112,6 +123,9 @@ class SolidTable(Table):
         instead="hardness",
     )
     hardness: Strength | None = key("hardness: the largest contact pressure", None, start="2.8 GPa")
+    hardness_over_yield: float = key(
+        "ratio of hardness to yield stress", HARDNESS_FACTOR, example=2.3, gt=0, since="0.2"
+    )
     hardening: Hardening | None = key(
         "rise of the hardness with the plastic deformation", None, example="2 GPa/um", since="0.2"
     )
@@ -165,6 +179,7 @@ class SolidTable(Table):
             raise invalid_value(f"{curves[0]} with a yield_stress or a hardness")
         if self.smallest_depth is not None and self.nix_gao_depth is None:
             raise invalid_value("smallest_depth with a nix_gao_depth")
+        _check_ratio(self)
         try:
             _ = self.law
         except InputError as error:
@@ -181,7 +196,8 @@ class SolidTable(Table):
         """The solid. If there is a hardness table, the hardness is that of its first row."""
         rows = self.hardness_table
         hardness = rows[0][1] if rows else self.hardness
-        return Solid(self.young, self.poisson, self.yield_stress, hardness)
+        ratio = self.hardness_over_yield
+        return Solid(self.young, self.poisson, self.yield_stress, hardness, ratio)
 
     @property
     def body(self) -> Solid | Coated:

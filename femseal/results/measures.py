@@ -35,6 +35,7 @@ NARROWED_BY = {
     "hardness": "a measured hardness, and a smaller hardness_tolerance with it",
     "longer waves": "a larger measured area, or the flatness of the seal in [seal]",
     "patch": "a larger measured area, or a second measured patch",
+    "plastic law": "hardness_over_yield in [material], where H/(E* h′) says which value agrees with plastic flow",
     "pixels": "more surface.points",
     "patches": "more measured patches",
     "realisations": "more realisations in [stochastic]",

@@ -272,7 +272,11 @@ def _results(case: Case, original: Prepared, faces: dict[str, str], run: Run) ->
     if case.output.budget:
         known_budgets = {} if refined is None else {prepared.answer.key: refined.budget}
         request = BudgetRequest(
-            prepared, case.output.model_parts, case.hardness_tolerance, form_effect
+            prepared,
+            case.output.model_parts,
+            case.hardness_tolerance,
+            hardness_over_yield=case.hardness_over_yield,
+            form_effect=form_effect,
         )
         with run.timed("error budget") as mapper:
             budgets = budgets_of(request, studies, mapper, known_budgets)

@@ -150,9 +150,9 @@ def test_numbers_alone_stay_beside_the_whole():
 @pytest.mark.parametrize(
     ("fluid", "hardness", "output", "expected"),
     [
-        ("acts", "", "", {"hardness", "thin gap"}),
-        ("ignored", "", "", {"hardness", "fluid pressure", "thin gap"}),
-        ("ignored", "hardness_tolerance = 0", "", {"fluid pressure", "thin gap"}),
+        ("acts", "", "", {"hardness", "plastic law", "thin gap"}),
+        ("ignored", "", "", {"hardness", "plastic law", "fluid pressure", "thin gap"}),
+        ("ignored", "hardness_tolerance = 0", "", {"plastic law", "fluid pressure", "thin gap"}),
         ("ignored", "", 'model_parts = ["hardness"]', {"hardness"}),
         ("ignored", "", "model_parts = []", set()),
     ],

@@ -2,6 +2,7 @@
 
 import pytest
 from each import each
+from numpy.testing import assert_allclose
 from small_cases import HARDENED as CASE
 
 import femseal as fs
@@ -50,6 +51,21 @@ def test_a_name_fills_in_what_is_not_given():
     own = case({"name": "Inconel 718, aged", "young": "190 GPa", "hardness": "4 GPa"})
     assert own.solids[0] == fs.Solid(190e9, 0.29, hardness=4e9)
     assert own.named_warnings == ()
+
+
+def test_another_ratio_of_hardness_to_yield_stress():
+    ratio = {"hardness_over_yield": 2.3}
+    assert_allclose(case(YOUNG | {"yield_stress": "1 GPa"} | ratio).law.hardness, 2.3e9)
+    assert_allclose(case({"name": "Inconel 718, aged"} | ratio).law.hardness, 2.3 * 1034e6)
+    silver = {"name": "silver, annealed", "thickness": "20 um"} | ratio
+    layer = case({"name": "Inconel 718, aged", "coating": silver}).material.body.layer
+    assert_allclose(layer.hardness, 2.3 * 54e6)
+
+
+@each("keys", [{"hardness": "1 GPa"}, {"hardness_table": ROWS}, {}])
+def test_a_ratio_of_hardness_to_yield_stress_needs_a_yield_stress(keys):
+    with pytest.raises(fs.InputError, match="hardness_over_yield with a yield_stress"):
+        case(YOUNG | {"hardness_over_yield": 2.3} | keys)
 
 
 def test_a_value_far_from_that_of_the_name_is_warned_of():

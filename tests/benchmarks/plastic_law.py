@@ -1,0 +1,541 @@
+"""Compare the plastic law of femseal, a pressure limited by the hardness, with von Mises plasticity below the surface.
+
+    python tests/benchmarks/plastic_law.py --measure     # hours; needs Tamaas; adds what is missing to plastic_law.csv
+    python tests/benchmarks/plastic_law.py --write       # a minute; the report from plastic_law.csv
+
+Both bodies carry the same rough surface through the same loads. The surface is periodic, with a side of 1, Young's
+modulus is 1 and the rms slope 0.2. Lengths and stresses scale: only H/(E* h′) and the hardening count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+from dataclasses import asdict, astuple, dataclass, fields, replace
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+import femseal as fs
+from common import machine, print_report, read_rows, table
+from femseal.budget.plastic_law import plastic_law_part
+from references.plastic_solid import MISSING, MODULUS, POISSON, PlasticSolid, press, tamaas
+
+RECORDS = Path(__file__).with_suffix(".csv")
+SLOPE = 0.2
+#: Hardness over yield stress of the paper.
+USUAL = 2.8
+#: Mean pressures over H on loading, and on unloading from the last of them.
+LOADING = (0.05, 0.1, 0.2, 0.3)
+UNLOADING = (0.15, 0.05)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A surface and a solid. severity : H/(E* h′). waves : shortest per side. hardening : dσ/dε over Young's modulus.
+
+    Surfaces with the same `waves` and seed are the same whatever the points. one_step : each load from the virgin state.
+    """
+
+    kind: str = "isotropic"
+    seed: int = 1
+    severity: float = 0.3
+    hardening: float = 0.01
+    points: int = 32
+    waves: int = 4
+    layers: int = 13
+    depth: float = 0.25
+    tolerance: float = 1e-3
+    one_step: int = 0
+
+    @property
+    def hardness(self):
+        return self.severity * MODULUS * SLOPE
+
+    @property
+    def half_space(self):
+        return fs.HalfSpace((self.points,) * 2, (1 / self.points,) * 2, MODULUS)
+
+    def heights(self):
+        """Heights (points, points), whose rms slope is `SLOPE`."""
+        coarse = 8 * self.waves
+        rng = np.random.default_rng(self.seed)
+        if self.kind == "isotropic":
+            face = fs.self_affine(
+                (coarse, coarse), 1.0, hurst=0.8, rms_slope=SLOPE, roll_off=0.5,
+                cut_off=1 / self.waves, rng=rng,
+            )  # fmt: skip
+        else:
+            face = fs.turned(
+                (coarse, coarse), 1.0, pitch=2 / self.waves, depth=0.02, feed_error=0.1,
+                depth_error=0.3, roughness=0.002, roughness_roll_off=0.5, cut_off=1 / self.waves,
+                rng=rng,
+            )  # fmt: skip
+        z = np.asarray(face.heights) * (SLOPE / face.rms_slope)
+        return interpolated(z - z.mean(), self.points)
+
+
+def interpolated(z, points):
+    """Return periodic heights on more points, by Fourier interpolation."""
+    n = z.shape[0]
+    if n == points:
+        return z
+    fine = np.zeros((points, points), complex)
+    waves = np.fft.fftfreq(n, 1 / n).astype(int)
+    fine[np.ix_(waves, waves)] = np.fft.fft2(z) * (points / n) ** 2
+    return np.fft.ifft2(fine).real
+
+
+#: What is asked of the method: one change at a time.
+SOUNDNESS = {
+    "base": {},
+    "hardening 0": {"hardening": 0.0},
+    "hardening 0.02": {"hardening": 0.02},
+    "hardening 0.05": {"hardening": 0.05},
+    "25 layers": {"layers": 25},
+    "twice the depth, 25 layers": {"layers": 25, "depth": 0.5},
+    "tolerance 1e-4": {"tolerance": 1e-4},
+    "each load in one step": {"one_step": 1},
+    "64² points, 25 layers": {"points": 64, "layers": 25},
+}
+SURFACES = [("isotropic", seed) for seed in (1, 2, 3, 4, 5)] + [
+    ("turned", seed) for seed in (1, 2, 3)
+]
+SEVERITIES = (0.1, 0.3, 0.6)
+MAIN = {v: [Case(kind, seed, v) for kind, seed in SURFACES] for v in SEVERITIES}
+#: Surfaces that are nearly elastic, and others that are yet rougher; and no hardening.
+ENDS = [Case(kind, 1, severity) for severity in (1.5, 0.05) for kind in ("isotropic", "turned")]
+PERFECT = [
+    Case(kind, seed, severity, hardening=0.0)
+    for severity in (0.1, 0.3, 0.6)
+    for kind, seed in (("isotropic", 2), ("turned", 1))
+]
+LARGER = [Case(seed=s, severity=v, points=64, waves=8, layers=17, depth=0.17) for s in (1, 2, 3) for v in (0.3, 0.1)]  # fmt: skip
+CHECKS = [Case(**change) for change in list(SOUNDNESS.values())[1:]]
+HARD = [replace(case, severity=0.1) for case in (Case(), *CHECKS[:5])]
+
+
+# measuring
+
+
+def measured(case):
+    """Yield a record of each load of the cycle of a case, on the plastic solid."""
+    z = case.heights()
+    gap0, rms = z.max() - z, z.std()
+
+    def solid():
+        return PlasticSolid(
+            case.points, case.layers, case.depth, case.hardness / USUAL, case.hardening
+        )
+
+    body, pressure = solid(), None
+    for branch, loads in (("loading", LOADING), ("unloading", UNLOADING)):
+        if case.one_step and branch == "unloading":
+            return
+        for load in loads:
+            if pressure is None:
+                mean = load * case.hardness
+                first = fs.solve_contact(
+                    gap0, case.half_space, pressure=mean, hardness=case.hardness
+                )
+                pressure = first.pressure
+            if case.one_step:
+                body = solid()
+            start = time.process_time()
+            state = press(body, gap0, load * case.hardness, pressure, case.tolerance)
+            body.keep()
+            pressure = state.pressure
+            yield asdict(case) | {
+                "branch": branch,
+                "load": load,
+                **contact_figures(state.pressure, state.gap, rms, case),
+                "largest_pressure": f"{pressure.max() / case.hardness:.3f}",
+                "error": f"{state.error:.1e}",
+                "iterations": state.iterations,
+                "seconds": f"{time.process_time() - start:.0f}",
+            }
+
+
+def contact_figures(pressure, gap, rms, case):
+    """Contact area, mean gap over the rms height, permeabilities along both axes over its cube."""
+    spacing = (1 / case.points,) * 2
+    gap = np.ascontiguousarray(gap)
+    k = [fs.cell_permeability(gap, spacing, axis=axis, sides="periodic").value for axis in (0, 1)]
+    return {
+        "area": f"{np.mean(pressure > 0):.5f}",
+        "mean_gap": f"{gap.mean() / rms:.5f}",
+        "k1": f"{k[0] / rms**3:.5g}",
+        "k2": f"{k[1] / rms**3:.5g}",
+    }
+
+
+def measure(cases, path):
+    """Measure the cases that are not in the file, and add their records to it, each as soon as it is there."""
+    if tamaas is None:
+        raise SystemExit(MISSING)
+    known = {key_of(row) for row in read_rows([path])} if path.exists() else set()
+    for case in cases:
+        if tuple(map(str, astuple(case))) in known:
+            continue
+        for record in measured(case):
+            print(record, flush=True)
+            new = not path.exists()
+            with path.open("a", newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, list(record), lineterminator="\n")
+                if new:
+                    writer.writeheader()
+                writer.writerow(record)
+
+
+def key_of(row):
+    """Return the fields of a case as they stand in a record."""
+    return tuple(row[f.name] for f in fields(Case))
+
+
+# the cut-off law
+
+#: Hardness over yield stress with which the cut-off law is compared.
+RATIOS = tuple(np.round(np.arange(1.6, 3.61, 0.1), 1))
+#: Loads of the cut-off law over those of the plastic solid, in which the equivalent load is sought.
+SHIFTS = tuple(np.geomspace(0.75, 2.0, 21))
+
+
+@cache
+def cut_off_state(case, load, ratio=USUAL, peak=0.0):
+    """Figures of the cut-off law with H = ratio σ_y under load · 2.8 σ_y; on unloading from a peak load if it is given."""
+    z = case.heights()
+    law = case.hardness * ratio / USUAL
+    gap0 = z.max() - z
+    if peak:
+        gap0 = gap0 + cut_off_contact(case, peak, ratio).plastic_deformation
+        gap0 = gap0 - gap0.min()
+    contact = fs.solve_contact(
+        gap0, case.half_space, pressure=load * case.hardness, hardness=law, rtol=1e-7
+    )
+    figures = contact_figures(contact.pressure, contact.gap, z.std(), case)
+    return {name: float(value) for name, value in figures.items()}
+
+
+@cache
+def cut_off_contact(case, load, ratio):
+    """Contact of the cut-off law at the peak load."""
+    z = case.heights()
+    law = case.hardness * ratio / USUAL
+    return fs.solve_contact(
+        z.max() - z, case.half_space, pressure=load * case.hardness, hardness=law, rtol=1e-7
+    )
+
+
+def case_of(row):
+    """Return the case of a record."""
+    return Case(**{f.name: type(f.default)(row[f.name]) for f in fields(Case)})
+
+
+def peak_of(row):
+    """Return the load from which a record was unloaded, or 0."""
+    return LOADING[-1] if row["branch"] == "unloading" else 0.0
+
+
+def flows(row):
+    """Yield the axis and the permeability of the plastic solid where fluid passes."""
+    for axis in ("k1", "k2"):
+        if float(row[axis]) > 0:
+            yield axis, float(row[axis])
+
+
+def leakage_ratios(rows, ratio=USUAL):
+    """ln of the leakage of the plastic solid over that of the cut-off law, where both leak; both axes."""
+    out = []
+    for row in rows:
+        state = cut_off_state(case_of(row), float(row["load"]), ratio, peak_of(row))
+        out += [np.log(k / state[axis]) for axis, k in flows(row) if state[axis] > 0]
+    return np.array(out)
+
+
+def crossing(x, y, target):
+    """Return x where the rising or falling ln y(x) crosses ln target, or nan outside."""
+    x, y = np.array(x), np.array(y)
+    x, y = x[y > 0], np.log(y[y > 0])
+    if x.size < 2 or not y.min() <= np.log(target) <= y.max():
+        return np.nan
+    order = np.argsort(y)
+    return float(np.exp(np.interp(np.log(target), y[order], np.log(x)[order])))
+
+
+def equivalent_loads(rows):
+    """Load of the cut-off law over that of the plastic solid at the same leakage, on loading; both axes."""
+    out = []
+    for row in rows:
+        case, load = case_of(row), float(row["load"])
+        if row["branch"] == "loading":
+            states = [cut_off_state(case, shift * load) for shift in SHIFTS if shift * load < 0.95]
+            for axis, k in flows(row):
+                out.append(crossing(SHIFTS[: len(states)], [s[axis] for s in states], k))
+    return np.array(out)
+
+
+def equivalent_ratios(rows):
+    """H/σ_y with which the cut-off law leaks as much as the plastic solid under the same load; both axes."""
+    out = []
+    for row in rows:
+        states = [
+            cut_off_state(case_of(row), float(row["load"]), ratio, peak_of(row)) for ratio in RATIOS
+        ]
+        for axis, k in flows(row):
+            out.append(crossing(RATIOS, [s[axis] for s in states], k))
+    return np.array(out)
+
+
+# the report
+
+
+def spread(values, digits=2):
+    """Median of values, and the range of the middle 90 % where there are enough; both axes of a surface count."""
+    values = np.asarray(values)
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return "–"
+    low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
+    return f"{middle:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+def cut_off_of(row, ratio=USUAL):
+    """Figures of the cut-off law in the state of a record."""
+    return cut_off_state(case_of(row), float(row["load"]), ratio, peak_of(row))
+
+
+def relative(rows, name):
+    """A figure of the plastic solid over that of the cut-off law."""
+    return [float(row[name]) / cut_off_of(row)[name] for row in rows]
+
+
+def states(rows):
+    """Yield branch, load, the words for both, and the records of this state."""
+    for branch, loads in (("loading", LOADING), ("unloading", UNLOADING)):
+        for load in loads:
+            chosen = [r for r in rows if r["branch"] == branch and float(r["load"]) == load]
+            words = (
+                f"{load:g}" if branch == "loading" else f"{load:g}, unloaded from {LOADING[-1]:g}"
+            )
+            if chosen:
+                yield branch, load, words, chosen
+
+
+def records_of(rows, cases):
+    """The records of cases."""
+    keys = {tuple(map(str, astuple(case))) for case in cases}
+    return [row for row in rows if key_of(row) in keys]
+
+
+def surfaces(rows):
+    """Number of surfaces of records."""
+    return len({(row["kind"], row["seed"]) for row in rows})
+
+
+def comparison(rows_by_name, first):
+    """The table of ratios, equivalent loads and equivalent hardness over groups of records and loads."""
+    cells = []
+    for name, rows in rows_by_name.items():
+        for branch, _, words, chosen in states(rows):
+            loads = spread(equivalent_loads(chosen)) if branch == "loading" else ""
+            cells.append(
+                [name, words, surfaces(chosen), f"{np.median(relative(chosen, 'area')):.2f}",
+                 f"{np.median(relative(chosen, 'mean_gap')):.2f}",
+                 spread(np.exp(leakage_ratios(chosen))), loads, spread(equivalent_ratios(chosen))]
+            )  # fmt: skip
+    head = [first, "p̄/H", "surfaces", "contact area", "mean gap", "leakage", "equivalent load",
+            "equivalent H/σ_y"]  # fmt: skip
+    return table(head, cells)
+
+
+def one_ratio(rows_by_name):
+    """The table of leakage ratios for one H/σ_y: geometric mean and rms factor."""
+    cells = []
+    for ratio in (2.0, 2.1, 2.2, 2.3, 2.4, 2.5, 2.6, 2.8, 3.0):
+        line = [f"{ratio:g}"]
+        for rows in rows_by_name.values():
+            logs = leakage_ratios(rows, ratio)
+            line.append(f"{np.exp(logs.mean()):.2f}, {np.exp(np.sqrt(np.mean(logs**2))):.2f}")
+        cells.append(line)
+    return table(["H/σ_y", *rows_by_name], cells)
+
+
+def closing(rows, ratio):
+    """Count states in which both bodies seal, only the plastic solid does, or only the cut-off law does."""
+    counts = {"both": 0, "solid": 0, "law": 0}
+    for row in rows:
+        state = cut_off_of(row, ratio)
+        for axis in ("k1", "k2"):
+            solid, law = float(row[axis]) == 0, state[axis] == 0
+            if solid or law:
+                counts["both" if solid and law else "solid" if solid else "law"] += 1
+    return counts
+
+
+def soundness(rows):
+    """The table of what one change of the method does to the leakage of the plastic solid, and to the comparison."""
+    base = {(b, load): chosen[0] for b, load, _, chosen in states(records_of(rows, [Case()]))}
+    cells = []
+    for name, change in SOUNDNESS.items():
+        chosen = records_of(rows, [Case(**change)])
+        if not chosen:
+            continue
+        line = [name]
+        for branch, load, _, (row,) in states(chosen):
+            own = [float(row[axis]) / float(base[branch, load][axis]) for axis in ("k1", "k2")]
+            line.append(f"{np.sqrt(np.prod(own)):.2f}")
+        line += ["–"] * (7 - len(line))
+        line.append(spread(equivalent_ratios(chosen)))
+        cells.append(line)
+    words = [w for *_, w, _ in states(records_of(rows, [Case()]))]
+    return table(["change", *words, "equivalent H/σ_y"], cells)
+
+
+def intervals(rows):
+    """Count the states in which the row "plastic law" of the error budget contains the leakage of the plastic solid.
+
+    Returns the counts of contained, of all states in which both leak, and of those that the solid alone seals.
+    """
+    contained = leaking = sealed = 0
+    for case in dict.fromkeys(case_of(row) for row in rows):
+        cycle = [row for *_, chosen in states(records_of(rows, [case])) for row in chosen]
+        if len(cycle) < len(LOADING) + len(UNLOADING):
+            continue
+        spacing = (1 / case.points,) * 2
+        loads = [[load * case.hardness for load in part] for part in (LOADING, UNLOADING)]
+        scene = fs.Scene(
+            fs.Topography(case.heights(), spacing), MODULUS, case.hardness, fs.Liquid(1e-3), 1e-9,
+            0.0, loading=loads[0], unload_from=loads[0][-1:], unloading=loads[1],
+        )  # fmt: skip
+        laws = [cut_off_of(row) for row in cycle]
+        study = SimpleNamespace(contact_fraction=[law["area"] for law in laws])
+        for axis in ("k1", "k2"):
+            law, solid = (
+                np.array([law[axis] for law in laws]),
+                np.array([float(row[axis]) for row in cycle]),
+            )
+            part = plastic_law_part(scene, study, law)
+            both = (law > 0) & (solid > 0)
+            contained += np.sum(both & (part.lower <= solid) & (solid <= part.upper))
+            leaking += np.sum(both)
+            sealed += np.sum((law > 0) & (solid == 0))
+    return int(contained), int(leaking), int(sealed)
+
+
+def cavity(severity, poisson=POISSON):
+    """H/σ_y of a cone with the slope h′, by the model of the expanding cavity (Johnson 1985, section 6.3).
+
+    The mean pressure is ⅔σ_y (2 + ln((E tan β/σ_y + 4(1 − 2ν))/(6(1 − ν)))).
+    """
+    strain = USUAL / severity * (1 - poisson**2)  # E h′/σ_y
+    return 2 / 3 * (2 + np.log((strain + 4 * (1 - 2 * poisson)) / (6 * (1 - poisson))))
+
+
+def over_severity(rows):
+    """The table of the equivalent H/σ_y over H/(E* h′), without and with hardening."""
+    base = Case()
+    cells = []
+    for severity in sorted({float(row["severity"]) for row in rows}):
+        line = [f"{severity:g}", f"{cavity(severity):.2f}"]
+        for hardening in (0.01, 0.0):
+            chosen = [
+                row
+                for row in rows
+                if (float(row["severity"]), float(row["hardening"])) == (severity, hardening)
+                and replace(case_of(row), kind=base.kind, seed=base.seed)
+                == replace(base, severity=severity, hardening=hardening)
+            ]
+            line.append(surfaces(chosen))
+            for branch in ("loading", "unloading"):
+                line.append(spread(equivalent_ratios([r for r in chosen if r["branch"] == branch])))
+        cells.append(line)
+    head = ["H/(E* h′)", "expanding cavity", "surfaces", "loading", "unloading",
+            "surfaces, no hardening", "loading", "unloading"]  # fmt: skip
+    return table(head, cells)
+
+
+def solved(rows):
+    """Sentences on what was solved, and how far."""
+    seconds = sum(float(row["seconds"]) for row in rows)
+    iterations = [int(row["iterations"]) for row in rows]
+    worst = max(float(row["error"]) for row in rows)
+    return (
+        f"{len(rows)} contacts with the plastic solid were solved in {seconds / 3600:.1f} hours of one core, with "
+        f"{min(iterations)} to {max(iterations)} iterations (median {np.median(iterations):g}). The last iteration "
+        f"changed the pressure by {worst:.0e} of its mean at most."
+    )
+
+
+def severities(rows):
+    """The records of the main comparison, by H/(E* h′)."""
+    groups = {f"H/(E* h′) = {v:g}": records_of(rows, cases) for v, cases in MAIN.items()}
+    return {name: chosen for name, chosen in groups.items() if chosen}
+
+
+def report(rows):
+    """The text of the report."""
+    groups = severities(rows)
+    main = [row for chosen in groups.values() for row in chosen]
+    kinds = {kind: [r for r in main if r["kind"] == kind] for kind in ("isotropic", "turned")}
+    branches = {
+        branch: [r for r in main if r["branch"] == branch] for branch in ("loading", "unloading")
+    }
+    larger = records_of(rows, LARGER)
+    closed = {ratio: closing(main, ratio) for ratio in (USUAL, 2.3)}
+    text = [
+        f"{machine(['tamaas'])}. {solved(rows)}",
+        "## Plastic solid and cut-off law\n\nContact area, mean gap and leakage are those of the plastic solid, divided "
+        "by those of the cut-off law with $H = 2.8\\,\\sigma_y$. The equivalent load is the load, divided by that of the "
+        "plastic solid, under which the cut-off law leaks as much. The equivalent $H/\\sigma_y$ is that with which it "
+        "leaks as much under the same load. Medians over surfaces and both directions of flow, with the range of the "
+        "middle 90 % in brackets.",
+        comparison(groups, "severity"),
+        "## Equivalent hardness\n\nThe $H/\\sigma_y$ with which the cut-off law leaks as much as the plastic solid under the "
+        "same load, over the severity. The first column is $2.8\\,\\sigma_y/(E^*h')$; small values are rough or soft "
+        "surfaces. The second is the mean pressure of a cone with the slope $h'$ by the model of the expanding cavity "
+        "(Johnson 1985, section 6.3), without hardening.",
+        over_severity(rows),
+        "## One ratio\n\nGeometric mean of the leakage of the plastic solid over that of the cut-off law with the "
+        "hardness in the first column, and the typical factor between both (rms of the logarithm).",
+        one_ratio(groups | branches | kinds),
+        "; ".join(
+            f"with H/σ_y = {ratio:g}, both seal in {n['both']} states and directions, only the plastic solid in "
+            f"{n['solid']}, and only the cut-off law in {n['law']}"
+            for ratio, n in closed.items()
+        ).capitalize() + ".",
+        "The row “plastic law” of the error budget contains the leakage of the plastic solid in {} of {} states and "
+        "directions in which both leak; {} more are sealed in the plastic solid alone.".format(*intervals(main)),
+        "## Soundness\n\nLeakage of the plastic solid after one change of the method or of the hardening, divided by that "
+        "of the base. The base is the isotropic surface of seed 1 with $H/(E^*h') = 0.3$, 32² points, 13 layers over a "
+        "quarter of the side, a hardening of 0.01 E, a tolerance of 1e-3, and one load after another.",
+        soundness(rows),
+    ]  # fmt: skip
+    if larger:
+        text += ["## More waves\n\n64² points with 8 waves a side.", comparison({
+            f"H/(E* h′) = {v:g}": [r for r in larger if float(r["severity"]) == v]
+            for v in sorted({float(r["severity"]) for r in larger})}, "severity")]  # fmt: skip
+    return "\n\n".join(text)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--measure", action="store_true", help="solve what is missing, by Tamaas")
+    parser.add_argument("--records", type=Path, default=RECORDS, help="file of the results")
+    parser.add_argument("--write", action="store_true", help="write the report beside the script")
+    parser.add_argument("--only", nargs="+", help="names of lists of cases in this script")
+    options = parser.parse_args()
+    if options.measure:
+        main = [case for cases in MAIN.values() for case in cases]
+        cases = [*main, *HARD, *ENDS, *CHECKS, *PERFECT, *LARGER]
+        if options.only:
+            cases = [case for name in options.only for case in globals()[name]]
+        measure(list(dict.fromkeys(cases)), options.records)
+    text = report(read_rows([options.records]))
+    print_report(__file__, "Plastic law against plastic flow", text, options.write)
+
+
+if __name__ == "__main__":
+    main()
