@@ -39,8 +39,8 @@ class Solid:
     hardness : float, optional
         Hardness H [Pa], which is the largest contact pressure. It can be given instead of the yield stress.
     hardness_over_yield : float
-        Ratio H/σ_y > 0 with which the hardness follows from the yield stress, 2.8 by default. With 2.3, the limited
-        pressure agrees best with von Mises plasticity below rough surfaces, see `docs/evidence/plastic_law.md`.
+        Ratio H/σ_y > 0 with which the hardness follows from the yield stress, 2.8 by default. The value
+        that agrees best with von Mises plasticity depends on the roughness, see `docs/evidence/plastic_law.md`.
 
     Raises
     ------
