@@ -150,7 +150,7 @@ def run(
             )
     except KeyboardInterrupt:
         command = f"femseal run {path} -o {folder} --resume"
-        raise FemsealError(f"stopped; `{command}` goes on") from None
+        raise FemsealError(f"stopped; `{command}` continues it") from None
     if quiet:
         return
     print_table(results.table())

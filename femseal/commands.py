@@ -72,7 +72,7 @@ def sweep(
     formats = read_formats(picture_format)
     folder = output or Path("results") / f"{path.stem}-sweep"
     announce = None if quiet else typer.echo
-    with all_progress(quiet, "the same command with --resume goes on") as progress:
+    with all_progress(quiet, "the same command with --resume continues it") as progress:
         comparison = run_sweep(
             path,
             parsed_keys(keys),
@@ -169,7 +169,9 @@ def design(
     from .designs.answer import design as find_answer
 
     folder = output or (path if path.is_dir() else Path("results") / path.stem)
-    with all_progress(quiet, "the same command goes on, and keeps what is complete") as progress:
+    with all_progress(
+        quiet, "the same command continues it, and keeps what is complete"
+    ) as progress:
         answer = find_answer(
             path,
             folder,
@@ -227,7 +229,7 @@ def calibrate(
     from .calibration.calibrating import calibrate as run_calibration
 
     folder = output or Path("results") / f"{path.stem}-calibrated"
-    how_to_resume = f"`femseal calibrate {path} {data} -o {folder} --resume` goes on"
+    how_to_resume = f"`femseal calibrate {path} {data} -o {folder} --resume` continues it"
     with all_progress(quiet, how_to_resume) as progress:
         calibration = run_calibration(
             path,

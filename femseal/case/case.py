@@ -84,7 +84,7 @@ class CellsTable(Table):
     @model_validator(mode="after")
     def _check_keys(self) -> CellsTable:
         if self.count is not None and self.size is not None:
-            raise invalid_value("one of `count` and `size`")
+            raise invalid_value("either `count` or `size`")
         return self
 
 

@@ -423,7 +423,7 @@ def _hardness_rows(path: Path, key: str) -> list[list[str]]:
         raise InputError(key, name, HARDNESS_COLUMNS) from None
     if len(numbers) < 2:
         given = f"{name} with {counted(len(numbers), 'row')} of numbers"
-        raise InputError(key, given, f"{HARDNESS_COLUMNS}, and two rows or more")
+        raise InputError(key, given, f"{HARDNESS_COLUMNS}, and at least two rows")
     depth_unit, hardness_unit = (column[2] for column in columns)
     return [
         [f"{depth!r} {depth_unit}", f"{hardness!r} {hardness_unit}"]

@@ -137,7 +137,7 @@ def _check_crop(value: Any) -> Any:
     if is_list and len(value) == 4 and not any(isinstance(end, (list, tuple)) for end in value):
         return value
     raise invalid_value(
-        "four lengths in one list, x1 from and to, x2 from and to: "
+        "a list of four lengths, start and end along x1, then start and end along x2: "
         "['0.1 mm', '0.9 mm', '0 mm', '0.5 mm']"
     )
 
@@ -184,7 +184,7 @@ class MapFile(Table):
     crop: Annotated[
         tuple[Position, Position, Position, Position] | None, BeforeValidator(_check_crop)
     ] = key(
-        "part of the map that is used: x1 from and to, x2 from and to",
+        "part of the map that is used: start and end along x1, then along x2",
         None,
         example=["0.1 mm", "0.9 mm", "0 mm", "0.5 mm"],
     )

@@ -37,7 +37,7 @@ from .table_types import Table, key
 def _check_rows(value: Any) -> Any:
     """Check that a hardness table has at least two rows, and return it."""
     if isinstance(value, (list, tuple)) and len(value) < 2:
-        raise invalid_value("two rows or more, such as ['0.1 um', '2 GPa']")
+        raise invalid_value("at least two rows, such as ['0.1 um', '2 GPa']")
     return value
 
 

@@ -102,7 +102,7 @@ class WavyForm:
         check_parameters(self)
         if (self.lobes is None) == (self.wavelength is None):
             given = "neither" if self.lobes is None else "both"
-            raise InputError("lobes", f"{given} of lobes and wavelength", "one of them")
+            raise InputError("lobes", f"{given} of lobes and wavelength", "exactly one of them")
         if self.lobes is not None:
             object.__setattr__(self, "lobes", validate.count("lobes", self.lobes))
 

@@ -81,7 +81,9 @@ class Lay:
             from_centre = points - np.asarray(centre)
             distance = np.hypot(from_centre[:, 0], from_centre[:, 1])
             if not distance.min(initial=1.0) > 0:
-                raise InputError("lay", f"'{self.name}' at its centre", "one outside of elements")
+                raise InputError(
+                    "lay", f"'{self.name}' at its centre", "a centre outside of all elements"
+                )
             radial = from_centre / distance[:, None]
             if self.name == "radial":
                 return radial
@@ -165,7 +167,7 @@ def _directions_from_field(file: Path, array: str, points: Array, unit: float) -
     if uncovered > 0:
         raise InputError(
             "lay.field",
-            f"'{file}', which leaves out {counted(uncovered, 'element')}",
+            f"'{file}', which does not cover {counted(uncovered, 'element')}",
             "a field that covers the seal",
         )
     return vectors[nearest, :2] / lengths[nearest, None]

@@ -283,7 +283,9 @@ def _check_element_shapes(mesh: Mesh) -> None:
     """Raise InputError if nodes are not finite, or if elements are degenerate or tangled."""
     undefined = np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))
     if undefined.size:
-        raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite ones")
+        raise InputError(
+            "path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates"
+        )
     corners = mesh.p.T[mesh.t.T]  # (element, corner, 2)
     to_previous = np.roll(corners, 1, axis=1) - corners
     to_next = np.roll(corners, -1, axis=1) - corners

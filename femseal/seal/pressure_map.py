@@ -145,7 +145,7 @@ class Profile:
                     f"{to_text(start, 'm')} to {to_text(end, 'm')}"
                     for start, end in ((first, last), (lowest, highest))
                 )
-                raise InputError("positions", given, f"one that holds all tiles, {needed}")
+                raise InputError("positions", given, f"positions that cover all tiles, {needed}")
             return np.interp(across, self.positions, values)
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")
@@ -192,7 +192,7 @@ class AngleTable:
         if self.angles and not 0 <= self.angles[0] <= self.angles[-1] < period * (1 - 1e-12):
             given = f"{np.degrees(self.angles[0]):g}° to {np.degrees(self.angles[-1]):g}°"
             raise InputError(
-                "angles", given, f"some from 0° to below one period, {np.degrees(period):g}°"
+                "angles", given, f"angles from 0° to less than one period, {np.degrees(period):g}°"
             )
 
     def at(self, points: Array, frame: Frame) -> Array:
@@ -425,7 +425,9 @@ class PressedSeal:
         values = pressure_map.at(points, self.frame)
         highest = at_centres.max()
         if not highest > 0:
-            raise InputError("map", "a pressure that is 0 all over the seal", "one > 0 somewhere")
+            raise InputError(
+                "map", "a pressure that is 0 all over the seal", "a pressure > 0 at some point"
+            )
         # the values are first divided by the highest value, so that the fractions of a uniform map are exactly 1
         return values / highest / np.average(at_centres / highest, weights=self.areas)
 

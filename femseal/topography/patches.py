@@ -260,7 +260,9 @@ def _check_patches(patches: Sequence[Topography]) -> None:
     """Raise InputError if maps cannot be patches of the same surface, see `Patches`."""
     if len(patches) < 2:
         given = f"{len(patches)} of them"
-        raise InputError("patches", given, "at least two; give a single one as it is")
+        raise InputError(
+            "patches", given, "at least two patches; a single map is not put into a list"
+        )
     if not all(isinstance(patch, Topography) for patch in patches):
         raise InputError("patches", "other than maps", "a list of Topography")
     for (a, first), (b, second) in combinations(enumerate(patches, start=1), 2):

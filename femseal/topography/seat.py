@@ -313,7 +313,8 @@ class ProfileSeat(Seat):
         length = float(position[-1] - position[0])
         if not length >= breadth * (1 - 1e-6):
             given = f"a profile of {to_text(length, 'm', 3)}"
-            raise InputError("path", given, f"one as broad as the face, {to_text(breadth, 'm', 3)}")
+            expected = f"a profile at least as long as the face is wide, {to_text(breadth, 'm', 3)}"
+            raise InputError("path", given, expected)
         middle = 0.5 * (position[0] + position[-1])
         return -np.interp(x, position - middle, z)
 

@@ -470,7 +470,7 @@ class Topography(Plotted):
             return self.crop((end1 - begin1, end2 - begin2), (begin1, begin2))
         except (TypeError, ValueError, IndexError):
             sides = " and ".join(to_text(length, "m") for length in self.size)
-            expected = f"x1 from, x1 to, x2 from, x2 to, each pair rising, within {sides}"
+            expected = f"start and end along x1, then along x2, each pair rising, within {sides}"
             raise InputError("crop", f"{part} m", expected) from None
 
     def flip(self, axis: int) -> Topography:

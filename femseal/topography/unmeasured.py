@@ -229,7 +229,7 @@ def continue_spectrum(
     needed_shape = resolving_shape(topography.size, cut_off)
     grid = needed_shape if shape is None else validate.grid("shape", shape)
     if cut_off < resolved_wave(topography.size, grid) * (1 - 1e-9):
-        raise InputError("shape", grid, f"8 pixels to the cut-off, {needed_shape}")
+        raise InputError("shape", grid, f"at least 8 pixels per shortest wave, {needed_shape}")
     measured = topography.low_pass(continuation.longest).resample(grid)
     return continuation.add_to(measured, realisation)
 

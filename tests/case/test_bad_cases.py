@@ -171,7 +171,7 @@ SOLID_AT_2_GPA = {
         ("cells.count", [64, 64], "8 × 8 points"),
         ("cells.count", [4, 6], "two shortest waves, 20 µm"),
         ("cells.count", [3, 7], "two shortest waves, 20 µm"),
-        ("cells.size", "30 um", "one of `count` and `size`"),
+        ("cells.size", "30 um", "either `count` or `size`"),
         ("cells", {"size": "61 um"}, r"size: given 61 µm, expected at most the shorter side"),
         ("cells.young", 1, r"; perhaps meant: young in \[material\]"),
         ("stochastic.length", ["1 mm", "2 mm"], "a number and a unit"),
@@ -216,7 +216,10 @@ def test_a_key_of_a_table_that_may_be_a_list_is_named_as_in_the_file(data, sever
     place = "seal.form.1" if several else "seal.form"
     for wrong, said in (
         ({"height": "3 Pa"}, "height: given '3 Pa', expected"),
-        ({"wavelength": "4 mm"}, "lobes: given both of lobes and wavelength, expected one of them"),
+        (
+            {"wavelength": "4 mm"},
+            "lobes: given both of lobes and wavelength, expected exactly one of them",
+        ),
     ):
         forms = [wave, wave | wrong] if several else wave | wrong
         message = refusal(parse_case, data | {"seal": {"form": forms}})

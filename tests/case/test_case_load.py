@@ -145,10 +145,13 @@ class TestMaps:
                 {"kind": "field", "path": "none.csv", "length_unit": "m", "pressure_unit": "Pa"},
                 "load.map.path: given 'none.csv', expected a file that exists",
             ),
-            ([{"kind": "uniform"}, {"kind": "uniform"}], "that all have `at`"),
+            (
+                [{"kind": "uniform"}, {"kind": "uniform"}],
+                "several tables with rising values of `at`",
+            ),
             (
                 [{"kind": "uniform", "at": "2 MPa"}, {"kind": "uniform", "at": "1 MPa"}],
-                "whose `at` rise",
+                "with rising values of `at`",
             ),
             (
                 [{"kind": "uniform", "at": "2 N"}, {"kind": "uniform", "at": "3 N"}],

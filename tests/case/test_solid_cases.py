@@ -137,11 +137,11 @@ def test_the_softer_face_yields():
         ),
         (
             {"hardness_table": [["0 um", "1 GPa"]]},
-            r"material.hardness_table: given .*, expected two rows or more",
+            r"material.hardness_table: given .*, expected at least two rows",
         ),
         (
             {"hardness_table": []},
-            r"^material.hardness_table: given \[\], expected two rows or more",
+            r"^material.hardness_table: given \[\], expected at least two rows",
         ),
         (
             {"hardness_table": [["0 um", "0 GPa"], ["1 um", "2 GPa"]]},

@@ -249,7 +249,7 @@ def test_what_is_said_goes_before_what_the_file_says(femseal, face):
         (["--max-undefined", "-1"], "--max-undefined: given -1"),
         (
             ["--crop", "0 m", "1 mm", "0 m", "10 um"],
-            "--crop: given (0.0, 0.001, 0.0, 1e-05) m, expected x1 from, x1 to",
+            "--crop: given (0.0, 0.001, 0.0, 1e-05) m, expected start and end along x1",
         ),
         (["--crop", "0 m", "10 um", "8 um", "8 um"], "--crop: given"),
         (["--mask", "none.png"], "--mask: given 'none.png', no such file"),

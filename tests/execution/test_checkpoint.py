@@ -407,7 +407,7 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_resume(case, start, tmp_path, a
     os.killpg(process.pid, sent)
     lines = process.communicate(timeout=HANG)[1].splitlines()
     assert process.returncode == 1
-    assert lines[-1] == f"femseal: stopped; `femseal run {case} -o {out} --resume` goes on"
+    assert lines[-1] == f"femseal: stopped; `femseal run {case} -o {out} --resume` continues it"
     wait_until(lambda: not alive(process.pid))  # trackers end when they see that the others have
     assert "was stopped (KeyboardInterrupt)" in (tmp_path / "lines.log").read_text()
 

@@ -179,7 +179,11 @@ def test_lay_from_a_field(tmp_path):
     for key, shift, words in (
         ("lay.vtu:s", 0.0, "'s' of .*one of its fields: 't'"),
         ("no.vtu:t", 0.0, "an existing mesh file"),
-        ("lay.vtu:t", 1.0, "which leaves out 864 elements, expected a field that covers the seal"),
+        (
+            "lay.vtu:t",
+            1.0,
+            "which does not cover 864 elements, expected a field that covers the seal",
+        ),
         ("lay.vtu:bad", 0.0, "vectors along the lay, finite and not 0"),
     ):
         with pytest.raises(InputError, match=words):

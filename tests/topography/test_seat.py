@@ -129,7 +129,7 @@ def test_depths_of_all_forms_agree_with_their_equations():
         ("x1,z\n0,0\n", "expected a file of numbers"),
         ("a,b\n0,0\n1,1\n", "expected a file of numbers"),
         ("x1,z\n0,0\n0,1\n", "x1 rising"),
-        ("x1,z\n0,0\n0.1,0\n", "as broad as the face"),
+        ("x1,z\n0,0\n0.1,0\n", "at least as long as the face is wide"),
         ("x1,z\n0,zero\n1,1\n", "expected a file of numbers"),
     ],
 )
