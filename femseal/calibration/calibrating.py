@@ -194,7 +194,7 @@ def calibrate(
             tested_case,
         )
         if folder is not None:
-            calibration.write(folder)
+            calibration.write(folder, loaded.output.picture_formats)
             if not isinstance(case, Case):
                 tables, case_folder = read_case(case)
                 text = calibrated_text(tables, case_folder, folder, calibration)

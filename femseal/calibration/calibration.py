@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import combinations
@@ -31,7 +32,7 @@ from ..case.case import Case
 from ..case.template import as_toml, bare_key
 from ..plots.drawing import LEGEND_LINE, LINES, LOADS, Sheet, add_grid, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel
-from ..plots.style import GREY, STYLES, png
+from ..plots.style import GREY, STYLES, rendered
 from ..results.load_steps import branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
 from .leak_test import BELOW, LeakTest
@@ -224,13 +225,15 @@ class Calibration(Plotted):
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in self.tables())
 
-    def write(self, folder: AnyPath) -> list[Path]:
-        """Write `calibration.json`, `calibration.csv` and `calibration.png`.
+    def write(self, folder: AnyPath, formats: Sequence[str] = ("png",)) -> list[Path]:
+        """Write `calibration.json`, `calibration.csv` and the picture, `calibration.png`.
 
         Parameters
         ----------
         folder : path
             Folder to write into; made if needed.
+        formats : sequence of {"png", "svg", "pdf"}
+            Formats of the picture.
 
         Returns
         -------
@@ -264,9 +267,12 @@ class Calibration(Plotted):
         }
         text = json.dumps(content, indent=1, ensure_ascii=False).replace("NaN", "null")
         with writing("output", target, "a folder"):
-            picture = write_bytes(target / PICTURE, png(calibration_figure(self)))
-            table = write_text(target / TABLE, comma_separated(self.rows()))
-            return [write_text(target / FILE, text), table, picture]
+            written = [write_text(target / TABLE, comma_separated(self.rows()))]
+            for form in formats:
+                path = (target / PICTURE).with_suffix(f".{form}")
+                written.append(write_bytes(path, rendered(calibration_figure(self), form)))
+            # the last one, because it marks a finished calibration
+            return [write_text(target / FILE, text), *written]
 
 
 def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:

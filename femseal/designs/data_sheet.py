@@ -27,7 +27,7 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import relaxed
 from ..plots.drawing import LEGEND_LINE, LOADS, Sheet, label_decades, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines, limits_width
-from ..plots.style import GREY, branch_styles, png
+from ..plots.style import GREY, branch_styles, rendered
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset_file import FILE_NAME
@@ -159,7 +159,8 @@ class Design(Plotted):
     def write(self, folder: AnyPath) -> list[Path]:
         """Write `design.csv`, `design.json` and `design.png`.
 
-        If the folder contains results, their report is written again, because it includes the answer.
+        The picture is also written in the other `picture_formats` of the case. If the folder contains results, their
+        report is written again, because it includes the answer.
 
         Parameters
         ----------
@@ -190,10 +191,13 @@ class Design(Plotted):
         text = json.dumps(content, indent=1, ensure_ascii=False)
         with writing("output", target, "a folder"):
             written = [
-                write_bytes(target / DESIGN_PICTURE, png(design_figure(self))),
                 write_text(target / TABLE_FILE, comma_separated(figures)),
                 write_text(target / DESIGN_FILE, text),
             ]
+            case_formats = self.results.case.get("output", {}).get("picture_formats", ())
+            for form in dict.fromkeys(["png", *case_formats]):
+                path = (target / DESIGN_PICTURE).with_suffix(f".{form}")
+                written.append(write_bytes(path, rendered(design_figure(self), form)))
             if (target / FILE_NAME).is_file():
                 written.append(write_report(target))
             return written

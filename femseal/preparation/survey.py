@@ -10,13 +10,13 @@ from pathlib import Path
 from textwrap import indent
 from typing import Any
 
-from ..base import InputError, as_text, to_si, to_text, validate, writing
+from ..base import InputError, as_text, to_si, to_text, validate, write_bytes, writing
 from ..case.case import Case
 from ..case.faces import SurfaceTable
 from ..case.template import as_toml, table_to_paste
 from ..checks import FormEffect, estimate_surface, solve_form_effect
 from ..contact.law import PerfectlyPlastic
-from ..plots import survey_figure
+from ..plots import rendered, survey_figure
 from ..topography import (
     Conditioning,
     Instrument,
@@ -175,9 +175,12 @@ def survey(
         figure = survey_figure(
             face, surveyed.report, surveyed.conditioning, detrend=detrend, spikes=spikes
         )
-        figure.suptitle(path.name, fontsize=11, parse_math=False)
+        # the picture has a space of 0.3 inch for the name
+        figure.suptitle(
+            path.name, fontsize=8, y=1 - 0.08 / figure.get_figheight(), va="top", parse_math=False
+        )
         with writing("output", picture):
-            figure.savefig(picture)
+            write_bytes(picture, rendered(figure, picture.suffix.lower().removeprefix(".")))
         lines.append(f"picture in {picture}")
     return lines
 

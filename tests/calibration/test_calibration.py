@@ -291,6 +291,8 @@ def test_the_folder_of_a_calibration(calibrated, femseal):
         rows = list(csv.DictReader(file))
     assert_allclose([float(row["measured [m²/s]"]) for row in rows], found.test.leakage)
     assert (out / "calibration.png").stat().st_size > 10_000
+    names = {path.name for path in found.write(folder / "print", ["svg", "pdf"])}
+    assert names == {"calibration.json", "calibration.csv", "calibration.svg", "calibration.pdf"}
     made = fs.load_case(out / "calibrated.toml")
     assert_allclose(made.law.mean_hardness, found.hardness.median, rtol=1e-4)
     assert_allclose(made.surface.shortest_wave, found.shortest_wave.median, rtol=1e-4)

@@ -229,8 +229,10 @@ def test_surface_describes_a_face_and_what_a_run_does(femseal, face, tmp_path):
 
 def test_what_is_said_goes_before_what_the_file_says(femseal, face):
     said = ["--size", "1 mm", "2 mm", "--height-unit", "um", "--spikes", "inf", "--transpose"]
-    code, text, _ = femseal("surface", face, *said, "--shortest-wave", "0.3 mm")
+    drawn = ["-o", face.parent / "drawn.svg"]
+    code, text, _ = femseal("surface", face, *said, "--shortest-wave", "0.3 mm", *drawn)
     assert code == 0
+    assert b"<svg" in drawn[1].read_bytes()
     found = fields(text)
     assert (found["points"], found["size"]) == ("128 × 96", "1 mm × 2 mm")
     assert found["points in spikes"] == "0"

@@ -325,11 +325,14 @@ def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
 
 def test_the_command_says_what_the_seal_needs(tmp_path, femseal):
     output = {"paraview": "none", "fields_limit": "0 byte", "classes": ["L1"]}
+    output["picture_formats"] = ["pdf"]
     fs.run(case(output=output), tmp_path, workers=1)
     code, told, _ = femseal("design", tmp_path, "--probability", "0.5")
     assert code == 0
     assert "QSmin(L), Q_A = 400 MPa" in told
     assert (tmp_path / "design.json").is_file()
+    assert (tmp_path / "design.pdf").read_bytes().startswith(b"%PDF")
+    assert (tmp_path / "design.png").is_file()  # the report shows it
     for more, fault in (
         (["--class", "L7"], "classes: given 'L7'"),
         (["--class", "ISO 5208 B"], "nominal_diameter: given none"),

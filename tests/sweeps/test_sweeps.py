@@ -311,6 +311,10 @@ def test_compare_on_the_command_line(femseal, swept, tmp_path):
     assert "leakage of the whole seal [mL/h]" in text
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {"comparison.csv", "comparison.png"}
+    vectors = femseal("compare", *runs, "-o", tmp_path / "print", "--format", "svg,pdf")
+    assert "comparison.svg and comparison.pdf" in vectors[1]
+    names = {p.name for p in (tmp_path / "print").iterdir()}
+    assert names == {"comparison.csv", "comparison.svg", "comparison.pdf"}
     for wrong, fault in (
         ([runs[0]], "given 1 run, expected two or more"),
         ([runs[0], tmp_path / "none"], "no such folder"),
