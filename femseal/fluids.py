@@ -442,8 +442,8 @@ def leak_basis(
         Temperature to which the throughput (pressure × volume per time) of a gas refers [K]; by default the temperature
         of the gas.
     **valve : float
-        Further quantities on which some units and classes depend. They are the parameters `drop`, `bubble`,
-        `pressure_drop` and `capacity` of `LeakBasis`.
+        Further quantities on which some units and classes depend. They are the parameters `drop_volume`,
+        `bubble_volume`, `pressure_drop` and `capacity` of `LeakBasis`.
     """
     pressure = getattr(fluid, "reference_pressure", None)
     temperature = molar_mass = None

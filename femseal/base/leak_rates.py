@@ -52,9 +52,9 @@ class LeakBasis:
         cannot be given as pressure × volume or as a standard volume.
     molar_mass : float, optional
         Molar mass of a gas [kg/mol].
-    stated : float, optional
+    given_temperature : float, optional
         Temperature [K] to which leakages in units of pressure × volume refer. Default: the reference temperature.
-    drop, bubble : float
+    drop_volume, bubble_volume : float
         Volume of a drop and of a bubble [m³].
     pressure_drop : float, optional
         Pressure drop over the seal [Pa], which some classes need.
@@ -67,14 +67,15 @@ class LeakBasis:
     pressure: float | None = None
     temperature: float | None = None
     molar_mass: float | None = None
-    stated: float | None = None
-    drop: float = DROP
-    bubble: float = BUBBLE
+    given_temperature: float | None = None
+    drop_volume: float = DROP
+    bubble_volume: float = BUBBLE
     pressure_drop: float | None = None
     capacity: float | None = None
 
     def __post_init__(self) -> None:
-        for name, value in (("temperature", self.temperature), ("stated", self.stated)):
+        for name in ("temperature", "given_temperature"):
+            value = getattr(self, name)
             if value is not None:
                 number(name, value, unit="K")
 
@@ -86,7 +87,9 @@ class LeakBasis:
     @property
     def throughput_temperature(self) -> float | None:
         """Temperature [K] to which leakages in units of pressure × volume refer; None for a liquid."""
-        return self.stated if self.is_gas and self.stated is not None else self.temperature
+        if self.is_gas and self.given_temperature is not None:
+            return self.given_temperature
+        return self.temperature
 
     def lacks(self, unit: LeakUnit) -> str:
         """Return advice on which unit to use if the leakage cannot be given in this one; "" if it can."""
@@ -127,16 +130,17 @@ class LeakBasis:
         if unit.kind == "mass":
             return self.density
         if unit.kind == "drops":
-            return 1 / self.drop
+            return 1 / self.drop_volume
         if unit.kind == "bubbles":
-            return 1 / self.bubble
+            return 1 / self.bubble_volume
         pressure = self.pressure or 1.0
         temperature = self.temperature or 1.0
         if unit.kind == "standard":
             return pressure / STANDARD_PRESSURE * STANDARD_TEMPERATURE / temperature
         # throughput: for the same amount of gas, pressure × volume is proportional to the temperature
-        stated = self.stated if self.stated and self.temperature else temperature
-        return pressure * (stated / temperature)
+        if self.given_temperature and self.temperature:
+            return pressure * (self.given_temperature / temperature)
+        return pressure
 
     def units(self, names: Iterable[str] = USUAL_UNITS) -> list[LeakUnit]:
         """Return those of the named units in which the leakage can be given."""

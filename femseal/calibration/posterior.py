@@ -93,12 +93,22 @@ class FactorDensity:
 
 @dataclass(frozen=True, eq=False)
 class _Slabs:
-    """Slabs of equal width along ln(factor) above every square of the plane of hardness and wave.
+    """Small squares of the unit square of hardness and wave, each with slabs of equal width along ln(factor).
 
-    first, last : ends of the range of the slabs (squares, 1). probability : probability of every slab, up to a constant
-    (squares, slabs).
+    Parameters
+    ----------
+    centres : array (squares, 2)
+        Centres of the squares.
+    n_along_side : int
+        Number of such squares along a side of the unit square.
+    first, last : array (squares, 1)
+        Ends of the range of the slabs.
+    probability : array (squares, slabs)
+        Probability of every slab, up to a constant.
     """
 
+    centres: Array
+    n_along_side: int
     first: Array
     last: Array
     probability: Array
@@ -146,7 +156,7 @@ class Posterior:
         mean, deviation, is_open = self.surrogate.predict(plane)
         return Prediction(mean[:, self.rows], deviation[:, self.rows], is_open[:, self.rows])
 
-    def along_factor(self, plane: Array) -> FactorDensity:
+    def factor_density(self, plane: Array) -> FactorDensity:
         """Compute the density of ln(factor) at pairs of hardness and wave (pairs, 2) in the unit square."""
         mean, deviation, is_open = self._predict_rows(plane)
         is_sealed = self.test.sealed
@@ -197,40 +207,50 @@ class Posterior:
         -------
         array (count, 3)
         """
+        slabs = self._probable_slabs(4 * count)
+        # random numbers of each sample: for the choice of a slab, and for the position in it along three axes
+        random = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
+        # a slab is chosen where the cumulative probability of all slabs reaches the first random number
+        cumulative = np.cumsum(slabs.probability) / slabs.probability.sum()
+        flat_index = np.searchsorted(cumulative[:-1], random[:, 0])
+        square, slab = np.divmod(flat_index, _SLABS)
+        plane = slabs.centres[square] + (random[:, 1:3] - 0.5) / slabs.n_along_side
+        width = (slabs.last - slabs.first)[square, 0]
+        log_factor = slabs.first[square, 0] + width * (slab + random[:, 3]) / _SLABS
         low, high = np.log(self.ranges[2])
-        side = round(2 * count**0.5)
-        centres = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side  # (square, 2)
+        return np.c_[plane, (log_factor - low) / (high - low)]
+
+    def _probable_slabs(self, least_count: int) -> _Slabs:
+        """Divide the unit square of hardness and wave into small squares with slabs, see `samples`.
+
+        least_count : smallest number of squares, approximately.
+        """
+        n_along_side = round(least_count**0.5)
+        centres = (np.indices((n_along_side, n_along_side)).reshape(2, -1).T + 0.5) / n_along_side
         while True:
-            slabs = self._slabs(centres)
+            slabs = self._slabs(centres, n_along_side)
             probability = slabs.probability.sum(1)  # (square,)
             most_probable_first = np.argsort(-probability, kind="stable")
             best = np.sort(most_probable_first[: len(centres) // 4])
             if not probability[best].sum() >= (1 - _NEGLECTED_PROBABILITY) * probability.sum():
-                break
-            side *= 2
-            to_quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)
+                return slabs
+            # the most probable quarter of the squares contains nearly all of the probability: divide them in four
+            n_along_side *= 2
+            to_quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * n_along_side)
             centres = (centres[best, None] + to_quarters).reshape(-1, 2)
-        # random numbers of each sample: for the choice of a slab, and for the position in it along three axes
-        random = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
-        cumulative = np.cumsum(slabs.probability) / slabs.probability.sum()
-        flat_index = np.searchsorted(cumulative[:-1], random[:, 0])
-        square, slab = np.divmod(flat_index, _SLABS)
-        plane = centres[square] + (random[:, 1:3] - 0.5) / side
-        width = (slabs.last - slabs.first)[square, 0]
-        log_factor = slabs.first[square, 0] + width * (slab + random[:, 3]) / _SLABS
-        return np.c_[plane, (log_factor - low) / (high - low)]
 
-    def _slabs(self, centres: Array) -> _Slabs:
+    def _slabs(self, centres: Array, n_along_side: int) -> _Slabs:
         """Divide squares with these centres (squares, 2) into slabs along ln(factor).
 
         The slabs cover several standard deviations around the mean of ln(factor), as far as they are within its range.
         """
         low, high = np.log(self.ranges[2])
-        density = self.along_factor(centres)
+        density = self.factor_density(centres)
         centre = np.clip(density.mean, low, high)
         first = np.clip(centre - _SLAB_RANGE * density.deviation, low, high)
         last = np.clip(centre + _SLAB_RANGE * density.deviation, low, high)
         middles = first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS
         # the slabs of all squares have the same number, but not the same width
         log_probability = density.log_density(middles) + np.log(last - first)
-        return _Slabs(first, last, np.exp(log_probability - log_probability.max()))
+        probability = np.exp(log_probability - log_probability.max())
+        return _Slabs(centres, n_along_side, first, last, probability)

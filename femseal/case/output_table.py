@@ -113,8 +113,8 @@ class OutputTable(Table):
     def valve(self) -> dict[str, float]:
         """Volumes of a drop and a bubble, and rated capacity, as arguments of `base.leak_rates.LeakBasis`."""
         values = {
-            "drop": self.drop_volume,
-            "bubble": self.bubble_volume,
+            "drop_volume": self.drop_volume,
+            "bubble_volume": self.bubble_volume,
             "capacity": self.rated_capacity,
         }
         return {name: value for name, value in values.items() if value is not None}

@@ -32,9 +32,9 @@ _BASIS_ATTRIBUTES = {
     "pressure": "reference_pressure_Pa",
     "temperature": "reference_temperature_K",
     "molar_mass": "molar_mass_kg_per_mol",
-    "stated": "stated_temperature_K",
-    "drop": "drop_volume_m3",
-    "bubble": "bubble_volume_m3",
+    "given_temperature": "stated_temperature_K",
+    "drop_volume": "drop_volume_m3",
+    "bubble_volume": "bubble_volume_m3",
     "pressure_drop": "pressure_drop_Pa",
     "capacity": "rated_capacity_m3_per_s",
 }

@@ -95,7 +95,9 @@ def test_ambiguous_units_are_refused_with_advice(written, said):
 
 @each("stated", [0.0, -26.85, float("nan")])
 def test_a_temperature_below_absolute_zero_is_refused(stated):
-    with pytest.raises(InputError, match=r"^stated: given .*expected a finite number > 0"):
+    with pytest.raises(
+        InputError, match=r"^given_temperature: given .*expected a finite number > 0"
+    ):
         leak_basis(AIR, 1.0, stated)
 
 

@@ -95,7 +95,7 @@ def tried(seed: int, folder: Path, workers: int) -> dict[str, Any]:
     cube = (np.log(truth) - low) / (high - low)
     cube = np.vstack([cube, (np.log(found.samples) - low) / (high - low)])
     factor = np.log(found.density.quantities(cube)[:, 2:])
-    density = found.density.along_factor(cube[:, :2])[2](factor)[:, 0]
+    density = found.density.factor_density(cube[:, :2]).log_density(factor)[:, 0]
     return {
         "seed": seed,
         "kind": FACES[seed % 2]["kind"],

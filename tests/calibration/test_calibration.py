@@ -97,7 +97,7 @@ def posterior(leakage, sealed=(False, False, False), surrogate=None, error=0.05)
 def log_density(posterior, cube):
     """ln of the density of a calibration in the unit cube (n, 3), but for a constant (n,)."""
     factor = np.log(posterior.quantities(cube)[:, 2:])
-    return posterior.along_factor(cube[:, :2]).log_density(factor)[:, 0]
+    return posterior.factor_density(cube[:, :2]).log_density(factor)[:, 0]
 
 
 def test_a_posterior_of_a_linear_model_is_that_of_linear_regression():
