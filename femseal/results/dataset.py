@@ -79,8 +79,8 @@ class RunFacts:
         Temperature at which the throughput (pressure × volume per time) of a gas is given [K]; by default the
         temperature of the gas.
     valve : mapping
-        Volume of a drop, volume of a bubble and rated capacity of a valve, by their names in `LeakBasis`: `drop`,
-        `bubble` and `capacity`.
+        Volume of a drop, volume of a bubble and rated capacity of a valve, by their names in
+        `LeakBasis`: `drop_volume`, `bubble_volume` and `capacity`.
     attributes : mapping
         Further attributes of the dataset.
 
