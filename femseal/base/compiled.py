@@ -210,7 +210,7 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
 
 
 def summed(values: list[Any]) -> Any:
-    """Add up a list of numbers, or a list of tuples member by member. A list of None gives None."""
+    """Add up a list of numbers, or a list of tuples member by member; return None if the values are None."""
     if isinstance(values[0], tuple):
         return tuple(map(sum, zip(*values, strict=True)))
     if values[0] is None:
