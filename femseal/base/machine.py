@@ -51,7 +51,7 @@ def peak_memory() -> int:
         return psutil.Process().memory_info().peak_wset
     import resource
 
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # in bytes on macOS, in KiB on Linux
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
