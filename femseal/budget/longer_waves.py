@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base import Array, Mapper, Pair
 from ..contact import LoadState
-from ..face.cell_flow import Failed, FlowSettings, attempt, resolved_flow
+from ..face.cell_flow import Failed, FlowSettings, attempt, solve_surface_flow
 from ..face.curves import CellCurves
 from ..scene import Scene
 from ..seal.form import SealForm
@@ -172,7 +172,7 @@ def _gap_and_permeability(
     state: LoadState, *, flow: FlowSettings, spacing: Pair
 ) -> tuple[float, float]:
     """Compute the mean gap of a contact state [m] and its permeability [m³], which is NaN if the flow failed."""
-    solution = attempt(resolved_flow, state.contact.gap, spacing, flow)
+    solution = attempt(solve_surface_flow, state.contact.gap, spacing, flow)
     return float(state.contact.mean_gap), solution.permeability
 
 

@@ -210,7 +210,7 @@ class FaceFlow:
     potential: Floats
 
 
-def resolved_flow(
+def solve_surface_flow(
     gap: Floats,
     spacing: Pair,
     settings: FlowSettings = _DEFAULT_SETTINGS,
@@ -239,7 +239,7 @@ def resolved_flow(
     """
     if gap.size > LARGEST_FLOW:
         parts = np.array_split(gap, -(-gap.size // LARGEST_FLOW), axis=1)
-        flows = [resolved_flow(part, spacing, settings, sides) for part in parts]
+        flows = [solve_surface_flow(part, spacing, settings, sides) for part in parts]
         widths = [part.shape[1] for part in parts]
         value = float(np.average([flow.permeability for flow in flows], weights=widths))
         potential = np.concatenate([flow.potential for flow in flows], axis=1)
@@ -286,7 +286,7 @@ def permeability_along_x2(
     settings : FlowSettings
         Fluid and solver.
     sides : "periodic" or "mirror"
-        Sides of the flow, which are the ends of x1, see `resolved_flow`.
+        Sides of the flow, which are the ends of x1, see `solve_surface_flow`.
 
     Returns
     -------
@@ -296,11 +296,13 @@ def permeability_along_x2(
     Raises
     ------
     NotConverged
-        See `resolved_flow`.
+        See `solve_surface_flow`.
     """
     patches = split_patches(gap, widths)
     values = [
-        resolved_flow(np.ascontiguousarray(patch.T), spacing[::-1], settings, sides).permeability
+        solve_surface_flow(
+            np.ascontiguousarray(patch.T), spacing[::-1], settings, sides
+        ).permeability
         for patch in patches
     ]
     return float(np.average(values, weights=[patch.shape[1] for patch in patches]))

@@ -264,7 +264,7 @@ class CellState:
         cell.
     drop_fraction : array, (m1, m2)
         Fraction of the total dissipation that occurs in each cell; NaN if there is no flow.
-    rows : array, (n1,)
+    row_pressure : array, (n1,)
         Mean contact pressure of each row of points [Pa].
     counts : SolveCounts
         Numbers of open cells, whose flow was solved, and of closed ones.
@@ -276,7 +276,7 @@ class CellState:
         Permeability of the whole surface along x2, the mean over its patches [m³]; NaN if it was not computed.
     patches : array, (patches,), or None
         Permeability of each patch along x1 [m³].
-    failed : str
+    flow_failure : str
         Reason why the flow through the whole surface is unknown, "" if it is known.
     carriers : float
         Number of blocks that effectively carry the flow through the whole surface, see `participation_number`.
@@ -288,13 +288,13 @@ class CellState:
     contact_fraction: Array
     plastic_fraction: Array
     drop_fraction: Array
-    rows: Array
+    row_pressure: Array
     counts: SolveCounts
     failures: tuple[str, ...] = ()
     surface_k1: float = np.nan
     surface_k2: float = np.nan
     patches: Array | None = None
-    failed: str = ""
+    flow_failure: str = ""
     carriers: float = np.nan
 
     @classmethod
@@ -348,7 +348,7 @@ class CellState:
             contact_fraction=cut.means(pressure > 0),
             plastic_fraction=cut.means(np.broadcast_to(plastic, gap.shape)),
             drop_fraction=cut.sums(np.broadcast_to(fractions, gap.shape)),
-            rows=pressure.mean(axis=1, dtype=float),
+            row_pressure=pressure.mean(axis=1, dtype=float),
             counts=SolveCounts.total(counts),
             failures=tuple(failures),
         )

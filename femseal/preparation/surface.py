@@ -199,8 +199,16 @@ def _repair_faces(case: Case) -> _RepairedFaces:
         return _repaired_faces(faces[0], all_maps, None, instrument, notes)
     count = max(len(maps) for maps in faces)
     pairs = [[maps[n % len(maps)] for maps in faces] for n in range(count)]
-    second = case.face[1]
-    placement = second.placement if isinstance(second, FileFace) else {}
+    patches, first_overlap = _add_pairs(case, pairs)
+    return _repaired_faces(patches, list(chain(*pairs)), first_overlap, instrument, notes)
+
+
+def _add_pairs(
+    case: Case, pairs: Sequence[Sequence[RepairedMap]]
+) -> tuple[list[RepairedMap], Overlap]:
+    """Add the maps of each pair, one of each face, and repair the sums; also return the overlap of the first pair."""
+    second_face = case.face[1]
+    placement = second_face.placement if isinstance(second_face, FileFace) else {}
     sums = []
     overlaps = []
     for (first_map, _), (second_map, _) in pairs:
@@ -211,7 +219,7 @@ def _repair_faces(case: Case) -> _RepairedFaces:
         is_measured = any(isinstance(table, FileFace) for table in case.face)
         treatment = _treatment(case, inf, is_measured)
         patches = [repair(total, **treatment) for total in sums]
-    return _repaired_faces(patches, list(chain(*pairs)), overlaps[0], instrument, notes)
+    return patches, overlaps[0]
 
 
 def _repaired_faces(

@@ -218,7 +218,7 @@ class LeakageCurve:
 
         Parameters
         ----------
-        pressures : pressure that stands for each of the steps, in falling order [Pa]. After relaxation, it is the
+        pressures : pressure by which each step is identified, in falling order [Pa]. After relaxation, it is the
             assembly pressure instead of the pressure of the step.
         steps : indices of the steps whose leakage is compared with the limit.
         limit : largest permitted leakage per unit seal length [m²/s].

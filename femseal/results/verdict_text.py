@@ -255,13 +255,12 @@ class _Answer:
         leakage = float(self.curve.leakage[step])
         unit = self.usual_unit(leakage)
         factor = self.results.class_basis.factor(unit)
-        before, after = (
-            with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
-            for lower, upper in (
-                (float(self.curve.lower[step]), float(self.curve.upper[step])),
-                (narrowing.lower, narrowing.upper),
-            )
-        )
+
+        def interval_text(lower: float, upper: float) -> str:
+            return with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
+
+        before = interval_text(float(self.curve.lower[step]), float(self.curve.upper[step]))
+        after = interval_text(narrowing.lower, narrowing.upper)
         how = "at best" if narrowing.is_best_case else "about"
         return [
             f"The widest source of error at {self.load_of(step)} is '{narrowing.source}': {narrowing.action} "

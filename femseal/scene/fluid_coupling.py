@@ -24,7 +24,7 @@ import numpy as np
 
 from ..base import Array, InputError, Shape, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
-from ..face.cell_flow import FaceFlow, Failed, FlowSettings, attempt, resolved_flow
+from ..face.cell_flow import FaceFlow, Failed, FlowSettings, attempt, solve_surface_flow
 from ..flow.cell import harmonic_fill
 from ..flow.pressure_drop import pressure_between
 from ..fluids import Fluid
@@ -279,7 +279,7 @@ class FluidPressure:
         if self.nominal == "contact":
             load = max(pressure + float(applied.mean()), 0.0)
         contact = solve_contact(gap0, half_space, pressure=load, fluid_pressure=applied, **settings)
-        flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings)
+        flow = attempt(solve_surface_flow, contact.gap, half_space.spacing, self.settings)
         resulting = applied if isinstance(flow, Failed) else self._pressure_of_flow(flow, applied)
         return _Round(applied, contact, flow, resulting)
 
@@ -587,7 +587,7 @@ def contact_of_patches(
     if not coupled:
         return Contact(**joined)
     carried = [getattr(c, "carried", 0.0) for c in contacts]
-    joined_flow = attempt(resolved_flow, joined["gap"], half_space.spacing, flow)
+    joined_flow = attempt(solve_surface_flow, joined["gap"], half_space.spacing, flow)
     failed = [c.flow for c in coupled if isinstance(c.flow, Failed)]
     return CoupledContact(
         **joined,

@@ -209,7 +209,7 @@ def check_blocks(scene: Scene, blocks: Shape) -> None:
     if scene.traps_liquid:
         raise InputError("fluid_pressure", "'trapped' with blocks", "'acts'")
     if scene.flow.spiral is not None:
-        raise InputError("lay", "a spiral with blocks", "grooves that do not wind")
+        raise InputError("lay", "a spiral with blocks", "grooves that are closed rings")
 
 
 def blocks_of(cells: Shape | None) -> Shape:

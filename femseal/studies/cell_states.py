@@ -21,7 +21,7 @@ from ..face.cell_flow import (
     drop_fractions,
     flow_sides,
     permeability_along_x2,
-    resolved_flow,
+    solve_surface_flow,
 )
 from ..face.cells import CellState, Cut, correction_factors
 from ..face.curves import CellCurves, local_peaks
@@ -146,7 +146,9 @@ def permeabilities_of_patches(
     if len(patches) >= FEWEST:
         selections += [[*patches[:n], *patches[n + 1 :]] for n in range(len(patches))]
     gaps = (np.concatenate(selection, axis=1) for selection in selections)
-    return np.array([attempt(resolved_flow, gap, spacing, settings).permeability for gap in gaps])
+    return np.array(
+        [attempt(solve_surface_flow, gap, spacing, settings).permeability for gap in gaps]
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +163,7 @@ class FaceCells:
         Division of the surface into m1 × m2 cells.
     k : array (pressures, 2, steps, m1, m2), m³
         Permeability of each cell along x1 and x2 at each fluid pressure.
-    rows : array (steps, n1), Pa
+    row_pressure : array (steps, n1), Pa
         Mean contact pressure of each row of points.
     patches : PatchLeakage, optional
         Leakage of each measured patch; None if there is only one patch.
@@ -191,7 +193,7 @@ class FaceCells:
     steps: LoadProgramme
     cut: Cut
     k: Array
-    rows: Array
+    row_pressure: Array
     patches: PatchLeakage | None
     counts: SolveCounts
     pressure: Array = declared("cell_pressure", "Pa", "contact pressure of cells", CELL)
@@ -327,7 +329,7 @@ def _solve_cells_of_state(
     patch_k = None
     if len(widths) > 1:
         patch_k = permeabilities_of_patches(widths, cut.spacing, flow, gap)
-    along_x1 = attempt(resolved_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
+    along_x1 = attempt(solve_surface_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
     carriers = np.nan
     if isinstance(along_x1, FaceFlow):
         dissipation = drop_fractions(gap, cut.spacing, along_x1.potential, flow)
@@ -344,7 +346,7 @@ def _solve_cells_of_state(
         surface_k2=np.nan if isinstance(along_x2, Failed) else along_x2,
         patches=patch_k,
         failures=failures,
-        failed=getattr(along_x1, "reason", ""),
+        flow_failure=getattr(along_x1, "reason", ""),
         carriers=carriers,
     )
 
@@ -396,7 +398,7 @@ def join_states(
         "contact_fraction",
         "plastic_fraction",
         "drop_fraction",
-        "rows",
+        "row_pressure",
         "carriers",
         "surface_k2",
     )
@@ -411,7 +413,9 @@ def join_states(
         patches=patches,
         counts=SolveCounts.total(state.counts for state in states),
         failures=tuple(failures),
-        unsolved=tuple((s, state.failed) for s, state in enumerate(states) if state.failed),
+        unsolved=tuple(
+            (s, state.flow_failure) for s, state in enumerate(states) if state.flow_failure
+        ),
     )
 
 

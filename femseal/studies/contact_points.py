@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from ..base import Array, Indices, NotConverged
+from ..base import Array, Flags, Indices, NotConverged
 from ..contact import HalfSpace
 from ..contact.convolution import Convolution
 from ..loads import LoadProgramme
@@ -153,10 +153,9 @@ class ContactPoints:
         if load == 0:
             opening = depth - touch - float((depth - touch).min())
             return PointSolution(np.zeros(n), touch + opening, opening, sunk)
+        p = np.full(n, load)
         if start.any():
             p = np.minimum(start * (load / start.mean()), yield_pressure)
-        else:
-            p = np.full(n, load)
         direction, previous_norm = np.zeros(n), 0.0
         for _ in range(_MOST_ITERATIONS):
             separation, slope = layer(p)
@@ -195,16 +194,20 @@ class ContactPoints:
             p = np.clip(p + length * direction, 0.0, yield_pressure)
             freed_pressure = p[freed] - length * weight[freed] * residual[freed]
             p[freed] = np.clip(freed_pressure, 0.0, yield_pressure)
-            # scale the pressures of the free points so that the load is carried again
             is_free = (p > 0) & (p < yield_pressure)
-            scaled = is_free if is_free.any() else p > 0
-            p[scaled] *= max(0.0, load * n - p[~scaled].sum()) / p[scaled].sum()
-            p = np.minimum(p, yield_pressure)
+            p = np.minimum(_scale_to_load(p, is_free, load), yield_pressure)
             # the directions are conjugate only as long as the set of free points does not change
             set_changes = freed.any() or (is_free != free).any()
             previous_norm = 0.0 if set_changes else norm
         text = f"contact of the seal with its form: the pressure of its cells still changes by {change:.1e}"
         raise NotConverged(text, change)
+
+
+def _scale_to_load(p: Array, is_free: Flags, load: float) -> Array:
+    """Scale the pressures of the free points (or of all in contact if none is free) to the mean pressure `load`."""
+    scaled = is_free if is_free.any() else p > 0
+    p[scaled] *= max(0.0, load * p.size - p[~scaled].sum()) / p[scaled].sum()
+    return p
 
 
 def _energy_slope(

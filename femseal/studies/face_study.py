@@ -15,7 +15,7 @@ from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..checks import QuickEstimate, estimate_scene, result_warnings
 from ..contact import LoadState
 from ..contact.workspace import KEPT_POINTS
-from ..face.cell_flow import FlowSettings, SolveCounts, attempt, drop_fractions, resolved_flow
+from ..face.cell_flow import FlowSettings, SolveCounts, attempt, drop_fractions, solve_surface_flow
 from ..face.cells import CellState, Cut
 from ..face.flow_concentration import blocks_of_one_wave, participation_number
 from ..loads import LoadProgramme
@@ -46,7 +46,7 @@ class FaceState:
         One bit for each pixel, which is set if the contact pressure is at the hardness, see `numpy.packbits`.
     potential : array (n1, n2)
         Pressure potential of the flow, from 1 at the inlet to 0 at the outlet. It is NaN in contact and in pockets.
-    rows : array (n1,), Pa
+    row_pressure : array (n1,), Pa
         Mean contact pressure of each row of pixels.
     carried : float, Pa
         Share of the nominal pressure that the fluid carries.
@@ -54,7 +54,7 @@ class FaceState:
         Permeability of the surface along x1, NaN if the flow solver failed.
     solvers : SolveCounts
         Number of linear systems that each solver solved.
-    failed : str
+    flow_failure : str
         Reason for the failure, "" without a failure.
     """
 
@@ -62,7 +62,7 @@ class FaceState:
     pressure: Singles
     plastic: NDArray[np.uint8]
     potential: Singles
-    rows: Array
+    row_pressure: Array
     contact_fraction: float
     plastic_fraction: float
     plastic_depth: float
@@ -71,7 +71,7 @@ class FaceState:
     carried: float
     permeability: float
     solvers: SolveCounts
-    failed: str = ""
+    flow_failure: str = ""
 
     @classmethod
     def of(cls, state: LoadState, flow: FlowSettings) -> FaceState:
@@ -81,7 +81,7 @@ class FaceState:
         if isinstance(contact, CoupledContact):  # its flow was solved together with the contact
             solution, carried = contact.flow, contact.carried
         else:
-            solution = attempt(resolved_flow, contact.gap, contact.half_space.spacing, flow)
+            solution = attempt(solve_surface_flow, contact.gap, contact.half_space.spacing, flow)
             carried = 0.0
         unknown = np.full(contact.gap.shape, np.nan)
         return cls(
@@ -89,7 +89,7 @@ class FaceState:
             pressure=contact.pressure.astype(np.float32),
             plastic=np.packbits(contact.plastic),
             potential=getattr(solution, "potential", unknown).astype(np.float32),
-            rows=contact.pressure.mean(axis=1),
+            row_pressure=contact.pressure.mean(axis=1),
             contact_fraction=contact.area_fraction,
             plastic_fraction=contact.plastic_fraction,
             plastic_depth=float(contact.plastic_deformation.max()),
@@ -98,7 +98,7 @@ class FaceState:
             carried=carried,
             permeability=solution.permeability,
             solvers=getattr(solution, "solvers", SolveCounts()),
-            failed=getattr(solution, "reason", ""),
+            flow_failure=getattr(solution, "reason", ""),
         )
 
 
@@ -316,7 +316,7 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
         "plastic_fraction",
         "plastic_depth",
         "mean_gap",
-        "rows",
+        "row_pressure",
         "permeability",
         "carried",
     )
@@ -328,7 +328,7 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
         steps=scene.steps,
         leakage=scene.unit_leakage * step_values.pop("permeability"),
         carried_pressure=step_values.pop("carried"),
-        **fields_of_rows(step_values.pop("rows"), surface.spacing[0]),
+        **fields_of_rows(step_values.pop("row_pressure"), surface.spacing[0]),
         **step_values,
         gap=fields["gap"],
         contact_pressure=fields["pressure"],
@@ -338,7 +338,9 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
         states=tuple(states),
         residual=max(state.residual for state in states),
         failures=tuple(
-            f"{step.name}: {state.failed}" for step, state in steps_and_states if state.failed
+            f"{step.name}: {state.flow_failure}"
+            for step, state in steps_and_states
+            if state.flow_failure
         ),
         face_solvers=SolveCounts.total(state.solvers for state in states),
     )
@@ -409,4 +411,4 @@ def _solve_cells(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shap
     cell_flow = replace(flow, spiral=None)  # spiral grooves belong to the seal, not to its cells
     cells = CellState.of(gap, state.pressure, cut, cell_flow, plastic, dissipation)
     carriers = participation_number(dissipation, blocks)
-    return replace(cells, failed=state.failed, carriers=carriers)
+    return replace(cells, flow_failure=state.flow_failure, carriers=carriers)

@@ -308,7 +308,7 @@ def _row_fields(supply: CellSupply, contact: SealContact | None) -> dict[str, An
     if contact is not None and contact.grid.has_rows:
         return fields_of_rows(contact.row_pressure, contact.grid.spacing[0])
     if supply.tiles.in_order:
-        return fields_of_rows(supply.cells.rows, supply.scene.surface.spacing[0])
+        return fields_of_rows(supply.cells.row_pressure, supply.scene.surface.spacing[0])
     return {}
 
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.face.cell_flow import FlowSettings, drop_fractions, resolved_flow
+from femseal.face.cell_flow import FlowSettings, drop_fractions, solve_surface_flow
 from femseal.face.flow_concentration import (
     blocks_of_one_wave,
     participation_number,
@@ -22,7 +22,7 @@ FLOW = FlowSettings()
 
 
 def carriers_of(gap, blocks):
-    through = resolved_flow(gap, SPACING, FLOW)
+    through = solve_surface_flow(gap, SPACING, FLOW)
     return participation_number(drop_fractions(gap, SPACING, through.potential, FLOW), blocks)
 
 

@@ -10,7 +10,7 @@ from skfem import MeshQuad
 from small_cases import scene_of_fluid
 
 import femseal as fs
-from femseal.face.cell_flow import FlowSettings, cell_permeabilities, resolved_flow
+from femseal.face.cell_flow import FlowSettings, cell_permeabilities, solve_surface_flow
 from femseal.flow import CubicLaw, FlowLaw
 from femseal.flow.grid import gap_on_links
 from femseal.flow.law import flow_rate
@@ -60,7 +60,7 @@ def table(gaps, inlet, outlet):
 @pytest.mark.parametrize(("inlet", "outlet"), ENDS)
 @pytest.mark.parametrize("gap", [1e-8, 1e-6, 1e-5])
 def test_parallel_plates(gap, inlet, outlet):
-    flow = resolved_flow(np.full((8, 4), gap), (1e-6, 1e-6), settings(inlet, outlet))
+    flow = solve_surface_flow(np.full((8, 4), gap), (1e-6, 1e-6), settings(inlet, outlet))
     assert_allclose(flow.permeability, gap**3 / 12 * mean_factor(gap, inlet, outlet), rtol=1e-5)
 
 
@@ -94,10 +94,10 @@ def nonlinear_flow(gap, inlet, outlet):
 @pytest.mark.parametrize(("inlet", "outlet"), [(1e6, 1e5), (1e5, 1e3)])
 def test_rough_gap_against_an_independent_nonlinear_solution(inlet, outlet):
     gap = rough_gap(20)
-    flow = resolved_flow(gap, (1e-6, 1e-6), settings(inlet, outlet))
+    flow = solve_surface_flow(gap, (1e-6, 1e-6), settings(inlet, outlet))
     # the flow factor is interpolated between pixels with the gap, there it is that of the interpolated gap
     assert_allclose(flow.permeability, nonlinear_flow(gap, inlet, outlet), rtol=0.01)
-    viscous = resolved_flow(gap, (1e-6, 1e-6))
+    viscous = solve_surface_flow(gap, (1e-6, 1e-6))
     assert flow.permeability > 1.2 * viscous.permeability
 
 
@@ -105,13 +105,13 @@ def test_limits_of_the_resolved_flow():
     """A gas of high pressure in a wide gap is viscous; that of free molecules depends on the drop of pressure alone."""
     gap = 1e-6 * (1.5 + np.cos(np.arange(24) / 4)[:, None] * np.cos(np.arange(16) / 3))
     high, low = ((p * 2.0, p) for p in (1e12, 1e-6))
-    viscous = resolved_flow(gap, (1e-6, 1e-6)).permeability
+    viscous = solve_surface_flow(gap, (1e-6, 1e-6)).permeability
     assert_allclose(
-        resolved_flow(gap, (1e-6, 1e-6), settings(*high)).permeability, viscous, rtol=1e-6
+        solve_surface_flow(gap, (1e-6, 1e-6), settings(*high)).permeability, viscous, rtol=1e-6
     )
     # mass rate over the drop of pressure, at two levels: the logarithm of Q(D) is all that is left of the pressure
     first, second = (
-        resolved_flow(gap, (1e-6, 1e-6), settings(level * 2.0, level)).permeability * 3 * level
+        solve_surface_flow(gap, (1e-6, 1e-6), settings(level * 2.0, level)).permeability * 3 * level
         for level in (1e-6, 1e-8)
     )
     d = HELIUM.law.inverse_knudsen(1e-6, 1.5e-6)
@@ -123,13 +123,13 @@ def test_what_does_not_slip_is_solved_as_ever():
     gap = rough_gap(16)
     still = replace(HELIUM, slip=False)
     expected = fs.cell_permeability(gap, (1e-6, 1e-6), sides="periodic").value
-    assert resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5, still)).permeability == expected
+    assert solve_surface_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5, still)).permeability == expected
 
 
 def test_a_closed_gap_stays_closed():
     gap = np.full((8, 8), 1e-6)
     gap[3] = 0
-    flow = resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5))
+    flow = solve_surface_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5))
     assert flow.permeability == 0
     assert cell_permeabilities(gap, (1e-6, 1e-6), 0, settings(1e6, 1e5)).k.tolist() == [0.0] * 4
 

@@ -72,7 +72,7 @@ def test_a_ladder_is_dry_and_periodic_whatever_the_scene():
         state = CellState.of(gap, pressure, cells.cut, dry.flow, boundary=dry.boundary)
         assert_allclose(cells.k[:, :, s], state.k, rtol=1e-4)
     assert_allclose(cells.pressure.mean(axis=(1, 2)), one.steps.pressures, rtol=1e-4)
-    assert_allclose(cells.rows.mean(axis=1), one.steps.pressures, rtol=1e-4)
+    assert_allclose(cells.row_pressure.mean(axis=1), one.steps.pressures, rtol=1e-4)
 
 
 @pytest.mark.parametrize("elastic", [False, True])

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.face.cell_flow import FlowSettings, resolved_flow
+from femseal.face.cell_flow import FlowSettings, solve_surface_flow
 from femseal.flow.cell import harmonic_fill
 from femseal.scene.fluid_coupling import LEAST_FRACTION, FluidPressure
 from femseal.studies import Sampling, deterministic, stochastic, two_scale
@@ -170,7 +170,7 @@ def test_rounds_that_go_too_far_settle(seed, slope, roll_off, load, fraction):
     p_f = acting(inlet).linear_drop(surface.shape)
     for _ in range(60):
         contact = fs.solve_contact(surface.gap(), body, fluid_pressure=p_f, **asked)
-        flow = resolved_flow(contact.gap, surface.spacing)
+        flow = solve_surface_flow(contact.gap, surface.spacing)
         p_f = p_f + 0.2 * (harmonic_fill(inlet * flow.potential.astype(float)) - p_f)
     assert_allclose(found.flow.permeability, flow.permeability, rtol=1e-3)
     assert_allclose(found.carried, p_f.mean(), rtol=1e-3)
