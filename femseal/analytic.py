@@ -78,12 +78,12 @@ def hertz_pressure(r: ArrayLike, load: float, radius: float, modulus: float) -> 
         Load, radius of the sphere and contact modulus, see `hertz_radius`.
     """
     a = hertz_radius(load, radius, modulus)
-    inside = np.clip(1 - (_reals(r) / a) ** 2, 0.0, None)
-    return hertz_peak_pressure(load, radius, modulus) * np.sqrt(inside)
+    squared = np.clip(1 - (_reals(r) / a) ** 2, 0.0, None)  # 0 outside the contact
+    return hertz_peak_pressure(load, radius, modulus) * np.sqrt(squared)
 
 
 def wave_full_contact_pressure(modulus: float, half_height: float, wavelength: float) -> float:
-    """Return the mean pressure p* = πE*Δ/λ that closes the gap Δ(1 − cos(2πx/λ)) completely.
+    """Return the mean pressure p* = πE*Δ/λ at which the gap Δ(1 − cos(2πx/λ)) closes completely.
 
     Sources: Westergaard 1939; Johnson 1985, eq. 13.7.
 
@@ -183,8 +183,8 @@ def wave_groove_flow(ratio: float, points: int = 200) -> float:
     """
     node, weight = np.polynomial.legendre.leggauss(points)
     t = (node + 1) / 2
-    edge = np.arcsin(np.sqrt(ratio))
-    ψ = edge + (pi / 2 - edge) * t**2
+    edge = np.arcsin(np.sqrt(ratio))  # ψ = πx/λ at the edge of the contact
+    ψ = edge + (pi / 2 - edge) * t**2  # so that dψ is proportional to t dt
     cube = wave_gap(ψ / pi, ratio, 0.5, 1.0) ** 3
     return float(2 / pi * (pi / 2 - edge) * np.sum(weight * t * cube))
 
@@ -224,7 +224,7 @@ def parallel_plates(gap: ArrayLike) -> Array:
 
 
 def wavy_gap_along(gap: float, amplitude: float) -> float:
-    """Return the permeability (h₀³/12)(1 + 3ε²/2) [m³] of the wavy gap h₀(1 + ε cos), for flow along the ridges.
+    """Return the permeability (h₀³/12)(1 + 3ε²/2) [m³] of the gap h₀(1 + ε cos(2πx/λ)), for flow along the ridges.
 
     It is the arithmetic mean of h³/12.
 
@@ -239,7 +239,7 @@ def wavy_gap_along(gap: float, amplitude: float) -> float:
 
 
 def wavy_gap_across(gap: float, amplitude: float) -> float:
-    """Return the permeability (h₀³/12)(1 − ε²)^{5/2}/(1 + ε²/2) [m³] of the wavy gap h₀(1 + ε cos), across the ridges.
+    """Return the permeability (h₀³/12)(1 − ε²)^{5/2}/(1 + ε²/2) [m³] of the gap h₀(1 + ε cos(2πx/λ)) across the ridges.
 
     It is the harmonic mean of h³/12.
 
@@ -272,15 +272,15 @@ def large_gap(mean_gap: ArrayLike, rms: float) -> Array:
 
 
 def stripes_across(permeabilities: ArrayLike) -> float:
-    """Return the permeability of stripes of equal width in series, which is the harmonic mean; 0 if one is closed."""
+    """Return the permeability of stripes of equal width in series: the harmonic mean, or 0 if one of them is closed."""
     k = _reals(permeabilities)
     return float(1 / np.mean(1 / k)) if np.all(k > 0) else 0.0
 
 
 def checkerboard(k1: float, k2: float) -> float:
-    """Return the permeability √(k₁k₂) of a checkerboard of two permeabilities.
+    """Return the permeability √(k₁k₂) of a checkerboard of squares with the permeabilities k₁ and k₂.
 
-    It is exact for any ratio of the two. Source: Dykhne, Sov. Phys. JETP 32, 1971, 63.
+    The result is exact for any ratio of the two. Source: Dykhne, Sov. Phys. JETP 32, 1971, 63.
     """
     return sqrt(k1 * k2)
 
@@ -288,8 +288,8 @@ def checkerboard(k1: float, k2: float) -> float:
 def log_symmetric_links(permeabilities: ArrayLike) -> float:
     """Return the permeability exp⟨ln k⟩ of a large square lattice of independent links; 0 if one of them is closed.
 
-    It is exact if the distribution of ln k is symmetric, because the square lattice is self-dual. Sources: Dykhne 1971;
-    Marchant & Gabillard, C. R. Acad. Sci. 281 B, 1975, 261.
+    The result is exact if the distribution of ln k is symmetric, because the square lattice is self-dual. Sources:
+    Dykhne 1971; Marchant & Gabillard, C. R. Acad. Sci. 281 B, 1975, 261.
     """
     k = _reals(permeabilities)
     return float(np.exp(np.mean(np.log(k)))) if np.all(k > 0) else 0.0
@@ -374,7 +374,8 @@ _erfc = np.vectorize(erfc, otypes=[float])
 _ALL_PLASTIC = 50.0
 #: Ratio γ of the elastic energy of a rough contact to that of full contact at the same pressure.
 _ENERGY = 0.45
-#: Ratio of the gap of the critical junction to the mean gap u of the parts in apparent contact at its magnification.
+#: Ratio of the gap of the critical junction to the mean gap u of the parts in apparent contact, at the resolution at
+#: which the first path opens.
 _PASSAGE = 2.0
 #: Contact fraction above which isotropic roughness has no open path.
 CLOSING_AREA = 0.42

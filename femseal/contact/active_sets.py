@@ -93,13 +93,13 @@ class Directions(NamedTuple):
     """State of the conjugate gradients on one set of free points.
 
     total_ones : sum Σ M1 of the preconditioner M, applied to a vector of ones.
-    former : product w·r of the previous direction; infinite if there is none.
-    ready : product w·r of a direction that has been computed but not used for a step yet; None if there is none.
+    previous_wr : product w·r of the previous direction; infinite if there is none.
+    unused_wr : product w·r of a direction that has been computed but not used for a step yet; None if there is none.
     """
 
     total_ones: float
-    former: float = inf
-    ready: float | None = None
+    previous_wr: float = inf
+    unused_wr: float | None = None
 
 
 class Gradients(NamedTuple):
@@ -107,12 +107,12 @@ class Gradients(NamedTuple):
 
     directions : state after the last step.
     steps : number of steps.
-    longest : largest length c of the next projection step [Pa/m], from the Rayleigh quotients of the directions.
+    longest_step : largest length c of the next projection step [Pa/m], from the Rayleigh quotients of the directions.
     """
 
     directions: Directions
     steps: int
-    longest: float
+    longest_step: float
 
 
 def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int) -> Solution:
@@ -142,9 +142,8 @@ def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int
     products = 1
     damping = 1.0
     energy = inf
-    is_fresh = (
-        True  # v was computed from p by a product; steps of conjugate gradients only update it
-    )
+    # whether v was computed from p by a product; steps of conjugate gradients only update v
+    is_fresh = True
     directions = None
     lists, state = _evaluate(grid, loops, lists, state, step, is_fresh)
     state = state._replace(sets_change=True)
@@ -155,21 +154,21 @@ def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int
         sets_repeat = iterations >= _MONOTONE_AFTER or damping < _MONOTONE_BELOW
         if sets_repeat and not is_converged:
             _change_sets(grid, loops, lists, step, state.delta, keep=True)
-            rest = descend(grid, problem, state.delta, rtol, limit - iterations)
+            solution = descend(grid, problem, state.delta, rtol, limit - iterations)
             return Solution(
-                rest.delta,
-                rest.residual,
-                iterations + rest.iterations,
-                products + 1 + rest.products,
+                solution.delta,
+                solution.residual,
+                iterations + solution.iterations,
+                products + 1 + solution.products,
             )
         iterations += 1
         if state.sets_change or is_converged or lists.free < 2:
             keep = iterations > 1
-            former_energy = energy
+            previous_energy = energy
             lists, energy = _change_sets(grid, loops, lists, step, state.delta, keep)
             products += 1
             is_fresh = True
-            if energy > former_energy + _RISE * abs(former_energy):
+            if energy > previous_energy + _RISE * abs(previous_energy):
                 damping = max(damping / 2, _LEAST_DAMPING)
             else:
                 damping = min(1.0, 1.25 * damping)
@@ -181,7 +180,7 @@ def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int
             directions = gradients.directions
             products += gradients.steps
             is_fresh = is_fresh and gradients.steps == 0
-            step = max(shortest_step, min(c0, damping * gradients.longest))
+            step = max(shortest_step, min(c0, damping * gradients.longest_step))
         lists, state = _evaluate(grid, loops, lists, state, step, is_fresh)
     return Solution(state.delta, state.residual, iterations, products)
 
@@ -235,16 +234,15 @@ def _list_near(grid: Workspace, loops: Loops, reach: float, margin: float) -> Li
 def _first_evaluation(grid: Workspace, loops: Loops, c: float) -> tuple[Lists, Evaluation]:
     """List the points near contact for the initial pressure; the mean v of the points in contact is a guess of δ."""
     product = _multiply(grid, loops, -inf, 0.0)  # lists the points in contact only
-    n_contact = max(
-        product.lists.near, 1
-    )  # with a very small load there may be none on a coarse grid
+    # with a very small load there may be no point in contact on a coarse grid
+    n_contact = max(product.lists.near, 1)
     delta = product.total_v / n_contact
     margin = 0.5 * product.load / (n_contact * c)
     return _list_near(grid, loops, delta + margin, margin), Evaluation(delta, inf, True)
 
 
 def _evaluate(
-    grid: Workspace, loops: Loops, lists: Lists, former: Evaluation, c: float, is_fresh: bool
+    grid: Workspace, loops: Loops, lists: Lists, previous: Evaluation, c: float, is_fresh: bool
 ) -> tuple[Lists, Evaluation]:
     """Compute δ and the residual for the step length c [Pa/m], and decide whether the sets should be changed.
 
@@ -252,22 +250,24 @@ def _evaluate(
     new list is made. This requires v at all points, but steps of conjugate gradients only update v at listed points.
     After such steps (without `is_fresh`), the new list has to wait for the next product with p.
     """
-    delta = former.delta
+    delta = previous.delta
     while True:
-        delta, carried, r2, y2, changed, changed2 = loops.look(lists.near, c, delta)
-        if (carried and delta <= lists.reach) or not is_fresh or lists.reach == inf:
+        # y2, r2 and changed_r2 are ‖y‖², ‖p − y‖², and ‖p − y‖² of the points whose state would change
+        delta, can_carry, r2, y2, n_changed, changed_r2 = loops.evaluate(lists.near, c, delta)
+        is_complete = can_carry and delta <= lists.reach
+        if is_complete or not is_fresh or lists.reach == inf:
             break
         margin = max(4.0 * lists.margin, delta - lists.reach)
         reach = delta + margin
-        is_finite = carried and reach < inf  # reach may be NaN too
+        is_finite = can_carry and reach < inf  # reach may be NaN, too
         lists = _list_near(grid, loops, reach if is_finite else inf, margin)
     if y2 > 0.0:
         relative = sqrt(r2 / y2)
     else:
         relative = inf if r2 > 0.0 else 0.0
     residual = relative * (grid.stiffness / c)  # approximately the residual for the step length c₀
-    needs_change = changed2 > _FRACTION * r2 or residual > 0.5 * former.residual
-    return lists, Evaluation(delta, residual, sets_change=changed > 0 and needs_change)
+    needs_change = changed_r2 > _FRACTION * r2 or residual > 0.5 * previous.residual
+    return lists, Evaluation(delta, residual, sets_change=n_changed > 0 and needs_change)
 
 
 def _change_sets(
@@ -300,27 +300,27 @@ def _conjugate_gradients(
     most_steps = limits.after_change if state.sets_change else limits.without_change
     if directions is None:
         directions = Directions(loops.restart(lists.free, state.delta))
-    total_ones, former, ready = directions
-    first = inf  # w·r of the first direction
+    total_ones, previous_wr, wr = directions
+    first_wr = inf  # w·r of the first direction
     smallest_stiffness = inf
     steps = 0
     while steps < most_steps:
-        if ready is None:
-            ready = loops.turn(lists.free, former, total_ones)
+        if wr is None:
+            wr = loops.next_direction(lists.free, previous_wr, total_ones)
         if steps == 0:
-            first = ready
-            # the residual on the free points is only a rounding error, so that only a change of the sets can help
-            if not first > _FLAT * state.delta**2 * total_ones:
+            first_wr = wr
+            # if the residual on the free points is only a rounding error, only a change of the sets can help
+            if not first_wr > _FLAT * state.delta**2 * total_ones:
                 break
-        if not (ready > 0.0 and ready >= limits.drop * first):
+        if not (wr > 0.0 and wr >= limits.drop * first_wr):
             break
         loops.search()
-        curvature, length, is_made = loops.step(lists.near, lists.free, ready)
+        curvature, squared_length, is_made = loops.step(lists.near, lists.free, wr)
         steps += 1
-        former = ready if is_made else inf
-        ready = None
+        previous_wr = wr if is_made else inf
+        wr = None
         if not is_made:
             break
         if curvature > 0.0:
-            smallest_stiffness = min(smallest_stiffness, length / curvature)
-    return Gradients(Directions(total_ones, former, ready), steps, 2.0 * smallest_stiffness)
+            smallest_stiffness = min(smallest_stiffness, squared_length / curvature)
+    return Gradients(Directions(total_ones, previous_wr, wr), steps, 2.0 * smallest_stiffness)

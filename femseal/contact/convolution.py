@@ -36,7 +36,15 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from ..base import Array, Indices, Shape
-from ..base.compiled import compiled, on_threads, parts
+from ..base.compiled import on_threads, parts
+from .wave_loops import (
+    copy_back,
+    copy_columns,
+    copy_columns_back,
+    copy_in_order,
+    multiply,
+    multiply_mixing,
+)
 
 #: Kind of each axis: "periodic", "mirror" or "free".
 Boundary = tuple[str, str]
@@ -67,7 +75,7 @@ class Axis(NamedTuple):
 
     points : number of points.
     length : length of the transform.
-    order : array (points,), order in which the points are transformed.
+    order : array (points,), index of the point that is transformed at each position.
     is_mirror : whether the axis is continued by its mirror image.
     """
 
@@ -78,10 +86,10 @@ class Axis(NamedTuple):
 
     @classmethod
     def of(cls, n: int, kind: str) -> Axis:
-        """Make the axis of n points of a kind: "periodic", "mirror" or "free"."""
+        """Describe an axis with n points, whose kind is "periodic", "mirror" or "free"."""
         is_mirror = kind == "mirror"
         length = padded_length(n) if kind == "free" else n
-        return cls(n, length, order_of(n, is_mirror), is_mirror)
+        return cls(n, length, transform_order(n, is_mirror), is_mirror)
 
     @property
     def is_padded(self) -> bool:
@@ -138,11 +146,11 @@ class Convolution:
         transforms = 2 if is_large and axis1.is_padded else 1
         if over is None:
             assert symbol is not None
-            self._weights = weights_of(symbol, axis1.is_mirror, axis2.is_mirror, transforms)
+            self._weights = mixing_weights(symbol, axis1.is_mirror, axis2.is_mirror, transforms)
             # a transform and its inverse multiply with the number of points
             self._weights /= axis1.length * axis2.length
             if len(self._weights) == 1 and not is_large:
-                self._weights = whole_columns(self._weights, axis1.length)
+                self._weights = extend_to_all_waves(self._weights, axis1.length)
         else:
             self._weights = over._weights
         waves_of_row = axis2.length // 2 + 1
@@ -161,12 +169,12 @@ class Convolution:
             self.rows = fftw().empty_aligned((axis1.points, axis2.length), real)
         self.displacement = self.rows[:, : axis2.points]
         with planner() as planned:
-            rows: Rows | LaidOutRows
+            rows: Rows | ReorderedRows
             # the columns of large grids are put into order when they are copied
             is_mirror = axis2.is_mirror or (axis1.is_mirror and not is_large)
             if is_mirror or axis2.is_padded:
                 order1 = np.arange(axis1.points) if is_large else axis1.order
-                rows = LaidOutRows(self, waves, axis2, order1, is_mirror, is_large)
+                rows = ReorderedRows(self, waves, axis2, order1, is_mirror, is_large)
             else:
                 rows = Rows(self, waves, axis2)
             first, last = rows.calls(planned)
@@ -214,18 +222,18 @@ class Rows:
         return forward_parts, backward_parts
 
     def before(self, first: int, end: int) -> list[Call]:
-        """List the calls that prepare the rows `first` to `end` for their transform."""
+        """List the calls that prepare the rows `first` to `end` − 1 for their transform."""
         return []
 
     def after(self, first: int, end: int) -> list[Call]:
-        """List the calls that follow the inverse transform of the rows `first` to `end`."""
+        """List the calls that follow the inverse transform of the rows `first` to `end` − 1."""
         return []
 
 
-class LaidOutRows(Rows):
+class ReorderedRows(Rows):
     """Transforms of rows whose points are first reordered (mirror axis) or padded with zeros (free axis).
 
-    order1 : order of the rows, which is also changed on small grids if the first axis is a mirror.
+    order1 : order in which the rows are copied. On small grids it is the order of the transform along the first axis.
     is_mirror : whether points are reordered along any of the two axes.
     """
 
@@ -248,20 +256,20 @@ class LaidOutRows(Rows):
 
     def before(self, first: int, end: int) -> list[Call]:
         """List the call that copies the points in the order of the transform, followed by zeros."""
-        return [partial(lay, self.pressure, self.target, *self.orders, first, end)]
+        return [partial(copy_in_order, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
         """List the call that copies the displacement back to the order of the points, if the order was changed."""
         if self.displacement is None:
             return []
-        return [partial(take, self.target, self.displacement, *self.orders, first, end)]
+        return [partial(copy_back, self.target, self.displacement, *self.orders, first, end)]
 
 
 class StridedColumns:
     """Transforms of the columns of small grids, from strided memory to a block in the cache and back.
 
     waves : array (>= n1, waves), transforms of the rows.
-    weights : see `weights_of`.
+    weights : see `mixing_weights`.
     transforms : number of transforms along the first axis, 1 or 2.
     """
 
@@ -276,9 +284,9 @@ class StridedColumns:
         self.transforms = transforms
         self.length = axis1.length // transforms
         lengths = self.length, axis2.length
-        # the factors e² = exp(iπk/N) for waves of a mirror axis, see `respond`, of both axes
+        # for both axes, the factors e² = exp(iπk/N) of the waves of a mirror axis, see `multiply_mixing`
         self.turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in lengths]
-        # the factors exp(−iπk/m) of the points that give the odd waves; none if there is only one transform
+        # the factors exp(−iπk/m) by which points are multiplied to obtain the odd waves; empty with a single transform
         twist = np.exp(-1j * np.pi * np.arange(axis1.points) / self.length).astype(waves.dtype)
         self.twist = twist if transforms == 2 else twist[:0]
         self.order = axis1.order
@@ -315,7 +323,19 @@ class StridedColumns:
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """List the calls for some columns; `first` is the number of the first of them."""
+        """List the calls that transform some columns, multiply them with the symbol, and transform them back.
+
+        Parameters
+        ----------
+        planned : callable
+            Function that plans transforms, see `planner`.
+        columns : array (>= n1, columns)
+            Columns of the waves.
+        block, copy : array
+            Memory for one block of columns.
+        first : int
+            Number of the first column.
+        """
         n_columns = columns.shape[1]
         waves = block[:n_columns, : self.length].T
         forward, backward = planned(columns, waves, columns, axis=0)
@@ -331,7 +351,7 @@ class StridedColumns:
         """Make the call for mirror axes, where K combines the waves k and N − k, or for two transforms per column."""
         is_twisted = self.transforms > 1
         return partial(
-            respond, block, self.length, first, count, self.weights, is_twisted, *self.turns
+            multiply_mixing, block, self.length, first, count, self.weights, is_twisted, *self.turns
         )
 
 
@@ -353,29 +373,29 @@ class CopiedColumns(StridedColumns):
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """List the calls for some columns; `first` is the number of the first one."""
+        """List the calls as in `StridedColumns`, with a copy of the columns to a block before and after."""
         points = copy[:, : self.length]
         waves = block[:, : self.length]
         forward, backward = planned(points, waves, points, axis=1)
         return [
-            partial(gather, columns, copy, self.twist, self.order),
+            partial(copy_columns, columns, copy, self.twist, self.order),
             forward,
             self.mixing_response(block, first, columns.shape[1]),
             backward,
-            partial(scatter, columns, copy, self.twist, self.order),
+            partial(copy_columns_back, columns, copy, self.twist, self.order),
         ]
 
 
 def padded_length(n: int) -> int:
-    """Return the even length to which a free axis of n points is padded, so that a cyclic convolution does not overlap.
+    """Compute the length to which a free axis of n points is padded, so that a cyclic convolution does not overlap.
 
-    It is at least 2 n and has small prime factors, for which the transform is fast.
+    It is even, at least 2 n, and has small prime factors, for which the transform is fast.
     """
     return 2 * int(next_fast_len(n, real=True)) if n > 1 else 1
 
 
 def row_length(waves: int, itemsize: int) -> int:
-    """Return the length of a row of waves in memory, in waves; long rows are followed by some unused cache lines."""
+    """Compute the length of a row of waves in memory, in waves; long rows are followed by some unused cache lines."""
     lines = math.ceil(waves * itemsize / LINE)
     if lines <= _LINES:
         return waves
@@ -400,9 +420,9 @@ def fftw() -> Any:
 def planner() -> Iterator[Planned]:
     """Provide a function that plans a transform points → waves, and the inverse waves → target, which destroys waves.
 
-    The choice of FFTW depends on its earlier plans, so that these are forgotten. If a problem equals the one before,
-    the plan is kept, and made again in a tenth of the time. After the context, FFTW knows what it knew before; saving
-    and restoring this takes milliseconds.
+    The choice of FFTW depends on its earlier plans ("wisdom"), which are therefore forgotten before each plan. Only if
+    a problem is the same as the previous one, the wisdom is kept, with which FFTW plans in a tenth of the time. At the
+    end of the context, the wisdom from before is restored; saving and restoring it takes milliseconds.
     """
     pyfftw = fftw()
     last_problem = None
@@ -434,8 +454,8 @@ def _run_calls(calls: Sequence[Call]) -> None:
         call()
 
 
-def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> Array:
-    """Compute the weights with which `respond` multiplies the waves.
+def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> Array:
+    """Compute the weights with which `multiply_mixing` multiplies the waves.
 
     Without a mirror axis, there is one array of weights, the transposed symbol. With a mirror axis, there are four
     arrays, which are made from half the sum and half the difference of the symbol at k and at N − k:
@@ -465,7 +485,7 @@ def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> 
     -------
     array (1 or 4, waves along the second axis, waves along the first axis)
     """
-    halves = [symbol]
+    halves = [symbol]  # half sums and half differences, doubled in number by each axis
     for axis, is_mirror in enumerate((mirror1, mirror2)):
         if is_mirror:
             n = symbol.shape[axis]
@@ -474,151 +494,20 @@ def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> 
             halves = [(a + b) / 2 for a, b in pairs] + [(a - b) / 2 for a, b in pairs]
         elif mirror1 or mirror2:
             halves += [np.zeros_like(part) for part in halves]
+    # with two transforms, the even waves along the first axis come before the odd ones
     ordered = [np.concatenate([part[i::transforms] for i in range(transforms)]) for part in halves]
     return np.array([part.T for part in ordered], order="C")
 
 
-def whole_columns(weights: Array, n: int) -> Array:
+def extend_to_all_waves(weights: Array, n: int) -> Array:
     """Extend weights (1, columns, n // 2 + 1) to all n waves of a column; k and n − k have the same weight."""
     k = np.arange(n)
     return np.ascontiguousarray(weights[:, :, np.minimum(k, n - k)])
 
 
-# --- compiled loops ---------------------------------------------------------------------------------------
-
-
-contracted = compiled(fastmath={"contract"})
-
-
-@contracted
-def multiply(block, weights):
-    """Multiply the waves in a block with their weights; both have the shape (columns, waves)."""
-    for j in range(block.shape[0]):
-        for i in range(block.shape[1]):
-            block[j, i] *= weights[j, i]
-
-
-@compiled(fastmath={"contract", "nnan", "nsz"})
-def respond(block, n, first, count, weights, twisted, turn1, turn2):
-    """Replace the waves of the pressure in a block by the waves of the displacement.
-
-    Cosine coefficients C and waves V are related by C(k) = ē V(k) + e V(N − k), with e = exp(iπk/2N), and by
-    2 V(k) = e (C(k) − i C(N − k)). Multiplying C with a symbol S(k) therefore changes V to
-
-        V(k) ← ½(S(k) + S(N − k)) V(k) + ½(S(k) − S(N − k)) e² V(N − k).
-
-    For two mirrors, V(k1, N − k2) is the conjugate of V(N − k1, k2).
-
-    Parameters
-    ----------
-    block : array (columns, >= n)
-        Waves of some columns, which are replaced.
-    n : int
-        Number of waves of a column.
-    first, count : int
-        Number of the first column, and number of columns.
-    weights : array
-        See `weights_of`.
-    twisted : bool
-        Whether the second half of the block has the odd waves; the conjugate of the odd wave k is at N − 1 − k.
-    turn1, turn2 : array
-        e² of both axes.
-    """
-    kinds = len(weights)
-    other = np.empty(n // 2 + 1, block.dtype)
-    for odd in range(2 if twisted else 1):
-        half = (n - odd) // 2 + 1
-        places = slice(odd * (n // 2 + 1), odd * (n // 2 + 1) + half)
-        first_paired = 1 - odd  # the mean, among the even waves, is its own conjugate
-        for j in range(count):
-            row = block[odd * (block.shape[0] // 2) + j]
-            k = first + j
-            w0 = weights[0, k, places]
-            if kinds == 1:
-                for i in range(half):
-                    row[i] *= w0[i]
-                for i in range(half, n):
-                    row[i] *= w0[n - odd - i]
-                continue
-            w1 = weights[1, k, places]
-            w2 = weights[2, k, places]
-            w12 = weights[3, k, places]
-            turn = turn2[k]
-            other[0] = row[0]
-            for i in range(first_paired, half):
-                other[i] = row[n - odd - i]
-            for i in range(half):
-                a, b = row[i], other[i]
-                c = w0[i] * a
-                d = w0[i] * b
-                f = turn1[i] * b
-                g = turn1[i] * a.conjugate()
-                c += w1[i] * f + turn * (w2[i] * b.conjugate() + w12[i] * g)
-                d += w1[i] * g.conjugate()
-                d += turn * (w2[i] * a.conjugate() + w12[i] * f.conjugate())
-                row[i], other[i] = c, d
-            for i in range(first_paired, half):
-                row[n - odd - i] = other[i]
-
-
-def order_of(n: int, mirror: bool) -> Indices:
-    """Return the order in which the points of an axis are transformed; for a mirror axis it is 0, 2, 4 … 5, 3, 1."""
+def transform_order(n: int, mirror: bool) -> Indices:
+    """List the points of an axis in the order of the transform, which is 0, 2, 4 … 5, 3, 1 for a mirror axis."""
     points = np.arange(n)
     if not mirror:
         return points
     return np.concatenate((points[::2], points[1::2][::-1]))
-
-
-@contracted
-def lay(points, staged, order1, order2, first, end):
-    """Copy the points of the rows `first` to `end` − 1 in the order of the transform, followed by zeros."""
-    n2 = order2.size
-    for i in range(first, end):
-        row = points[order1[i]]
-        for j in range(n2):
-            staged[i, j] = row[order2[j]]
-        staged[i, n2:] = 0
-
-
-@contracted
-def take(staged, points, order1, order2, first, end):
-    """Copy points back to their original order, the inverse of `lay`; both arrays may share their memory."""
-    former = np.empty(order2.size, staged.dtype)
-    for i in range(first, end):
-        former[:] = staged[i, : order2.size]
-        row = points[order1[i]]
-        for j in range(order2.size):
-            row[order2[j]] = former[j]
-
-
-@contracted
-def gather(columns, block, twist, order):
-    """Copy columns to the rows of a block, and append zeros; with a twist, also copy the columns times the twist."""
-    n1, count = columns.shape
-    width = block.shape[0] // 2
-    for i in range(n1):
-        row = columns[order[i]]
-        for j in range(count):
-            block[j, i] = row[j]
-        if twist.size:
-            for j in range(count):
-                block[width + j, i] = row[j] * twist[i]
-    if twist.size:
-        for j in range(count):
-            block[j, n1:] = 0
-            block[width + j, n1:] = 0
-
-
-@contracted
-def scatter(columns, block, twist, order):
-    """Copy the rows of a block back to columns; with a twist, add the second half of the rows times conj(twist)."""
-    n1, count = columns.shape
-    width = block.shape[0] // 2
-    for i in range(n1):
-        row = columns[order[i]]
-        if twist.size:
-            for j in range(count):
-                row[j] = block[j, i] + block[width + j, i] * np.conj(twist[i])
-        else:
-            for j in range(count):
-                row[j] = block[j, i]

@@ -29,7 +29,7 @@ STATE_FIELDS = 20
 class _SolvedStep:
     """A solved load step.
 
-    output : value of `take` for the state, or the state itself.
+    output : value of `take` for the state; the state itself without `take`.
     deformation : plastic deformation (n1, n2) [m] at a peak, from which unloading begins; None for other steps.
     memory : value of `remember` for the contact, which is passed to the next load step.
     has_yielded : whether any point has deformed plastically.
@@ -237,9 +237,8 @@ def _solve_programme(
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
     peaks: dict[float | None, _SolvedStep] = {}
-    elastic_outputs: dict[
-        float, Any
-    ] = {}  # outputs by pressure, of states in which no point has yielded
+    # outputs of states in which no point has yielded, by their pressure
+    elastic_outputs: dict[float, Any] = {}
     states: Iterable[_SolvedStep]
     if one_after_another:
         states = _solve_one_after_another(stage, loading, mapper)
@@ -253,15 +252,16 @@ def _solve_programme(
             elastic_outputs[step.pressure] = solved.output
         yield solved.output
 
-    def goes_back(step: LoadStep) -> bool:
-        """Return whether unloading to this step follows the loading curve."""
+    def follows_loading(step: LoadStep) -> bool:
+        """Return whether unloading to this step follows the loading curve, because no point has yielded at the peak."""
         return not (one_after_another or peaks[step.unloaded_from].has_yielded)
 
+    # on the loading curve, each pressure is solved only once
     steps_to_solve: list[LoadStep] = []
     for step in unloading:
-        elastic_pressures = [other.pressure for other in steps_to_solve if goes_back(other)]
+        elastic_pressures = [other.pressure for other in steps_to_solve if follows_loading(other)]
         is_known = step.pressure in elastic_outputs or step.pressure in elastic_pressures
-        if not (goes_back(step) and is_known):
+        if not (follows_loading(step) and is_known):
             steps_to_solve.append(step)
     peaks_before = [peaks[step.unloaded_from] for step in steps_to_solve]
     new_states: Iterator[_SolvedStep] = iter(())
@@ -269,7 +269,7 @@ def _solve_programme(
         is_peak = [False] * len(steps_to_solve)
         new_states = iter(mapper(stage, steps_to_solve, is_peak, peaks_before))
     for step in unloading:
-        if not goes_back(step):
+        if not follows_loading(step):
             yield next(new_states).output
             continue
         if step.pressure not in elastic_outputs:
@@ -327,12 +327,8 @@ def _solve_step(
 def _fraction_yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:
     """Compute the fraction of points whose plastic deformation has grown by more than the error of the solution."""
     # elastic displacement of a single pixel under the largest pressure, which is about pressure / stiffness
-    spacing = contact.half_space.spacing
-    depth = (
-        4
-        * max(spacing)
-        * float(contact.pressure.max())
-        / (np.pi * contact.half_space.pixel_modulus)
-    )
+    half_space = contact.half_space
+    largest_pressure = float(contact.pressure.max())
+    depth = 4 * max(half_space.spacing) * largest_pressure / (np.pi * half_space.pixel_modulus)
     has_grown = contact.plastic_deformation - deformation > 100 * rtol * depth
     return float(np.count_nonzero(has_grown) / has_grown.size)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..base import Array
 from .gradient_steps import apply_stencil
-from .projection import root
+from .projection import find_approach
 from .workspace import Problem, Workspace
 
 #: Largest number of steps of conjugate gradients in an iteration.
@@ -28,8 +28,10 @@ _HALVINGS = 60
 class Solution(NamedTuple):
     """Solution of a contact problem on one grid; its pressure and v are in the memory of the grid.
 
-    delta : approach δ minus the offset [m]. residual : ‖p − y‖/‖y‖. iterations : number of iterations. products :
-    number of products with K.
+    delta : approach δ minus the offset [m].
+    residual : residual ‖p − y‖/‖y‖.
+    iterations : number of iterations.
+    products : number of products with K.
     """
 
     delta: float
@@ -41,8 +43,10 @@ class Solution(NamedTuple):
 class _Law(NamedTuple):
     """Straight law of every point, as arrays (n,).
 
-    hardness : H [Pa]. slope : h [Pa/m]. limit : largest pressure [Pa]. compliance : 1/h of points that harden [m/Pa],
-    0 of others.
+    hardness : hardness H [Pa].
+    slope : hardening modulus h [Pa/m].
+    limit : largest pressure [Pa], infinite for points that harden.
+    compliance : 1/h of points that harden [m/Pa], and 0 of all others.
     """
 
     hardness: Array
@@ -67,9 +71,9 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
     delta : float
         First guess of the approach minus the offset [m].
     rtol : float
-        Residual to reach.
+        Target residual.
     limit : int
-        Most iterations.
+        Largest number of iterations.
 
     Returns
     -------
@@ -115,7 +119,7 @@ def _project(
     x = p - c * v
     all_points = np.arange(p.size, dtype=np.int32)
     hardness, slope = problem.hardness, problem.slope
-    delta, _ = root(x, x.size, hardness, slope, c, all_points, c, problem.load, delta)
+    delta, _ = find_approach(x, x.size, hardness, slope, c, all_points, c, problem.load, delta)
     z = x + c * delta
     excess = np.maximum(z - law.hardness, 0.0)
     return delta, np.clip(z, 0.0, law.hardness) + law.slope / (law.slope + c) * excess
@@ -135,11 +139,11 @@ def _gradient_step(
 
 
 def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law) -> float:
-    """Move p (n,) along d (n,), at most to p + d, to where the energy is lowest; return d·Kd.
+    """Move p (n,) along d (n,) to the lowest energy, but not beyond p + d; return d·Kd.
 
-    p + d is within the bounds and carries the load. If the energy does not fall, nothing is moved and 0 is returned.
-    With hardening the place of the lowest energy is estimated; the energy still falls, because it is convex.
-    v (n,) is updated with p.
+    p + d is within the bounds and carries the load. If the energy does not fall, p is not moved and 0 is returned.
+    With hardening the position of the lowest energy is only estimated, but the energy still falls, because it is
+    convex. v (n,) is updated with p.
     """
     response = grid.response(d)
     curvature = float(d @ response)
@@ -156,13 +160,14 @@ def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law
 def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
     """Lower the energy on the free points; return the number of products with K.
 
-    Conjugate gradients find a step that ignores the bounds. Its end is projected on the bounds and the load. If the
-    energy does not fall on the way there, the step itself is made, as far as the first bound. p and v (n,) are updated.
+    Conjugate gradients find a step that ignores the bounds. The pressure at its end is projected on the bounds and the
+    load. If the energy does not fall on the way there, the step itself is made instead, up to the first bound that it
+    meets. p and v (n,) are updated.
     """
-    free, low, high, soft = _free_points(p, law)
+    free, low, high, compliance = _free_points(p, law)
     if free.size < 2:
         return 0
-    step, response, products = _conjugate_gradients(grid, p, v, delta, law, free, soft)
+    step, response, products = _conjugate_gradients(grid, p, v, delta, law, free, compliance)
     if products == 0:
         return 0
     d = np.zeros(p.size)
@@ -176,22 +181,36 @@ def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _La
     fraction = min(1.0, float(to_bound[nearest]))
     p[free] = np.clip(p[free] + fraction * step, low, high)
     v += fraction * response
-    if fraction == to_bound[nearest]:
+    if fraction == to_bound[nearest]:  # without a rounding error
         p[free[nearest]] = high[nearest] if step[nearest] > 0 else low[nearest]
     return products + 1
 
 
-def _free_points(p: Array, law: _Law) -> tuple[NDArray[np.int32], Array, Array, Array]:
-    """Find the points whose pressure is unknown, with their bounds and their compliance 1/h, arrays (free points,).
+class _FreePoints(NamedTuple):
+    """Points whose pressure is unknown, arrays (free points,).
 
-    The bounds of an elastic point are 0 and H; those of a point that yields and hardens are H and infinity.
+    index : index of each point on the grid.
+    low, high : bounds of the pressure [Pa]: 0 and H for an elastic point, H and infinity for a point that hardens.
+    compliance : compliance 1/h [m/Pa] of a point that hardens, and 0 of an elastic point.
     """
+
+    index: NDArray[np.int32]
+    low: Array
+    high: Array
+    compliance: Array
+
+
+def _free_points(p: Array, law: _Law) -> _FreePoints:
+    """Find the points whose pressure is unknown because they are elastic or harden."""
     yields = (p > law.hardness) & (law.slope > 0)
-    free = np.flatnonzero(((p > 0) & (p < law.hardness)) | yields).astype(np.int32)
-    low = np.where(yields, law.hardness, 0.0)[free]
-    high = np.where(yields, np.inf, law.hardness)[free]
-    soft = np.where(yields, law.compliance, 0.0)[free]
-    return free, low, high, soft
+    is_elastic = (p > 0) & (p < law.hardness)
+    free = np.flatnonzero(is_elastic | yields).astype(np.int32)
+    return _FreePoints(
+        index=free,
+        low=np.where(yields, law.hardness, 0.0)[free],
+        high=np.where(yields, np.inf, law.hardness)[free],
+        compliance=np.where(yields, law.compliance, 0.0)[free],
+    )
 
 
 def _conjugate_gradients(
@@ -201,7 +220,7 @@ def _conjugate_gradients(
     delta: float,
     law: _Law,
     free: NDArray[np.int32],
-    soft: Array,
+    hardening_compliance: Array,
 ) -> tuple[Array, Array, int]:
     """Minimise the energy on the free points, without bounds and with the same load.
 
@@ -211,48 +230,52 @@ def _conjugate_gradients(
     response : array (n,), displacement under the step [m].
     products : number of products with K.
     """
-    scale = 1.0 / np.sqrt(1.0 + soft * grid.weights.max())
+    scale = 1.0 / np.sqrt(1.0 + hardening_compliance * grid.weights.max())
     ones = _preconditioned(grid, free, np.ones(free.size), scale)
     step = np.zeros(free.size)
     total_response = np.zeros(p.size)
     d = np.zeros(free.size)
     dense = np.zeros(p.size)
-    r = delta - v[free] - soft * np.maximum(p[free] - law.hardness[free], 0.0)
-    first = 0.0  # w·r of the first direction
-    former = np.inf  # w·r of the former direction; there is none at first
+    r = delta - v[free] - hardening_compliance * np.maximum(p[free] - law.hardness[free], 0.0)
+    first_wr = 0.0  # w·r of the first direction
+    previous_wr = np.inf  # w·r of the previous direction; there is none at first
     for products in range(_STEPS):
         r -= r.mean()
         w = _preconditioned(grid, free, r, scale)
         w -= w.sum() / ones.sum() * ones
         wr = float(w @ r)
-        first = first or wr
-        if not wr > _DROP * first * (products > 0):
+        first_wr = first_wr or wr
+        lowest_wr = _DROP * first_wr if products > 0 else 0.0
+        if not wr > lowest_wr:
             return step, total_response, products
-        d = w + wr / former * d
+        d = w + wr / previous_wr * d
         dense[free] = d
         response = grid.response(dense)
-        curvature = float(d @ response[free] + d @ (soft * d))
+        curvature = float(d @ response[free] + d @ (hardening_compliance * d))
         if not curvature > 0:
             return step, total_response, products
         length = wr / curvature
         step += length * d
         total_response += length * response
-        r -= length * (response[free] + soft * d)
-        former = wr
+        r -= length * (response[free] + hardening_compliance * d)
+        previous_wr = wr
     return step, total_response, _STEPS
 
 
 def _within_bounds(target: Array, low: Array, high: Array, load: float) -> Array:
-    """Find the values (n,) between bounds whose sum is the load and that are nearest to a target (n,)."""
-    reach = float(np.max(np.abs(target)))
-    least, most = -reach, reach
+    """Find the values (n,) between bounds that are nearest to a target (n,) and whose sum is the load.
+
+    A uniform shift of the target, limited to the bounds, is found by bisection.
+    """
+    largest = float(np.max(np.abs(target)))
+    lower, upper = -largest, largest
     for _ in range(_HALVINGS):
-        shift = (least + most) / 2
+        shift = (lower + upper) / 2
         if float(np.clip(target + shift, low, high).sum()) < load:
-            least = shift
+            lower = shift
         else:
-            most = shift
-    return np.clip(target + (least + most) / 2, low, high)
+            upper = shift
+    return np.clip(target + (lower + upper) / 2, low, high)
 
 
 def _preconditioned(grid: Workspace, free: NDArray[np.int32], values: Array, scale: Array) -> Array:

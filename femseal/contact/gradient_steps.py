@@ -1,15 +1,16 @@
 """Compile the loops of conjugate gradients on the free points, with a 3 × 3 stencil as preconditioner M.
 
-`active_sets` calls `restart`, `turn` and `step`. They consist of loops over the points `first` to `end` − 1 of a list.
+`active_sets` calls `restart`, `next_direction` and `step`. They consist of loops over the points `first` to `end` − 1
+of a list.
 The arrays p, v, state, near, near_p, near_v, free and place are described in `projection`.
 
 Arrays of the free points, in the order of the list `free`
 ----------------------------------------------------------
 r, w, d : residual, preconditioned residual and search direction.
 ones : M1, the preconditioner applied to a vector of ones.
-soft : compliance a = 1/h [m/Pa] of a point that yields and hardens, and 0 for an elastic point.
-scale : factor s = 1/√(1 + a m), where m is the middle weight of the stencil. It takes into account that hardening adds
-    the compliance a to a point. The preconditioner is s M s.
+hardening_compliance : compliance a = 1/h [m/Pa] of a point that yields and hardens, and 0 for an elastic point.
+scale : factor s = 1/√(1 + a m), where m is the middle weight of the stencil. It accounts for the compliance a of points
+    that harden. The preconditioner is s M s.
 
 Other arrays
 ------------
@@ -28,36 +29,43 @@ from .projection import fast, fast_leader, fast_loop, value_at
 
 @fast_leader
 def restart(
-    hardness, slope, state, dense, near_p, near_v, free, place, r, ones, soft,
+    hardness, slope, state, dense, near_p, near_v, free, place, r, ones, hardening_compliance,
     scale, weights, rows, columns, n_free, delta,
 ):  # fmt: skip
-    """Prepare the first direction: compute r = δ − v − a (p − H) and M1 on the free points; return Σ M1."""
-    lay_ones(n_free, slope, state, dense, free, soft, scale, weights)
+    """Prepare the first direction: compute r = δ − v − a (p − H) and M1 on the free points.
+
+    Returns Σ M1, the sum of the preconditioner applied to a vector of ones.
+    """
+    set_scale(n_free, slope, state, dense, free, hardening_compliance, scale, weights)
     total_ones = preconditioned(n_free, ones, dense, free, scale, weights, rows, columns)
-    total = first_residual(n_free, delta, hardness, near_p, near_v, free, place, r, soft)
+    total = first_residual(
+        n_free, delta, hardness, near_p, near_v, free, place, r, hardening_compliance
+    )
     spread_residual(n_free, total / n_free, dense, free, r, scale)
     return total_ones
 
 
 @fast_loop
-def lay_ones(first, end, slope, state, dense, free, soft, scale, weights):
-    """Compute compliance a and factor s of some free points, and set `dense` to s, for the computation of M1."""
+def set_scale(first, end, slope, state, dense, free, hardening_compliance, scale, weights):
+    """Compute compliance a and factor s of some free points, and set `dense` to s, from which M1 is computed."""
     for k in range(first, end):
         i = free[k]
-        soft[k] = 1.0 / value_at(slope, i) if state[i] == 3 else 0.0
-        scale[k] = 1.0 / np.sqrt(1.0 + soft[k] * weights[1, 1])
+        hardening_compliance[k] = 1.0 / value_at(slope, i) if state[i] == 3 else 0.0
+        scale[k] = 1.0 / np.sqrt(1.0 + hardening_compliance[k] * weights[1, 1])
         dense[i] = scale[k]
 
 
 @fast_loop
-def first_residual(first, end, delta, hardness, near_p, near_v, free, place, r, soft):
+def first_residual(
+    first, end, delta, hardness, near_p, near_v, free, place, r, hardening_compliance
+):
     """Compute the residuals of some free points, and return their sum."""
     total = 0.0
     for k in range(first, end):
-        j = place[k]
+        j = place[k]  # position of the point in the list `near`
         r[k] = delta - near_v[j]
-        if soft[k] > 0.0:
-            r[k] -= soft[k] * (near_p[j] - value_at(hardness, free[k]))
+        if hardening_compliance[k] > 0.0:
+            r[k] -= hardening_compliance[k] * (near_p[j] - value_at(hardness, free[k]))
         total += r[k]
     return total
 
@@ -77,23 +85,27 @@ def preconditioned(first, end, out, dense, free, scale, weights, rows, columns):
 
 
 @fast_leader
-def turn(dense, free, r, w, d, ones, scale, weights, rows, columns, n_free, former, total_ones):
-    """Compute the next direction d = w + (w·r / former) d.
+def next_direction(
+    dense, free, r, w, d, ones, scale, weights, rows, columns, n_free, previous_wr, total_ones
+):
+    """Compute the next direction d = w + β d with β = w·r / previous_wr, and copy it to `dense`.
+
+    previous_wr : w·r of the previous direction; infinite if there is none.
 
     w is M r minus a multiple of M1 such that Σ w = 0, so that steps do not change the load.
 
     Returns w·r. If it is not positive, no direction is computed.
     """
     total = preconditioned(n_free, w, dense, free, scale, weights, rows, columns)
-    wr = level(n_free, total / total_ones, r, w, ones)
+    wr = remove_mean(n_free, total / total_ones, r, w, ones)
     if wr > 0.0:
-        direct(n_free, wr / former, dense, free, w, d)
+        set_direction(n_free, wr / previous_wr, dense, free, w, d)
     return wr
 
 
 @fast_loop
-def level(first, end, factor, r, w, ones):
-    """Subtract `factor` times M1 from w at some free points, and return their contribution to w·r."""
+def remove_mean(first, end, factor, r, w, ones):
+    """Subtract `factor` times M1 from w at some free points, so that Σ w = 0; return their contribution to w·r."""
     r, w, ones = r[first:end], w[first:end], ones[first:end]
     wr = 0.0
     for k in range(end - first):
@@ -103,7 +115,7 @@ def level(first, end, factor, r, w, ones):
 
 
 @fast_loop
-def direct(first, end, beta, dense, free, w, d):
+def set_direction(first, end, beta, dense, free, w, d):
     """Compute d = w + beta d at some free points, and copy it to `dense`."""
     free, w, d = free[first:end], w[first:end], d[first:end]
     for k in range(end - first):
@@ -113,27 +125,33 @@ def direct(first, end, beta, dense, free, w, d):
 
 @fast_leader
 def step(
-    kd, compliance, dense, near, near_p, near_v, free, place, r, d, soft, scale, response,
+    kd, compliance, dense, near, near_p, near_v, free, place, r, d, hardening_compliance, scale, response,
     n_near, n_free, wr,
 ):  # fmt: skip
     """Perform a step of conjugate gradients: p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
     kd : array (n1, >= n2), product of the direction with K for a unit modulus. Kd is `compliance` times this product.
 
+    wr : w·r of the direction.
+
     Returns d·Kd, d·d, and whether the step was performed, which requires d·(Kd + a d) > 0.
     """
-    gather(n_near, kd, compliance, dense.size // kd.shape[0], near, response)
-    curvature, length, stiff = curvatures(n_free, place, d, soft, response)
+    list_response(n_near, kd, compliance, dense.size // kd.shape[0], near, response)
+    curvature, squared_length, total_curvature = curvatures(
+        n_free, place, d, hardening_compliance, response
+    )
     total = 0.0
-    if stiff > 0.0:
-        total = advance(n_free, wr / stiff, near_p, place, r, d, soft, response)
-        advance_gap(n_near, wr / stiff, near_v, response)
+    if total_curvature > 0.0:
+        total = advance(
+            n_free, wr / total_curvature, near_p, place, r, d, hardening_compliance, response
+        )
+        advance_gap(n_near, wr / total_curvature, near_v, response)
     spread_residual(n_free, total / n_free, dense, free, r, scale)
-    return curvature, length, stiff > 0.0
+    return curvature, squared_length, total_curvature > 0.0
 
 
 @fast_loop
-def gather(first, end, kd, compliance, columns, near, response):
+def list_response(first, end, kd, compliance, columns, near, response):
     """Copy Kd at some points near contact from the grid to a list.
 
     The rows of the grid have `columns` points; the rows of `kd` may be longer. Because the indices in the list
@@ -142,40 +160,45 @@ def gather(first, end, kd, compliance, columns, near, response):
     listed = near[first:end]
     out = response[first:end]
     values = kd.ravel()
-    more = kd.shape[1] - columns
-    skipped = 0
-    next_row = columns
+    unused = kd.shape[1] - columns  # unused values at the end of each row of `kd`
+    skipped = 0  # unused values before the row of the point
+    next_row = columns  # index of the first point in the next row
     for j in range(end - first):
         i = listed[j]
-        while more > 0 and i >= next_row:
-            skipped += more
+        while unused > 0 and i >= next_row:
+            skipped += unused
             next_row += columns
         out[j] = compliance * values[i + skipped]
 
 
 @fast_loop
-def curvatures(first, end, place, d, soft, response):
+def curvatures(first, end, place, d, hardening_compliance, response):
     """Compute the contributions of some free points to d·Kd, d·d and d·(Kd + a d)."""
-    place, d, soft = place[first:end], d[first:end], soft[first:end]
+    place, d, hardening_compliance = place[first:end], d[first:end], hardening_compliance[first:end]
     curvature = 0.0
-    length = 0.0
-    compliance = 0.0
+    squared_length = 0.0
+    hardening = 0.0
     for k in range(end - first):
         curvature += response[place[k]] * d[k]
-        length += d[k] * d[k]
-        compliance += soft[k] * d[k] * d[k]
-    return curvature, length, curvature + compliance
+        squared_length += d[k] * d[k]
+        hardening += hardening_compliance[k] * d[k] * d[k]
+    return curvature, squared_length, curvature + hardening
 
 
 @fast_loop
-def advance(first, end, alpha, near_p, place, r, d, soft, response):
+def advance(first, end, alpha, near_p, place, r, d, hardening_compliance, response):
     """Update p and r of some free points, p += α d and r −= α (Kd + a d); return the sum of r."""
-    place, r, d, soft = place[first:end], r[first:end], d[first:end], soft[first:end]
+    place, r, d, hardening_compliance = (
+        place[first:end],
+        r[first:end],
+        d[first:end],
+        hardening_compliance[first:end],
+    )
     total = 0.0
     for k in range(end - first):
         j = place[k]
         near_p[j] += alpha * d[k]
-        r[k] -= alpha * (response[j] + soft[k] * d[k])
+        r[k] -= alpha * (response[j] + hardening_compliance[k] * d[k])
         total += r[k]
     return total
 
@@ -206,17 +229,19 @@ def apply_stencil(listed, dense, out, weights, rows, columns):
     n1 = rows.size - 2
     n2 = columns.size - 2
     for k in range(listed.size):
-        f = listed[k]
-        i = f // n2
-        j = f - i * n2
+        point = listed[k]
+        i = point // n2
+        j = point - i * n2
         total = 0.0
+        # inside of the grid no boundary has to be considered
         if 1 <= i < n1 - 1 and 1 <= j < n2 - 1:
             for a in range(3):
                 for b in range(3):
-                    total += weights[a, b] * dense[f + (a - 1) * n2 + b - 1]
+                    total += weights[a, b] * dense[point + (a - 1) * n2 + b - 1]
         else:
             for a in range(3):
                 for b in range(3):
+                    # `rows` and `columns` have a border, so that offset a − 1 from row i is at i + a
                     row = rows[i + a]
                     column = columns[j + b]
                     if row >= 0 and column >= 0:

@@ -95,7 +95,10 @@ class HalfSpace:
 
     @cached_property
     def pixel_modulus(self) -> float:
-        """Contact modulus E* [Pa] of a wave of four pixels. It depends on the pixel only for coated bodies."""
+        """Contact modulus E* [Pa] for a wave with the length of four pixels.
+
+        Only for coated bodies does it depend on the length of the pixels.
+        """
         wave = np.array(np.pi / (2 * self._mean_spacing))
         return float(modulus_of_waves(self.modulus, wave))
 
@@ -178,7 +181,7 @@ def wave_numbers(n: int, spacing: float, kind: str) -> Array:
 
 
 def _love(x: Array, y: Array) -> Array:
-    """Integrate 1/√(x² + y²) over both coordinates (indefinite integral); x and y must not be 0."""
+    """Evaluate the indefinite integral of 1/√(x² + y²) over both coordinates; x and y must not be 0."""
     return x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))
 
 
@@ -205,9 +208,10 @@ def _even_transform(half: Array, length: int) -> Array:
 
     The result is the first half of the transform.
     """
+    # the second half is the mirror image of the first one, without the values at 0 and at half of the length
     n_missing = length - half.shape[1]
-    whole = np.concatenate((half, half[:, n_missing:0:-1]), axis=1)
-    return rfft(whole, axis=1).real
+    row = np.concatenate((half, half[:, n_missing:0:-1]), axis=1)
+    return rfft(row, axis=1).real
 
 
 def bickley_1(x: Array) -> Array:
@@ -264,17 +268,18 @@ def strip_symbol(
     array (half of the padded length of the free axis, waves)
     """
     length = padded_length(n_free)
-    width = max(1, _STRIP_VALUES // length)
+    width = max(1, _STRIP_VALUES // length)  # number of waves at a time
     parts = [
         _strip_columns(n_free, length, d_free, q[j : j + width], d_other)
         for j in range(0, q.size, width)
     ]
     symbol = np.concatenate(parts, axis=1) * (2 / (np.pi * surface_modulus(modulus)))
     if not isinstance(modulus, float):
+        # kernel (wave, offset); its values at offsets of more than n_free − 1 pixels do not matter
         difference = np.zeros((q.size, length // 2 + 1))
-        difference[:, : min(n_free, difference.shape[1])] = strip_difference(
-            n_free, d_free, q, d_other, modulus
-        )[:, : difference.shape[1]]
+        n_offsets = min(n_free, difference.shape[1])
+        kernel = strip_difference(n_free, d_free, q, d_other, modulus)
+        difference[:, :n_offsets] = kernel[:, :n_offsets]
         symbol += _even_transform(difference, length).T
     return symbol
 
@@ -291,7 +296,7 @@ def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> A
     kernel = np.zeros((q.size, length // 2 + 1))  # (wave, offset)
     is_wave = q > 0
     positive_q = q[is_wave]
-    period = 2 * np.pi / d_other
+    period = 2 * np.pi / d_other  # distance between aliases
     a = positive_q / period
     waves = np.zeros((positive_q.size, kernel.shape[1]))
     for m in range(int(_LARGEST_ARGUMENT * d_other / (np.pi * d)) + 2):
@@ -314,7 +319,9 @@ def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
     For the pixel at 0, the integral over the rest of the line is subtracted instead; the caller adds the integral over
     the whole line.
     """
-    n_near = min(waves.shape[1], int(_LARGEST_ARGUMENT / (q.min(initial=np.inf) * d) + 0.5) + 1)
+    # beyond these pixels the integral is negligible for the longest wave
+    reach = _LARGEST_ARGUMENT / (q.min(initial=np.inf) * d)
+    n_near = min(waves.shape[1], int(reach + 0.5) + 1)
     edges = (np.arange(n_near) + 0.5) * d
     beyond_edge = bickley_1(q[:, None] * edges)
     beyond_edge *= (weight / q)[:, None]

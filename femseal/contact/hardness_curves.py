@@ -28,7 +28,7 @@ class HardnessTable(ContactLaw):
     Parameters
     ----------
     depth : array (n,)
-        Depths >= 0 [m], which rise.
+        Depths >= 0 in rising order [m].
     hardness : array (n,)
         Hardness > 0 at each depth [Pa].
 
@@ -49,8 +49,9 @@ class HardnessTable(ContactLaw):
 
     def __post_init__(self) -> None:
         for name, unit in (("depth", "m"), ("hardness", "Pa")):
-            one_row = np.atleast_2d(np.asarray(getattr(self, name), dtype=object))
-            values = validate.field(name, one_row, unit=unit)[0]
+            # `validate.field` checks two-dimensional arrays
+            single_row = np.atleast_2d(np.asarray(getattr(self, name), dtype=object))
+            values = validate.field(name, single_row, unit=unit)[0]
             object.__setattr__(self, name, values)
         if self.depth.size < 2 or self.depth.size != self.hardness.size:
             n_depths = counted(self.depth.size, "value")
@@ -66,7 +67,7 @@ class HardnessTable(ContactLaw):
 
     @cached_property
     def _curves(self) -> tuple[Any, Any]:
-        """H(u) between the ends, and its derivative."""
+        """Interpolated curve H(u) between the ends of the table, and its derivative."""
         from scipy.interpolate import PchipInterpolator
 
         curve = PchipInterpolator(self.depth, self.hardness)

@@ -27,7 +27,7 @@ from ..store.digests import digest
 _NEWTON_STEPS = 60
 #: Steepest negative slope, relative to the stiffness, with which Newton's method is used for a softening law.
 _STEEPEST = 0.8
-#: Relative change of a deformation that is rounding.
+#: Relative change of a deformation that may be caused by rounding errors.
 _ROUNDING = 4 * np.finfo(float).eps
 #: Depths at which the laws of two bodies are compared [m].
 _COMPARED_DEPTHS = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
@@ -54,7 +54,7 @@ class ContactLaw:
 
     @property
     def capacity(self) -> float:
-        """Largest mean pressure [Pa] that the points carry; infinite if any of them hardens."""
+        """Largest mean pressure [Pa] that the points can carry; infinite if any of them hardens."""
         return inf if np.any(self.hardening_modulus() > 0) else self.mean_hardness
 
     @property
@@ -111,8 +111,8 @@ class ContactLaw:
 
         The projection y of the trial pressure z = p − c g satisfies z = y + c u, with y = H(u) at points that yield. It
         minimises ½(y − z)² + c ψ(y), where ψ is the energy of the law. If the law softens steeply, there may be several
-        solutions. A point that has passed the steep part then keeps its overlap, because the load that it no longer
-        carries has moved to its neighbours.
+        solutions. If the overlap −g of a point lies beyond the steep part, the solution near this overlap is chosen,
+        because the load that the point has lost by softening has moved to its neighbours.
 
         Parameters
         ----------
@@ -176,6 +176,7 @@ class ContactLaw:
         stiffness : stiffness c [Pa/m].
         """
         u = np.zeros(np.shape(trial))
+        # bracket of the solution, and the last change of u
         low = u
         high = np.full(u.shape, inf) if self.linear else np.maximum(trial, 0.0) / stiffness
         change = high
@@ -188,10 +189,10 @@ class ContactLaw:
             is_slow = (np.abs(step) > 0.5 * np.abs(change)) & (np.abs(step) > 1e-12 * high)
             is_inside = (u + step >= low) & (u + step <= high)
             change = np.where(is_inside & ~is_slow, step, 0.5 * (low + high) - u)
-            former = u
+            previous_u = u
             u = u + change
             # at the solution, rounding may move u back and forth by a few of its last digits
-            if np.all(np.abs(u - former) <= _ROUNDING * u):
+            if np.all(np.abs(u - previous_u) <= _ROUNDING * u):
                 break
         return u
 
@@ -417,7 +418,7 @@ class _ChangedLaw(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class SofterOf(ContactLaw):
-    """Contact law of two bodies, of which the softer one yields at each depth: H(u) = min(H₁(u), H₂(u)).
+    """Contact law of two bodies. At each depth the softer one yields: H(u) = min(H₁(u), H₂(u)).
 
     Use `softer_of`, which only makes this law if the curves of both bodies cross.
 
@@ -448,12 +449,11 @@ class SofterOf(ContactLaw):
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
         """Compute dH/du of the lower H(u) [Pa/m]."""
-        is_first_softer = self.first.yield_pressure(deformation) <= self.second.yield_pressure(
-            deformation
-        )
+        first_pressure = self.first.yield_pressure(deformation)
+        second_pressure = self.second.yield_pressure(deformation)
         first = self.first.hardening_modulus(deformation)
         second = self.second.hardening_modulus(deformation)
-        return np.where(is_first_softer, first, second)
+        return np.where(first_pressure <= second_pressure, first, second)
 
     def __str__(self) -> str:
         return f"the softer at each depth of {self.first}, and {self.second}"
@@ -478,7 +478,7 @@ def softer_of(first: ContactLaw, second: ContactLaw | None = None) -> ContactLaw
 
 @dataclass(frozen=True, eq=False)
 class YieldLine:
-    """Linear law H(u) = hardness + slope u of each point, which is the only kind of law that the solver uses.
+    """Linear law H(u) = hardness + slope · u at each point, the only kind of law that the solver uses.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Compile the loops of the contact solver that find the points near contact and project their pressure on the law.
 
-`active_sets` calls `list_near`, `look` and `project` between two products with K. Their first arguments are arrays, and
-the last ones are values that change from call to call. The functions consist of loops over the points `first` to
+`active_sets` calls `list_near`, `evaluate` and `project` between two products with K. Their first arguments are arrays,
+and the last ones are values that change from call to call. The functions consist of loops over the points `first` to
 `end` − 1 of a list. For small grids each of the three functions is compiled as a whole. For large grids the functions
 run in Python and call compiled loops, whose parts are divided between threads.
 
@@ -63,7 +63,7 @@ def list_near(
     energy = 0.0
     load = 0.0
     total = 0.0
-    columns = p.size // v.shape[0]
+    columns = p.size // v.shape[0]  # rows of v may be longer
     n_near = 0
     n_free = 0
     for row in range(first, end):
@@ -87,7 +87,7 @@ def list_near(
                 if states[j] == 3:
                     beyond = row_p[j] - value_at(hardness, i)
                     energy += 0.5 * beyond * beyond / value_at(slope, i)
-                if states[j] & 1:
+                if states[j] & 1:  # odd states are free
                     free[n_free] = i
                     place[n_free] = n_near
                     n_free += 1
@@ -112,41 +112,49 @@ class _PartLists(NamedTuple):
         return cls(np.empty(size, np.int32), near_p, near_v, free, place)
 
 
-def list_near_in_parts(*arguments):
+def list_near_in_parts(
+    gap0, offset, hardness, slope, p, v, state, near, near_p, near_v, free, place,
+    factor, weight, reach, _first, n_rows,
+):  # fmt: skip
     """Perform `list_near` on several threads, each of which lists the points of some parts of the grid.
 
     Only a few parts are processed at a time, so that their lists need little memory.
     """
-    *problem, near, near_p, near_v, free, place, factor, weight, reach, _first, n_rows = arguments
-    columns = problem[0].size // n_rows
+    columns = gap0.size // n_rows
     row_ranges = parts(n_rows, PART / columns)
     n_at_a_time = 2 * thread_count()
-    size = columns * max(last - row for row, last in row_ranges)
-    lists = [_PartLists.empty(size) for _ in row_ranges[:n_at_a_time]]
+    largest_part = columns * max(end - first for first, end in row_ranges)
+    part_lists = [_PartLists.empty(largest_part) for _ in row_ranges[:n_at_a_time]]
 
-    def list_part(row_range, part):
-        return list_near(*problem, *part, factor, weight, reach, *row_range)
+    def list_part(row_range, lists):
+        return list_near(
+            gap0, offset, hardness, slope, p, v, state, *lists, factor, weight, reach, *row_range
+        )
 
     sums = []
     n_near = 0
     n_free = 0
     for start in range(0, len(row_ranges), n_at_a_time):
-        tasks = list(zip(row_ranges[start : start + n_at_a_time], lists, strict=False))
+        tasks = list(zip(row_ranges[start : start + n_at_a_time], part_lists, strict=False))
         results = over(tasks, list_part)
-        for (k, m, *values), (_row_range, part) in zip(results, tasks, strict=True):
-            near[n_near : n_near + k] = part.near[:k]
-            near_p[n_near : n_near + k] = part.near_p[:k]
-            near_v[n_near : n_near + k] = part.near_v[:k]
-            free[n_free : n_free + m] = part.free[:m]
-            place[n_free : n_free + m] = part.place[:m] + n_near
-            n_near += k
-            n_free += m
-            sums.append(tuple(values))
+        # append the lists of each part to the lists of the grid, in the order of the rows
+        for result, (_, lists) in zip(results, tasks, strict=True):
+            part_near, part_free, *part_sums = result
+            in_near = slice(n_near, n_near + part_near)
+            in_free = slice(n_free, n_free + part_free)
+            near[in_near] = lists.near[:part_near]
+            near_p[in_near] = lists.near_p[:part_near]
+            near_v[in_near] = lists.near_v[:part_near]
+            free[in_free] = lists.free[:part_free]
+            place[in_free] = lists.place[:part_free] + n_near
+            n_near += part_near
+            n_free += part_free
+            sums.append(tuple(part_sums))
     return n_near, n_free, *summed(sums)
 
 
 @exact_leader
-def look(hardness, slope, state, near, near_p, near_v, trial, load, n_near, c, delta):
+def evaluate(hardness, slope, state, near, near_p, near_v, trial, load, n_near, c, delta):
     """Compute the approach δ, and the difference between the pressure and its projection on the law.
 
     The projection of x + cδ, with x = p − c v, is y(δ). The approach follows from Σ y = load.
@@ -154,7 +162,7 @@ def look(hardness, slope, state, near, near_p, near_v, trial, load, n_near, c, d
     Returns δ, whether the points near contact can carry the load, and the four values of `compare`.
     """
     find_trial(n_near, c, near_p, near_v, trial)
-    delta, carried = root(trial, n_near, hardness, slope, c, near, c, load, delta)
+    delta, carried = find_approach(trial, n_near, hardness, slope, c, near, c, load, delta)
     return delta, carried, *compare(n_near, c, delta, hardness, slope, state, near, near_p, trial)
 
 
@@ -203,10 +211,10 @@ def value_at(values, i):
 
 @exact
 def law_at(i, hardness, slope, c):
-    """Return the hardness H [Pa] of point i, and the fraction t = h/(h + c) of its hardening modulus h and the step c.
+    """Return the hardness H [Pa] of point i, and the fraction t = h/(h + c).
 
-    Above the hardness, the projected pressure increases by t times the increase of the trial pressure. Without
-    hardening, t is 0.
+    Here h is the hardening modulus of the point, and c the length of the projection step [Pa/m]. Above the hardness,
+    the projected pressure increases by t times the increase of the trial pressure. Without hardening, t is 0.
     """
     modulus = value_at(slope, i)
     fraction = modulus / (modulus + c) if modulus > 0.0 else 0.0
@@ -220,14 +228,14 @@ def projected(z, h, t):
     The projection is 0 for z < 0, z for z between 0 and H, and H + t (z − H) above.
     """
     y = min(max(z, 0.0), h)
-    s = (y > 0.0) + (y >= h)
+    s = (y > 0.0) + (y >= h)  # state without hardening: 0, 1 or 2
     if t > 0.0 and s == 2:
         return h + t * (z - h), 3
     return y, s
 
 
 @exact_leader
-def root(x, n, hardness, slope, c_law, listed, c, load, start):
+def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
     """Solve Σ y(x + cδ) = load for δ on a list of n points.
 
     y is the projection on the law with t = h/(h + c_law). The sum is a monotone and piecewise linear function of δ. The
@@ -236,12 +244,12 @@ def root(x, n, hardness, slope, c_law, listed, c, load, start):
     Returns δ, and whether the points can carry the load.
     """
     sums = capacity(n, x, hardness, slope, c_law, listed, load)
-    delta, low, top, carried = bracket(*sums, c, load, start)
+    delta, low, top, carried = bracket_approach(*sums, c, load, start)
     for _ in range(ROOT_STEPS):
         if low == top:
             break
-        total, slopes = carry(n, x, c * delta, hardness, slope, c_law, listed)
-        delta, low, top = refine(delta, low, top, total, slopes, c, load)
+        total, slopes = total_pressure(n, x, c * delta, hardness, slope, c_law, listed)
+        delta, low, top = refine_approach(delta, low, top, total, slopes, c, load)
     return delta, carried
 
 
@@ -253,7 +261,7 @@ def _bounds(values: list[Any]) -> Any:
 
 @by_items(_bounds, **_EXACT)
 def capacity(first, end, x, hardness, slope, c_law, listed, load):
-    """Compute the arguments of `bracket` from some points.
+    """Compute the arguments of `bracket_approach` from some points.
 
     Returns
     -------
@@ -280,13 +288,13 @@ def capacity(first, end, x, hardness, slope, c_law, listed, load):
 
 
 @exact
-def bracket(highest, full, capacity, rise, c, load, start):
+def bracket_approach(highest, full, capacity, rise, c, load, start):
     """Return a first δ, a lower and an upper bound of δ, and whether the points can carry the load.
 
     If the bounds are equal, δ is the solution. The first four arguments are the values of `capacity`.
     """
     if capacity <= load:
-        if rise == 0.0:
+        if rise == 0.0:  # without hardening, all points are at their hardness
             return full / c, full / c, full / c, capacity >= load
         full += (load - capacity) / rise
     low = -highest / c
@@ -296,8 +304,11 @@ def bracket(highest, full, capacity, rise, c, load, start):
 
 
 @exact
-def refine(delta, low, top, total, slopes, c, load):
-    """Compute the next δ and its bounds from the sums of `carry`; if the bounds are equal, δ is the solution."""
+def refine_approach(delta, low, top, total, slopes, c, load):
+    """Compute the next δ and its bounds from the sums of `total_pressure`.
+
+    If the bounds are equal, δ is the solution.
+    """
     excess = total - load
     if abs(excess) <= 1e-14 * load:
         return delta, delta, delta
@@ -314,7 +325,7 @@ def refine(delta, low, top, total, slopes, c, load):
 
 
 @fast_loop
-def carry(first, end, x, shift, hardness, slope, c_law, listed):
+def total_pressure(first, end, x, shift, hardness, slope, c_law, listed):
     """Compute Σ y(x + shift) over some points, and its derivative with respect to `shift`.
 
     If no point hardens, the derivative is the number of points with 0 < y < H.
@@ -323,6 +334,7 @@ def carry(first, end, x, shift, hardness, slope, c_law, listed):
     total = 0.0
     slopes = 0.0
     h, t = law_at(0, hardness, slope, c_law)
+    # for a uniform law without hardening
     if hardness.size + slope.size == 2 and t == 0.0:  # this loop compiles to vector instructions
         for j in range(end - first):
             y = x[j] + shift
@@ -356,11 +368,14 @@ def project(
     Returns the number of free points.
     """
     clear(n_free, free, dense)
-    n_free, carried = assign(n_near, c, delta, keep, hardness, slope, p, state, near, near_p, trial)
+    n_free, carried = set_pressures(
+        n_near, c, delta, keep, hardness, slope, p, state, near, near_p, trial
+    )
     list_free(n_near, state, near, trial, free, response)
-    left = load - carried
+    left = load - carried  # the load of the free points
     if n_free > 0 and left > 0.0:
-        uniform = root(response, n_free, hardness, slope, 0.0, free, 1.0, left, 0.0)[0]
+        # with c = 1 and the step 0 of the law, the solution δ is the uniform pressure
+        uniform = find_approach(response, n_free, hardness, slope, 0.0, free, 1.0, left, 0.0)[0]
         shift(n_free, c, uniform, hardness, slope, p, free, response)
     return n_free
 
@@ -373,14 +388,14 @@ def clear(first, end, free, dense):
 
 
 @exact_loop
-def assign(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, trial):
+def set_pressures(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, trial):
     """Set pressure and state of some points near contact, see `project`.
 
     Returns the number of free points, and the load that the other points carry.
     """
     listed = near[first:end]
     x = trial[first:end]
-    former = near_p[first:end]
+    previous_p = near_p[first:end]
     carried = 0.0
     n_free = 0
     for j in range(end - first):
@@ -388,8 +403,8 @@ def assign(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, 
         h, t = law_at(i, hardness, slope, c)
         y, s = projected(x[j] + c * delta, h, t)
         if s & 1:
-            if keep and state[i] == s:
-                y = min(max(former[j], 0.0), h) if s == 1 else max(former[j], h)
+            if keep and state[i] == s:  # within the bounds of an elastic or a hardening point
+                y = min(max(previous_p[j], 0.0), h) if s == 1 else max(previous_p[j], h)
             n_free += 1
         else:
             carried += y
@@ -401,7 +416,10 @@ def assign(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, 
 
 @exact
 def list_free(n_near, state, near, trial, free, pressure):
-    """List the free points among the points near contact, with the pressures that `assign` has stored in `trial`."""
+    """List the free points among the points near contact.
+
+    Their pressures are those that `set_pressures` has stored in `trial`.
+    """
     k = 0
     for j in range(n_near):
         i = near[j]

@@ -43,11 +43,11 @@ _MOST_TANGENTS = 100
 #: largest value.
 _LARGEST_TANGENT_RTOL = 1e-2
 _TANGENT_RTOL = 0.1
-#: A steep tangent begins at the depth at which its pressure has fallen by this fraction of the yield pressure, compared
-#: with the point at which it touches the curve.
+#: A steep tangent is used from the depth on at which its pressure is this fraction of the yield pressure below the
+#: pressure at the point of contact with the curve.
 _FROM_DEPTH = 0.5
-#: Smallest slope of tangents, as a fraction of the stiffness of the half-space, if they could not carry the load
-#: otherwise.
+#: Smallest slope of tangents, as a fraction of the stiffness of the half-space. It is used if the tangents could not
+#: carry the load otherwise.
 _SMALL_STIFFNESS = 0.1
 
 
@@ -172,14 +172,14 @@ def solve_contact(
         A shape is wrong, points are undefined, the law cannot carry the pressure, or the pressure is less than the mean
         pressure of the fluid, so that the surfaces separate.
     NotConverged
-        The residual was not reached, or the tangents of a curved law did not settle. The message says what was reached.
+        The residual was not reached, or the tangents of a curved law still changed after 100 solutions.
 
     Notes
     -----
     The method is an inexact semismooth Newton method on the sets of points in contact and at the hardness, as in
     gradient-projection conjugate gradients (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231,
-    1999, 206). If the sets do not settle, steps that never raise the energy are used. The residual is that of the
-    returned pressure.
+    1999, 206). If the sets still change after many iterations, steps are used that never raise the energy. The residual
+    is that of the returned pressure.
 
     Examples
     --------
@@ -248,10 +248,10 @@ def _as_dry_contact(
         given = f"{pressure:g} Pa, of which the fluid carries {mean:g} Pa"
         expected = "a load that is more than the fluid carries: below that the surfaces separate"
         raise InputError("pressure", given, expected)
-    # a uniform fluid pressure is given to the law as a number, so that the law remains the same for all points
-    first = p_f.flat[0]
-    is_uniform = np.all(p_f == first)
-    reduced_law = law.less(first if is_uniform else p_f)
+    # a uniform fluid pressure is passed to the law as a number, so that the law remains the same for all points
+    first_value = p_f.flat[0]
+    is_uniform = np.all(p_f == first_value)
+    reduced_law = law.less(first_value if is_uniform else p_f)
     grid = workspace(half_space)
     grid.pressure[:] = p_f
     return gap + grid.displacement(), reduced_law, pressure - mean
@@ -317,11 +317,13 @@ class _Level(NamedTuple):
 
         The number of these points is chosen so that their pressure is the hardness or 0.1 E*, whichever is smaller.
         """
-        soft = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
+        wanted_pressure = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
         gap0 = self.gap0
-        n_carrying = min(gap0.size, int(self.load / soft * gap0.size))
+        n_carrying = min(gap0.size, int(self.load / wanted_pressure * gap0.size))
         n_touching = max(min(4, gap0.size), n_carrying)
-        is_touching = gap0 <= np.partition(gap0, n_touching - 1, axis=None)[n_touching - 1]
+        # the largest gap of the n_touching highest points
+        largest_gap = np.partition(gap0, n_touching - 1, axis=None)[n_touching - 1]
+        is_touching = gap0 <= largest_gap
         return is_touching * (self.load * gap0.size / np.count_nonzero(is_touching))
 
 

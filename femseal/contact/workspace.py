@@ -22,22 +22,22 @@ Call = Callable[..., Any]
 KEPT_POINTS = 2**21
 #: Number of points from which two threads are faster than one.
 _THREADED = 2**18
-#: Loops for small grids. Each is compiled as a single function.
-_WHOLE: dict[str, Any] = {
+#: Loops for small grids. Each of them is compiled as a single function.
+_UNDIVIDED: dict[str, Any] = {
     "list_near": projection.list_near,
-    "look": projection.exact(projection.look),
+    "evaluate": projection.exact(projection.evaluate),
     "project": projection.exact(projection.project),
     "restart": projection.fast(gradient_steps.restart),
-    "turn": projection.fast(gradient_steps.turn),
+    "next_direction": projection.fast(gradient_steps.next_direction),
     "step": projection.fast(gradient_steps.step),
 }
 #: Loops for large grids. Their parts are divided between threads.
 _IN_PARTS: dict[str, Any] = {
     "list_near": projection.list_near_in_parts,
-    "look": projection.look,
+    "evaluate": projection.evaluate,
     "project": projection.project,
     "restart": gradient_steps.restart,
-    "turn": gradient_steps.turn,
+    "next_direction": gradient_steps.next_direction,
     "step": gradient_steps.step,
 }
 
@@ -108,7 +108,8 @@ class WorkArrays:
         # the operating system only provides memory for the part of an array that the lists fill
         self.near, self.free, self.place = np.empty((3, n), np.int32)
         self.near_p, self.near_v, self.trial, self.response = np.empty((4, n))
-        self.r, self.w, self.d, self.ones, self.soft, self.scale = np.empty((6, n))
+        self.r, self.w, self.d, self.ones = np.empty((4, n))
+        self.hardening_compliance, self.scale = np.empty((2, n))
         self.stencil = stiffness_stencil(unit)
         self.rows = _index_map(unit.shape[0], unit.boundary[0])
         self.columns = _index_map(unit.shape[1], unit.boundary[1])
@@ -149,7 +150,7 @@ class Workspace:
         self.pressure = arrays.respond.pressure
         self.stiffness = half_space.stiffness
         self.weights = half_space.pixel_modulus * arrays.stencil
-        self._loops = _IN_PARTS if self.pressure.size > projection.PART else _WHOLE
+        self._loops = _IN_PARTS if self.pressure.size > projection.PART else _UNDIVIDED
 
     def start(self, pressure: Array, limit: Array) -> None:
         """Set the initial pressure [Pa], which is given on this grid or on the next coarser one.
@@ -197,7 +198,7 @@ class Workspace:
             list_near=bind(
                 "list_near", problem.gap0, problem.offset, *law, a.p, a.v, a.state, *near, *free
             ),
-            look=bind("look", *law, a.state, *near, a.trial, problem.load),
+            evaluate=bind("evaluate", *law, a.state, *near, a.trial, problem.load),
             project=bind(
                 "project",
                 *law,
@@ -221,10 +222,10 @@ class Workspace:
                 *free,
                 a.r,
                 a.ones,
-                a.soft,
+                a.hardening_compliance,
                 *stencil,
             ),
-            turn=bind("turn", a.dense, a.free, a.r, a.w, a.d, a.ones, *stencil),
+            next_direction=bind("next_direction", a.dense, a.free, a.r, a.w, a.d, a.ones, *stencil),
             step=bind(
                 "step",
                 a.kd,
@@ -234,7 +235,7 @@ class Workspace:
                 *free,
                 a.r,
                 a.d,
-                a.soft,
+                a.hardening_compliance,
                 a.scale,
                 a.response,
             ),
@@ -253,10 +254,10 @@ class Loops(NamedTuple):
     respond: Call  # no arguments
     search: Call  # no arguments
     list_near: Call  # factor, weight, reach, first, end
-    look: Call  # n_near, c, delta
+    evaluate: Call  # n_near, c, delta
     project: Call  # n_near, n_free, c, delta, keep
     restart: Call  # n_free, delta
-    turn: Call  # n_free, former, total_ones
+    next_direction: Call  # n_free, previous_wr, total_ones
     step: Call  # n_near, n_free, wr
 
 

@@ -1,0 +1,162 @@
+"""Compile the loops that copy points and waves for the transforms in `convolution`, and multiply waves with weights."""
+
+import numpy as np
+
+from ..base.compiled import compiled
+
+contracted = compiled(fastmath={"contract"})
+
+
+@contracted
+def multiply(block, weights):
+    """Multiply the waves in a block with their weights; both arrays have the shape (columns, waves)."""
+    for j in range(block.shape[0]):
+        for i in range(block.shape[1]):
+            block[j, i] *= weights[j, i]
+
+
+@compiled(fastmath={"contract", "nnan", "nsz"})
+def multiply_mixing(block, n, first, count, weights, twisted, turn1, turn2):
+    """Replace the waves of the pressure in a block by the waves of the displacement, where K mixes waves.
+
+    Cosine coefficients C and waves V are related by C(k) = ē V(k) + e V(N − k), with e = exp(iπk/2N), and by
+    2 V(k) = e (C(k) − i C(N − k)). Multiplying C with a symbol S(k) therefore changes V to
+
+        V(k) ← ½(S(k) + S(N − k)) V(k) + ½(S(k) − S(N − k)) e² V(N − k).
+
+    For two mirrors, V(k1, N − k2) is the conjugate of V(N − k1, k2).
+
+    Parameters
+    ----------
+    block : array (columns, >= n)
+        Waves of some columns, which are replaced.
+    n : int
+        Number of waves of a column.
+    first, count : int
+        Number of the first column, and number of columns.
+    weights : array
+        Weights from `convolution.mixing_weights`.
+    twisted : bool
+        Whether the second half of the block has the odd waves; the conjugate of the odd wave k is at N − 1 − k.
+    turn1, turn2 : array
+        e² of both axes.
+    """
+    has_mirror = len(weights) > 1
+    # waves N − k of a column, for the waves k of its first half
+    other = np.empty(n // 2 + 1, block.dtype)
+    for odd in range(2 if twisted else 1):
+        half = (n - odd) // 2 + 1  # number of waves k; the wave n − odd − k belongs to each of them
+        # the weights of the odd waves come after those of the even waves
+        first_weight = odd * (n // 2 + 1)
+        in_weights = slice(first_weight, first_weight + half)
+        first_paired = 1 - odd  # the mean, among the even waves, is its own conjugate
+        for j in range(count):
+            row = block[odd * (block.shape[0] // 2) + j]
+            k = first + j  # number of the column, which is the wave along the second axis
+            w0 = weights[0, k, in_weights]
+            if not has_mirror:
+                for i in range(half):
+                    row[i] *= w0[i]
+                for i in range(half, n):
+                    row[i] *= w0[n - odd - i]
+                continue
+            w1 = weights[1, k, in_weights]
+            w2 = weights[2, k, in_weights]
+            w12 = weights[3, k, in_weights]
+            turn = turn2[k]
+            other[0] = row[0]
+            for i in range(first_paired, half):
+                other[i] = row[n - odd - i]
+            for i in range(half):
+                a = row[i]  # V(k)
+                b = other[i]  # V(N − k)
+                c = w0[i] * a
+                d = w0[i] * b
+                f = turn1[i] * b
+                g = turn1[i] * a.conjugate()
+                c += w1[i] * f + turn * (w2[i] * b.conjugate() + w12[i] * g)
+                d += w1[i] * g.conjugate()
+                d += turn * (w2[i] * a.conjugate() + w12[i] * f.conjugate())
+                row[i] = c
+                other[i] = d
+            for i in range(first_paired, half):
+                row[n - odd - i] = other[i]
+
+
+@contracted
+def copy_in_order(points, staged, order1, order2, first, end):
+    """Copy the points of the rows `first` to `end` − 1 in the order of the transform, and append zeros.
+
+    Parameters
+    ----------
+    points : array (n1, n2)
+        Values in the order of the grid.
+    staged : array (n1, >= n2)
+        Memory from which the rows are transformed.
+    order1, order2 : array
+        Order of the rows, and order of the points in each row.
+    first, end : int
+        First row, and row after the last one.
+    """
+    n2 = order2.size
+    for i in range(first, end):
+        row = points[order1[i]]
+        for j in range(n2):
+            staged[i, j] = row[order2[j]]
+        staged[i, n2:] = 0
+
+
+@contracted
+def copy_back(staged, points, order1, order2, first, end):
+    """Copy transformed points back to the order of the grid, as the inverse of `copy_in_order`.
+
+    Both arrays may share their memory, because each row is copied before it is changed.
+    """
+    staged_row = np.empty(order2.size, staged.dtype)
+    for i in range(first, end):
+        staged_row[:] = staged[i, : order2.size]
+        row = points[order1[i]]
+        for j in range(order2.size):
+            row[order2[j]] = staged_row[j]
+
+
+@contracted
+def copy_columns(columns, block, twist, order):
+    """Copy columns to the rows of a block, and append zeros; with a twist, also copy the columns times the twist.
+
+    columns : array (n1, columns), transforms of the rows of the grid.
+    block : array, one row for each column; with a twist, the second half of the rows has the columns times the twist.
+    twist : array (n1,), factors of the points that give the odd waves; empty if there are none.
+    order : array (n1,), order of the points in the transform.
+    """
+    n1, count = columns.shape
+    width = block.shape[0] // 2
+    for i in range(n1):
+        row = columns[order[i]]
+        for j in range(count):
+            block[j, i] = row[j]
+        if twist.size:
+            for j in range(count):
+                block[width + j, i] = row[j] * twist[i]
+    if twist.size:
+        for j in range(count):
+            block[j, n1:] = 0
+            block[width + j, n1:] = 0
+
+
+@contracted
+def copy_columns_back(columns, block, twist, order):
+    """Copy the rows of a block back to columns, as the inverse of `copy_columns`.
+
+    With a twist, the second half of the rows times the conjugate of the twist is added.
+    """
+    n1, count = columns.shape
+    width = block.shape[0] // 2
+    for i in range(n1):
+        row = columns[order[i]]
+        if twist.size:
+            for j in range(count):
+                row[j] = block[j, i] + block[width + j, i] * np.conj(twist[i])
+        else:
+            for j in range(count):
+                row[j] = block[j, i]
