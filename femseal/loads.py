@@ -1,7 +1,7 @@
 """Define load programmes: the nominal pressures of a load cycle, on loading and on unloading from peaks.
 
-Loads can also be given as forces on the seal, which are divided by the contact area to obtain nominal pressures.
-Further functions evaluate how the leakage depends on the load.
+Loads can also be given as forces on the seal, which are converted to nominal pressures by the size of the seal. Further
+functions evaluate how the leakage depends on the load.
 """
 
 from __future__ import annotations

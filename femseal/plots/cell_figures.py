@@ -1,6 +1,6 @@
 """Draw the permeability of cells against their mean gap and their contact pressure.
 
-The colour of a point is its load, and its shape the branch of the load cycle.
+The colour of a point indicates the load, and its marker the branch of the load cycle.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Cells are drawn if their permeability is at most this number of decades below the highest one.
+#: Cells whose permeability is more than this many decades below the highest permeability are not drawn.
 _PERMEABILITY_DECADES = 6
-#: Factor by which the scale of permeabilities extends beyond the values.
+#: Factor by which the permeability axis extends beyond the values at both ends.
 _PERMEABILITY_MARGIN = 1.5
-#: Heights of the axes of both panels [inch], and of the space for the colours of the loads above them.
+#: Height of the axes of each panel, and height of the space for the colours of the loads above the panels [inch].
 _AXES_HEIGHT, _LOADS_HEIGHT = 2.3, 0.62
-#: More points than this in a state are drawn as pixels in vector pictures, whose files would become too large.
+#: If a state has more points than this, they are drawn as pixels in vector pictures, so that the files stay small.
 _MOST_VECTOR_POINTS = 2000
 #: Width of the label of a load that is upright [inch].
 _LABEL_WIDTH = 0.115
@@ -42,11 +42,11 @@ _MOST_MEDIANS = 3
 
 @dataclass(frozen=True)
 class _CellValues:
-    """Values of all cells in every contact state of a run.
+    """Hold the values of all cells in every contact state of a run.
 
     Attributes
     ----------
-    permeability : permeability in direction x1, towards the outlet, (states, cells) [m³].
+    permeability : permeability along x1, the direction of the leakage, (states, cells) [m³].
     mean_gap : mean gap of each cell, (states, cells) [m].
     pressure : mean contact pressure of each cell, (states, cells) [Pa].
     nominal_pressure : nominal pressure of each state, (states,) [Pa].
@@ -61,17 +61,17 @@ class _CellValues:
 
     @property
     def branches(self) -> list[tuple[str, Indices]]:
-        """Name and states of each branch; an unloading begins with the state of its peak."""
+        """Name and state indices of each branch. An unloading begins with the state at its peak."""
         return branches(self.nominal_pressure, self.peaks)
 
     @property
     def loads(self) -> Array:
-        """Different nominal pressures of the states, rising [Pa]."""
+        """All different nominal pressures of the states, in increasing order [Pa]."""
         return np.unique(self.nominal_pressure)
 
     @property
     def colours(self) -> list[Any]:
-        """Colour of each of the loads."""
+        """A colour for each of the `loads`."""
         return sequential_colours(len(self.loads))
 
 
@@ -80,9 +80,9 @@ def cells_figure(results: Results) -> Figure:
     """Draw the permeability of the cells towards the outlet against their mean gap and their contact pressure.
 
     Sealed cells are left out, and so are cells whose permeability is less than a millionth of the highest one. The line
-    in the first panel is h̄³/12, the permeability of parallel plates, which cells with wide gaps approach. The lines in
-    the second panel are the medians of the open cells at each load. The cells of a stochastic run are those from which
-    its realisations are composed; the cells of a two-scale run are those of the surface at each load.
+    in the first panel is the permeability h̄³/12 of parallel plates, which cells with wide gaps approach. The lines in
+    the second panel are the medians of the open cells at each load. For a stochastic run, the cells are those from
+    which the realisations choose; for a two-scale run, they are the cells of the surface at each load.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def cells_figure(results: Results) -> Figure:
 
 
 def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
-    """Draw a bar above the axes with the colour of each load, and a label for each of them."""
+    """Draw a bar above the axes with the colour of each load, and labels of the loads as far as there is room."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
@@ -128,6 +128,7 @@ def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
     bar = figure.colorbar(
         ScalarMappable(norm, ListedColormap(cells.colours)), cax=bar_axes, orientation="horizontal"
     )
+    # every first, second, third, … load is labelled, beginning with the highest
     every = int(np.ceil(count * _LABEL_WIDTH / width))
     labelled = np.arange(count)[::-every][::-1]
     labels = [f"{scale * load:.4g}" for load in cells.loads[labelled]]
@@ -156,8 +157,9 @@ def _cell_values(results: Results) -> _CellValues:
         raise InputError("cells figure", "results without cells", expected)
 
     def by_state(name: str) -> Array:
+        """Return a variable of all cells as an array (state, cell)."""
         values = data[f"{prefix}_{name}"].values  # (state, row, column)
-        return np.asarray(values.reshape(len(values), -1))  # (state, cell)
+        return np.asarray(values.reshape(len(values), -1))
 
     return _CellValues(
         permeability=by_state("k1"),
@@ -180,8 +182,9 @@ def _draw_cells(axes: Axes, cells: _CellValues, x: Array, *, with_parallel_plate
     x : array (states, cells)
         Position of each point along the horizontal axis.
     with_parallel_plates : bool
-        True if `x` is the mean gap [µm]. The permeability of parallel plates is drawn then, and cells whose mean gap is
-        zero are left out. False if `x` is the contact pressure [MPa]; the median at each load is drawn then.
+        Whether `x` is the mean gap [µm] or the contact pressure [MPa]. With the gap, the permeability of parallel
+        plates is drawn too, and cells whose mean gap is zero are left out. With the pressure, the medians at each load
+        are drawn.
     """
     axes.set_ylabel("permeability $k_1$ towards the outlet [m³]")
     add_grid(axes)
@@ -221,7 +224,7 @@ def _draw_points(axes: Axes, cells: _CellValues, x: Array, is_drawn: Flags) -> l
     for number, (name, states) in enumerate(cells.branches):
         is_filled = number == 0  # on loading
         marker = _MARKERS[number % len(_MARKERS)]
-        # the peak, with which an unloading begins, is a state of the loading
+        # an unloading begins with its peak, which has been drawn as a state of the loading
         states = states if is_filled else states[~np.isnan(cells.peaks[states])]
         for state in states:
             points = is_drawn[state]
@@ -244,7 +247,7 @@ def _draw_points(axes: Axes, cells: _CellValues, x: Array, is_drawn: Flags) -> l
 
 
 def _draw_parallel_plates(axes: Axes, gaps_um: Pair) -> list[Any]:
-    """Draw the permeability of parallel plates over a range of gaps [µm], which becomes the range of the axis."""
+    """Draw the permeability of parallel plates over a range of gaps [µm], to which the axis is set."""
     gap_um = np.geomspace(gaps_um[0] / 1.1, gaps_um[1] * 1.1, 50)
     plates = cubic_law(gap_um * 1e-6)
     label = r"parallel plates, $\bar h^3/12$"

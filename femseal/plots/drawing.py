@@ -1,8 +1,8 @@
-"""Draw the parts that all pictures have in common: figures with panels, legends, and axes of loads and lengths.
+"""Draw what all pictures have in common: figures with panels, legends, load axes and length axes.
 
-The style of the pictures is in `style`. Panels are stacked, so that a picture can also be read on a phone. Pictures can
-be read without colours, because colours differ in lightness, and the branches of a load cycle differ in line style and
-marker.
+The style of the pictures is defined in `style`. Panels are stacked, so that a picture can also be read on a phone.
+Pictures can be read without colours, because the colours differ in lightness, and the branches of a load cycle differ
+in line style and marker.
 """
 
 from __future__ import annotations
@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-#: Factor by which the load axis extends beyond the lowest and the highest load.
+#: Factor by which the load axis extends beyond the lowest and beyond the highest load.
 _LOAD_MARGIN = 1.1
-#: Width of a digit in the labels of loads, least space between two labels, and height of a label, as multiples of the
-#: font size.
+#: Width of a digit in the labels of loads, smallest space between two labels, and height of a label, in font sizes.
 _DIGIT, _SPACE, _LABEL_HEIGHT = 0.65, 0.5, 1.2
 #: If the ratio of the ends of a logarithmic axis is smaller than this, the ticks at 2 and 5 are labelled as well.
 _FEW_DECADES = 100.0
@@ -40,7 +39,7 @@ LEGEND_LINE = 0.155
 
 @dataclass(frozen=True)
 class Margins:
-    """Space around the axes of a panel [inch]."""
+    """Hold the space around the axes of a panel [inch]."""
 
     left: float
     right: float
@@ -50,16 +49,16 @@ class Margins:
 
 #: Margins of a panel with lines.
 LINES = Margins(0.58, 0.1, 0.42, 0.12)
-#: Margins of a panel whose horizontal axis has many loads, whose labels may be upright.
+#: Margins of a panel with a load axis, whose labels may be upright.
 LOADS = Margins(0.58, 0.1, 0.54, 0.12)
 #: Margins of a map with a colour bar above it.
 MAP = Margins(0.5, 0.12, 0.4, 0.52)
 
 
 class Sheet:
-    """Figure whose panels are stacked at fixed positions, with a letter at each panel if there are several.
+    """Make a figure whose panels are stacked at fixed positions. If there are several, each has a letter.
 
-    The automatic layout of matplotlib would draw every figure twice.
+    The automatic layout of matplotlib is not used, because it draws every figure twice.
 
     Parameters
     ----------
@@ -79,7 +78,7 @@ class Sheet:
         self.figure = Figure(figsize=(PAGE, self.height), dpi=dpi)
 
     def panel(self, row: int, margins: Margins) -> Axes:
-        """Add the axes of the panel in a row, counted from the top."""
+        """Add the axes of a panel; `row` is its number from the top, beginning with 0."""
         below = sum(self.heights[row + 1 :])
         width = PAGE - margins.left - margins.right
         height = max(self.heights[row] - margins.bottom - margins.top, 0.1)
@@ -101,7 +100,7 @@ class Sheet:
 
 
 def figure_of(axes: Axes) -> Figure:
-    """Get the figure that contains the axes."""
+    """Return the figure that contains some axes."""
     return axes.get_figure(root=True)  # type: ignore[return-value]
 
 
@@ -142,7 +141,7 @@ def legend_below(
 
 
 def length_unit(longest: float) -> tuple[float, str]:
-    """Choose the unit of a map or a profile by its longest side [m]; return the side of 1 unit in m, and its name.
+    """Choose the unit of length of a map or a profile by its longest side [m]; return its value [m] and its name.
 
     >>> length_unit(3e-4), length_unit(0.02)
     ((1e-06, 'µm'), (0.001, 'mm'))
@@ -161,8 +160,9 @@ def add_grid(axes: Axes) -> None:
 def set_load_axis(axes: Axes, loads: Array) -> None:
     """Set the scale of the x axis, and put a tick with a label at every load.
 
-    The axis is logarithmic if there are several loads. A load of 0 is placed to the left of the logarithmic part.
-    Labels that would touch each other are turned upright, and moved apart where loads lie very close together.
+    The axis is logarithmic if there are several loads. A load of 0 is placed to the left of the logarithmic part. If
+    labels would touch each other, all labels are turned upright, and labels of loads that are very close to each other
+    are moved apart.
 
     Parameters
     ----------
@@ -176,7 +176,8 @@ def set_load_axis(axes: Axes, loads: Array) -> None:
         return
     lowest = loads[loads > 0][0]
     highest = loads[-1]
-    # limits are set before the scale, which would look for limits itself and warn if only one load has a value
+    # The limits are set before the scale. Otherwise matplotlib determines limits for the new scale, and warns if only
+    # one load has a value.
     if loads.size == 1:
         axes.set_xlim(0, highest * _LOAD_MARGIN)
     elif loads[0] > 0:
@@ -191,7 +192,7 @@ def set_load_axis(axes: Axes, loads: Array) -> None:
 
 
 def _place_load_labels(axes: Axes, loads: Array) -> None:
-    """Turn and move the labels of the ticks at rising loads, so that they do not touch each other."""
+    """Turn and move the labels of the ticks at increasing loads, so that they do not touch each other."""
     from matplotlib.transforms import ScaledTranslation
 
     figure = figure_of(axes)
@@ -206,7 +207,7 @@ def _place_load_labels(axes: Axes, loads: Array) -> None:
     moved = positions
     if is_upright:
         height = _LABEL_HEIGHT * font_size
-        # fewer labels if there is no room for all of them
+        # if there is no room for all labels, only every second, third, … load is labelled, beginning with the highest
         every = int(np.ceil(height * loads.size / (1.1 * width)))
         texts = [f"{load:.4g}" if n % every == 0 else "" for n, load in enumerate(loads[::-1])]
         axes.set_xticklabels(texts[::-1])
@@ -218,7 +219,7 @@ def _place_load_labels(axes: Axes, loads: Array) -> None:
 
 
 def spread(positions: Array, distance: float) -> Array:
-    """Move rising positions as little as possible (least squares), so that neighbours have at least a distance.
+    """Move increasing positions apart, by least squares, so that neighbours have at least a given distance.
 
     >>> spread(np.array([0.0, 2.0, 2.2, 5.0]), 1.0)
     array([0. , 1.6, 2.6, 5. ])
@@ -246,10 +247,10 @@ def label_decades(axis: Axis) -> None:
 
 
 def shown(figure: Figure) -> Figure:
-    """Register a figure with pyplot, so that `pyplot.show()` opens it and a notebook shows it once."""
+    """Register a figure with pyplot, so that `pyplot.show()` opens it, and that a notebook shows it only once."""
     from matplotlib import pyplot
 
-    # pyplot only registers figures that it creates: the "class" of the new figure returns the existing one
+    # pyplot only registers figures that it has created; this "class" makes it use the existing figure as the new one
     pyplot.figure(FigureClass=lambda **_: figure)  # type: ignore[arg-type]
     if "inline" in pyplot.get_backend():
         figure._ipython_display_ = partial(_show_in_notebook, figure)  # type: ignore[attr-defined]
@@ -262,7 +263,7 @@ def _show_in_notebook(figure: Figure) -> None:
     from matplotlib import pyplot
 
     pyplot.close(figure)
-    # a screen has 96 pixels per inch; the picture has more, and stays sharp when it is enlarged
+    # browsers assume 96 pixels per inch; the picture has more pixels, so that it stays sharp when it is enlarged
     width = {"width": round(_NOTEBOOK_WIDTH * 96 / PAGE * figure.get_figwidth())}
     display({"image/png": png(figure)}, metadata={"image/png": width}, raw=True)
 
@@ -274,9 +275,9 @@ def _draw(result: Any) -> Figure:
 
 
 def shows(result_class: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
-    """Register a function that draws the picture of a class in the style of all pictures.
+    """Make a decorator for a function that draws the picture of a class of results, in the style of all pictures.
 
-    The arguments of the function after the first are the options of `plot()`.
+    The arguments of the function after the result are the options of `plot()`.
     """
 
     def register(draw: Callable[..., Figure]) -> Callable[..., Figure]:

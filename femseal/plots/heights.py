@@ -1,7 +1,7 @@
 """Draw heights: maps, profiles and spectral densities, and the survey of a measured face.
 
 A map of heights is a shaded relief, lit from the upper left. Its colour scale covers nearly all points. The few points
-far above or below it have two special colours.
+that are far above or far below it have special colours.
 """
 
 from __future__ import annotations
@@ -32,15 +32,16 @@ _TWO_LINES = replace(LINES, left=LINES.left + 0.1)
 MOST_POINTS = 1024
 #: The colour scale covers at least the heights between these percentiles.
 _PERCENTILES = (0.5, 99.5)
-#: The colour scale can extend beyond each percentile by this fraction of the distance between the two.
+#: The colour scale can extend beyond each percentile by this fraction of the distance between them.
 _RANGE_MARGIN = 0.25
 #: Colours of the points above and below the range of a map: red and light blue.
 ABOVE, BELOW = "#E31A1C", "#00D5FF"
 _AXIS_NAMES = ("along $x_1$ (leakage)", "along $x_2$")
-#: The relief is as steep as a surface with this rms slope, lit from the upper left at 45° to the surface.
+#: Rms slope to which the heights are scaled for the relief, and direction towards the light: from the upper left, at
+#: 45° to the surface (components to the right, upwards and out of the picture).
 _RELIEF_SLOPE = 0.7
 _LIGHT = (-0.5, 0.5, 0.5**0.5)
-#: Darkest shadow and brightest light of the relief, as the opacity of black and white.
+#: Largest opacity of the black of shadows and of the white of lights in the relief.
 _MOST_SHADE = 0.55
 _WAVELENGTH = "wavelength $2\\pi/q$ [µm]"
 
@@ -56,8 +57,8 @@ def height_range(heights: NDArray) -> Pair:
     Returns
     -------
     low, high : float
-        Lowest and highest of the heights that are not outliers. Outliers lie far outside the range between the 0.5 and
-        the 99.5 % percentile.
+        Lowest and highest of the heights that are not outliers. Outliers are far outside the range from the 0.5th to
+        the 99.5th percentile.
     """
     z = heights[~np.isnan(heights)]
     if not z.size:
@@ -68,7 +69,7 @@ def height_range(heights: NDArray) -> Pair:
     low = z_without_outliers.min()
     high = z_without_outliers.max()
     if high == low:
-        # nearly all points have the same height: the colours can as well show the outliers
+        # nearly all points have the same height, so that the colours can show the outliers instead
         return z.min(), z.max()
     return low, high
 
@@ -76,7 +77,7 @@ def height_range(heights: NDArray) -> Pair:
 def draw_heights(
     axes: Axes, heights: NDArray, size: Pair, name: str = "height [µm]", *, upright: bool = False
 ) -> None:
-    """Draw a map of heights as a shaded relief, and say which fraction of the points lies outside the colour scale.
+    """Draw a map of heights as a shaded relief. A legend states the fraction of points outside the colour scale.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ def draw_heights(
     name : str
         Name of the heights with their unit.
     upright : bool
-        True keeps x1 horizontal even if the map is high and narrow.
+        Whether x1 stays horizontal even if the map is high and narrow.
     """
     from matplotlib import colormaps
 
@@ -120,7 +121,10 @@ def draw_heights(
 
 
 def _draw_relief(axes: Axes, heights: NDArray) -> None:
-    """Shade the map that the axes contain by the slopes of its heights, an image (rows from below, columns)."""
+    """Shade the map in the axes by the slopes of its heights.
+
+    heights : heights as an image, (rows from below, columns).
+    """
     image = axes.images[0]
     left, right, bottom, top = image.get_extent()
     spacing = (top - bottom) / heights.shape[0], (right - left) / heights.shape[1]
@@ -152,8 +156,8 @@ def heights_figure(topography: Surface) -> Figure:
     Parameters
     ----------
     topography : Topography or Patches
-        Surface whose heights are drawn. Spectral densities are left out if points are undefined. If there are several
-        measured patches, the spectral densities are those of the longest patch.
+        Surface whose heights are drawn. If it has undefined points, the spectral densities are left out. If it consists
+        of several measured patches, the spectral densities are those of the longest patch.
 
     Returns
     -------
@@ -176,7 +180,7 @@ def heights_figure(topography: Surface) -> Figure:
 
 
 def _write_in_the_middle(axes: Axes, text: str) -> None:
-    """Write why a panel is empty."""
+    """Write a text that explains why a panel is empty."""
     axes.annotate(text, (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
     axes.set(xticks=[], yticks=[])
 
@@ -234,11 +238,11 @@ def survey_figure(
     report : SurfaceReport, optional
         Description of this surface by `describe_surface`. Without it, the spectral densities are left out.
     conditioning : Conditioning, optional
-        Record of how `condition` changes this surface in a run. If it is given, its shortest wave is marked.
+        Report of `condition` on this surface. If it is given, the shortest wave that a run keeps is marked.
     detrend : int, optional
-        Order of the polynomial form that is removed, as in `condition`.
+        Order of the form that is removed, see `condition`.
     spikes : float
-        Threshold for the detection of spikes, as in `condition`.
+        Threshold for the detection of spikes, see `condition`.
 
     Returns
     -------
@@ -262,7 +266,7 @@ def survey_figure(
 
 
 def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> None:
-    """Draw a map of the measured heights, with a dot at every point at which `is_spike` (n1, n2) is true."""
+    """Draw a map of the measured heights, with a dot at every point at which `is_spike` (n1, n2) is True."""
     draw_heights(axes, measured.heights * 1e6, measured.size, "levelled height [µm]", upright=True)
     notes = []
     if measured.undefined_fraction:
@@ -302,7 +306,7 @@ def _draw_radial_density(
 ) -> None:
     """Draw the spectral density averaged over directions.
 
-    The fitted power law and the shortest waves, of the measurement and of the run, are marked.
+    The fitted power law, the shortest wave that was measured and the shortest wave that a run keeps are marked.
     """
     q, density = complete.radial_psd()
     is_drawn = (q > 0) & (density > density.max(initial=0.0) * 1e-14)

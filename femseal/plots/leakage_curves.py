@@ -33,7 +33,7 @@ _AXES_HEIGHT = 2.3
 def _draw_curves(curves: LeakageCurves, ax: Axes | None, label: str | None) -> Figure:
     """Draw leakage curves into a new figure, or add them to existing axes."""
     if ax is not None:
-        # all results in the same axes have the same unit
+        # all results in the same axes must have the same unit
         in_common_unit = replace(curves, scale=COMMON_SCALE, force=None, limits={})
         leakage_panel(ax, in_common_unit, f"{label or curves.title}, ")
         ax.legend(framealpha=0.9, edgecolor="none", fontsize="small", handlelength=2.8)
@@ -121,17 +121,17 @@ def realisations_figure(
 def leakage_figure(results: Results, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Draw the magnitude of the leakage of a run against load.
 
-    The load is the force if the case gives forces, and otherwise the nominal pressure. Loads without leakage are marked
-    in a strip below the scale. The shaded area is the 95 % interval, or the scatter between the realisations if the
-    run has no error budget.
+    The load is the force if the case states forces, and otherwise the nominal pressure. Loads without leakage are
+    marked in a strip below the scale. The shaded area is the 95 % interval, or the scatter between the realisations if
+    the run has no error budget.
 
     Parameters
     ----------
     results : Results
         Results of a run.
     ax : Axes, optional
-        Axes to draw into, to compare several runs. The load is the nominal pressure then. By default, the axes are
-        those of a new figure.
+        Axes to draw into, in order to compare several runs; the load is then the nominal pressure. By default, the axes
+        are those of a new figure.
     label : str, optional
         Name of the run in the legend.
 
@@ -143,7 +143,7 @@ def leakage_figure(results: Results, ax: Axes | None = None, label: str | None =
 
 
 def leakage_curves(results: Results) -> LeakageCurves:
-    """Collect the leakages of a run that its picture shows."""
+    """Collect the leakages of a run that are drawn in its picture."""
     data = results.dataset
     budget = results.budget
     band = None
@@ -159,7 +159,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         for method, name in METHODS.items()
         if name in data and method not in ("median", results.method)
     }
-    # the limits apply to the leakage of the test fluid if there is one, which this picture does not show
+    # if there is a test fluid, the limits apply to its leakage, which is not in this picture
     limits = {} if "test_leakage" in data else _class_limits(data)
     return LeakageCurves(
         pressure=data["nominal_pressure"].values,
@@ -226,7 +226,7 @@ def _class_limits(data: xarray.Dataset) -> dict[str, float]:
 
 
 def _method_title(results: Results) -> str:
-    """Return the name of the curve of the best method of a run."""
+    """Return the name of the main curve of a run, which is that of its best method."""
     return "median of the realisations" if results.method == "median" else results.method
 
 
@@ -244,7 +244,8 @@ def _readable_scale(leakage: Array) -> tuple[float, str]:
 def _run_scale(results: Results) -> tuple[float, str]:
     """Return the value of the leakage unit of a run in m²/s, and the name of the axis.
 
-    The name also gives the pressure of a gas volume, and the direction of the flow if it is from outlet to inlet.
+    The name also states the pressure to which the volume of a gas refers, and the direction of the flow if it is from
+    outlet to inlet.
     """
     unit, factor = results.leak_scale
     attrs = results.dataset.attrs

@@ -15,7 +15,7 @@ from .style import GREY, branch_styles
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: The ends of 95 % intervals can extend the scale beyond the leakages by at most this factor.
+#: Largest factor by which the ends of 95 % intervals extend the scale beyond the leakages.
 _FARTHEST_END = 10.0
 #: The limits of leakage classes can extend the scale beyond leakages and intervals by at most this factor.
 _FARTHEST_LIMIT = 30.0
@@ -31,14 +31,14 @@ COMMON_SCALE = (1.0, "leakage per length of seal [m²/s]")
 
 @dataclass(frozen=True)
 class LeakageCurves:
-    """Leakages per unit seal length over a load cycle, which are drawn together.
+    """Hold the leakages over a load cycle, per length of seal, that are drawn together.
 
     Parameters
     ----------
     pressure : array (steps,)
         Nominal pressure of each load step [Pa].
     peaks : array (steps,)
-        Nominal pressure from which the seal has been unloaded at each step [Pa]; NaN on loading.
+        Peak pressure from which the seal is unloaded at each step [Pa]; NaN on loading.
     leakage : array (steps,)
         Leakage of the main curve [m²/s].
     title : str
@@ -52,9 +52,9 @@ class LeakageCurves:
     limits : dict of float
         Limits of leakage classes [m²/s], by the names of the classes.
     scale : pair (float, str)
-        Leakage that equals 1 on the axis [m²/s], and the name of the axis with its unit.
+        Value of the unit of the leakage axis [m²/s], and the name of the axis with this unit.
     force : pair (str, float), optional
-        Unit of the forces in the case, and the force in this unit that belongs to a nominal pressure of 1 Pa.
+        Unit of the forces in the case, and the force in this unit at a nominal pressure of 1 Pa.
     """
 
     pressure: Array
@@ -70,7 +70,7 @@ class LeakageCurves:
 
     @property
     def branches(self) -> list[tuple[str, Indices]]:
-        """Name and step indices of the loading and of each unloading; the name of an unloading gives its peak."""
+        """Name and step indices of the loading and of each unloading. The name of an unloading states its peak."""
         loading, *unloadings = branches(self.pressure, self.peaks)
         if self.force is None:
             return [loading, *unloadings]
@@ -83,7 +83,7 @@ class LeakageCurves:
 
     @property
     def load_scale(self) -> tuple[str, float]:
-        """Name of the load axis, and the value on it that belongs to a nominal pressure of 1 Pa."""
+        """Name of the load axis, and its value at a nominal pressure of 1 Pa."""
         if self.force is None:
             return "nominal pressure [MPa]", 1e-6
         unit, factor = self.force
@@ -106,9 +106,9 @@ class LeakageCurves:
 
 
 def with_near_ends(leakages: Array, ends: Array) -> Array:
-    """Append the ends of 95 % intervals to leakages, to find the range of an axis.
+    """Append the ends of 95 % intervals to leakages, in order to determine the range of an axis.
 
-    An end more than 10 times below the lowest or above the highest leakage is moved to this distance, so that a wide
+    Ends are limited to the range from a tenth of the lowest leakage to ten times the highest leakage, so that a wide
     interval does not compress the curves.
 
     Parameters
@@ -131,7 +131,7 @@ def with_near_ends(leakages: Array, ends: Array) -> Array:
 def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[Any]:
     """Draw the absolute value of the leakage against load on a logarithmic scale.
 
-    Loads without leakage are marked in a strip below the scale. Curves that the axes already contain are kept, and the
+    Loads without leakage are marked in a strip below the scale. Curves that are in the axes already are kept, and the
     scale covers them too.
 
     Parameters
@@ -203,7 +203,7 @@ def set_leakage_axis(axes: Axes, values: Array) -> None:
     label_decades(axes.yaxis)
     if not strip:
         return
-    # not axhspan, which would extend the range of leakages
+    # a patch instead of `axhspan`, which would change the limits of the axis
     axes.add_patch(
         Rectangle((0, 0), 1, strip, transform=axes.transAxes, color="#E4E4E4", lw=0, zorder=0)
     )
@@ -221,7 +221,7 @@ def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
     load, leakage : array (steps,)
         Load and leakage, in the units of the axes.
     **style
-        Style of line and markers, as `Axes.plot` takes it.
+        Style of line and markers, as arguments of `Axes.plot`.
 
     Returns
     -------
@@ -237,7 +237,7 @@ def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
 
 
 def leakage_band(axes: Axes, load: Array, low: Array, high: Array, colour: Any) -> None:
-    """Shade the area between two leakages, as far as it lies within the scale; draw a bar if there is only one load."""
+    """Shade the area between two leakages (steps,), limited to the scale; if there is only one load, draw a bar."""
     low, high = _within_scale(axes, low, high)
     if len(load) > 1:
         axes.fill_between(load, low, high, color=colour, lw=0, alpha=0.16)
@@ -246,7 +246,7 @@ def leakage_band(axes: Axes, load: Array, low: Array, high: Array, colour: Any) 
 
 
 def leakage_bars(axes: Axes, load: Array, low: Array, high: Array, colour: Any) -> None:
-    """Draw intervals of leakages as thin vertical bars, as far as they lie within the scale."""
+    """Draw intervals of leakages (steps,) as thin vertical bars, limited to the scale."""
     low, high = _within_scale(axes, low, high)
     axes.vlines(load, low, high, color=colour, lw=0.9, alpha=0.75)
 
@@ -265,7 +265,7 @@ def limits_width(limits: dict[str, float]) -> float:
 def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     """Draw a horizontal line for every limit within the scale, with its name to the right of the axes.
 
-    Names that would overlap are joined to one text.
+    Names that would overlap are written as one text, separated by commas.
 
     Parameters
     ----------

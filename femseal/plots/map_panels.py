@@ -22,7 +22,7 @@ POCKET = "#FFFFFF"
 _HIGHEST_UPRIGHT = 1.2
 #: Distance of the colour bar from the map, and its height [inch].
 _BAR_DISTANCE, _BAR_HEIGHT = 0.05, 0.075
-#: Least height of a map [inch].
+#: Smallest height of a map [inch].
 LOWEST_MAP = 0.5
 
 
@@ -53,15 +53,15 @@ def draw_map(
     colours : colormap or its name
         Colours of the values.
     name : str
-        Name of the quantity with its unit, which is written at the colour bar.
+        Name of the quantity with its unit, for the colour bar.
     unit : str
         Unit of length on the axes.
     upright : bool
-        True keeps x1 horizontal even if the map is high and narrow.
+        Whether x1 stays horizontal even if the map is high and narrow.
     key : mapping of str, optional
         Colours of points without a value, by what these points are.
     **scale
-        Range or norm of the colours, with the names of the arguments of `Axes.imshow`.
+        Range or norm of the colours, as arguments of `Axes.imshow`.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def draw_map(
     if is_turned:
         names.reverse()
     axes.set(xlabel=names[0], ylabel=names[1])
-    # a long map whose height would be too small is not to scale
+    # a map that is so long that its height to scale would be too small is not drawn to scale
     panel_width, panel_height = axes.get_position().size * figure_of(axes).get_size_inches()
     is_to_scale = width / height < 1.05 * panel_width / panel_height
     aspect = "equal" if is_to_scale or panel_height > 1.05 * LOWEST_MAP else "auto"
@@ -93,16 +93,16 @@ def draw_map(
 
 
 def to_image(values: Array, size: Pair, *, upright: bool = False) -> Array:
-    """Arrange values (n1, n2, …) as `imshow` takes them: x1 is horizontal unless the map is turned on its side."""
+    """Arrange values (n1, n2, …) for `imshow`: x1 is horizontal unless the map is turned on its side."""
     is_turned = not upright and on_its_side(size) != tuple(size)
     return values if is_turned else np.swapaxes(values, 0, 1)
 
 
 def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
-    """Return how `imshow` fits the pixels of a map to those of the picture.
+    """Return the interpolation by which `imshow` converts the pixels of a map to those of the picture.
 
-    Without interpolation, every pixel of the map has its own colour, also when a vector picture is enlarged. A map with
-    more pixels than the picture has is averaged in the picture.
+    Without interpolation, every pixel of the map has a single colour, even when a vector picture is enlarged. If a map
+    has more pixels than the picture, it is averaged.
     """
     figure = figure_of(axes)
     width, height = axes.get_position().size * figure.get_size_inches() * figure.dpi
@@ -110,13 +110,13 @@ def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
 
 
 def map_dpi(shape: tuple[int, ...], margins: Margins = MAP) -> float:
-    """Return the pixels per inch with which a picture shows each pixel of a map, within limits."""
+    """Return the pixels per inch at which a picture has a pixel for each pixel of a map, within limits."""
     width = PAGE - margins.left - margins.right
     return float(np.clip(max(shape) / width, DPI, MOST_DPI))
 
 
 def on_its_side(size: Pair) -> Pair:
-    """Return the width and height of a map with the sides (x1, x2); a high and narrow map is turned by 90°."""
+    """Return width and height of a map with the sides (x1, x2). A high and narrow map is turned by 90°."""
     if size[1] > _HIGHEST_UPRIGHT * size[0]:
         return size[1], size[0]
     return size[0], size[1]
@@ -125,8 +125,8 @@ def on_its_side(size: Pair) -> Pair:
 def map_row_height(size: Pair, margins: Margins = MAP) -> float:
     """Compute the height [inch] of a panel with a map of sides (horizontal, vertical), including its margins.
 
-    The map itself fills the width. It is at least `LOWEST_MAP` high, so that a long map can still be read, and at most
-    as high as it is wide.
+    The map fills the width of the panel. Its height is at least `LOWEST_MAP`, so that a long map can still be read, and
+    at most its width.
     """
     width = PAGE - margins.left - margins.right
     map_height = float(np.clip(width * size[1] / size[0], LOWEST_MAP, width))
@@ -149,7 +149,7 @@ def add_colour_bar(axes: Axes, image: Any, name: str) -> Any:
 
 
 def add_key(axes: Axes, key: Mapping[str, str]) -> None:
-    """Explain the colours of points without a value, to the right of the name of the colour bar."""
+    """Draw a legend for the colours of points without a value, to the right of the name of the colour bar."""
     from matplotlib.patches import Patch
 
     patches = [
@@ -195,7 +195,7 @@ def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
     high = positive.max() if positive.size else 1.0
     low = max(positive.min(), high * 10.0**-decades) if positive.size else 0.1
     if low >= 0.99 * high:
-        # on a narrower scale, all ticks would show the same number
+        # on a narrower scale, the numbers at all ticks would be the same
         low = high / 10
     clipped = np.full(values.shape, np.nan)
     clipped[values > 0] = np.maximum(values[values > 0], low)

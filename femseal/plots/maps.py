@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Largest field over the pixels of which a map is drawn [pixels]. Averaging a larger one takes too much memory.
+#: Largest field over the pixels that is averaged for a map [pixels]. A larger field would take too much memory.
 _LARGEST_FIELD = 4096 * 4096
 #: Colour of the flow in maps of the fluid pressure.
 _FLOW = "#D7191C"
@@ -64,9 +64,9 @@ def default_step(data: xarray.Dataset) -> int:
 def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Draw contact pressure, gap and fluid pressure of the surface at one load, and the fluid pressure along x1.
 
-    The maps show every pixel, up to 1024 along each side, if the fields over the pixels are in memory or in the folder
-    of the results, and means over blocks of pixels otherwise. The flow is drawn over the fluid pressure. If the results
-    have no fields over the surface, the realisation nearest to the median is drawn instead.
+    If the fields over the pixels are in memory or in the folder of the results, the maps show every pixel, up to 1024
+    along each side; otherwise they show means over blocks of pixels. The flow is drawn over the fluid pressure. If the
+    results have no fields over the surface, the realisation nearest to the median is drawn instead.
 
     Parameters
     ----------
@@ -115,8 +115,8 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
 def surface_fields(results: Results, step: int) -> list[Array]:
     """Return contact pressure [Pa], gap [m] and fluid pressure [Pa] of the surface at a step, (n1, n2) each.
 
-    They have a value for each pixel if these fields are in memory or in the folder of the results, and otherwise the
-    means over blocks of pixels that the dataset contains. Fields with more pixels than a picture can show are averaged.
+    If these fields are in memory or in the folder of the results, there is a value for each pixel. Otherwise the values
+    are the means over blocks of pixels in the dataset. Fields with more pixels than a picture can show are averaged.
     """
     names = ("contact_pressure", "gap", "fluid_pressure")
     if step in stored_steps(results):
@@ -128,7 +128,7 @@ def surface_fields(results: Results, step: int) -> list[Array]:
 
 
 def _reduced(field: Array) -> Array:
-    """Average a field over blocks of pixels if it has more of them than a map shows."""
+    """Average a field over blocks of pixels if it has more pixels than a map shows."""
     if max(field.shape) <= MOST_POINTS:
         return field
     return block_means(field, MOST_POINTS).astype(float)
@@ -146,7 +146,7 @@ def surface_figure(data: xarray.Dataset) -> Figure:
 
 @styled
 def patch_figure(data: xarray.Dataset) -> Figure:
-    """Draw the heights of the measured patch that leaks most, and if known its gap at the highest load that leaks."""
+    """Draw the heights of the measured patch that leaks most and, if known, its gap at the highest leaking load."""
     size = sides(data, "patch")
     has_gaps = "patch_gap" in data
     heights = data["patch_height"]
@@ -163,10 +163,10 @@ def patch_figure(data: xarray.Dataset) -> Figure:
 
 
 def sides(data: xarray.Dataset, part: str = "face") -> Pair:
-    """Return the sides [m] of the surface ("face") or of the drawn patch ("patch"), from the centres of its blocks."""
+    """Return the sides of the surface ("face") or of the drawn patch ("patch") [m] from the centres of their blocks."""
     x1 = data[f"{part}1"].values
     x2 = data[f"{part}2"].values
-    # the first and the last centre are half a block away from the ends
+    # the first centre is half a block from 0, and the last one half a block from the other end
     return float(x1[0] + x1[-1]), float(x2[0] + x2[-1])
 
 
@@ -188,7 +188,7 @@ def _draw_gap(axes: Axes, gap: Array, size: Pair) -> None:
 
 
 def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size: Pair) -> None:
-    """Draw a map of the fluid pressure (n1, n2) [Pa], and the flow as a colour that is opaque where it is largest."""
+    """Draw a map of the fluid pressure (n1, n2) [Pa], and over it the flow as a colour, opaque where it is largest."""
     from matplotlib.colors import to_rgb
 
     in_unit, unit = _in_unit(size)
@@ -209,7 +209,7 @@ def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size:
 
 
 def relative_flow(gap: Array, pressure: Array, size: Pair) -> Array:
-    """Compute the flow per width at each pixel, divided by its largest value, by the cubic law.
+    """Compute the flow per unit width at each pixel by the cubic law, divided by its largest value.
 
     Parameters
     ----------
@@ -230,19 +230,20 @@ def relative_flow(gap: Array, pressure: Array, size: Pair) -> Array:
     known = np.where(is_open, pressure, 0.0)
     squared = np.zeros(gap.shape)
     for axis, side in enumerate(size):
-        towards = np.roll(conductivity, -1, axis)  # the next pixel
-        total = conductivity + towards
+        of_next_pixel = np.roll(conductivity, -1, axis)
+        total = conductivity + of_next_pixel
+        # harmonic mean of both pixels, 0 if one of them is closed
         mean = np.divide(
-            2 * conductivity * towards, total, out=np.zeros_like(total), where=total > 0
+            2 * conductivity * of_next_pixel, total, out=np.zeros_like(total), where=total > 0
         )
         to_next = mean * (known - np.roll(known, -1, axis)) * gap.shape[axis] / side
-        from_last = np.roll(to_next, 1, axis)
-        if (
-            axis == 0
-        ):  # nothing flows from the outlet to the inlet: the flow of the neighbours goes on
-            to_next[-1] = from_last[-1]
-            from_last[0] = to_next[0]
-        squared += ((to_next + from_last) / 2) ** 2
+        from_previous = np.roll(to_next, 1, axis)
+        if axis == 0:
+            # x1 is not periodic: the flow at the inlet and at the outlet is that between the first and the last two
+            # rows
+            to_next[-1] = from_previous[-1]
+            from_previous[0] = to_next[0]
+        squared += ((to_next + from_previous) / 2) ** 2
     flow = np.sqrt(squared)
     return np.asarray(flow / (flow.max() or 1.0))
 
@@ -263,7 +264,7 @@ def contact_figure(contact: Contact) -> Figure:
 
 
 def _contact_sheet(contact: Contact, head: float = 0.0) -> Sheet:
-    """Draw the maps of a contact into a figure with a space for a title [inch]."""
+    """Draw the maps of a contact into a figure. head : height of the space for a title [inch]."""
     spacing = contact.half_space.spacing
     size = (contact.gap.shape[0] * spacing[0], contact.gap.shape[1] * spacing[1])
     row_height = map_row_height(on_its_side(size))
@@ -337,7 +338,8 @@ def _draw_fluid_pressure(
 ) -> Figure:
     """Draw a map of a fluid pressure (n1, n2) into axes, by default those of a new figure.
 
-    The axes count pixels or nodes; `unit` says which. `key` explains the colour of points without a pressure.
+    unit : what the axes count, "pixels" or "nodes". key : colour of points without a pressure, by what these points
+    are.
     """
     n1, n2 = values.shape
     if ax is None:

@@ -36,17 +36,18 @@ _LINE_STYLES = ("-", "--", ":", "-.")
 
 
 def surface_leakage(data: xarray.Dataset) -> Array:
-    """Return the leakage (steps,) [m²/s] of the surface, or that of the realisations if the surface was not solved."""
+    """Return the leakage of the surface (steps,) [m²/s], or that of the realisations if no study solved the surface."""
     names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
     available = [name for name in names if name in data]
     return np.asarray(data[available[0]].values)
 
 
 def short_load_names(data: xarray.Dataset) -> list[str]:
-    """Return a short text for every load step in the unit of the case, such as "40 MPa" or "40 MPa (from 300 MPa)"."""
+    """Return a short name of every load step in the unit of the case, such as "40 MPa" or "40 MPa (from 300 MPa)"."""
     force = force_scale(data)
 
     def text(pressure: float) -> str:
+        """Write a nominal pressure [Pa], as a force if the case states forces."""
         if force is None:
             return to_text(pressure, "Pa", 4)
         return f"{force.per_pascal * pressure:.4g} {force.unit}"
@@ -60,13 +61,13 @@ def short_load_names(data: xarray.Dataset) -> list[str]:
 
 
 def leaking_steps(data: xarray.Dataset) -> list[int]:
-    """Return the indices of the load steps that leak, or the first one if none does."""
+    """Return the indices of the load steps at which the seal leaks; if there are none, the index of the first step."""
     leaking = np.flatnonzero(np.nan_to_num(surface_leakage(data)) != 0)
     return leaking.tolist() or [0]
 
 
 def pressure_margins(line_count: int, with_range: bool) -> Margins:
-    """Return the margins of a panel with a legend of all loads below it."""
+    """Return the margins of a panel with a legend of `line_count` lines, and perhaps a shaded range, below it."""
     lines = ceil((line_count + with_range) / 2)
     return replace(LINES, bottom=LINES.bottom + LEGEND_LINE * (lines + 0.5))
 
@@ -79,7 +80,7 @@ def pressure_panel_height(margins: Margins) -> float:
 def draw_fluid_pressure_lines(axes: Axes, data: xarray.Dataset, shown_step: int) -> None:
     """Draw the fluid pressure along x1, averaged over x2, with a line for each load that leaks.
 
-    For the step that the maps show, the range between the lowest and the highest pressure is shaded as well.
+    For the step that the maps show, the range between the lowest and the highest pressure is also shaded.
     """
     values = data["face_fluid_pressure"].values.astype(float)  # (step, row, column)
     pressure = np.ma.masked_invalid(values) / 1e6  # MPa; there is none in contact and in pockets
@@ -98,7 +99,7 @@ def draw_fluid_pressure_lines(axes: Axes, data: xarray.Dataset, shown_step: int)
 
 @styled
 def seat_figure(data: xarray.Dataset) -> Figure:
-    """Draw the contact pressure against x1, averaged over x2, at every load, which shows the contact band of a seat."""
+    """Draw the contact pressure along x1, averaged over x2, at every load; it shows the contact width of a seat."""
     steps = range(data.sizes["step"])
     margins = pressure_margins(len(steps), with_range=False)
     sheet = Sheet([pressure_panel_height(margins)])
@@ -138,7 +139,7 @@ def _draw_along_x1(
 ) -> list[Any]:
     """Draw a line of pressures [MPa] against x1 [m] for each step, and return the lines.
 
-    The colours rise with the load, from dark to bright; the line style is that of the branch.
+    The colour of a line indicates the load, from dark to bright, and its style the branch of the load cycle.
     """
     names = short_load_names(data)
     unit, unit_name = length_unit(x1[-1])
@@ -147,6 +148,7 @@ def _draw_along_x1(
     colours = sequential_colours(len(loads))
     branch_of_step = {
         int(step): branch
+        # in reverse order, so that a peak, which begins an unloading as well, is counted as a step of the loading
         for branch, (_, steps) in reversed([*enumerate(branches_in(data))])
         for step in steps
     }

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Number of decades below the largest flow that the colour scale of the flow covers.
+#: Number of decades of the colour scale of the flow, below the largest flow.
 _FLOW_DECADES = 4
-#: Side of the detail around the largest flow, as a multiple of the width of the seal: for few rows of tiles, and for
-#: many, which would be too small in a large detail.
+#: Side of the detail around the largest flow, in widths of the seal. The second value is for seals with many rows of
+#: tiles, which would be too small in a large detail.
 _DETAIL_SIDE, _SMALL_DETAIL_SIDE = 2.5, 1.15
-#: Number of rows of tiles from which on the smaller detail is drawn.
+#: Smallest number of rows of tiles for the smaller detail.
 _MANY_ROWS = 8
-#: More tiles than this in a panel are drawn as pixels in vector pictures, whose files would become too large.
+#: If a panel has more tiles than this, they are drawn as pixels in vector pictures, so that the files stay small.
 _MOST_VECTOR_TILES = 5000
 #: A seal is drawn to scale up to this ratio of length to width.
 _LONGEST_TO_SCALE = 8.0
@@ -44,14 +44,14 @@ _LONGEST_TO_SCALE = 8.0
 
 @dataclass(frozen=True)
 class _TileValues:
-    """Values of the tiles of a seal that are drawn as a map.
+    """Hold the values of the tiles of a seal for a map.
 
     Attributes
     ----------
     name : name of the quantity, with its unit.
     values : value of each tile, (tiles,), NaN where there is none.
     colours : name of the colour map.
-    undefined : explanation of tiles without a value.
+    undefined : words that explain tiles without a value.
     decades : largest number of decades of a logarithmic colour scale; 0 for a linear scale.
     streamlines : colour of the streamlines that are drawn over the map; "" for none.
     """
@@ -92,8 +92,8 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
         corners = corners[..., ::-1]
         flux = flux[..., ::-1]
     flow = np.hypot(*flux.T)  # (tile,)
-    low = corners.min(axis=(0, 1))
-    high = corners.max(axis=(0, 1))
+    low = corners.min(axis=(0, 1))  # lower left corner of the seal
+    high = corners.max(axis=(0, 1))  # upper right corner
     centre_of_largest_flow = corners[np.argmax(flow)].mean(axis=0)
     detail_low, detail_high = _detail(data, corners, centre_of_largest_flow)
     shows_whole_seal = np.array_equal([detail_low, detail_high], [low, high])
@@ -135,9 +135,10 @@ def _axis_names(data: xarray.Dataset, unit: str, is_turned: bool) -> tuple[str, 
 
 
 def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array, Array]:
-    """Return the lower left and upper right corner of the detail, both (axis,) [m].
+    """Return the lower left and the upper right corner of the detail, (2,) each [m].
 
-    The detail is a square around the point `centre`, moved so that it lies within the seal, and limited to the seal.
+    The detail is a square around the point `centre`. It is moved so that it lies within the seal, and cut off where the
+    seal is narrower.
     """
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
@@ -163,7 +164,7 @@ def _flow_values(flow: Array, shows_whole_seal: bool) -> _TileValues:
 
 
 def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
-    """Return the values whose maps show the whole seal."""
+    """Return the values of the tiles for all maps that show the whole seal."""
     maps = []
     has_form = "drawn_form" in data
     has_load_map = json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map")
@@ -196,7 +197,7 @@ def _draw_tiles(axes: Axes, corners: Array, tile_values: _TileValues, is_drawn: 
     tile_values : _TileValues
         Values of all tiles.
     is_drawn : array of bool (tiles,)
-        True for the tiles that are drawn.
+        Whether each tile is drawn.
     """
     from matplotlib import colormaps
     from matplotlib.collections import PolyCollection

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
     from ..loads import LoadStep
 
-#: The intervals of up to this number of runs are shaded areas. Those of more runs are bars, which hide each other less.
+#: If there are more runs than this, their intervals are drawn as bars instead of shaded areas, which would hide each
+#: other.
 _MOST_SHADED = 3
 #: Relative distance by which bars at the same position are moved apart.
 _BAR_DISTANCE = 0.012
@@ -45,8 +46,8 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     a strip below the scale. The 95 % intervals on loading are shaded areas, or bars if there are more than three runs.
     If no run has an error budget, the scatter between realisations is drawn instead.
 
-    The picture of a sweep has a second panel with the leakage against the key of the case that has most values, at the
-    highest load at which all runs leak.
+    The picture of a sweep has a second panel. It shows the leakage at the highest load at which all runs leak, against
+    the key of the case that has the most values.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def comparison_figure(comparison: RunComparison) -> Figure:
 
 
 def _most_varied_key(comparison: RunComparison) -> int | None:
-    """Return the index of the key with most values, None if no key varies or the runs have no load in common."""
+    """Return the index of the key with the most values; None if no key varies, or if the runs have no common load."""
     counts = [len(set(values)) for values in zip(*comparison.settings, strict=True)]
     if not comparison.common_steps or max(counts, default=0) < 2:
         return None
@@ -82,7 +83,7 @@ def _most_varied_key(comparison: RunComparison) -> int | None:
 
 @dataclass(frozen=True)
 class _Bands:
-    """Ranges that are drawn around the leakages of several runs.
+    """Hold the ranges that are drawn around the leakages of several runs.
 
     Attributes
     ----------
@@ -134,7 +135,7 @@ def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], s
         if is_shaded:
             leakage_band(axes, loads[n][loading], low, high, colour)
         else:
-            # the bars of the runs stand side by side, centred about the load
+            # the bars of the runs are side by side, centred at the load
             shift = 1 + _BAR_DISTANCE * (n - (count - 1) / 2)
             leakage_bars(axes, loads[n][loading] * shift, low, high, colour)
     axes.set(xlabel="nominal pressure [MPa]", ylabel=comparison.label)
@@ -164,7 +165,7 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
         x = np.array([positions[texts.index(comparison.settings[run][key])] for run in runs])
         order = np.argsort(x)
         leakage_line(axes, x[order], leakages[runs][order], label=name, **style)
-        # the bars of the lines stand side by side
+        # the bars of the lines are side by side
         shift = _BAR_DISTANCE * (n - (len(runs_by_line) - 1) / 2)
         bar_x = x * (last / first) ** shift if is_log else x + (last - first) * shift
         has_interval = np.isfinite(high[runs])
@@ -186,14 +187,14 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
 
 
 def _highest_leaking_step(comparison: RunComparison) -> LoadStep:
-    """Return the step of the highest load on loading at which all runs leak, or else the first common step."""
+    """Return the step of the highest load on loading at which all runs leak; if none, the first common step."""
     loading = [step for step in comparison.common_steps if step.unloaded_from is None]
     leaking = [step for step in loading if (_leakages_at(comparison, step) > 0).all()]
     return leaking[-1] if leaking else comparison.common_steps[0]
 
 
 def _runs_by_other_keys(comparison: RunComparison, key: int) -> dict[str, list[int]]:
-    """Group the indices of the runs by the values of all keys but one."""
+    """Group the indices of the runs by the values of all keys except `key`."""
     groups: dict[str, list[int]] = {}
     for n, values in enumerate(comparison.settings):
         name = ", ".join(_without(values, key))
@@ -202,7 +203,7 @@ def _runs_by_other_keys(comparison: RunComparison, key: int) -> dict[str, list[i
 
 
 def _without(texts: tuple[str, ...], index: int) -> tuple[str, ...]:
-    """Return the texts without the one at an index."""
+    """Return all texts except the one at an index."""
     return texts[:index] + texts[index + 1 :]
 
 
@@ -234,7 +235,7 @@ def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Arr
 def _axis_positions(texts: list[str]) -> list[float]:
     """Return the positions of the values of a key on an axis.
 
-    They are the numbers of the values if all of them are numbers with the same unit, and otherwise 0, 1, 2, …
+    If all values are numbers with the same unit, the positions are these numbers, and otherwise 0, 1, 2, …
     """
     matches = [_NUMBER_WITH_UNIT.fullmatch(text) for text in texts]
     numbers = [float(match[1]) for match in matches if match]

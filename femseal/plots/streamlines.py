@@ -12,7 +12,8 @@ from ..base import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Number of points at which the flow is interpolated along the longer and the shorter side of a panel, at least.
+#: Number of points at which the flow is interpolated along the longer side of a panel, and smallest number along the
+#: shorter side.
 _MOST_POINTS, _FEWEST_POINTS = 160, 24
 #: Width of streamlines where the flow is largest and where it vanishes [points].
 _WIDEST, _NARROWEST = 1.0, 0.25
@@ -22,12 +23,12 @@ _PATH_COLOUR, _PATH_WIDTH = "#E6007E", 1.4
 
 @dataclass(frozen=True)
 class _FlowGrid:
-    """Flow of the tiles, interpolated at the points of a regular grid over a panel.
+    """Hold the flow of the tiles, interpolated at the points of a regular grid over a panel.
 
     Attributes
     ----------
     x, y : coordinates of the columns and rows.
-    flux : components of the flow (rows, columns, 2); NaN outside the seal.
+    flux : components of the flow, (rows, columns, 2); NaN outside the seal.
     """
 
     x: Array
@@ -41,22 +42,23 @@ class _FlowGrid:
 
 
 def _interpolated(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
-    """Interpolate the flow of the tiles, (tiles, 2), at a grid over the limits of the axes.
+    """Interpolate the flow of the tiles, (tiles, 2), at the points of a grid over the limits of the axes.
 
-    A point takes the flow of the tile in which it lies; outside of all tiles it is NaN.
+    The flow at a point is the mean of the flow in the four nearest tiles, weighted by the inverse square of their
+    distance. At points outside of all tiles it is NaN.
     """
     from scipy.spatial import cKDTree
 
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     panel_width, panel_height = axes.get_position().size * axes.figure.get_size_inches()
-    shares = np.array([panel_width, panel_height]) / max(panel_width, panel_height)
-    counts = np.maximum(np.round(_MOST_POINTS * shares).astype(int), _FEWEST_POINTS)
+    relative_sides = np.array([panel_width, panel_height]) / max(panel_width, panel_height)
+    counts = np.maximum(np.round(_MOST_POINTS * relative_sides).astype(int), _FEWEST_POINTS)
     x = np.linspace(left, right, counts[0])
     y = np.linspace(bottom, top, counts[1])
     points = np.stack(np.meshgrid(x, y), axis=-1)  # (row, column, axis)
     centres = corners.mean(axis=1)
     half_size = np.ptp(corners, axis=1).max(axis=0) / 2
-    # distances are measured in tiles, whose sides can differ
+    # distances are measured in half sides of a tile, because the two sides may differ
     distance, nearest = cKDTree(centres / half_size).query(points / half_size, k=4)
     weights = 1 / np.maximum(distance, 0.3) ** 2
     interpolated = (weights[..., None] * flux[nearest % len(flux)]).sum(axis=2)
@@ -66,16 +68,16 @@ def _interpolated(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
 
 
 def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> None:
-    """Draw the streamlines of the flow over a map of the seal, wider where more flows.
+    """Draw the streamlines of the flow over a map of the seal. The lines are wider where the flow is larger.
 
     Parameters
     ----------
     axes : Axes
-        Axes with their limits.
+        Axes to draw into, whose limits must have been set.
     corners : array (tiles, corners, 2)
         Corners of the tiles.
     flux : array (tiles, 2)
-        Flow per width of each tile along the axes.
+        Flow per unit width in each tile, as components along the axes.
     colour : str
         Colour of the lines.
     """
@@ -98,7 +100,7 @@ def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> No
 
 
 def draw_main_path(axes: Axes, corners: Array, flux: Array, start: Array) -> None:
-    """Draw the streamline through a point, (2,), from the inlet to the outlet as a thick line."""
+    """Draw the streamline through the point `start`, (2,), from the inlet to the outlet as a thick line."""
     grid = _interpolated(axes, corners, flux)
     is_inside = grid.x[0] <= start[0] <= grid.x[-1] and grid.y[0] <= start[1] <= grid.y[-1]
     if not is_inside:
@@ -119,11 +121,11 @@ def draw_main_path(axes: Axes, corners: Array, flux: Array, start: Array) -> Non
 
 
 def _density(axes: Axes) -> tuple[float, float]:
-    """Return the density of streamlines along both axes, such that the lines have about the same distance."""
+    """Return densities of streamlines along both axes at which the distance between lines is about the same."""
     width, height = axes.get_position().size * axes.figure.get_size_inches()
     return max(0.35 * width, 0.3), max(0.35 * height, 0.3)
 
 
 def _restore_limits(axes: Axes, grid: _FlowGrid) -> None:
-    """Set the limits of the axes again, which `streamplot` changes."""
+    """Restore the limits of the axes, because `streamplot` changes them."""
     axes.set(xlim=(grid.x[0], grid.x[-1]), ylim=(grid.y[0], grid.y[-1]))

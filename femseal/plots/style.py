@@ -1,7 +1,7 @@
-"""The style of all pictures: sizes, fonts, line widths and colours, and the formats in which a picture is written.
+"""Define the style of all pictures: sizes, fonts, line widths and colours, and the formats of picture files.
 
-A picture is as wide as a column of a journal. Its letters can therefore be read in print, on a page and on a phone
-without a different picture for each. The colours can be told apart by colour-blind readers and differ in lightness.
+A picture is as wide as a column of a journal, so that its letters can be read in print, on a page and on a phone.
+Colour-blind readers can distinguish the colours, which also differ in lightness.
 """
 
 from __future__ import annotations
@@ -20,14 +20,13 @@ Arguments = ParamSpec("Arguments")
 
 #: Width of every picture [inch]: 85 mm, one column of a journal.
 PAGE = 85 / 25.4
-#: Pixels per inch of a picture, and the most for a picture with a map that has more pixels than that.
+#: Pixels per inch of a picture, and the largest number for a picture with a map of many pixels.
 DPI = 300
 MOST_DPI = 450
 #: Parameters of matplotlib that differ from its defaults. Sizes of letters and widths of lines are in points.
 PARAMETERS: dict[str, Any] = {
-    "font.family": [
-        "DejaVu Sans"
-    ],  # comes with matplotlib, so that pictures are the same on every machine
+    # this font comes with matplotlib, so that pictures are the same on every machine
+    "font.family": ["DejaVu Sans"],
     "font.size": 8,
     "axes.labelsize": 8,
     "axes.titlesize": 8,
@@ -73,13 +72,13 @@ STYLES: tuple[dict[str, Any], ...] = (
 )
 MARKERS = "os^DvP"
 GREY = "#666666"
-#: Part of the colour map "viridis" from which colours of lines and points are taken; brighter ones vanish on white.
+#: Part of the colour map "viridis" that is used for lines and points; brighter colours are hardly visible on white.
 _LINE_COLOURS = (0.0, 0.88)
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Use the style of the pictures of femseal, whatever style the user has set, and go back to that afterwards."""
+    """Use the style of femseal's pictures within this context, and then restore the style that the user has set."""
     from matplotlib import style as matplotlib_style
 
     with matplotlib_style.context(["default", PARAMETERS]):
@@ -87,7 +86,7 @@ def style() -> Iterator[None]:
 
 
 def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
-    """Let a function draw in the style of femseal, unless it draws into axes of the user (its argument `ax`)."""
+    """Make a function draw in the style of femseal, unless it draws into axes that the user passes as `ax`."""
     if hasattr(draw, "__wrapped__"):
         return draw
 
@@ -103,9 +102,9 @@ def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
 
 
 def branch_styles(count: int) -> list[dict[str, Any]]:
-    """List the line styles of `count` branches: the loading and `count` − 1 unloadings.
+    """Return line styles for `count` branches: the loading and `count` − 1 unloadings.
 
-    If there are many unloadings, their styles repeat. None of them has the style of the loading.
+    If there are many unloadings, their styles repeat. The style of the loading is not used for unloadings.
     """
     style_count = len(STYLES) - 1  # for unloadings
     style_numbers = [0, *(1 + n % style_count for n in range(count - 1))]
@@ -113,7 +112,7 @@ def branch_styles(count: int) -> list[dict[str, Any]]:
 
 
 def sequential_colours(count: int) -> list[Any]:
-    """List colours from dark to bright for `count` lines in an order, such as rising loads."""
+    """Return colours from dark to bright for `count` lines that have an order, such as that of their loads."""
     import numpy as np
     from matplotlib import colormaps
 
@@ -146,12 +145,12 @@ def rendered(figure: Figure, file_format: str) -> bytes:
     figure : Figure
         The figure.
     file_format : {"png", "svg", "pdf"}
-        Format. In the vector formats, letters and lines are drawn as such, and maps keep all their pixels.
+        Format. In the vector formats, letters and lines are not converted to pixels, and maps keep all their pixels.
 
     Returns
     -------
     bytes
-        Content of the file. It has no date, so that the same figure gives the same file.
+        Content of the file. It contains no date, so that the same figure gives the same file.
     """
     from matplotlib.image import AxesImage
 
