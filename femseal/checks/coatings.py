@@ -36,8 +36,8 @@ def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterato
     scene : Scene
         The surface, its load and its coatings.
     plastic_depth : array (steps,) or None
-        Largest plastic deformation [m]. None before the scene is solved. An upper estimate is then used: all points
-        above a certain height carry the load at the hardness, and are flattened to this height.
+        Largest plastic deformation [m]. None if the scene has not been solved yet. An upper estimate is then used: all
+        points above a certain height carry the load at the hardness, and are flattened to this height.
     """
     if not scene.coatings or not isfinite(scene.law.mean_hardness):
         return

@@ -316,7 +316,7 @@ def _surface_size(drawing: Drawing) -> _SurfaceSize:
 
 
 def _fast_length(points: float) -> int:
-    """Return an even number of points, about the given one or larger, with a fast Fourier transform."""
+    """Return an even number of points for which Fourier transforms are fast, close to the given number or above it."""
     return 2 * int(scipy.fft.next_fast_len(round(points / 2), real=True))
 
 

@@ -357,7 +357,7 @@ class _Seal:
 
 
 def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | None) -> _Seal:
-    """Determine the size of the seal, and whether its rows of tiles take cells from the same rows of the surface."""
+    """Determine the size of the seal, and how the form of its seat is treated."""
     table = case.stochastic if "stochastic" in case.methods else None
     if table is None:
         return _Seal(None, surface.size, False)

@@ -104,8 +104,8 @@ class Difficulty:
     detours_below, detours_above : float
         Coefficient d of the detours, for the lower and for the upper end.
     largest_ratio : float
-        Largest ratio of the upper end to the leakage of an open seal. If twice the leakage is larger, this is the
-        limit instead.
+        Largest ratio of the upper end to the leakage of an open seal. The upper end may however always be up to twice
+        the computed leakage.
     fraction : float
         Fraction of the truths that the calibrated intervals of this kind contain.
     """
@@ -253,8 +253,8 @@ def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
     Returns
     -------
     below, above : array (rows,)
-        Smallest distances from ln(leakage) to the lower and to the upper end. They are negative if the truth lies on
-        the other side of the leakage.
+        Smallest distances from ln(leakage) to the lower and to the upper end. At most one of
+        them is positive, because the truth lies either above or below the leakage.
     """
     with np.errstate(divide="ignore"):
         # A lower end below `LEAST_TRUTH` becomes 0, so that it need not be any further away to contain a smaller truth.
