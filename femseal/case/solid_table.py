@@ -90,7 +90,12 @@ class CoatingTable(Table):
         instead="hardness",
     )
     hardness_over_yield: float = key(
-        "ratio of hardness to yield stress", HARDNESS_FACTOR, example=2.3, gt=0, since="0.2"
+        "ratio of hardness to yield stress",
+        HARDNESS_FACTOR,
+        example=2.3,
+        gt=0,
+        needed="with a `yield_stress`",
+        since="0.2",
     )
     hardness: Strength | None = key(
         "hardness: the largest contact pressure", None, example="150 MPa", since="0.2"
@@ -124,7 +129,12 @@ class SolidTable(Table):
     )
     hardness: Strength | None = key("hardness: the largest contact pressure", None, start="2.8 GPa")
     hardness_over_yield: float = key(
-        "ratio of hardness to yield stress", HARDNESS_FACTOR, example=2.3, gt=0, since="0.2"
+        "ratio of hardness to yield stress",
+        HARDNESS_FACTOR,
+        example=2.3,
+        gt=0,
+        needed="with a `yield_stress`",
+        since="0.2",
     )
     hardening: Hardening | None = key(
         "rise of the hardness with the plastic deformation", None, example="2 GPa/um", since="0.2"

@@ -202,7 +202,7 @@ class TestPrepare:
         assert scene.boundary == ("mirror", "periodic")
         assert (scene.rtol, scene.solver) == (1e-7, "amg")
         assert scene.fluid == fs.Liquid(viscosity=1e-3, density=870, pressure_viscosity=2e-8)
-        assert (scene.inlet_pressure, scene.outlet_pressure) == (10e6, 0.1e6)
+        assert (scene.inlet_pressure, scene.outlet_pressure) == (1e6, 0.1e6)
         assert scene.loading[-1] == 500e6
         assert scene.unload_from == (250e6, 500e6)
         assert scene.unloading[-1] == 25e6
@@ -386,7 +386,7 @@ def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, masked):
         ({"crop": ["0 um", "10 um"]}, r"face\.crop"),
         ({"crop": ["-1 um", "10 um", "0 um", "9 um"]}, r"face\.crop"),
         ({"crop": "10 um"}, r"face\.crop"),
-        ({"crop": [["0 um", "1 um"], ["0 um", "9 um"]]}, r"face\.crop: .* four lengths in one"),
+        ({"crop": [["0 um", "1 um"], ["0 um", "9 um"]]}, r"face\.crop: .* a list of four lengths"),
         ({"channel": -1}, r"face\.channel"),
         ({"channel": ""}, r"face\.channel"),
         ({"channel": True}, r"face\.channel"),
