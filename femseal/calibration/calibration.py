@@ -371,7 +371,9 @@ def calibration_figure(calibration: Calibration) -> Figure:
         scale=(1.0, f"leakage [{test.unit.name}]"),
         force=None if calibration.load_unit == "Pa" else (unit, 1 / unit_in_si),
     )
-    legend_height = LEGEND_LINE * (len(curves.branches) + 2)
+    legend_height = LEGEND_LINE * (
+        len(curves.branches) + 3
+    )  # also the region, and two kinds of measured points
     load_margins = replace(LOADS, bottom=LOADS.bottom + legend_height)
     sheet = Sheet(
         [_AXES_HEIGHT + margins.bottom + margins.top for margins in (LINES, LINES, load_margins)]
@@ -388,7 +390,7 @@ def calibration_figure(calibration: Calibration) -> Figure:
         (points,) = axes.plot(load, test.leakage[rows], marker, color=GREY, label=label)
         measured.append(points)
     handles = leakage_panel(axes, curves, "calibrated, ")
-    legend_below(sheet.figure, [*handles, *measured])
+    legend_below(sheet.figure, [*handles, *measured], columns=1)
     return sheet.figure
 
 

@@ -74,9 +74,7 @@ def height_range(heights: NDArray) -> Pair:
     return low, high
 
 
-def draw_heights(
-    axes: Axes, heights: NDArray, size: Pair, name: str = "height [µm]", *, upright: bool = False
-) -> None:
+def draw_heights(axes: Axes, heights: NDArray, size: Pair, name: str = "height [µm]") -> None:
     """Draw a map of heights as a shaded relief. A legend states the fraction of points outside the colour scale.
 
     Parameters
@@ -89,8 +87,6 @@ def draw_heights(
         Sides of the face along x1 and x2 [m].
     name : str
         Name of the heights with their unit.
-    upright : bool
-        Whether x1 stays horizontal even if the map is high and narrow.
     """
     from matplotlib import colormaps
 
@@ -108,9 +104,9 @@ def draw_heights(
     colours.colorbar_extend = extensions[fraction_above > 0, fraction_below > 0]  # type: ignore[assignment]
     unit, unit_name = length_unit(max(size))
     in_unit = (size[0] / unit, size[1] / unit)
-    draw_map(axes, heights, in_unit, colours, name, unit_name, upright=upright, vmin=low, vmax=high)
+    draw_map(axes, heights, in_unit, colours, name, unit_name, vmin=low, vmax=high)
     if min(heights.shape) > 1:
-        _draw_relief(axes, to_image(heights, in_unit, upright=upright))
+        _draw_relief(axes, to_image(heights, in_unit))
     key = {}
     if fraction_above:
         key[f"{100 * fraction_above:.2g} % above"] = ABOVE
@@ -254,10 +250,10 @@ def survey_figure(
     if topography.undefined_fraction < 1:
         measured = topography.detrend(detrend)
     n_lines = 1 if report is None else 3
-    row_heights = [map_row_height(measured.size), *[_PANEL_HEIGHT] * n_lines]
+    row_heights = [map_row_height(on_its_side(measured.size)), *[_PANEL_HEIGHT] * n_lines]
     sheet = Sheet(row_heights, head=0.3, dpi=map_dpi(measured.shape))
     _draw_measured_map(sheet.panel(0, MAP), measured, is_spike)
-    _draw_histogram(sheet.panel(1, LINES), measured)
+    _draw_histogram(sheet.panel(1, _TWO_LINES), measured)
     if report is not None:
         complete = without_spikes.fill_undefined(1.0).detrend(detrend)
         _draw_radial_density(sheet.panel(2, _TWO_LINES), complete, report, conditioning)
@@ -267,7 +263,7 @@ def survey_figure(
 
 def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> None:
     """Draw a map of the measured heights, with a dot at every point at which `is_spike` (n1, n2) is True."""
-    draw_heights(axes, measured.heights * 1e6, measured.size, "levelled height [µm]", upright=True)
+    draw_heights(axes, measured.heights * 1e6, measured.size, "levelled height [µm]")
     notes = []
     if measured.undefined_fraction:
         notes.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
@@ -282,14 +278,16 @@ def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> Non
     unit, _ = length_unit(max(measured.size))
     x1 = (i + 0.5) * measured.spacing[0] / unit
     x2 = (j + 0.5) * measured.spacing[1] / unit
+    is_turned = on_its_side(measured.size) != tuple(measured.size)
+    points = (x2, x1) if is_turned else (x1, x2)
     limits = axes.get_xlim(), axes.get_ylim()
-    axes.plot(x1, x2, "o", color="#D55E00", mec="white", mew=0.3, ms=2.5)
+    axes.plot(*points, "o", color="#D55E00", mec="white", mew=0.3, ms=2.5)
     axes.set(xlim=limits[0], ylim=limits[1])
 
 
 def _draw_histogram(axes: Axes, measured: Topography) -> None:
     """Draw the probability density of the heights about their mean, on a logarithmic scale."""
-    axes.set(xlabel="height [µm]", ylabel="probability density [1/µm]")
+    axes.set(xlabel="height [µm]", ylabel="probability\ndensity [1/µm]")
     z = measured.heights[~np.isnan(measured.heights)] * 1e6
     if not z.size:
         return

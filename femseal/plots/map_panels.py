@@ -34,7 +34,6 @@ def draw_map(
     name: str,
     unit: str = "mm",
     *,
-    upright: bool = False,
     key: Mapping[str, str] | None = None,
     **scale: Any,
 ) -> Any:
@@ -56,8 +55,6 @@ def draw_map(
         Name of the quantity with its unit, for the colour bar.
     unit : str
         Unit of length on the axes.
-    upright : bool
-        Whether x1 stays horizontal even if the map is high and narrow.
     key : mapping of str, optional
         Colours of points without a value, by what these points are.
     **scale
@@ -67,10 +64,10 @@ def draw_map(
     -------
     Colorbar
     """
-    width, height = size if upright else on_its_side(size)
+    width, height = on_its_side(size)
     is_turned = (width, height) != tuple(size)
     image = axes.imshow(
-        to_image(values, size, upright=upright),
+        to_image(values, size),
         origin="lower",
         extent=(0.0, width, 0.0, height),
         cmap=colours,
@@ -92,9 +89,9 @@ def draw_map(
     return bar
 
 
-def to_image(values: Array, size: Pair, *, upright: bool = False) -> Array:
-    """Arrange values (n1, n2, …) for `imshow`: x1 is horizontal unless the map is turned on its side."""
-    is_turned = not upright and on_its_side(size) != tuple(size)
+def to_image(values: Array, size: Pair) -> Array:
+    """Arrange values (n1, n2, …) as `imshow` takes them: x1 is horizontal unless the map is turned on its side."""
+    is_turned = on_its_side(size) != tuple(size)
     return values if is_turned else np.swapaxes(values, 0, 1)
 
 

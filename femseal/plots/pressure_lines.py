@@ -105,7 +105,7 @@ def seat_figure(data: xarray.Dataset) -> Figure:
     sheet = Sheet([pressure_panel_height(margins)])
     axes = sheet.panel(0, margins)
     pressures = {step: data["row_pressure"].values[step] / 1e6 for step in steps}
-    name = "mean contact pressure of rows [MPa]"
+    name = "mean pressure of rows [MPa]"
     handles = _draw_along_x1(axes, data, data["row"].values, pressures, name)
     legend_below(sheet.figure, handles)
     return sheet.figure

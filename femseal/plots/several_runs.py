@@ -183,7 +183,7 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
     add_grid(axes)
     if len(runs_by_line) > 1:
         legend_title = ", ".join(_without(comparison.keys, key))
-        axes.legend(title=legend_title)
+        axes.legend(title=legend_title, loc="upper center")
 
 
 def _highest_leaking_step(comparison: RunComparison) -> LoadStep:

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 _MOST_POINTS, _FEWEST_POINTS = 160, 24
 #: Width of streamlines where the flow is largest and where it vanishes [points].
 _WIDEST, _NARROWEST = 1.0, 0.25
+#: Density of the grid on which the path is followed. Its steps are at most a cell of it, a small part of a narrow ring.
+_PATH_DENSITY = 6
+#: Shortest streamline that is drawn, as a fraction of the panel. A narrow ring has short ones.
+_SHORTEST = 0.01
 #: Colour and width [points] of the path through the largest flow.
 _PATH_COLOUR, _PATH_WIDTH = "#E6007E", 1.4
 
@@ -93,6 +97,7 @@ def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> No
         color=colour,
         linewidth=widths,
         density=_density(axes),
+        minlength=_SHORTEST,
         arrowsize=0.5,
         arrowstyle="->",
     )
@@ -112,7 +117,8 @@ def draw_main_path(axes: Axes, corners: Array, flux: Array, start: Array) -> Non
         start_points=start[None],
         color=_PATH_COLOUR,
         linewidth=_PATH_WIDTH,
-        broken_streamlines=False,
+        minlength=_SHORTEST,
+        density=_PATH_DENSITY,
         arrowsize=0.7,
         zorder=3,
     )

@@ -18,8 +18,9 @@ from small_cases import TABLES, steel_scene
 
 import femseal as fs
 from femseal.base import InputError
-from femseal.plots.heights import draw_heights
+from femseal.plots.heights import draw_heights, survey_figure
 from femseal.plots.maps import relative_flow
+from femseal.plots.streamlines import draw_main_path, draw_streamlines
 from femseal.plots.style import PAGE, rendered
 from femseal.results import assemble
 from femseal.results.file_options import read_formats
@@ -149,6 +150,18 @@ def test_flow_between_parallel_plates_is_even_and_stops_at_a_wall():
     assert_allclose(np.delete(flow, 3, axis=1), 1.0)
 
 
+@pytest.mark.parametrize("is_long", [False, True])
+def test_dots_of_spikes_lie_on_the_spikes_of_a_surveyed_face(is_long):
+    """Also if the map lies on its side."""
+    heights = fs.self_affine((40, 80), (4e-5, 8e-5), hurst=0.8, rms_slope=0.1, rng=3).heights
+    heights = heights.copy() if is_long else heights[:, :40].copy()
+    heights[10, 30] += 50e-6
+    axes = survey_figure(fs.Topography(heights, (1e-6, 1e-6))).axes[0]
+    dots = axes.lines[-1]
+    position = (30.5, 10.5) if is_long else (10.5, 30.5)
+    assert_allclose([dots.get_xdata(), dots.get_ydata()], np.transpose([position]))
+
+
 # --- lines ------------------------------------------------------------------------------------------------
 
 
@@ -186,6 +199,26 @@ def test_realisations_have_streamlines_from_the_inlet_to_the_outlet(figures):
         (bottom, top), height = axes.get_ylim(), np.ptp(axes.get_ylim())
         assert points[:, 1].min() < bottom + 0.1 * height
         assert points[:, 1].max() > top - 0.1 * height
+
+
+def test_a_narrow_ring_has_streamlines_and_its_path():
+    """They are short beside the picture."""
+    angles = np.linspace(0, 2 * np.pi, 181)
+    inner, outer = (
+        np.stack([r * np.cos(angles), r * np.sin(angles)], axis=1) for r in (11.0, 12.0)
+    )
+    corners = np.stack([inner[:-1], outer[:-1], outer[1:], inner[1:]], axis=1)
+    middle = corners.mean(axis=1)
+    axes = Figure(figsize=(3, 3)).add_axes((0, 0, 1, 1))
+    axes.set(xlim=(-12, 12), ylim=(-12, 12))
+    draw_streamlines(axes, corners, middle, "white")
+    draw_main_path(axes, corners, middle, middle[20])
+    lines, path = (np.concatenate(lines.get_segments()) for lines in axes.collections)
+    assert len(lines) > 50
+    radius = np.hypot(*path.T)
+    assert radius.min() < 11.2
+    assert radius.max() > 11.8
+    assert_allclose(np.arctan2(*path.T), np.arctan2(*middle[20]), atol=0.05)
 
 
 # --- formats ----------------------------------------------------------------------------------------------
