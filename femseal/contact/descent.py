@@ -189,12 +189,12 @@ def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _La
 class _FreePoints(NamedTuple):
     """Points whose pressure is unknown, arrays (free points,).
 
-    index : index of each point on the grid.
+    points : index of each point on the grid.
     low, high : bounds of the pressure [Pa]: 0 and H for an elastic point, H and infinity for a point that hardens.
     compliance : compliance 1/h [m/Pa] of a point that hardens, and 0 of an elastic point.
     """
 
-    index: NDArray[np.int32]
+    points: NDArray[np.int32]
     low: Array
     high: Array
     compliance: Array
@@ -206,7 +206,7 @@ def _free_points(p: Array, law: _Law) -> _FreePoints:
     is_elastic = (p > 0) & (p < law.hardness)
     free = np.flatnonzero(is_elastic | yields).astype(np.int32)
     return _FreePoints(
-        index=free,
+        points=free,
         low=np.where(yields, law.hardness, 0.0)[free],
         high=np.where(yields, np.inf, law.hardness)[free],
         compliance=np.where(yields, law.compliance, 0.0)[free],

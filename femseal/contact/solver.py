@@ -145,8 +145,8 @@ def solve_contact(
         Elastic body, kinds of boundaries, and grid.
     pressure : float
         Nominal pressure p̄ [Pa] with 0 ≤ p̄ ≤ mean H. At 0 the bodies just touch; at mean H all points are plastic. A
-        law that hardens carries any pressure. If there is a fluid, it carries its mean pressure, and the contact the
-        rest.
+        law that hardens carries any pressure. A fluid between the surfaces carries its mean pressure, and the
+        contact carries the rest.
     hardness : float, array (n1, n2) or ContactLaw
         Hardness H [Pa] of perfect plasticity, infinite for an elastic body; or a law such as `LinearHardening`.
     deformation : array (n1, n2), optional

@@ -304,9 +304,8 @@ class MeshOperators:
         node[carrying] = np.arange(1, carrying.size + 1)
         first, second = mesh.f2t  # the two elements of each facet; the second is −1 on the boundary
         sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
-        sides = system.total_flow(
-            np.ones(facets.shape)
-        )  # number of carrying elements at each facet
+        # number of carrying elements at each facet
+        sides = system.total_flow(np.ones(facets.shape))
         link = np.concatenate([np.flatnonzero(sides == 2), *system.ends])
         tail = node[first[link]]
         head = np.where(second[link] >= 0, node[second[link]], 0)

@@ -202,8 +202,8 @@ class PressureCurve:
         """Compute the permeabilities of some elements (n,) at their pressures p (…, n) [Pa]."""
         if self._piecewise:
             after = np.clip(np.searchsorted(self._knots, p), 1, self._knots.size - 1)
-            log_k, _ = self._between_knots(p, after, elements)
-            return np.asarray(np.exp(log_k))
+            interpolated, _ = self._between_knots(p, after, elements)
+            return np.asarray(np.exp(interpolated))
         x = np.log(p)
         t = self._scaled(np.clip(x, *self._range))
         log_k = chebyshev.chebval(t, self._coefficients[:, elements], tensor=False)

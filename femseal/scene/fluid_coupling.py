@@ -491,9 +491,9 @@ def _next_pressure(
 ) -> tuple[Array, float]:
     """Choose the fluid pressure (n1, n2) [Pa] of the next round.
 
-    Also returned is the fraction of the proposed change that is applied. It is 1 unless the change is limited: if the
-    proposed fluid pressure would carry the whole load, half of the part `left_to_contact` of the nominal pressure [Pa]
-    remains for the contact.
+    Also returned is the fraction of the proposed change that is applied. It is below 1 if the proposed fluid pressure
+    would carry the whole load. The change is then limited, so that half of the part `left_to_contact` of the nominal
+    pressure [Pa] remains for the contact.
     """
     proposed = _mixed_pressure(solved, previous)
     if solved.trapped is not None:

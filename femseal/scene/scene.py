@@ -218,8 +218,8 @@ class Scene:
     def separated_steps(self) -> tuple[tuple[int, str], ...]:
         """Load steps at which the fluid between separated surfaces would carry the whole load.
 
-        Each is given by its number and an explanation. Cells at tabulated pressures are open there. The whole surface
-        may still be closed, because its contact can keep the fluid out, see `scene.fluid_coupling`.
+        Each step is given by its number and an explanation. Cells at tabulated pressures are open there. The whole
+        surface may still be closed, because its contact can keep the fluid out, see `scene.fluid_coupling`.
         """
         fluid = self.acting_fluid
         if fluid is None:
