@@ -134,8 +134,8 @@ def estimate_surface(
         Heights of the combined surfaces, without undefined points.
     modulus : float or pair of bodies
         Contact modulus E* [Pa], or the two bodies. The modulus of coated bodies is the root mean square over the slopes
-        of the waves, which gives the contact fraction of Persson's theory for layered bodies (Persson, J. Phys.
-        Condens. Matter 24, 2012, 095008).
+        of the waves, because Persson's theory sums the squares of slope times modulus over all waves (Persson, Surf.
+        Sci. Rep. 61, 2006, 201, which treats a modulus that depends on the wave in its section 5).
     hardness : float
         Hardness H [Pa], infinite for an elastic surface.
     pressures : sequence of float or array, (loads,)

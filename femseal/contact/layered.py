@@ -10,8 +10,9 @@ t = qd, G the shear moduli and r = G₁/G₂ (layer over substrate),
 The compliances of both bodies add up. S tends to 1 for short waves, and to the substrate's compliance for long ones.
 On a rigid substrate r = 0.
 
-Source: Johnson, Contact Mechanics, 1985, section 13.6 (waves of displacement); Nogi & Kato, J. Tribol. 119, 1997, 493,
-and O'Sullivan & King, J. Tribol. 110, 1988, 235 (bonded layer, frictionless pressure).
+The same problem, a bonded layer under a frictionless pressure, is treated by O'Sullivan & King, J. Tribol. 110, 1988,
+and for rough surfaces by Nogi & Kato, J. Tribol. 119, 1997, 493. S was not compared with the text of these papers, but
+with closed forms and with finite elements (docs/evidence/coatings.md).
 
 Along free axes the difference from a half-space of the layer's material is added. It is smooth, because S − 1 decays
 exponentially. As a sum of exponentials, S − 1 = Σ a exp(−b t), it is the displacement by charges at the depths b d:

@@ -46,6 +46,11 @@ _TANGENT_RTOL = 0.1
 #: A steep tangent is used from the depth on at which its pressure is this fraction of the yield pressure below the
 #: pressure at the point of contact with the curve.
 _FROM_DEPTH = 0.5
+#: Smallest deformation [m] that is tried to carry a load, and numbers of doublings and bisections of this deformation.
+_LEAST_DEFORMATION, _DOUBLINGS, _BISECTIONS = 1e-9, 25, 12
+#: Shortest step of a curved law, over the change of the deformation. Steps are halved if the mismatch is more than this
+#: fraction of the previous one.
+_SHORTEST_STEP, _SLOW = 0.125, 0.9
 #: Smallest slope of tangents, as a fraction of the stiffness of the half-space. It is used if the tangents could not
 #: carry the load otherwise.
 _SMALL_STIFFNESS = 0.1
@@ -448,10 +453,15 @@ def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
     change = np.zeros(shape)
     pressure = None
     tolerance = rtol
+    step = 1.0
+    former_mismatch = inf
     for _ in range(_MOST_TANGENTS):
         line, depth = _tangent_from_depth(law, level.line, u)
         if level.load >= line.capacity * (1 - 1e-9):
-            # the curve can carry the load at a larger deformation: use a tangent that rises
+            # the curve can carry the load at a larger deformation, of all points together or on a tangent that rises
+            u = u + _carrying_deformation(law, u, level.load)
+            line, depth = _tangent_from_depth(law, level.line, u)
+        if level.load >= line.capacity * (1 - 1e-9):
             slope = np.maximum(line.slope, _SMALL_STIFFNESS * stiffness)
             line = replace(line, slope=slope)
         tangent_level = level._replace(gap0=level.gap0 + depth, line=line)
@@ -475,7 +485,14 @@ def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
             part, turning = _law_at(law, turns_back)
             modulus = (part.hardening_modulus(values[turning]) for values in (u, next_u))
             turns_back[turning] &= np.minimum(*modulus) < 0
-        change = np.where(turns_back, 0.5, 1.0) * (next_u - u)
+        # tangents of a curve that bends may alternate between two states, which shorter steps end
+        step = (
+            max(0.5 * step, _SHORTEST_STEP)
+            if mismatch > _SLOW * former_mismatch
+            else min(1.0, 2 * step)
+        )
+        former_mismatch = mismatch
+        change = step * np.where(turns_back, 0.5, 1.0) * (next_u - u)
         u = u + change
     raise NotConverged(
         f"contact: after {_MOST_TANGENTS} tangents the pressures differ from the law by {mismatch:.1e}, wanted "
@@ -511,6 +528,33 @@ def _tangent_from_depth(
     hardness[chosen] = yield_pressure - slope * (deformation - begins)
     depth[chosen] = begins
     return YieldLine(hardness, slopes), depth
+
+
+def _carrying_deformation(law: ContactLaw, u: Array, load: float) -> float:
+    """Find how much more all points have to yield until their hardness carries the load; 0 if it never does.
+
+    A uniform deformation only changes the approach, but not the pressure. Without it, the tangents of a coating that
+    must yield through would remain those of its constant hardness.
+
+    u : array (n1, n2), plastic deformation [m].
+    load : nominal pressure [Pa].
+    """
+
+    def carries(added: float) -> bool:
+        return float(np.mean(law.yield_pressure(u + added))) > load * (1 + 1e-6)
+
+    low = 0.0
+    high = max(float(u.max()), law.constant_depth, _LEAST_DEFORMATION)
+    for _ in range(_DOUBLINGS):
+        if carries(high):
+            break
+        low, high = high, 2 * high
+    else:
+        return 0.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if carries(middle) else (middle, high)
+    return high
 
 
 def _law_at(law: ContactLaw, is_chosen: Flags) -> tuple[ContactLaw, Any]:

@@ -25,6 +25,8 @@ from skfem import (
 from skfem.helpers import ddot, div, dot, grad, mul
 
 from common import machine, print_report, table
+from femseal import Coated, Solid
+from femseal.contact.layered import layer_factor as coated_factor
 
 # channels between a plane and a wall: Reynolds against Stokes and Navier-Stokes
 
@@ -343,11 +345,18 @@ def layers():
         head,
         [
             [
-                "compliance over that of a half-space",
+                "smooth base",
                 *(f"{layer_factor(t):.3f}" for t in thicknesses),
-            ]
+            ],
+            *([f"bonded, ν = {nu:g}", *bonded_layer(nu, thicknesses)] for nu in (0.3, 0.5)),
         ],
     )
+
+
+def bonded_layer(poisson, thicknesses):
+    """The same of a layer that is bonded to the base."""
+    body = Coated(None, Solid(1.0, poisson), 1.0)
+    return [f"{S:.3f}" for S in coated_factor(body, 2 * np.pi * np.array(thicknesses))]
 
 
 # a ring seat: axisymmetric half-space against plane strain
@@ -501,7 +510,7 @@ def main():
         inertia_of_classes(),
         "## Heat",
         heat(),
-        "## Thin bodies\n\nThe body is a layer on a smooth rigid base.",
+        "## Thin bodies\n\nCompliance of a layer on a rigid base over that of a half-space.",
         layers(),
         "## Seats on rings",
         rings(),

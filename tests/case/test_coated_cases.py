@@ -212,6 +212,30 @@ def test_unloading_from_a_coating_is_that_of_its_metal_until_it_is_through():
             assert_allclose(half.gap, metal.gap, rtol=0, atol=1e-9 * np.ptp(gap0))
 
 
+@each("thickness", [2e-7, 2e-6, 2e-5])
+@each("pressure", [150e6, 200e6, 590e6])
+def test_a_pressure_above_the_hardness_of_the_coating_presses_all_of_it_aside(thickness, pressure):
+    solids = fs.Solid(200e9, 0.3, hardness=600e6), fs.Solid(80e9, 0.37, hardness=150e6)
+    body = fs.Coated(*solids, thickness)
+    law = fs.CoatedLaw.of(body)
+    # a flat surface yields evenly to the depth at which H(u) is the pressure
+    half_space = fs.HalfSpace((8, 8), (1e-6, 1e-6), (body, None))
+    flat = fs.solve_contact(np.zeros((8, 8)), half_space, pressure=pressure, hardness=law)
+    if pressure > 150e6:
+        assert_allclose(law.yield_pressure(flat.plastic_deformation), pressure, rtol=1e-5)
+    face = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, rng=3, roll_off=2e-5)
+    half_space = fs.HalfSpace(face.shape, face.spacing, (body, None))
+    gap0 = face.heights.max() - face.heights
+    contact = fs.solve_contact(gap0, half_space, pressure=pressure, hardness=law)
+    u, p = contact.plastic_deformation, contact.pressure
+    assert_allclose(p.mean(), pressure, rtol=1e-9)
+    assert u.max() > thickness
+    assert_allclose(p[u > 0], law.yield_pressure(u[u > 0]), rtol=1e-4)
+    gap = gap0 + half_space.displacement(p)
+    offset = np.ptp(gap + u - contact.gap)
+    assert offset < 1e-5 * np.ptp(gap0)
+
+
 def test_the_slope_of_the_law_is_its_derivative():
     law = fs.CoatedLaw(fs.LinearHardening(150e6, 1e12), fs.NixGao(6e8, 1e-6), 20e-6)
     u = np.linspace(1e-6, 30e-6, 40) + 1e-9

@@ -64,6 +64,7 @@ SMALL = {
     "face.plu": "face.x3p",
     "examples/turned_seal.toml": "seal.toml",
     "examples/self_affine_seal.toml": "seal.toml",
+    "examples/silver_ring.toml": "seal.toml",
     "examples/gasket_seal.toml": "gasket.toml",
 }
 

@@ -51,6 +51,7 @@ def test_every_script_has_a_test():
         "read_results",
         "design_answer",
         "sobol",
+        "coating_thickness",
     }
     elsewhere = {"figures", "paper_2018", "real_sizes", "two_scale_view", "paraview_two_scale"}
     assert here | elsewhere == SCRIPTS
@@ -123,6 +124,14 @@ def test_design_answer_knows_what_may_be_lost_in_service(drawn, drawn_seal):
     lost = names("design_answer")["margin"](answer)
     assert lost.keys() == {400e6}
     assert_allclose(lost[400e6], 1 - np.sqrt(150e6 * 50e6) / 400e6, rtol=0.02)
+
+
+def test_a_ring_needs_less_force_with_silver_than_without():
+    script = names("coating_thickness")
+    face = {"points": [64, 96], "size": ["600 um", "900 um"]}
+    silver, bare = (script["needed_force"](script["ring"](t, face)) for t in (20.0, None))
+    assert silver.lower <= silver.computed <= silver.upper
+    assert 0 < silver.computed < 0.5 * bare.computed
 
 
 def test_sobol_indices_of_the_viscosity_are_those_of_its_law(capsys):

@@ -68,6 +68,7 @@ def _leakages(results):
 def test_every_example_is_run_here():
     elsewhere = {"annular_seal", "gasket_seal"}  # in runs/test_ring_and_gasket_cases.py
     elsewhere |= {"wanted_accuracy", "leak_test"}  # in refinement/ and calibration/
+    elsewhere |= {"silver_ring"}  # in test_example_scripts.py
     assert {path.stem for path in EXAMPLES.glob("*.toml")} == {*REDUCED, *elsewhere}
 
 

@@ -1,0 +1,121 @@
+"""Which force does a silver-plated ring need, over the thickness of its plating?
+
+    python examples/coating_thickness.py OUT
+
+The ring of `silver_ring.toml` is computed with platings of 5 to 100 µm, with solid silver, and without a plating. The
+script writes coating_thickness.csv and a picture into the folder OUT. It takes about four minutes of one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import tomllib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import femseal as fs
+from femseal.case import Case, parse_case
+
+CASE = Path(__file__).parent / "silver_ring.toml"
+#: Thicknesses of the plating [µm]; the last one stands for solid silver.
+THICKNESSES = (5.0, 10.0, 20.0, 50.0, 100.0, 1e4)
+#: Contact area of the ring [m²].
+AREA = np.pi / 4 * (51.8e-3**2 - 50e-3**2)
+#: Factor on the forces with which the bare ring is computed.
+MORE_FORCE = 10
+
+
+class Need(NamedTuple):
+    """Force [kN] from which on the ring meets the limit: as computed, and by both ends of the 95 % interval.
+
+    A force is inf if no force of the run is enough, and 0 if the lowest one is.
+    """
+
+    computed: float
+    lower: float
+    upper: float
+
+
+def ring(thickness: float | None, face: dict[str, Any] | None = None) -> Case:
+    """Return the case of the ring with a plating [µm]; None is a bare ring, which is pressed with larger forces.
+
+    face : keys of the table [face] that are replaced.
+    """
+    data = tomllib.loads(CASE.read_text(encoding="utf-8"))
+    data["face"] |= face or {}
+    # the force in assembly needs no unloading, and few realisations, as the interval is mostly that of the surface
+    load = data["load"]
+    del load["unload_from"], load["unloading"]
+    data["stochastic"]["realisations"] = 5
+    if thickness is not None:
+        data["counter_material"]["coating"]["thickness"] = f"{thickness:g} um"
+        return parse_case(data)
+    del data["counter_material"]["coating"]
+    load["loading"] = [f"{MORE_FORCE * kilonewtons(force):g} kN" for force in load["loading"]]
+    return parse_case(data)
+
+
+def kilonewtons(force: str) -> float:
+    """Return the number of a force such as '2 kN'."""
+    return float(force.removesuffix("kN"))
+
+
+def needed_force(case: Case) -> Need:
+    """Run a case, and return the force that its limit needs."""
+    results = fs.run(case, workers=1)
+    need = results.verdicts[0].assembly
+    return Need(*(AREA * 1e-3 * pressure for pressure in (need.computed, need.low, need.value)))
+
+
+def draw(needs: dict[float, Need], bare: Need, path: Path) -> None:
+    """Draw the force over the thickness of the plating, with the 95 % interval."""
+    import matplotlib.pyplot as plt
+
+    thicknesses = [t for t in needs if t <= 100]
+    lower, computed, upper = (
+        np.array([getattr(needs[t], name) for t in thicknesses])
+        for name in ("lower", "computed", "upper")
+    )
+    solid = needs[max(needs)]
+    figure, axes = plt.subplots(figsize=(6.5, 4.2), layout="constrained")
+    axes.fill_between(thicknesses, lower, upper, color="C0", alpha=0.2, lw=0, label="95 % interval")
+    axes.plot(thicknesses, computed, "o-", color="C0", label="as computed")
+    axes.axhline(solid.computed, color="C0", ls=":", label="solid silver, as computed")
+    axes.set(
+        xscale="log",
+        ylim=(0, None),
+        xlabel="thickness of the silver, µm",
+        ylabel="force that the limit needs, kN",
+        title=f"Without silver: {bare.computed:.0f} kN, with the whole interval {bare.upper:.0f} kN",
+    )
+    axes.set_xticks(thicknesses, [f"{t:g}" for t in thicknesses])
+    axes.minorticks_off()
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+def main() -> None:
+    """Compute all rings, and write the table and the picture."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path)
+    out = parser.parse_args().out
+    out.mkdir(parents=True, exist_ok=True)
+    needs: dict[float, Need] = {}
+    with (out / "coating_thickness.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["thickness [um]", "force [kN]", "by lower end [kN]", "by upper end [kN]"])
+        for thickness in (*THICKNESSES, None):
+            need = needed_force(ring(thickness))
+            needs[thickness or 0.0] = need
+            writer.writerow([thickness or 0, *(f"{force:.3g}" for force in need)])
+            file.flush()
+    bare = needs.pop(0.0)
+    draw(needs, bare, out / "coating_thickness.png")
+
+
+if __name__ == "__main__":
+    main()

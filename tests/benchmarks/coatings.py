@@ -1,0 +1,199 @@
+"""Coatings: the compliance of a layer against closed forms and finite elements, cost of a contact, constraint.
+
+python tests/benchmarks/coatings.py --write
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+import femseal as fs
+from common import machine, print_report, table
+from femseal.contact.law import contact_law
+from femseal.contact.layered import layer_factor
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from coated_block import block_compliance, with_ratio
+
+STEEL, INCONEL, SILVER = (
+    fs.named_solid(name)
+    for name in ("steel 304/316, annealed", "Inconel 718, aged", "silver, annealed")
+)
+RATIOS = (0.25, 1.5, 5.0)
+TIMES_WAVE = np.geomspace(0.05, 8.0, 10)
+
+
+def closed_forms():
+    """Largest relative errors of S against closed forms."""
+    t = np.geomspace(0.05, 15, 200)
+    same = fs.Coated(STEEL, STEEL, 1.0)
+    incompressible = fs.Coated(None, fs.Solid(1e6, 0.5), 1.0)
+    sinh_form = (np.sinh(2 * t) - 2 * t) / (np.cosh(2 * t) + 1 + 2 * t**2)
+    lines = [
+        ("layer of the material of its substrate, S = 1", same, t, 1.0),
+        (
+            "incompressible layer on a rigid base, (sinh 2t − 2t)/(cosh 2t + 1 + 2t²)",
+            incompressible,
+            t,
+            sinh_form,
+        ),
+    ]
+    for ratio in RATIOS:
+        substrate, layer = with_ratio(ratio)
+        body = fs.Coated(substrate, layer, 1.0)
+        thin = layer.plane_modulus / substrate.plane_modulus
+        name = f"layer {ratio:g} times as stiff"
+        lines.append((f"{name}, thick (t = 30)", body, np.array([30.0]), 1.0))
+        lines.append((f"{name}, thin (t = 1e-9)", body, np.array([1e-9]), thin))
+    rows = []
+    for name, body, times, exact in lines:
+        error = np.abs(layer_factor(body, times) / exact - 1).max()
+        rows.append([name, f"{error:.1e}"])
+    return table(["closed form", "largest relative error"], rows)
+
+
+def finite_elements():
+    """Compliance over that of finite elements in plane strain."""
+    rows = []
+    for ratio in RATIOS:
+        substrate, layer = with_ratio(ratio)
+        values = []
+        for t in TIMES_WAVE:
+            body = fs.Coated(substrate, layer, t)  # the wave number is 1
+            kernel = 2 * layer_factor(body, np.array(t)) / layer.plane_modulus
+            values.append(f"{kernel / block_compliance(ratio, t):.4f}")
+        rows.append([f"{ratio:g}", *values])
+    return table(["G of layer over substrate", *(f"t = {t:.2g}" for t in TIMES_WAVE)], rows)
+
+
+def rough(n, rms_slope=0.1):
+    """A self-affine surface with pixels of 1 µm, and its undeformed gap."""
+    side = n * 1e-6
+    surface = fs.self_affine(
+        (n, n), (side, side), hurst=0.8, rms_slope=rms_slope, rng=3, roll_off=6e-5
+    )
+    return surface, surface.heights.max() - surface.heights
+
+
+def fastest(functions, repeats):
+    """Least CPU time of each function [s], and its last result; the functions are called in turn."""
+    times = np.full((repeats, len(functions)), np.inf)
+    results = [None] * len(functions)
+    for i in range(repeats):
+        for j, function in enumerate(functions):
+            start = time.process_time()
+            results[j] = function()
+            times[i, j] = time.process_time() - start
+    return times.min(axis=0), results
+
+
+def solve(gap0, half_space, law, pressure, deformation=None):
+    """Solve one contact."""
+    return fs.solve_contact(
+        gap0, half_space, pressure=pressure, hardness=law, deformation=deformation
+    )
+
+
+def cost():
+    """CPU time of a contact with a coating over that without, loading and unloading to a half."""
+    hardness = SILVER.hardness
+    rows = []
+    for n, repeats in ((128, 15), (512, 5)):
+        surface, gap0 = rough(n)
+        bare = fs.HalfSpace(surface.shape, surface.spacing, (SILVER, INCONEL))
+        for thickness in (20e-6, 1e-6, 0.3e-6):
+            body = fs.Coated(STEEL, SILVER, thickness)
+            coated = fs.HalfSpace(surface.shape, surface.spacing, (body, INCONEL))
+            law = fs.CoatedLaw.of(body)
+            for load in (0.02, 0.3, 0.8):
+                pressure = load * hardness
+                loading = (
+                    partial(solve, gap0, bare, hardness, pressure),
+                    partial(solve, gap0, coated, law, pressure),
+                )
+                times, (plain, contact) = fastest(loading, repeats)
+                unloading = (
+                    partial(solve, gap0, bare, hardness, pressure / 2, plain.plastic_deformation),
+                    partial(solve, gap0, coated, law, pressure / 2, contact.plastic_deformation),
+                )
+                half, _ = fastest(unloading, repeats)
+                through = np.mean(contact.plastic_deformation > thickness)
+                rows.append(
+                    [
+                        f"{n}²",
+                        f"{thickness * 1e6:g} µm",
+                        f"{load:g}",
+                        f"{through:.1%}" if through else "0",
+                        f"{plain.fft_pairs}, {contact.fft_pairs}",
+                        f"{times[1] / times[0]:.2f}",
+                        f"{half[1] / half[0]:.2f}",
+                    ]
+                )
+    head = ["points", "thickness", "pressure over hardness", "points yielded through"]
+    head += ["products with K, without and with", "time, loading", "time, unloading"]
+    return table(head, rows)
+
+
+def constraint():
+    """Leakage of a turned surface on silver whose hardness is raised as by constraint, over that without."""
+    surface = fs.turned(
+        (192, 384), (900e-6, 1.8e-3), pitch=150e-6, depth=5.9e-6, roughness=0.84e-6,
+        roughness_roll_off=90e-6, feed_error=0.03, depth_error=0.1, rng=1,
+    )  # fmt: skip
+    body = fs.Coated(INCONEL, SILVER, 30e-6)
+    pressures = (20e6, 40e6, 60e6)
+
+    def leakage(factor):
+        scene = fs.Scene(
+            surface=surface,
+            modulus=(STEEL, body),
+            hardness=contact_law(265e6 * factor),
+            fluid=fs.Liquid(viscosity=1e-3, density=1000.0),
+            inlet_pressure=1e6,
+            outlet_pressure=0.0,
+            loading=pressures,
+        )
+        return np.abs(fs.deterministic(scene).leakage)
+
+    plain = leakage(1.0)
+    rows = []
+    for factor in (1.2, 1.44, 2.5):
+        raised = leakage(factor)
+        ratios = [f"{a / b:.2f}" if b > 0 else "–" for a, b in zip(raised, plain, strict=True)]
+        rows.append([f"{factor:g}", *ratios])
+    return table(["hardness over that of silver", *(f"{p / 1e6:g} MPa" for p in pressures)], rows)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="write the report beside the script")
+    options = parser.parse_args()
+    text = [
+        "## Closed forms\n\nThe ratio S of the compliance to that of a half-space of the layer's material, with t = qd.",
+        closed_forms(),
+        "## Finite elements\n\nCompliance of the formula over that of a layered block in plane strain (scikit-fem, "
+        "quadratic elements), for ν = 0.37 of the layer and 0.3 of the substrate.",
+        finite_elements(),
+        "## Cost\n\nCPU time of a contact with a silver coating on steel over that with solid silver, both against "
+        "Inconel. The surface is self-affine with an rms slope of 0.1. Unloading is to half of the pressure.",
+        cost(),
+        "## Constraint\n\nLeakage of a turned steel surface (Ra 1.6 µm, feed 150 µm) against 30 µm of silver of "
+        "265 MPa, whose hardness is raised by a factor, over that without the factor.",
+        constraint(),
+    ]
+    minutes = time.process_time() / 60
+    report = (
+        f"{machine(['scikit-fem'])}. Measured in {minutes:.1f} minutes of one core.\n\n"
+        + "\n\n".join(text)
+    )
+    print_report(__file__, "Coatings", report, options.write)
+
+
+if __name__ == "__main__":
+    main()
