@@ -63,7 +63,7 @@ class FluidTable(ParameterTable):
 def _keys_of_fluid(fluid: Any) -> dict[str, Any]:
     """Return the keys of the table of a fluid that are not parameters of its class: its name and pressures."""
     inlet = key(
-        'pressure at the inlet, of a gas absolute; gauge pressures as `"99 bar(g)"`', start="10 MPa"
+        'pressure at the inlet, of a gas absolute; gauge pressures as `"99 bar(g)"`', start="1 MPa"
     )
     outlet = key(
         "pressure at the outlet, given like that at the inlet",

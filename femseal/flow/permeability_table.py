@@ -206,7 +206,7 @@ class PressureCurve:
             return np.asarray(np.exp(interpolated))
         x = np.log(p)
         t = self._scaled(np.clip(x, *self._range))
-        log_k = chebyshev.chebval(t, self._coefficients[:, elements], tensor=False)
+        log_k = np.asarray(chebyshev.chebval(t, self._coefficients[:, elements], tensor=False))
         # the distance from the table to lower pressures; it is 0 within the table
         below_range = np.minimum(x - self._range[0], 0.0)
         return np.asarray(np.exp(log_k + self._slope[elements] * below_range))

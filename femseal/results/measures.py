@@ -52,8 +52,8 @@ _QUANTIFIED_MEASURES = {
     "pixels": ("twice the points along each side", 2.0**-ORDER),
     "realisations": ("four times as many realisations in [stochastic]", 0.5),
     "solver": ("a tenth of contact.rtol", 0.1),
-    "hardness": ("half the tolerance of the hardness, by measuring it", 0.5),
-    "form": ("half the tolerance of the form, by measuring it", 0.5),
+    "hardness": ("measuring the hardness to half its tolerance", 0.5),
+    "form": ("measuring the form to half its tolerance", 0.5),
     "patches": ("four times as many measured patches", 0.5),
 }
 #: Measures for the source "patch", with the ratio of the larger area to the present one. The factor by which they
