@@ -106,7 +106,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     if path.exists() and not path.is_file():
         given = f"'{path}', which is a device, a pipe or a folder"
-        raise InputError("file", given, "a file, or a new one")
+        raise InputError("file", given, "an existing file, or the name of a new file")
     handle, name = tempfile.mkstemp(suffix=path.suffix, prefix=".unfinished-", dir=path.parent)
     os.close(handle)
     temporary = Path(name)

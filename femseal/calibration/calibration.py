@@ -455,7 +455,7 @@ def calibrated_text(
 
 
 def _relocate(value: Any, case_folder: Path, folder: Path) -> Any:
-    """Change the names of files in a value of a case: instead of `case_folder` they are relative to `folder`."""
+    """Rewrite the file names in a value of a case so that they are relative to `folder` instead of `case_folder`."""
     if isinstance(value, dict):
         return {key: _relocate(inner, case_folder, folder) for key, inner in value.items()}
     if isinstance(value, list):

@@ -40,7 +40,7 @@ class Estimate:
 
     @classmethod
     def from_samples(cls, values: Array) -> Estimate:
-        """Estimate a positive quantity from samples (n,); the interval is the shortest in the logarithm."""
+        """Estimate a positive quantity from samples (n,); the interval is the shortest one on a logarithmic scale."""
         ordered = np.sort(values)
         count = int(np.ceil(PROBABILITY * len(ordered)))
         starts = ordered[: len(ordered) - count + 1]

@@ -373,7 +373,12 @@ class CopiedColumns(StridedColumns):
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """List the calls as in `StridedColumns`, with a copy of the columns to a block before and after."""
+        """List the calls that transform some columns, multiply them with the symbol, and transform them back.
+
+        The arguments are those of `StridedColumns.calls_of_block`. The columns are first copied to `copy`, one column
+        to a row, because the transform of a row is faster. Their waves are computed in `block`, and the result of the
+        transform back is copied from `copy` to the columns.
+        """
         points = copy[:, : self.length]
         waves = block[:, : self.length]
         forward, backward = planned(points, waves, points, axis=1)

@@ -442,13 +442,13 @@ class SofterOf(ContactLaw):
         return min(self.first.constant_depth, self.second.constant_depth)
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """Compute the lower H(u) [Pa]."""
+        """Compute the lower one of the yield pressures H(u) of both laws [Pa]."""
         first = self.first.yield_pressure(deformation)
         second = self.second.yield_pressure(deformation)
         return np.minimum(first, second)
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute dH/du of the lower H(u) [Pa/m]."""
+        """Compute the slope dH/du [Pa/m] of the law whose yield pressure H(u) is lower at this deformation."""
         first_pressure = self.first.yield_pressure(deformation)
         second_pressure = self.second.yield_pressure(deformation)
         first = self.first.hardening_modulus(deformation)

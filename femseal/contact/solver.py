@@ -177,7 +177,8 @@ def solve_contact(
         A shape is wrong, points are undefined, the law cannot carry the pressure, or the pressure is less than the mean
         pressure of the fluid, so that the surfaces separate.
     NotConverged
-        The residual was not reached, or the tangents of a curved law still changed after 100 solutions.
+        The residual did not fall below its tolerance, or the tangents of a nonlinear law still changed after 100
+        iterations.
 
     Notes
     -----

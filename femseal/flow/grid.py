@@ -259,7 +259,7 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     Parameters
     ----------
     gap : array (n1, n2), gap at the pixels [m].
-    ring1, ring2 : whether the pixels form a ring along the first and along the second axis. Without a ring, the gap is
+    ring1, ring2 : whether the pixels form a ring along the first and along the second axis. If they do not, the gap is
         mirrored beyond the ends of the axis.
 
     Returns
@@ -279,17 +279,20 @@ def _midway(before, a, b, after):
     """Interpolate the gap midway between the gaps a and b by a limited cubic through four points.
 
     `before` and `after` are the gaps of the next pixels on either side. The result is a continuous function of all four
-    gaps and is 0 if a or b is 0. See the docstring of this module for the limits.
+    gaps and is 0 if a or b is 0. The docstring of this module explains why the cubic is limited.
     """
     smaller = min(a, b)
     cubic = (9.0 * (a + b) - (before + after)) / 16.0
-    # a jump of the gap beyond a or b makes one second difference large, and the cubic falls below both a and b
+    # The cubic is the mean of a and b less 1/16 of the sum of the second differences at a and b. A jump of the gap
+    # beyond a or b makes one of them large, so the larger one is reduced to at most _JUMP times the smaller one.
     left = before - 2.0 * a + b
     right = a - 2.0 * b + after
     least = max(min(left, right), 0.0)
     most = min(max(left, right), _JUMP * least)
     limited = 0.5 * (a + b) - (least + most) / 16.0
+    # the limited value only replaces a cubic that is lower, and only up to _DIP times the smaller gap
     middle = max(cubic, min(limited, _DIP * smaller))
+    # within fixed factors of the smaller gap, so that the link closes together with either pixel
     return max(min(middle, _MOST * smaller), _LEAST * smaller)
 
 

@@ -106,7 +106,7 @@ def asked_unit(data: xarray.Dataset) -> LeakUnit | None:
 def unit_of_leakage(data: xarray.Dataset) -> LeakUnit:
     """Return the unit in which tables and pictures show the leakage.
 
-    Without a suitable unit in the case, it is a rate per unit seal length that gives readable numbers.
+    If the case gives no suitable unit, a unit of leakage per length of the seal is chosen that gives readable numbers.
     """
     asked = asked_unit(data)
     if asked is not None and leak_basis_of(data).has(asked):

@@ -117,7 +117,8 @@ class Results(Plotted):
     def leak_unit(self) -> LeakUnit:
         """Unit in which tables and pictures show the leakage.
 
-        Without a suitable unit in the case, it is a rate per unit seal length that gives readable numbers.
+        If the case gives no suitable unit, a unit of leakage per length of the seal is chosen that gives readable
+        numbers.
         """
         return best_leakage.unit_of_leakage(self.dataset)
 

@@ -22,9 +22,9 @@ _OPEN_PERMEABILITY = 1e-18 / 12
 class PatchState:
     """Hold the quantities of a patch that determine the width of its 95 % interval; all are arrays (steps,).
 
-    The quantities of a step depend on its contact state alone, not on the other loads of the programme. A step on
-    unloading has the quantities of its peak, except for `open_leakage`: the unloaded state results from the deformation
-    at the peak, so that its leakage is as uncertain as that at the peak.
+    The quantities of a step depend on its contact state alone, not on the other loads of the programme. For a step on
+    unloading, all quantities except `open_leakage` are those of its peak. The unloaded state results from the
+    deformation at the peak, so its leakage is as uncertain as that at the peak.
 
     Parameters
     ----------

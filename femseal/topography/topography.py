@@ -284,6 +284,7 @@ class Topography(Plotted):
         half = half_spectrum(self._defined("rms_slope"), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
         q2_squared = q2[0, : half.shape[1]] ** 2
+        # number of waves of the whole spectrum that each coefficient of the half spectrum stands for
         row_waves, column_waves = half_multiplicity(self.shape, self.periodic)
         # sums of the squares of both slopes over all waves, one row of the spectrum at a time, to save memory
         sum1 = sum2 = 0.0
@@ -552,6 +553,7 @@ class Topography(Plotted):
         half = half_spectrum(z - z.mean(), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
         # Along a mirrored axis, each wave except k = 0 represents two wave vectors: its own and the mirror image of it.
+        # These arrays contain the number of wave vectors per wave, for the rows and for the columns.
         row_copies, column_copies = (
             np.where(is_periodic | (np.arange(n) == 0), 1.0, 2.0)
             for n, is_periodic in zip(self.shape, self.periodic, strict=True)
@@ -561,20 +563,19 @@ class Topography(Plotted):
         count = np.zeros(rings)
         q_sum = np.zeros(rings)
         power_sum = np.zeros(rings)
+        # number of waves of the whole spectrum that each coefficient of the half spectrum stands for
         row_waves, column_waves = half_multiplicity(self.shape, self.periodic)
         columns = half.shape[1]
         for row, coefficients in enumerate(half):  # one row at a time, to save memory
             q = np.hypot(q1[row], q2[0, :columns])
             ring = np.rint(q / step).astype(int) + 1
             if row == 0:
-                ring[0] = (
-                    0  # the mean of the map is in a separate ring, number 0, which is not returned
-                )
+                ring[0] = 0  # the mean of the map is in ring 0, which is not returned
             waves = row_waves[row] * column_waves
-            copies = waves * row_copies[row] * column_copies[:columns]
+            wave_vectors = waves * row_copies[row] * column_copies[:columns]
             powers = waves * np.abs(coefficients) ** 2 / z.size
-            count += np.bincount(ring, copies, rings)
-            q_sum += np.bincount(ring, q * copies, rings)
+            count += np.bincount(ring, wave_vectors, rings)
+            q_sum += np.bincount(ring, q * wave_vectors, rings)
             power_sum += np.bincount(ring, powers, rings)
         filled = np.flatnonzero(count)[1:]  # without ring 0
         mean_q = q_sum[filled] / count[filled]

@@ -55,10 +55,22 @@ def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
 
 @compiled()
 def _list_links(order, along, across, φ):
-    """List, for the node at each place, its links to neighbours with later places and to both ends.
+    """List, for each node in the order of elimination, its links to nodes that are eliminated later and to both ends.
 
-    Returns arrays (n, 6) with the places of these neighbours and the conductances. A node has up to four neighbours and
-    two ends; a conductance of 0 marks the end of its list.
+    Parameters
+    ----------
+    order : array (n,), numbers of the nodes (row · n2 + column) in the order of elimination. A place is an index of it.
+    along : array (n1, n2), conductance between the nodes (i, j) and (i + 1, j). The nodes have n1 + 1 rows; row 0 is at
+        the inlet and row n1 at the outlet.
+    across : array (n1 − 1, m2), conductance between the nodes (i + 1, j) and (i + 1, j + 1). m2 is n2 on a ring, where
+        the last column is linked to the first one, and n2 − 1 otherwise.
+    φ : array (n1 + 1, n2), potential of the nodes that are not in `order`.
+
+    Returns
+    -------
+    later : array (n, 6), places of the nodes that are eliminated later. n stands for the inlet, n + 1 for the outlet.
+    conductance : array (n, 6), conductances of these links. A node has up to four neighbours and two ends; a
+        conductance of 0 marks the end of its list.
     """
     n, n2, m2 = order.size, along.shape[1], across.shape[1]
     # place of each node; −1 for nodes of known potential, which have none
@@ -70,12 +82,13 @@ def _list_links(order, along, across, φ):
     for a in range(n):
         node = order[a]
         i, j = node // n2, node % n2
+        row_start = node - j
         left = j - 1 if j > 0 else n2 - 1
         right = j + 1 if j < n2 - 1 else 0
         # number of each neighbour, and conductance of the link to it
         neighbours = (
-            (node - j + left, across[i - 1, left] if left < m2 else 0.0),
-            (node - j + right, across[i - 1, j] if j < m2 else 0.0),
+            (row_start + left, across[i - 1, left] if left < m2 else 0.0),
+            (row_start + right, across[i - 1, j] if j < m2 else 0.0),
             (node - n2, along[i - 1, j]),
             (node + n2, along[i, j]),
         )
