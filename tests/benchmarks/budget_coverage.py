@@ -141,11 +141,11 @@ def judged(kind, seed, found):
 
 
 HEAD = [
-    "contained, one load of each scene",
-    "95 % interval of this fraction",
+    "contained, one load per scene",
+    "95 % confidence interval of this fraction",
     "contained, all loads",
 ]
-HEAD += ["median error", "median half-width", "ratio"]
+HEAD += ["median error", "median half-width", "half-width / error"]
 
 
 def line(states):
@@ -173,8 +173,8 @@ def report(states):
     for method, state in product(methods, ("near closing", "sealed")):
         of = [s["holds"] for s in states if (s["method"], s["state"]) == (method, state)]
         closing.append([method, state, f"{sum(of)} of {len(of)}"])
-    beyond = "The next table is for loads that leak less than 1e-3 of the first load, and for sealed loads:"
-    faces = table(["method", "kind of face", *HEAD], cells)
+    beyond = "The next table is for loads that leak less than 1e-3 of the first load (near closing), and for sealed loads:"
+    faces = table(["method", "kind of surface", *HEAD], cells)
     return f"{faces}\n\n{beyond}\n\n{table(['method', 'state', 'contained'], closing)}"
 
 

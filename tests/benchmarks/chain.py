@@ -126,9 +126,14 @@ def seconds_at(wanted, curve):
     return float(np.exp(between))
 
 
+def shown(contact):
+    """Name of a contact solver in the report."""
+    return contact.replace("from bearing area", "(bearing-area start)")
+
+
 def report(records):
     """A line for each size, contact and flow."""
-    head = ["pixels", "femseal [s]", "error", "plain way: contact, flow"]
+    head = ["pixels", "femseal [s]", "error", "script: contact, flow"]
     head += [
         "contact + flow [s]",
         "error",
@@ -150,14 +155,14 @@ def report(records):
             for flow, k in r["k"].items():
                 contact, off = r["parts"]["contact"], error(k, exact)
                 whole = contact + r["parts"][flow]
-                line = [f"{r['contact']}, {flow}", f"{contact:.3g} + {r['parts'][flow]:.3g}"]
+                line = [f"{shown(r['contact'])}, {flow}", f"{contact:.3g} + {r['parts'][flow]:.3g}"]
                 line.append(f"{off:.2%}")
                 line += [f"{whole / s:.3g}×" for s in (same["seconds"], seconds_at(off, curve))]
                 cells.append([*left, *line])
-    told = ", ".join(f"{name} {tolerance:g}" for name, tolerance in TOLERANCES.items())
+    told = ", ".join(f"{shown(name)} {tolerance:g}" for name, tolerance in TOLERANCES.items())
     return f"""{table(head, cells)}
 
-Tolerances of the contact: {told}. {failures(records, "contact", "n")}"""
+Tolerances of the contact solvers: {told}. {failures(records, "contact", "n")}"""
 
 
 if __name__ == "__main__":

@@ -69,7 +69,7 @@ def finite_elements():
             kernel = 2 * layer_factor(body, np.array(t)) / layer.plane_modulus
             values.append(f"{kernel / block_compliance(ratio, t):.4f}")
         rows.append([f"{ratio:g}", *values])
-    return table(["G of layer over substrate", *(f"t = {t:.2g}" for t in TIMES_WAVE)], rows)
+    return table(["shear modulus, layer / substrate", *(f"t = {t:.2g}" for t in TIMES_WAVE)], rows)
 
 
 def rough(n, rms_slope=0.1):
@@ -135,8 +135,12 @@ def cost():
                         f"{half[1] / half[0]:.2f}",
                     ]
                 )
-    head = ["points", "thickness", "pressure over hardness", "points yielded through"]
-    head += ["products with K, without and with", "time, loading", "time, unloading"]
+    head = ["points", "thickness", "pressure / hardness", "points yielded through the coating"]
+    head += [
+        "FFT pairs, without and with the coating",
+        "time ratio, loading",
+        "time ratio, unloading",
+    ]
     return table(head, rows)
 
 
@@ -167,7 +171,7 @@ def constraint():
         raised = leakage(factor)
         ratios = [f"{a / b:.2f}" if b > 0 else "–" for a, b in zip(raised, plain, strict=True)]
         rows.append([f"{factor:g}", *ratios])
-    return table(["hardness over that of silver", *(f"{p / 1e6:g} MPa" for p in pressures)], rows)
+    return table(["factor of the hardness", *(f"{p / 1e6:g} MPa" for p in pressures)], rows)
 
 
 def main():
@@ -175,21 +179,24 @@ def main():
     parser.add_argument("--write", action="store_true", help="write the report beside the script")
     options = parser.parse_args()
     text = [
-        "## Closed forms\n\nThe ratio S of the compliance to that of a half-space of the layer's material, with t = qd.",
+        "## Closed forms\n\nS is the compliance divided by that of a half-space of the layer's material, as a function of "
+        "t = qd, with the wavenumber q and the thickness d of the layer.",
         closed_forms(),
-        "## Finite elements\n\nCompliance of the formula over that of a layered block in plane strain (scikit-fem, "
-        "quadratic elements), for ν = 0.37 of the layer and 0.3 of the substrate.",
+        "## Finite elements\n\nThe table shows the compliance by the formula divided by that of a layered block in plane strain "
+        "(scikit-fem, quadratic elements). Poisson's ratio is 0.37 for the layer and 0.3 for the substrate.",
         finite_elements(),
-        "## Cost\n\nCPU time of a contact with a silver coating on steel over that with solid silver, both against "
-        "Inconel. The surface is self-affine with an rms slope of 0.1. Unloading is to half of the pressure.",
+        "## Cost\n\nThe last two columns show the CPU time of a contact of silver-coated steel with Inconel, divided by that of "
+        "a contact of solid silver with Inconel. The surface is self-affine with an rms slope of 0.1. It is unloaded to half "
+        "of the pressure.",
         cost(),
-        "## Constraint\n\nLeakage of a turned steel surface (Ra 1.6 µm, feed 150 µm) against 30 µm of silver of "
-        "265 MPa, whose hardness is raised by a factor, over that without the factor.",
+        "## Constraint\n\nA turned steel surface (Ra 1.6 µm, feed 150 µm) is pressed against a silver coating with a "
+        "thickness of 30 µm and a hardness of 265 MPa. The table shows the leakage if this hardness is multiplied by a "
+        'factor, divided by the leakage without the factor. "–" means that the surface is sealed without the factor.',
         constraint(),
     ]
     minutes = time.process_time() / 60
     report = (
-        f"{machine(['scikit-fem'])}. Measured in {minutes:.1f} minutes of one core.\n\n"
+        f"{machine(['scikit-fem'])}. Measured in {minutes:.1f} minutes on one core.\n\n"
         + "\n\n".join(text)
     )
     print_report(__file__, "Coatings", report, options.write)

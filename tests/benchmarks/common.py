@@ -155,7 +155,7 @@ def failures(records: Iterable[dict[str, Any]], *names: str) -> str:
         for r in records
         if "failure" in r
     ]
-    return f"Failures: {'; '.join(told) or 'none'}."
+    return f"Failures ({', '.join(names)}): {'; '.join(told)}." if told else "Failures: none."
 
 
 def read_rows(paths: Iterable[str | Path]) -> list[dict[str, str]]:
@@ -193,4 +193,13 @@ def band_cells(rows: list[dict[str, str]], banded: bool = True) -> list[str]:
 
 
 #: The heads of `band_cells`.
-BAND_HEAD = ["loads", "5 %", "25 %", "50 %", "75 %", "95 %", "band holds", "half-width"]
+BAND_HEAD = [
+    "loads",
+    "5 %",
+    "25 %",
+    "50 %",
+    "75 %",
+    "95 %",
+    "contained in the interval",
+    "half-width",
+]

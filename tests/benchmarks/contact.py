@@ -124,7 +124,7 @@ def report(records):
         line = [n, bound, f"{pressure / 1e6:g}", f"{-target:.0e}"]
         line.append(f"{own['seconds']:.3g} ({own['pairs']})")
         cells.append([*line, *(ratio(of.get(name), own) for name in PROGRAMS[1:])])
-    return f"""CPU times of the peers as multiples of femseal's; "–": would have taken too long.
+    return f"""The CPU times of the other programs are multiples of the time of femseal. "–" means that a run would have taken too long.
 
 {table(head, cells)}
 

@@ -227,7 +227,7 @@ def unloading_error(one, curves):
 def granite_tables(found):
     """Table of the prediction, and of the hardness that would give the cycle."""
     predicted, asked = [], []
-    unloaded, error = "k at 10 MPa, unloaded, over that at the peak", "error of unloading"
+    unloaded, error = "k at 10 MPa after unloading / k at the peak", "error on unloading"
     for name, record in found.items():
         one, by_hardness = record["cycle"], record["by_hardness"]
         fits, curves = by_hardness[MINERAL / PEAK]
@@ -235,18 +235,18 @@ def granite_tables(found):
         spread = np.array([PEAK / (GRANITE * fit.load) for fit in fits])
         # k = (height scale)³ × k of the face of side 1 and slope SLOPE
         side = np.exp(np.array([fit.factor for fit in fits]) / 3) * np.cbrt(HEIGHT) * SLOPE / spread
-        same = {"face": record["face"], "specimen": name}
+        same = {"surface": record["face"], "specimen": name}
         predicted.append(
             same
             | {
-                "k at 20 over 10 MPa": f"{peak / first:.2f}",
-                "error of loading, fitted": times([fit.error for fit in fits]),
-                "rms slope, fitted": band(spread),
-                "longest wave [µm] by the factor": band(1e6 * side / WAVES),
+                "k at 20 MPa / k at 10 MPa": f"{peak / first:.2f}",
+                "error on loading (fitted)": times([fit.error for fit in fits]),
+                "rms slope (fitted)": band(spread),
+                "longest wave [µm], from the factor of k": band(1e6 * side / WAVES),
                 unloaded: f"{last / peak:.2f}",
-                "predicted": band(curves[:, -1] / peak, 3),
-                "over the first": f"{last / first:.2f}",
-                "predicted over the first": band(curves[:, -1] / first, 3),
+                "predicted, relative to the peak": band(curves[:, -1] / peak, 3),
+                "k at 10 MPa after unloading / k at the first load": f"{last / first:.2f}",
+                "predicted, relative to the first load": band(curves[:, -1] / first, 3),
                 error: times(unloading_error(one, curves)),
             }
         )
@@ -256,8 +256,8 @@ def granite_tables(found):
         asked.append(
             same
             | {
-                "hardness of least error on unloading": f"{best * PEAK / 1e6:.0f} MPa",
-                "error of loading": times([fit.error for fit in fits]),
+                "hardness with the smallest error on unloading": f"{best * PEAK / 1e6:.0f} MPa",
+                "error on loading": times([fit.error for fit in fits]),
                 error: times(errors[best]),
                 unloaded: band(curves[:, -1] / peak, 3),
                 "measured": f"{last / peak:.2f}",
@@ -330,16 +330,20 @@ def fracture_tables(found):
         flow.append(
             {
                 "specimen": name,
-                "resistance at 120 over 3 kN": f"{peak / first:.0f}",
+                "resistance at 120 kN / that at 3 kN": f"{peak / first:.0f}",
                 "fitted": band([r["up"][-1] / r["up"][0] for r in records]),
-                "error of loading": times([fit.error for fit in fits]),
-                "rms slope, fitted": band([highest / (ROCK * fit.load) for fit in fits]),
-                "hardness [MPa], fitted": band([fit.hardness * highest / 1e6 for fit in fits]),
-                "unloaded to 60 kN, over the peak": f"{pressure.unloaded[half] / peak:.2f}",
-                "predicted": band([r["down"][half] / r["up"][-1] for r in records]),
-                "back at 3 kN, over the first": f"{pressure.unloaded[-1] / first:.1f}",
-                "predicted back": band([r["down"][-1] / r["up"][0] for r in records]),
-                "error of unloading": times(
+                "error on loading": times([fit.error for fit in fits]),
+                "rms slope (fitted)": band([highest / (ROCK * fit.load) for fit in fits]),
+                "hardness [MPa] (fitted)": band([fit.hardness * highest / 1e6 for fit in fits]),
+                "resistance after unloading to 60 kN / that at the peak": f"{pressure.unloaded[half] / peak:.2f}",
+                "predicted, relative to the peak": band(
+                    [r["down"][half] / r["up"][-1] for r in records]
+                ),
+                "resistance back at 3 kN / that at the first load": f"{pressure.unloaded[-1] / first:.1f}",
+                "predicted, relative to the first load": band(
+                    [r["down"][-1] / r["up"][0] for r in records]
+                ),
+                "error on unloading": times(
                     [rms(np.log(r["down"] / pressure.unloaded)) for r in records]
                 ),
             }
@@ -349,17 +353,19 @@ def fracture_tables(found):
         closing.append(
             {
                 "specimen": name,
-                "closure 3 to 120 kN [µm]": f"{1e3 * up[-1]:.0f}",
-                "error of loading [µm], fitted": band(
+                "closure from 3 to 120 kN [µm]": f"{1e3 * up[-1]:.0f}",
+                "error on loading [µm] (fitted)": band(
                     [1e3 * rms(r["closure"][0] - up) for r in records]
                 ),
-                "part of the rock, fitted": band([r["compliance"] * part for r in records]),
-                "left at 3 kN [µm]": f"{1e3 * down[-1]:.0f}",
+                "contribution of the rock (fitted)": band(
+                    [r["compliance"] * part for r in records]
+                ),
+                "closure left at 3 kN [µm]": f"{1e3 * down[-1]:.0f}",
                 "predicted": band([1e3 * r["closure"][1][-1] for r in records]),
-                "error of unloading [µm]": band(
+                "error on unloading [µm]": band(
                     [1e3 * rms(r["closure"][1] - down) for r in records]
                 ),
-                "heights by closure over heights by flow": band(
+                "heights from the closure / heights from the flow": band(
                     [r["length"] / r["scale"] for r in records]
                 ),
             }
@@ -383,7 +389,7 @@ YIELDS = {
 PITCH, DEPTH, PIXEL, BREADTH, RING = 0.3e-3, 12.5e-6, 1.2e-3 / POINTS, 5e-3, 50e-3
 #: Leakage class L0.01 [kg/(m s)] of helium from 40 bar gauge into 1 bar.
 LIMIT, HELIUM, INLET, OUTLET = 1e-8, IdealGas(1.96e-5, 4.0026e-3, 293.15), 41e5, 1e5
-FINISHES = ("turned", "turned, scratch across", "ground")
+FINISHES = ("turned", "turned, radial scratch", "ground")
 
 
 @cache
@@ -448,9 +454,12 @@ def gaskets():
         groove = groove_leakage(1, *given, min(stress, 0.95 * solid.hardness))
         row = {"metal": f"{line['metal']} ({grade})", "σ_y [MPa]": f"{strength / 1e6:.0f}"}
         row |= {"y [MPa]": f"{stress / 1e6:.0f}", "y/H": f"{stress / solid.hardness:.2f}"}
-        row |= {f"needed [MPa], {f}": band(np.array(needed[f]) / 1e6) for f in FINISHES}
-        row |= {f"class at y, {f}": "yes" if max(needed[f]) <= stress else "no" for f in FINISHES}
-        rows.append(row | {"along the groove [mg/(m s)]": f"{1e6 * groove:.1g}"})
+        row |= {f"stress needed [MPa], {f}": band(np.array(needed[f]) / 1e6) for f in FINISHES}
+        row |= {
+            f"class reached at y, {f}": "yes" if max(needed[f]) <= stress else "no"
+            for f in FINISHES
+        }
+        rows.append(row | {"leakage along the groove [mg/(m s)]": f"{1e6 * groove:.1g}"})
     return rows
 
 
@@ -469,8 +478,8 @@ def main():
     predicted, asked = granite_tables(timed("granite", granite))
     flow, closing = fracture_tables(timed("fractures", fractures))
     metals = rows_table(timed("gaskets", gaskets))
-    text = f"""{machine()}. Measured in {time.process_time() / 60:.0f} minutes of one core. \
-The values in brackets are the range of six surfaces (three for gaskets) that differ in their random phases.
+    text = f"""{machine()}. Measured in {time.process_time() / 60:.0f} minutes on one core. \
+The values in brackets are ranges over six surfaces (three for gaskets) that differ only in their random phases.
 
 ## Ground granite, unloading predicted
 

@@ -112,7 +112,7 @@ def series(sizes, repeats):
 
 def speed_table(records):
     """Times of all solvers over sizes, and the memory of femseal."""
-    head = ["n", "contact", "femseal [ms] (iterations)", *list(PROGRAMS)[1:]]
+    head = ["n", "contact fraction", "femseal [ms] (iterations)", *list(PROGRAMS)[1:]]
     found = {}
     for r in records:
         if r["refinement"] == 1:
@@ -142,20 +142,22 @@ def error_table(records):
                 told = "k" in r and f"{abs(r['k'] / limit - 1):.1e}, {r['seconds']:.3g}"
                 line.append(told or "–")
             cells.append(line)
-    head = ["contact", "pixels per shortest wave"]
+    head = ["contact fraction", "pixels per shortest wave"]
     return table(head + [f"{name}: error, time [s]" for name in PROGRAMS], cells)
 
 
 def report(records):
     """Both tables."""
-    return f"""CPU times, of the peers as multiples of femseal's; "–": would have taken too long.
+    return f"""The table shows CPU times. Those of the other programs are multiples of the time of femseal. "–" means that a run would
+have taken too long. The gaps are cut by a plane at the given contact fraction; "solved" is the gap of a solved contact.
 
 {speed_table(records)}
 
 {failures(records, "solver", "n", "contact")}
 
-Error of the permeability against Richardson's limit, a cell of {BASE}² pixels with 8 pixels per
-shortest wave and its refinements:
+The next table shows the relative error of the permeability of a cell of {BASE}² pixels with 8 pixels per
+shortest wave, and of its refinements. The reference is the value that Richardson extrapolation gives from the two finest
+solutions of femseal.
 
 {error_table(records)}"""
 

@@ -83,7 +83,7 @@ def by_surface(kind, unseen):
             share = f"{one.contained[chosen].mean():.1%}" if chosen.any() else ""
             cells += [f"{scenes}, {chosen.sum()}", share] if one is not left_out else [share]
         lines.append(cells)
-    head = ["surface", "scenes, loads", "contained", "left out"]
+    head = ["surface", "scenes, loads", "contained", "contained, kind left out"]
     head += ["unseen scenes, loads", "contained"] if unseen else []
     return table(head, lines)
 

@@ -27,11 +27,18 @@ from femseal.case import Case, parse_case
 #: Seeds of the tests.
 SEEDS = (*range(250_401, 250_411), *range(270_401, 270_421))
 #: Heads of the counts of tests whose regions hold the truth, and of the tests.
-SUMMARY = ["tests", "truth in the joint 90 % region", "in that of the hardness"]
-SUMMARY += ["of the shortest wave", "of the factor", "median hardness within 5 %"]
-SUMMARY += ["its error in the median", "at most"]
-HEAD = ["seed", "face", "rows, below the limit", "scenes", "hardness [GPa]", "found"]
-HEAD += ["wave [µm]", "found", "factor", "found", "in the joint region"]
+SUMMARY = ["tests", "true values in the joint 90 % region", "hardness in its 90 % region"]
+SUMMARY += ["shortest wave in its region", "factor in its region", "median hardness within 5 %"]
+SUMMARY += ["median error of the hardness", "largest error of the hardness"]
+HEAD = [
+    "seed",
+    "surface",
+    "rows, of which below the detection limit",
+    "scenes",
+    "hardness [GPa]",
+    "found",
+]
+HEAD += ["shortest wave [µm]", "found", "factor", "found", "in the joint region"]
 LOADING, PEAKS, UNLOADING = (
     (60, 120, 200, 300, 400, 500, 600, 700, 800, 900, 1000),
     (300, 700),
@@ -147,9 +154,7 @@ def main() -> None:
             found.append(tried(seed, Path(folder), given.workers))
         print(found[-1], flush=True)
     counts, tests = table(SUMMARY, [summary(found)]), table(HEAD, map(told, found))
-    text = (
-        f"{machine(['scipy'])}\n\nThe values in brackets are 90 % regions.\n\n{counts}\n\n{tests}"
-    )
+    text = f"{machine(['scipy'])}\n\nThe first table counts tests. In the second table, the values in brackets are 90 % regions.\n\n{counts}\n\n{tests}"
     print_report(__file__, "Calibration by leak tests", text, given.write)
 
 

@@ -219,14 +219,14 @@ SLOPES = (0.05, 0.1, 0.2, 0.3, 0.4)
 def thin_gap():
     """Permeability by Stokes over Reynolds, by rms slope, and the next order; waves and self-affine profiles."""
     kinds = {
-        "wave, amplitude 0.3 of the gap": (lambda s: [wave(0.3, s)], 96),
+        "wave, amplitude 0.3 of the mean gap": (lambda s: [wave(0.3, s)], 96),
         "wave, amplitude 0.6": (lambda s: [wave(0.6, s)], 96),
         "wave, amplitude 0.9": (lambda s: [wave(0.9, s)], 192),
-        "self-affine, least gap 0.3, three profiles": (
+        "self-affine, smallest gap 0.3, mean of three profiles": (
             lambda s: [rough(s, 0.3, seed) for seed in range(1, 4)],
             1024,
         ),
-        "self-affine, least gap 0.1, three profiles": (
+        "self-affine, smallest gap 0.1, mean of three profiles": (
             lambda s: [rough(s, 0.1, seed) for seed in range(1, 4)],
             1024,
         ),
@@ -319,8 +319,8 @@ def heat():
         [
             "liquid",
             "leakage [m²/s]",
-            "rise over 10 MPa without walls [K]",
-            "length over gap to take the heat",
+            "temperature rise for a drop of 10 MPa, if the walls take no heat [K]",
+            "length in which the walls take the heat / gap",
         ],
         cells,
     )
@@ -340,12 +340,12 @@ def layer_factor(thickness):
 
 def layers():
     thicknesses = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
-    head = ["thickness over wave", *(f"{t:g}" for t in thicknesses)]
+    head = ["thickness / wavelength", *(f"{t:g}" for t in thicknesses)]
     return table(
         head,
         [
             [
-                "smooth base",
+                "frictionless base",
                 *(f"{layer_factor(t):.3f}" for t in thicknesses),
             ],
             *([f"bonded, ν = {nu:g}", *bonded_layer(nu, thicknesses)] for nu in (0.3, 0.5)),
@@ -442,11 +442,11 @@ def rings(points=900):
             ]
         )
     head = [
-        "half-breadth over radius",
-        "breadth over that in plane strain",
-        "peak pressure over that",
-        "middle of the band, in half-breadths",
-        "rms difference of the pressure over the peak, bands laid over each other",
+        "half-breadth / radius",
+        "breadth / that in plane strain",
+        "peak pressure / that in plane strain",
+        "outward shift of the centre of the band [half-breadths]",
+        "rms difference of the pressures about the centres of both bands / peak pressure",
     ]
     return table(head, cells)
 
@@ -487,8 +487,8 @@ def yields():
         "ν",
         "p0/σ_y at first yield",
         "p0/H, H = 2.8 σ_y",
-        "mean pressure over H",
-        "depth over half-breadth",
+        "mean pressure / H",
+        "depth / half-breadth",
     ]
     return table(head, cells)
 
@@ -500,17 +500,18 @@ def main():
     orders = element_order()
     text = [
         "## Thin gap\n\nThe table shows the permeability of the Stokes equations divided by that of Reynolds' equation. "
-        "The values in brackets are those of the next order of the theory of lubrication.",
+        "The values in brackets are those of the lubrication theory of the next order.",
         thin_gap(),
         "For the wave of amplitude 0.9 and slope 0.4, the error of the Stokes solution on 96 × 2 and 192 × 4 "
         f"elements, compared with 384 × 8 elements, is {', '.join(f'{e:.1e}' for e in orders)}.",
         "## Inertia\n\nThe table shows the permeability of the Navier-Stokes equations divided by that of the Stokes "
-        "equations. The columns are values of the Reynolds number multiplied by the ratio of mean gap to wavelength.",
+        "equations. The columns are for values of the Reynolds number multiplied by the ratio of mean gap to wavelength.",
         inertia(),
+        "The next table shows the Reynolds number at some leakages:",
         inertia_of_classes(),
         "## Heat",
         heat(),
-        "## Thin bodies\n\nCompliance of a layer on a rigid base over that of a half-space.",
+        "## Thin bodies\n\nThe table shows the compliance of a layer on a rigid base divided by that of a half-space.",
         layers(),
         "## Seats on rings",
         rings(),
@@ -519,7 +520,7 @@ def main():
     ]
     minutes = time.process_time() / 60
     report = (
-        f"{machine(['scikit-fem'])}. Measured in {minutes:.1f} minutes of one core.\n\n"
+        f"{machine(['scikit-fem'])}. Measured in {minutes:.1f} minutes on one core.\n\n"
         + "\n\n".join(text)
     )
     print_report(__file__, "Limits of the model", report, options.write)

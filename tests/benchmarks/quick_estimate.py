@@ -59,7 +59,7 @@ def compare(number: int) -> tuple[float, float, float, float]:
 
 
 def line(name: str, found: np.ndarray) -> list[str]:
-    """A line of the table: numbers, and factors at 50 and 95 % of scenes open both ways."""
+    """A line of the table: numbers, and factors at 50 and 95 % of scenes open in both."""
     area, solved, said, estimate = found.T
     both = (solved > 0) & (estimate > 0)
     ratio = np.log(estimate[both] / solved[both])
@@ -76,9 +76,19 @@ def report() -> str:
     """The table."""
     found = np.array([compare(number) for number in range(SCENES)])
     kind = np.arange(SCENES) % len(KINDS)
-    head = ["faces", "scenes", "open both ways", "median of the ratio", "factor, 50 %"]
-    head += ["factor, 95 %", "sealed as solved alone", "sealed by the quick estimate alone"]
-    head += ["contact fraction over that solved"]
+    head = [
+        "surfaces",
+        "scenes",
+        "open in both",
+        "median of quick estimate / solution",
+        "factor that covers 50 %",
+    ]
+    head += [
+        "factor that covers 95 %",
+        "sealed only in the solution",
+        "sealed only in the quick estimate",
+    ]
+    head += ["contact fraction, quick estimate / solution"]
     lines = [line(name, found[kind == n]) for n, name in enumerate(KINDS)]
     light = found[:, 2] < LIGHT_CONTACT
     lines += [
@@ -86,8 +96,8 @@ def report() -> str:
         for name, part in (("below", light), ("above", ~light))
     ]
     text = (
-        "The contact fractions are those of the quick estimate. The factors are for scenes that are open in the "
-        "quick estimate and in the solution."
+        "The limit of 30 % is for the contact fraction of the quick estimate. The ratio and the factors of the leakage are "
+        "for scenes that are open both in the quick estimate and in the solution."
     )
     return f"{machine()}\n\n{table(head, [*lines, line('all', found)])}\n\n{text}"
 

@@ -75,7 +75,7 @@ def report(records):
     """The table of all records, and the known answers."""
     others = [*OWN[1:], *PEERS]
     head = ["links", "σ", "closed", "femseal [s] (iterations)", *others]
-    head += ["memory of femseal [MB]", "PARDISO"]
+    head += ["memory of femseal [MB]", "memory of PARDISO [MB]"]
     known = [r for r in records if r["solver"] == "known answer"]
     maps = {}
     for r in records:
@@ -91,15 +91,17 @@ def report(records):
             line.append(ratio(r, own) + (", wrong" if wrong else ""))
         memory = (found.get(name) for name in ("femseal", "PARDISO"))
         cells.append([*line, *(f"{r['bytes'] / 1e6:.0f}" if r else "–" for r in memory)])
-    answers = (f"σ {r['σ']:g}: {r['mean']:.4f} ± {r['spread']:.4f}" for r in known)
-    return f"""CPU times, of the peers as multiples of femseal's; "–": would have taken too long.
+    answers = (f"{r['mean']:.4f} ± {r['spread']:.4f} for σ = {r['σ']:g}" for r in known)
+    return f"""The table shows CPU times. Those of the other programs are multiples of the time of femseal. "–" means that a run would
+have taken too long. σ is the standard deviation
+of ln k, and "closed" the fraction of the links that are closed.
 
 {table(head, cells)}
 
 {failures(records, "solver", "size", "σ", "closed")}
 
-Leakage over the known answer, open maps of {ANSWER_SIZE:.0e} links, mean and standard deviation
-of {ANSWERS}: {", ".join(answers)}."""
+The exact leakage of a large network without closed links is known. The leakage by femseal divided by the exact one, as mean
+and standard deviation of {ANSWERS} networks of {ANSWER_SIZE:.0e} links, is {", ".join(answers)}."""
 
 
 if __name__ == "__main__":

@@ -23,6 +23,12 @@ PIXEL, CONTACT = 1e-6, 0.2
 #: Contact modulus and hardness [Pa].
 MODULUS, HARDNESS = 115e9, 2.3e9
 OWN = ("contact", "resolved")
+#: Names of the programs in the report.
+SHOWN = {
+    "contact": "contact, femseal",
+    "resolved": "flow, femseal",
+    "reynoldsflow": "flow, reynoldsflow",
+}
 
 
 def heights(n):
@@ -77,13 +83,13 @@ def series(sizes, repeats):
 
 def report(records):
     """The table of all records."""
-    head = ["points", "program", "time [s]", "time a point [µs]", "peak memory [GB]"]
-    head += ["bytes a point", "iterations", "residual", "permeability over that of all points"]
+    head = ["points", "program", "time [s]", "time per point [µs]", "peak memory [GB]"]
+    head += ["bytes per point", "iterations", "residual", "permeability / that of femseal"]
     exact = {r["n"]: r["value"] for r in records if r["program"] == "resolved"}
     cells = []
     for r in records:
         seconds, size = r["seconds"], r["size"]
-        line = [f"{r['n']}²", r["program"], f"{seconds:.3g}", f"{1e6 * seconds / size:.2f}"]
+        line = [f"{r['n']}²", SHOWN[r["program"]], f"{seconds:.3g}", f"{1e6 * seconds / size:.2f}"]
         line += [f"{r['bytes'] / 1e9:.3g}", f"{r['bytes'] / size:.0f}", r.get("iterations") or ""]
         line += [f"{r['residual']:.1e}" if r.get("residual") else r.get("failure", "")]
         flow = r["program"] != "contact" and "value" in r
@@ -93,4 +99,4 @@ def report(records):
 
 if __name__ == "__main__":
     sides = (512, 1024, 2048, 4096, 8192, 16384)
-    main(__file__, "Size of faces", ("reynoldsflow",), sides, series, measure, report, 600.0)
+    main(__file__, "Size of the surface", ("reynoldsflow",), sides, series, measure, report, 600.0)

@@ -45,13 +45,15 @@ PATCHES = ("first", "second", "both")
 ACTS = (0.1, 0.6)
 TOLD = """The table shows the leakage of seals that were simulated from one patch, divided by that of the
 whole surface. The loads are grouped by the number of decades by which the leakage of the whole
-surface has fallen below that at the first load. In every third scene a fluid pressure acts."""
+surface has fallen below that at the first load. In every third scene a fluid pressure acts on the surfaces."""
 SURFACES_TOLD = """The table shows the fraction of the loads at which the interval of one patch contains the true
 leakage: for the scenes of the calibration, for the same scenes with their kind of surface left
 out of the calibration, and for scenes that the calibration has not seen."""
-HALVES_TOLD = """The next table groups the loads by the decades of the true leakage below that at the first load.
-The half-width is the median, as a factor, of the intervals whose lower end is not 0. Two patches
-are measured on the same surface and used together."""
+HALVES_TOLD = """The next table groups the loads by the number of decades by which the true leakage lies below that
+at the first load. The half-width is given as a factor, and is the median over the intervals whose
+lower end is not 0. "Two patches" are measured on the same surface and used together."""
+#: Names of shapes in the report.
+SHAPES_TOLD = {"in-place": "as wide as the patch", "broad": "twice as wide"}
 #: Kinds of drawn seals that this script calibrates.
 KINDS_OF_SEALS = ("in order", "at random")
 #: Heads of `ratio_cells`.
@@ -179,11 +181,11 @@ def report(rows):
             if chosen:
                 scenes = len({row["scene"] for row in chosen})
                 decades = f"{max(low, 0):g} to {high:g}"
-                lines.append([shape, decades, scenes, *ratio_cells(chosen)])
+                lines.append([SHAPES_TOLD.get(shape, shape), decades, scenes, *ratio_cells(chosen)])
     texts = [TOLD, table(["shape", "decades", "scenes", *RATIO_HEAD], lines)]
     for kind in KINDS_OF_SEALS:
         unseen = [row for row in rows if row["kind"] == kind]
-        texts += [f"## Seals {kind}", SURFACES_TOLD, by_surface(kind, unseen)]
+        texts += [f"## Cells {kind}", SURFACES_TOLD, by_surface(kind, unseen)]
         texts += [
             HALVES_TOLD,
             by_half_decade(kind, unseen or patch_interval.calibration_rows(kind)),
@@ -220,7 +222,7 @@ def commands(script, title, solve, kinds, told):
 if __name__ == "__main__":
     commands(
         __file__,
-        "Drawn seals against whole faces",
+        "Leakage relative to the whole surface",
         lambda given: solved_rows(given[0], range(*map(int, given[1:]))),
         KINDS_OF_SEALS,
         report,
