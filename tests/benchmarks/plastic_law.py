@@ -508,8 +508,8 @@ def report(rows):
         "by those of the cut-off law with $H = 2.8\\,\\sigma_y$. The equivalent load is the load at which the "
         "cut-off law leaks as much as the plastic solid, divided by the load on the plastic solid. The equivalent "
         "$H/\\sigma_y$ is the ratio at which the cut-off law leaks as much as the plastic solid under the same load. All "
-        "values are medians over the surfaces and over both flow directions. The brackets contain the middle 90 % of the "
-        "values.",
+        "values are medians over the surfaces, and those in the last three columns also over both flow directions. The "
+        "brackets contain the middle 90 % of the values.",
         comparison(groups, "dimensionless hardness"),
         "## Equivalent hardness\n\nThe table shows the $H/\\sigma_y$ at which the cut-off law leaks as much as the plastic solid "
         "under the same load. The first column is the dimensionless hardness $2.8\\,\\sigma_y/(E^*h')$, which is small for "
