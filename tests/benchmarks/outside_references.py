@@ -33,34 +33,34 @@ DAPP = "Dapp, Lücke, Persson & Müser, Phys. Rev. Lett. 108, 2012, 244301; Wang
 PROGRAMS = ("Tamaas", "ContactMechanics")
 #: Problem, claim, source, and what measures it.
 REFERENCES = [
-    ("bearing area", "A soft material is cut off at the height whose bearing area is p̄/H",
+    ("bearing area", "A soft material is cut off where the bearing area is p̄/H",
      "limit of the model; test of ContactMechanics", partial(bearing_area, ratios=(0.1, 1e-4))),
-    ("saddle point", "The resistance of a saddle point goes with (L_c − L)^−3.45 near closing",
+    ("saddle point", "The resistance of a saddle point is ∝ (L_c − L)^−3.45 near closing",
      "Dapp & Müser, EPL 109, 2015, 44001", saddle_point),
-    ("critical area", "Elastic isotropic faces close at a contact area of 0.415 ± 0.02",
+    ("critical area", "Elastic isotropic surfaces close at a contact area of 0.415 ± 0.02",
      DAPP, critical_area),
-    ("pixels", "That area does not depend on the pixels of a shortest wave", DAPP, resolution),
-    ("near closing", "Flow near closing is that of the last constriction, (p_c − p)^3.45",
+    ("pixels", "This area does not depend on the number of pixels per shortest wave", DAPP, resolution),
+    ("near closing", "Near closing, the last constriction determines the flow, ∝ (p_c − p)^3.45",
      "Dapp & Müser, Sci. Rep. 6, 2016, 19513 (abstract)", flow_near_closing),
-    ("finishes", "From p̄ ≈ 2.75 σ_y the finish does not matter; by kind and rms height [m] from",
+    ("finishes", "From p̄ ≈ 2.75 σ_y on, the finish does not matter; limits by finish and rms height [m]",
      "SAE 650312, 1965 (abstract)", closing_loads),
     *((peer, f"Fields of {peer}", "same run", partial(contact_fields, peer))
       for peer in present(PROGRAMS)),
     *((peer, "Flow through a contact, on finer grids", "reynoldsflow, same run", flow_fields)
       for peer in present(["reynoldsflow"])),
-    ("small loads", "Contact area κ p̄/E*h′ with √(8/π) = 1.60 < κ < √(2π) = 2.51",
+    ("small loads", "At small loads, the contact area is κ p̄/E*h′ with √(8/π) = 1.60 < κ < √(2π) = 2.51",
      "Persson, J. Chem. Phys. 115, 2001, 3840; Bush, Gibson & Thomas, Wear 35, 1975, 87",
      small_loads),
-    ("open area", "Open area erfc(√2 p̄/E*h′) towards full contact; by penny cracks 3/4 of it",
+    ("open area", "Open area towards full contact: erfc(√2 p̄/E*h′); 3/4 of it for penny-shaped cracks",
      "Persson 2001; Johnson, Greenwood & Higginson, Int. J. Mech. Sci. 27, 1985, 383",
      open_areas),
-    ("cut faces", "K/m₀^1.5 of faces cut off at 30 % contact: between reservoirs, and periodic",
-     "public repository of reynoldsflow, ten faces each", cut_faces),
+    ("cut faces", "K/m₀^1.5 of surfaces cut off at 30 % contact, between reservoirs and periodic",
+     "public repository of reynoldsflow, ten surfaces each", cut_faces),
     ("copper", "Radial leakage of turned copper gaskets ends near 50 MPa; range [Pa]",
      "Matsuzaki and co-workers 2006, 2013", turned_copper),
-    ("rock", "Fractures of granodiorite keep most of their resistance when they are unloaded",
+    ("rock", "Fractures of granodiorite keep most of their resistance to flow when unloaded",
      "Vogler and co-workers, Kling and co-workers 2018", rock_fractures),
-    ("summits", "Contact area of summits far apart beside their contacts",
+    ("summits", "Contact area of summits at distances that are large compared with their contacts",
      "Greenwood & Williamson, Proc. R. Soc. A 295, 1966, 300", greenwood_williamson),
 ]  # fmt: skip
 
@@ -88,8 +88,8 @@ def main():
         if not given.problem or name in given.problem:
             cells.append([claim, source, told(measure())])
             print(f"{name}: {time.process_time():.0f} s", file=sys.stderr, flush=True)
-    minutes = f"Measured in {time.process_time() / 60:.0f} minutes of one core."
-    head = ["claim", "source", "what came out"]
+    minutes = f"Measured in {time.process_time() / 60:.0f} minutes on one core."
+    head = ["published result, or other program", "source", "result of femseal"]
     versions = machine(("tamaas", "ContactMechanics", "reynoldsflow"))
     text = f"{versions}. {minutes}\n\n{table(head, cells)}"
     print_report(__file__, "Outside references", text, given.write and not given.problem)
