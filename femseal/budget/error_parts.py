@@ -567,7 +567,13 @@ def pixels_part(
 ) -> ErrorPart:
     """Estimate the error of the pixel size from a solution on a coarser grid.
 
-    If a step is open on one grid and sealed on the other, it may in truth be open or sealed.
+    The change of ln(leakage) between both grids is scaled to a halving of the number of points along each side. To its
+    square is added that of the change under a small shift of the load, because the change between two grids may be
+    small by chance. The half-width of the interval is a calibrated multiple, `PER_CHANGE`, of the root of the sum. It
+    is larger where few loads were solved, see `FEW_LOADS`.
+
+    If a step is open on one grid and sealed on the other, it may in truth be open or sealed. The lower end is then 0,
+    as it is for a step near closing whose error is large.
 
     Parameters
     ----------
@@ -586,13 +592,20 @@ def pixels_part(
     # change to a grid with half the points along each side, extrapolated with the order of convergence
     scaled = change * (2.0**ORDER - 1) / (coarsening**ORDER - 1)
     least_shift = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)
-    scale = np.hypot(scale_of_changes(steps, scaled, slope), least_shift * slope)
+    change_scale = np.hypot(scale_of_changes(steps, scaled, slope), least_shift * slope)
     n_loads = int((np.isfinite(change) & steps.on_loading).sum())
-    distance = PER_CHANGE * FEW_LOADS.get(n_loads, 1.0) * scale
-    may_close = closing & (distance > _MAY_CLOSE)
-    below = np.where(may_close | np.isneginf(change), np.inf, distance)
+    half_width = PER_CHANGE * FEW_LOADS.get(n_loads, 1.0) * change_scale
+    may_close = closing & (half_width > _MAY_CLOSE)
+    half_width_below = np.where(may_close | np.isneginf(change), np.inf, half_width)
     grid = " × ".join(map(str, coarse.points))
     note = f"change of ln(leakage) to {grid} points, at a load and its neighbours; order {ORDER:g} expected"
     return part_of_changes(
-        "pixels", steps, leakage, below, distance, note, change=change, coarse=coarse
+        "pixels",
+        steps,
+        leakage,
+        half_width_below,
+        half_width,
+        note,
+        change=change,
+        coarse=coarse,
     )

@@ -146,7 +146,7 @@ class ErrorSource:
     parts : callable
         Evaluates the error source, see `Parts`.
     of_model : bool
-        Whether this is an error of the model or its input, which is only evaluated if its name is requested. False for
+        True for an error of the model or of its input, which is evaluated only if its name is requested. False for
         numerical errors, which are always evaluated.
     """
 

@@ -425,7 +425,7 @@ class SofterOf(ContactLaw):
     Parameters
     ----------
     first, second : ContactLaw
-        Laws of the two bodies, which must be the same for all points.
+        Laws of the two bodies. Each must be uniform, that is, the same for all points.
     """
 
     first: ContactLaw

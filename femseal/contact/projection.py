@@ -443,21 +443,22 @@ def shift(first, end, c, uniform, hardness, slope, p, free, pressure):
 def gap_and_deformation(first, end, p, v, delta, c, hardness, slope, gap, deformation, plastic):
     """Compute gap, plastic deformation u and flags of plastic points in the rows `first` to `end` − 1.
 
-    u = (p − H − c g)/(h + c) is the plastic deformation of the projection of p − c g, with the raw gap g; for h = 0 it
-    is −g. The error of this formula is small for all h, because u follows from the pressure p if h is large, and from
-    the raw gap g if h is small.
+    u = (p − H − c g)/(s + c) is the plastic deformation of the projection of p − c g. H is the hardness, s the slope of
+    the law, g = v − δ the gap before projection, v the displacement, δ the approach, and c the factor of the projection.
+    For s = 0, u is −g. The error of this formula is small for all s, because u follows from the pressure p if s is
+    large, and from g if s is small.
     """
     columns = p.size // v.shape[0]
     for row in range(first, end):
         for j in range(columns):
             i = row * columns + j
             g = v[row, j] - delta
-            h = value_at(hardness, i)
+            H = value_at(hardness, i)
             gap[i] = 0.0 if p[i] > 0.0 or g < 0.0 else g
-            plastic[i] = p[i] >= h
+            plastic[i] = p[i] >= H
             deformation[i] = 0.0
             if plastic[i]:
                 s = value_at(slope, i)
-                u = -g if s == 0.0 else (p[i] - h - c * g) / (s + c)
+                u = -g if s == 0.0 else (p[i] - H - c * g) / (s + c)
                 if u > 0.0:
                     deformation[i] = u

@@ -158,17 +158,26 @@ class PressureCurve:
         self.shape = values.shape[1:]
         k = values[order].reshape(order.size, -1)  # (pressure, element)
         if piecewise:
-            with np.errstate(divide="ignore"):
-                self._log_k = np.log(k)
-            self._is_open = (k > 0).any(axis=0)
-            return
+            self._keep_values(k)
+        else:
+            self._fit_polynomials(k)
+
+    def _keep_values(self, k: Array) -> None:
+        """Prepare the interpolation of ln k between adjacent pressures, from k (pressure, element) [m³]."""
+        with np.errstate(divide="ignore"):
+            self._log_k = np.log(k)
+        self._is_open = (k > 0).any(axis=0)
+
+    def _fit_polynomials(self, k: Array) -> None:
+        """Fit, for each element, a Chebyshev polynomial of ln k in ln p through all pressures (pressure, element)."""
         self._is_open = (k > 0).all(axis=0)
         self._range = np.log(self._knots[[0, -1]])
         t = self._scaled(np.log(self._knots))
         log_k = np.log(np.where(self._is_open, k, 1.0))
         self._coefficients = chebyshev.chebfit(t, log_k, t.size - 1)
         slope = chebyshev.chebval(-1.0, chebyshev.chebder(self._coefficients))  # d ln k/dt
-        # d ln k/d ln p at the lowest pressure, which is used below it; −1 is the limit of free-molecular flow
+        # d ln k/d ln p at the lowest pressure, which is used below it; −1 is the limit of free-molecular flow. The factor
+        # is dt/d ln p, as t runs from −1 to 1 over the range of ln p.
         self._slope = np.clip(2 * slope / np.ptp(self._range), -1.0, 0.0)
 
     def _scaled(self, x: Array) -> Array:

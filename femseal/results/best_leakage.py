@@ -1,7 +1,7 @@
 """Read leakages from the dataset of a run, with their units, error budgets and 95 % intervals.
 
-The *leakage of the best method* is the answer of a run. The *leakage that decides on classes* is compared with the
-limits of leakage classes: it is the leakage of the test fluid if the case has one, and the leakage of the best method
+The *leakage of the best method* is the answer of a run. The *class leakage* is the leakage that is compared with the
+limits of leakage classes. It is the leakage of the test fluid if the case has one, and the leakage of the best method
 otherwise. All functions take a dataset that `assemble` has made.
 """
 

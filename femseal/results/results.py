@@ -163,7 +163,7 @@ class Results(Plotted):
 
     @property
     def class_interval(self) -> tuple[Array, Array] | None:
-        """Lower and upper end of the 95 % interval of the leakage that decides on classes, (step,) [m²/s] each.
+        """Lower and upper end of the 95 % interval of the class leakage, (step,) [m²/s] each.
 
         The ends are NaN where unknown. The property is None without an error budget.
         """
@@ -352,7 +352,7 @@ class Results(Plotted):
 
     @property
     def plot(self) -> RunPictures:  # type: ignore[override]
-        """Pictures of the run: `plot()` draws the leakage, `plot.cells()`, `plot.seal(step)` and others the rest."""
+        """Pictures of the run: `plot()` draws the leakage; `plot.cells()`, `plot.seal(step)` and others draw the rest."""
         return RunPictures(self)
 
     def plot_cells(self) -> Any:

@@ -217,7 +217,7 @@ def _with_open_steps(run: Results, texts: Iterable[str]) -> list[str]:
 
 
 def class_unit(run: Results) -> LeakUnit:
-    """Return the unit in which to show the leakage that decides on classes.
+    """Return the unit in which to show the class leakage.
 
     For a test fluid, it is the unit that the case asks for if it suits this fluid, otherwise a usual one.
     """

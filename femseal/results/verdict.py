@@ -177,7 +177,7 @@ class LeakageCurve:
 
     @classmethod
     def of_results(cls, results: Results) -> LeakageCurve:
-        """Create the curve of the leakage that decides on classes.
+        """Create the curve of the class leakage.
 
         The leakage at a load is unknown if the computation failed for the fluid of the run or for the test fluid.
         """

@@ -226,7 +226,7 @@ def _solve_by_multigrid(
 ) -> DarcyFlow:
     """Solve by multigrid, and then by elimination at the nodes that are only connected by very narrow links.
 
-    Multigrid ignores links that are too narrow for sums in floating-point numbers. The flow without these links is a
+    Multigrid drops links whose conductance is lost to rounding when it is added to that of others. The flow without these links is a
     lower bound of the flow (Rayleigh's principle), and the energy of any potential on all links is an upper bound
     (Dirichlet's principle). The difference between both bounds is a bound of the error.
 
