@@ -444,7 +444,7 @@ def gap_and_deformation(first, end, p, v, delta, c, hardness, slope, gap, deform
     """Compute gap, plastic deformation u and flags of plastic points in the rows `first` to `end` − 1.
 
     u = (p − H − c g)/(s + c) is the plastic deformation of the projection of p − c g. H is the hardness, s the slope of
-    the law, g = v − δ the gap before projection, v the displacement, δ the approach, and c the factor of the projection.
+    the law, g = v − δ the gap before projection, v the displacement, δ the approach, and c the projection's factor.
     For s = 0, u is −g. The error of this formula is small for all s, because u follows from the pressure p if s is
     large, and from g if s is small.
     """

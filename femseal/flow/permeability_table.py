@@ -176,8 +176,8 @@ class PressureCurve:
         log_k = np.log(np.where(self._is_open, k, 1.0))
         self._coefficients = chebyshev.chebfit(t, log_k, t.size - 1)
         slope = chebyshev.chebval(-1.0, chebyshev.chebder(self._coefficients))  # d ln k/dt
-        # d ln k/d ln p at the lowest pressure, which is used below it; −1 is the limit of free-molecular flow. The factor
-        # is dt/d ln p, as t runs from −1 to 1 over the range of ln p.
+        # d ln k/d ln p at the lowest pressure, which is used below it; −1 is the limit of free-molecular flow.
+        # The factor 2/ptp is dt/d ln p, as t runs from −1 to 1 over the range of ln p.
         self._slope = np.clip(2 * slope / np.ptp(self._range), -1.0, 0.0)
 
     def _scaled(self, x: Array) -> Array:

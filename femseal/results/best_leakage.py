@@ -154,18 +154,18 @@ def has_test_fluid(data: xarray.Dataset) -> bool:
 
 
 def class_basis_of(data: xarray.Dataset) -> LeakBasis:
-    """Return the seal length and the reference state of the fluid whose leakage decides on classes."""
+    """Return the seal length and the reference state of the fluid of the class leakage."""
     return leak_basis_of(data, "test_" if has_test_fluid(data) else "")
 
 
 def class_leakage_of(data: xarray.Dataset) -> Array:
-    """Return the leakage that decides on classes, (step,) [m²/s]."""
+    """Return the class leakage, (step,) [m²/s]."""
     leakage = data["test_leakage"] if has_test_fluid(data) else best_leakage(data)
     return leakage.values
 
 
 def class_leakage_of_realisations(data: xarray.Dataset) -> Array:
-    """Return the leakage that decides on classes for each realisation, (realisation, step) [m²/s].
+    """Return the class leakage for each realisation, (realisation, step) [m²/s].
 
     A run without realisations gives a single row with the leakage of the best method.
     """
@@ -185,7 +185,7 @@ def failed_steps(data: xarray.Dataset) -> Flags:
 def class_interval_of(
     data: xarray.Dataset, budget: ErrorBudget | None = None
 ) -> tuple[Array, Array] | None:
-    """Return the 95 % interval of the leakage that decides on classes.
+    """Return the 95 % interval of the class leakage.
 
     Only the leakage of the fluid of the run has an error budget. The interval of a test fluid is obtained by
     multiplying the interval of the fluid of the run by the ratio of the two leakages. At steps at which one of them is

@@ -25,7 +25,7 @@ _ODD_LENGTH_RATIO = 1.5
 
 @dataclass(frozen=True, eq=False)
 class DecidingLeakage:
-    """Leakage that decides on classes: that of the test fluid if there is one.
+    """Class leakage: that of the test fluid if there is one.
 
     Attributes
     ----------

@@ -216,7 +216,7 @@ def lowering(results: Results, leakage: Array, step: int) -> Lowering:
     results : Results
         Results of a run.
     leakage : array
-        Leakage that decides on classes, (step,) [m²/s].
+        Class leakage, (step,) [m²/s].
     step : int
         Index of the load step.
     """

@@ -157,7 +157,7 @@ class Results(Plotted):
 
     @property
     def class_leakage(self) -> tuple[Array, Array]:
-        """Leakage that decides on classes (step,), and its values in each realisation (realisation, step) [m²/s]."""
+        """Class leakage (step,), and its values in each realisation (realisation, step) [m²/s]."""
         leakage = best_leakage.class_leakage_of(self.dataset)
         return leakage, best_leakage.class_leakage_of_realisations(self.dataset)
 
@@ -352,7 +352,7 @@ class Results(Plotted):
 
     @property
     def plot(self) -> RunPictures:  # type: ignore[override]
-        """Pictures of the run: `plot()` draws the leakage; `plot.cells()`, `plot.seal(step)` and others draw the rest."""
+        """Pictures of the run. `plot()` draws the leakage, `plot.cells()` the cells, `plot.seal(step)` the seal."""
         return RunPictures(self)
 
     def plot_cells(self) -> Any:

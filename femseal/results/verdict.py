@@ -452,7 +452,7 @@ def why_unknown(results: Results, step: int) -> str:
 
 
 def deciding_fluid(results: Results) -> str:
-    """Return the name of the fluid that decides on classes, "the gas" or "the liquid" if the case gives no name."""
+    """Return the name of the fluid of the class leakage, "the gas" or "the liquid" if the case gives no name."""
     case = results.case
     has_test_fluid = "test_leakage" in results.dataset
     table = case.get("output", {}).get("test_fluid") if has_test_fluid else case.get("fluid")

@@ -237,7 +237,7 @@ def label_pockets(is_pocket: Flags) -> tuple[NDArray[np.int32], int]:
 
 
 def _components(a: NDArray[np.signedinteger], b: NDArray[np.signedinteger], n: int) -> Indices:
-    """Label the connected components of a graph of n nodes with the edges (a[i], b[i]); return the label of each node."""
+    """Label the connected components of a graph of n nodes with the edges (a[i], b[i]); return each node's label."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -226,9 +226,9 @@ def _solve_by_multigrid(
 ) -> DarcyFlow:
     """Solve by multigrid, and then by elimination at the nodes that are only connected by very narrow links.
 
-    Multigrid drops links whose conductance is lost to rounding when it is added to that of others. The flow without these links is a
-    lower bound of the flow (Rayleigh's principle), and the energy of any potential on all links is an upper bound
-    (Dirichlet's principle). The difference between both bounds is a bound of the error.
+    Multigrid drops links whose conductance is lost to rounding when it is added to that of others. The flow without
+    these links is a lower bound of the flow (Rayleigh's principle), and the energy of any potential on all links is an
+    upper bound (Dirichlet's principle). The difference between both bounds is a bound of the error.
 
     limit : largest number of iterations.
     bounded_from : number of iterations from which on the error is bounded, see `solve_multigrid`.
