@@ -35,13 +35,17 @@ NARROWED_BY = {
     "hardness": "a measured hardness, and a smaller hardness_tolerance with it",
     "longer waves": "a larger measured area, or the flatness of the seal in [seal]",
     "patch": "a larger measured area, or a second measured patch",
-    "plastic law": "hardness_over_yield in [material], where H/(E* h′) says which value agrees with plastic flow",
+    "plastic law": "the hardness that agrees with plastic flow at this roughness, see the page on the plastic law",
     "pixels": "more surface.points",
     "patches": "more measured patches",
     "realisations": "more realisations in [stochastic]",
     "solver": "a smaller contact.rtol",
     "thin gap": "a smoother face: its gap is not thin against its waves",
 }
+#: Another measure against the error "plastic law" if the case gives the yield stress and not the hardness.
+_RATIO_TO_YIELD_STRESS = (
+    "the hardness_over_yield that agrees with plastic flow at this roughness, in [material]"
+)
 #: Other measures for a generated surface, which can be made in any size.
 NARROWED_IF_GENERATED = {
     "patch": "a larger generated surface",
@@ -115,6 +119,9 @@ def narrowed_by(results: Results, source: str) -> str:
     """Describe the measure that reduces a source of error; "" if none is known."""
     if is_generated(results) and source in NARROWED_IF_GENERATED:
         return NARROWED_IF_GENERATED[source]
+    material = results.case.get("material") or {}
+    if source == "plastic law" and material.get("yield_stress") is not None:
+        return _RATIO_TO_YIELD_STRESS
     return NARROWED_BY.get(source, "")
 
 

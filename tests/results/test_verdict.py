@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from dataclasses import replace
 from html import unescape
 
@@ -97,6 +98,16 @@ def test_loads_are_those_of_leakage_and_upper_end(study):
     assert "larger measured area" in verdict.narrowed_by
     generated = results_of(study, classes=[asked], case={"face": {"kind": "turned"}})
     assert generated.verdicts[0].narrowed_by == "a larger generated surface"
+
+
+@pytest.mark.parametrize("given", ["hardness", "yield_stress"])
+def test_the_measure_against_the_error_of_the_plastic_law_is_a_key_that_the_case_accepts(
+    study, given
+):
+    case = tomllib.loads(CASE) | {"material": {"young": "210 GPa", given: "1 GPa"}}
+    results = results_of(study, source="plastic law", case=case)
+    measure = best_narrowing(results, 3).action
+    assert ("hardness_over_yield" in measure) == (given == "yield_stress")
     # certain, or out of reach: nothing is to be narrowed
     for value in (1e-5, 1e-12):
         far = results_of(study, classes=[limit_of(results, value)])
