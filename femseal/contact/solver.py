@@ -486,12 +486,13 @@ def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
             part, turning = _law_at(law, turns_back)
             modulus = (part.hardening_modulus(values[turning]) for values in (u, next_u))
             turns_back[turning] &= np.minimum(*modulus) < 0
-        # tangents of a curve that bends may alternate between two states, which shorter steps end
-        step = (
-            max(0.5 * step, _SHORTEST_STEP)
-            if mismatch > _SLOW * former_mismatch
-            else min(1.0, 2 * step)
-        )
+        # Tangents of a curve that hardens abruptly may alternate between two states, which shorter steps end. A law
+        # that softens converges slowly with full steps, too, and shorter ones would stop it.
+        is_slow = mismatch > _SLOW * former_mismatch
+        if is_slow and not _softens(law, next_u):
+            step = max(0.5 * step, _SHORTEST_STEP)
+        else:
+            step = min(1.0, 2 * step)
         former_mismatch = mismatch
         change = step * np.where(turns_back, 0.5, 1.0) * (next_u - u)
         u = u + change
@@ -556,6 +557,15 @@ def _carrying_deformation(law: ContactLaw, u: Array, load: float) -> float:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if carries(middle) else (middle, high)
     return high
+
+
+def _softens(law: ContactLaw, u: Array) -> bool:
+    """Return whether a law softens at any of the deformations u (n1, n2) [m]."""
+    is_curved = u > law.constant_depth
+    if not is_curved.any():
+        return False
+    part, chosen = _law_at(law, is_curved)
+    return bool(np.min(part.hardening_modulus(u[chosen])) < 0)
 
 
 def _law_at(law: ContactLaw, is_chosen: Flags) -> tuple[ContactLaw, Any]:

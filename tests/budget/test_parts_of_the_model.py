@@ -184,9 +184,9 @@ def test_a_form_with_a_tolerance_is_a_part(scene):
     seat, deeper = CrownedSeat(2e-3), CrownedSeat(2e-3 / 1.25)
     formed = replace(scene, surface=seat.add_to(scene.surface), boundary=("free", "periodic"))
     (change,) = model_changes(formed, ["form"], form=FormTolerance(seat=seat, tolerance=0.25))
-    heights = deeper.on(scene.surface).heights
+    heights = deeper.add_to(scene.surface).heights
     assert_allclose(change.scene.surface.heights, heights, atol=1e-18)
-    shallower = CrownedSeat(2e-3 / 0.75).on(scene.surface).heights
+    shallower = CrownedSeat(2e-3 / 0.75).add_to(scene.surface).heights
     assert_allclose(change.opposite.scene.surface.heights, shallower, atol=1e-18)
     (change,) = model_changes(scene, ["form"], form=FormTolerance((seat,), (0.25,)))
     assert change.scene is scene

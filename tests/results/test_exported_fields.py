@@ -361,7 +361,10 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(
         ({"paraview": "vtkhdf"}, "output.paraview: given 'vtkhdf', expected 'vtu' or 'none'"),
         ({"fields_limit": "-1 GB"}, "output.fields_limit: given '-1 GB', expected a size >= 0"),
         ({"fields_limit": "1 m"}, "output.fields_limit"),
-        ({"films": True}, "output.films: given an unknown key, expected pictures, report, "),
+        (
+            {"films": True},
+            "output.films: given an unknown key, expected pictures, picture_formats, report, ",
+        ),
         ({"pictures": 2}, "output.pictures: given 2, expected "),
         ({"pictures": False, "report": True}, "output.report: given true with pictures = false"),
     ],

@@ -158,7 +158,7 @@ def test_a_gas_and_several_patches_are_refused(given):
 )
 def test_drawn_seals_of_cells_from_anywhere_are_refused(given, contacts):
     """Before any contact is solved: a ladder is one of dry faces."""
-    with pytest.raises(fs.InputError, match="'trapped' with a seal that takes cells anywhere"):
+    with pytest.raises(fs.InputError, match="'trapped' with a seal that takes cells from anywhere"):
         fs.stochastic(scene(), (3, 3), fs.Sampling(96e-6, 2, seed=1, **given))
     assert contacts == []
 

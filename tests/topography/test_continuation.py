@@ -160,7 +160,7 @@ NOISE = fs.Topography(np.random.default_rng(1).normal(0, 1e-8, (64, 64)), (1e-6,
     [
         (MEASURED, 5e-6, None, r"continue_spectrum: given 5 µm, expected less than 2\.67 µm"),
         (MEASURED, -1e-6, None, "continue_spectrum"),
-        (MEASURED, 1e-6, (256, 256), r"shape: given .*256.*, expected 8 pixels"),
+        (MEASURED, 1e-6, (256, 256), r"shape: given .*256.*, expected at least 8 pixels"),
         (NOISE, 5e-7, None, "continue_spectrum: given .* whose spectrum follows no power law"),
     ],
 )
@@ -231,7 +231,10 @@ def test_the_error_budget_solves_other_phases_and_fewer_waves(case):
     "surface, message",
     [
         ({"continue_spectrum": "3 um"}, r"given 3 µm, expected less than .* measured"),
-        ({"points": [128, 128]}, r"surface\.points: given .*128.*, expected 8 pixels .*256, 256"),
+        (
+            {"points": [128, 128]},
+            r"surface\.points: given .*128.*, expected 8 pixels .*256, 256",
+        ),
         ({"continue_spectrum": "-1 um"}, "continue_spectrum: given '-1 um', expected a length > 0"),
         ({"continue_spectrum": "1 nm"}, r"surface\.points.*GB"),
     ],
