@@ -171,7 +171,8 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
         marker, size = _STUDY_MARKERS[method]
         style = {"color": GREY, "ls": "", "marker": marker, "ms": size, "mfc": "none"}
         handles.append(leakage_line(axes, load, np.abs(leakage) / factor, label=method, **style))
-    axes.set(xlabel=load_name, ylabel=leakage_name)
+    # a name with the length of the seal is longer than the axis, so it has two lines
+    axes.set(xlabel=load_name, ylabel=leakage_name.replace(", ", ",\n", 1))
     all_loads = [line.get_xdata() for line in axes.lines if line.get_label() != "_limit"]
     set_load_axis(axes, np.concatenate(all_loads))
     add_grid(axes)
