@@ -83,7 +83,7 @@ class CoatingTable(Table):
     young: Modulus = key("Young's modulus", needed="without a `name`", since="0.2")
     poisson: Poisson = key("Poisson's ratio", 0.3, since="0.2")
     yield_stress: Strength | None = key(
-        "yield stress; the hardness is 2.8 times as large",
+        "yield stress; the hardness is `hardness_over_yield` times as large",
         None,
         example="54 MPa",
         since="0.2",
@@ -122,7 +122,7 @@ class SolidTable(Table):
     young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
     poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)
     yield_stress: Strength | None = key(
-        "yield stress; the hardness is 2.8 times as large; a solid without any strength is elastic",
+        "yield stress; the hardness is `hardness_over_yield` times as large; a solid without any strength is elastic",
         None,
         example="1 GPa",
         instead="hardness",
