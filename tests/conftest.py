@@ -132,20 +132,19 @@ def _plain_terminal():
 
 
 @contextmanager
-def _pictures(figures, drawn, in_format):
+def _pictures(figures, rendered_formats):
     """Pictures of results folders are made by these functions.
 
-    They draw each figure, and return the content of a figure as PNG and in another format.
+    They draw each figure, and return the content of a figure in several formats.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("femseal.report.pictures._figures", figures)
-        patch.setattr("femseal.report.pictures.png", drawn)
-        patch.setattr("femseal.report.pictures.rendered", in_format)
+        patch.setattr("femseal.report.pictures.rendered_formats", rendered_formats)
         yield
 
 
-def _nothing(figure, form="png"):
-    return b"\x89PNG\r\n\x1a\n"
+def _nothing(figure, formats):
+    return dict.fromkeys(formats, b"\x89PNG\r\n\x1a\n")
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -156,8 +155,8 @@ def _how_pictures_are_made():
     """
     from femseal.report import pictures
 
-    made = pictures._figures, pictures.png, pictures.rendered
-    with _pictures(lambda *given: dict.fromkeys(made[0](*given), lambda: None), _nothing, _nothing):
+    made = pictures._figures, pictures.rendered_formats
+    with _pictures(lambda *given: dict.fromkeys(made[0](*given), lambda: None), _nothing):
         yield made
 
 
@@ -171,7 +170,7 @@ def drawn_pictures(_how_pictures_are_made):
 @pytest.fixture
 def undrawn(_how_pictures_are_made):
     """Within a module that looks at pictures, a test of figures that are made, but not drawn."""
-    with _pictures(_how_pictures_are_made[0], _nothing, _nothing):
+    with _pictures(_how_pictures_are_made[0], _nothing):
         yield
 
 

@@ -32,7 +32,7 @@ from ..case.case import Case
 from ..case.template import as_toml, bare_key
 from ..plots.drawing import LEGEND_LINE, LINES, LOADS, Sheet, add_grid, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel
-from ..plots.style import GREY, STYLES, rendered
+from ..plots.style import GREY, STYLES, rendered_formats
 from ..results.load_steps import branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
 from .leak_test import BELOW, LeakTest
@@ -268,9 +268,10 @@ class Calibration(Plotted):
         text = json.dumps(content, indent=1, ensure_ascii=False).replace("NaN", "null")
         with writing("output", target, "a folder"):
             written = [write_text(target / TABLE, comma_separated(self.rows()))]
+            pictures = rendered_formats(calibration_figure(self), formats)
             for form in formats:
                 path = (target / PICTURE).with_suffix(f".{form}")
-                written.append(write_bytes(path, rendered(calibration_figure(self), form)))
+                written.append(write_bytes(path, pictures[form]))
             # the last one, because it marks a finished calibration
             return [write_text(target / FILE, text), *written]
 

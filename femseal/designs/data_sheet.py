@@ -27,7 +27,7 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import relaxed
 from ..plots.drawing import LEGEND_LINE, LOADS, Sheet, label_decades, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines, limits_width
-from ..plots.style import GREY, branch_styles, rendered
+from ..plots.style import GREY, branch_styles, rendered_formats
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset_file import FILE_NAME
@@ -195,9 +195,10 @@ class Design(Plotted):
                 write_text(target / DESIGN_FILE, text),
             ]
             case_formats = self.results.case.get("output", {}).get("picture_formats", ())
-            for form in dict.fromkeys(["png", *case_formats]):
+            formats = list(dict.fromkeys(["png", *case_formats]))
+            for form, picture in rendered_formats(design_figure(self), formats).items():
                 path = (target / DESIGN_PICTURE).with_suffix(f".{form}")
-                written.append(write_bytes(path, rendered(design_figure(self), form)))
+                written.append(write_bytes(path, picture))
             if (target / FILE_NAME).is_file():
                 written.append(write_report(target))
             return written

@@ -20,4 +20,4 @@ from .maps import (
 from .pressure_lines import pressure_figure
 from .realisations import realisation_figure
 from .several_runs import comparison_figure
-from .style import png, rendered
+from .style import png, rendered, rendered_formats

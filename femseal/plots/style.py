@@ -7,7 +7,7 @@ Colour-blind readers can distinguish the colours, which also differ in lightness
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from inspect import signature
@@ -163,3 +163,11 @@ def rendered(figure: Figure, file_format: str) -> bytes:
     with style():
         figure.savefig(stream, format=file_format, metadata=no_date)
     return stream.getvalue()
+
+
+def rendered_formats(figure: Figure, formats: Sequence[str]) -> dict[str, bytes]:
+    """Render a figure in several formats, see `rendered`; return the contents of the files by their formats."""
+    png_first = sorted(
+        formats, key=lambda form: form != "png"
+    )  # the other formats change the figure
+    return {form: rendered(figure, form) for form in png_first}

@@ -14,7 +14,7 @@ from ..plots.drawing import LINES, Sheet, add_grid, label_decades
 from ..plots.maps import default_step, patch_figure, surface_figure
 from ..plots.pressure_lines import seat_figure
 from ..plots.realisations import realisation_figure
-from ..plots.style import GREY, STYLES, png, rendered, styled
+from ..plots.style import GREY, STYLES, rendered_formats, styled
 from ..results.file_options import PICTURE_FORMATS
 from ..results.results import Results
 from ..topography import Surface
@@ -73,16 +73,7 @@ def _rendered(
     """Draw figures, and render each of them in several formats."""
     # Pictures are drawn in this process, because importing matplotlib in another process would take half as long as
     # drawing all of them.
-    pictures = {}
-    png_first = sorted(
-        formats, key=lambda name: name != "png"
-    )  # the other formats change the figure
-    for name, draw in figures.items():
-        figure = draw()
-        pictures[name] = {
-            form: png(figure) if form == "png" else rendered(figure, form) for form in png_first
-        }
-    return pictures
+    return {name: rendered_formats(draw(), formats) for name, draw in figures.items()}
 
 
 def write_pictures(

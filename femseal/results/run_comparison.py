@@ -287,10 +287,10 @@ class RunComparison(Plotted):
         target = made_folder(folder)
         plots = display_package("plots")
         written = [write_text(target / f"{stem}.csv", comma_separated(self.rows()))]
-        for form in formats:
-            picture = plots.rendered(plots.comparison_figure(self), form)
-            written.append(write_bytes(target / f"{stem}.{form}", picture))
-        return written
+        pictures = plots.rendered_formats(plots.comparison_figure(self), formats)
+        return written + [
+            write_bytes(target / f"{stem}.{form}", pictures[form]) for form in formats
+        ]
 
     def __repr__(self) -> str:
         names = ", ".join(self.names)

@@ -88,10 +88,9 @@ class RunPictures:
         """
         self._require("drawn_corners", "a stochastic run")
         self._require("face_gap", "a run that also solved the surface, compare = ['two-scale']")
-        plots = display_package("plots")
         data = self._results.dataset
-        chosen = plots.maps.default_step(data) if step is None else step
-        return plots.shown(plots.realisation_figure(data, chosen))
+        chosen = display_package("plots").maps.default_step(data) if step is None else step
+        return self._shown("realisation_figure", data, chosen)
 
     def write(
         self,
